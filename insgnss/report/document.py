@@ -40,6 +40,9 @@ from .verdict import Verdict
 WIDTH = 110  # most characters of a row of a table: 110, because usual terminals wrap wider ones
 LEAST_WIDTH = 40  # least characters of the last column: 40, because narrower ones are hard to read
 MOST_ROWS = 20  # most rows of a table that is not folded: 20, because more fill a screen
+FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
+Shown = Literal["both", "page", "terminal"]
+MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 PLAIN = str.maketrans({"±": "+-", "–": "-"})  # consoles of all encodings have these
 
 
@@ -143,7 +146,7 @@ class Section:
 
     title: str
     parts: Iterable["str | Table | Drawing"] = ()
-    on: Literal["both", "page", "terminal"] = "both"
+    on: Shown = "both"
     more: Sequence[str] = ()
 
     def html(self) -> str:
@@ -160,16 +163,14 @@ class Section:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal."""
-        for part in (*self.parts, *self.more):
+        left = len(self.more) - FEW
+        more = [f"and {left} of less weight, on the page"] if left > 0 else []
+        for part in (*self.parts, *self.more[:FEW], *more):
             if isinstance(part, Table) and part.rows:
                 yield from part.lines()
             elif isinstance(part, str):
                 text = f"{part}; {part.help}" if isinstance(part, Marked) and part.help else part
                 yield text.translate(PLAIN)
-
-
-MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
-FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +301,7 @@ def json_text(numbers: Mapping[str, Any]) -> str:
     return json.dumps(ready, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def checked(checks: Iterable[Check], title: str = "Checks") -> Section:
+def checked(checks: Iterable[Check], title: str = "Checks", on: Shown = "both") -> Section:
     """Return the section of what was checked, with the verdicts in colour.
 
     Parameters
@@ -309,13 +310,15 @@ def checked(checks: Iterable[Check], title: str = "Checks") -> Section:
         Checks of the run.
     title : str
         The heading.
+    on : str
+        Whether the terminal, the page or both show it.
     """
     rows = []
     for c in checks:
         says = f"{c.found}; {c.advice}" if c.advice else c.found
         says += f" (expected: {c.expected})" if c.expected else ""
         rows.append((c.name, Marked(c.verdict, c.verdict), says))
-    return Section(title, [_Checks(rows, ("check", "verdict", "found"), name="checks")])
+    return Section(title, [_Checks(rows, ("check", "verdict", "found"), name="checks")], on)
 
 
 class _Checks(Table):

@@ -345,8 +345,7 @@ def _spans(spans: Sequence[Sequence[float]]) -> str:
 
 def checks(s: Summary) -> Section:
     """Return the checks of the input, of which the sentences above have what matters."""
-    section = checked([Check(**check) for check in s["checks"]], "Checks of the input")
-    return Section(section.title, section.parts, "page")
+    return checked([Check(**check) for check in s["checks"]], "Checks of the input", "page")
 
 
 def made_from(s: Summary) -> Iterator[Section]:

@@ -1,13 +1,11 @@
 """`insgnss calibrate imu`: the deterministic calibration of an IMU from static positions."""
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write, json_ready
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, refuse_other_results
@@ -78,6 +76,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ...io.formats import read_imu
     from ...navigation.prepare.calibration import write_calibration
     from ...noise.multi_position.calibration import calibrate_multi_position
+    from ...report.document import write_json
 
     spec = _imu_spec(options)
     out = options.out or options.imu.parent / "calibration.toml"
@@ -97,9 +96,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     flight = () if options.flight is None else (options.flight,)
     with together():
         write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
-        made = json_ready(figures) | made_from((options.imu, *flight), document, [out])
-        text = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False)
-        atomic_write(document, f"{text}\n")
+        write_json(document, figures | made_from((options.imu, *flight), document, [out]))
     return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...base.files import json_ready, picked
 from ...report.charts.chart import Chart
 from ...report.document import Document, Drawing, Section, Table, checked
 from ...report.figures.recognition import answers_in_words
@@ -92,10 +93,7 @@ def findings_section(title: str, findings: "Sequence[Finding]") -> Section:
 
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
     """Return the findings for JSON output."""
-    return [
-        {"name": f.name, "value": f.value, "confidence": f.confidence, "evidence": f.evidence}
-        for f in findings
-    ]
+    return [picked(f, "name", "value", "confidence", "evidence") for f in findings]
 
 
 def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
@@ -149,28 +147,22 @@ def _mounting(result: "InspectionData") -> "tuple[Drawing, ...]":
 def numbers_of(result: "InspectionData") -> dict[str, Any]:
     """Return the inspection for JSON output."""
     s = result.sensing
-    numbers = {
-        name: np.asarray(getattr(s, name)).tolist()
-        for name in ("rest_gyro", "rest_accel", "moving_gyro", "moving_accel")
-    }
-    rest = {"rest_s": s.rest_s, "sees_earth": s.sees_earth, "grade": s.grade}
+    noise = picked(s, "rest_gyro", "rest_accel", "moving_gyro", "moving_accel")
     return {
-        "name": result.name,
+        **picked(result, "name", "unrecognised", "missing"),
         "sources": [
             {
-                "role": x.role,
+                **picked(x, "role", "what"),
                 "file": str(x.path),
-                "what": x.what,
                 "keys": {k: list(v) if isinstance(v, tuple) else v for k, v in x.keys.items()},
                 "columns_left_out": list(x.columns_left_out),
             }
             for x in result.sources
         ],
         "findings": finding_documents(result.findings),
-        "unrecognised": result.unrecognised,
-        "sensor": {"rate_hz": s.rate_hz, "length_s": s.length_s, "white_noise_si": numbers, **rest},
+        "sensor": picked(s, "rate_hz", "length_s", "rest_s", "sees_earth", "grade")
+        | {"white_noise_si": json_ready(noise)},
         "checks": [asdict(c) for c in result.checks],
         "left_out": {str(path): why for path, why in result.left_out},
-        "missing": result.missing,
         "written": [str(path) for path in result.written],
     }

@@ -35,6 +35,12 @@ def static_document(result: "TuneData", charts: Sequence[Chart] = ()) -> Documen
     remarks = [f"{t.name}: {text}" for t in result.tuned for text in sentences(t, recordings)]
     for sensor, tuned in by_sensor.items():
         remarks += trends(sensor, tuned, recordings)
+    found = [
+        f"{r.name}: {c.name}: {c.found}" + (f"; {c.advice}" if c.advice else "")
+        for r in recordings
+        for c in r.checks
+        if c.verdict != "ok"
+    ]
     head = ("axes", "parameter", "estimate", "unit", "95 % interval", "J test")
     rows = [row for t in result.tuned for row in _rows(t)]
     lengths = [
@@ -49,9 +55,9 @@ def static_document(result: "TuneData", charts: Sequence[Chart] = ()) -> Documen
         (
             *charts,
             Section("Parameters, each with its standard error", [Table(rows, head)]),
-            Section("What is to be said of it", [*remarks, *result.turn_on, *result.notes]),
+            Section("What is to be said of it", [*found, *remarks, *result.turn_on, *result.notes]),
             Section("Recordings", lengths),
-            checked(check for r in recordings for check in r.checks),
+            checked((check for r in recordings for check in r.checks), on="page"),
         ),
         hashes={r.source.file: r.source.sha256 for r in recordings},
         settings={k: value for k, value in asdict(result.options).items() if value != usual[k]},
