@@ -164,7 +164,7 @@ class Section:
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal."""
         left = len(self.more) - FEW
-        more = [f"and {left} of less weight, on the page"] if left > 0 else []
+        more = [f"and {left} of less weight"] if left > 0 else []
         for part in (*self.parts, *self.more[:FEW], *more):
             if isinstance(part, Table) and part.rows:
                 yield from part.lines()

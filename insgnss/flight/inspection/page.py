@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .result import InspectionData
 
 SURE = 0.9  # a confidence that is not doubtful
+MOST_LEFT_OUT = 8  # most files that are not folded: 8, because directories of images have many
 
 
 def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) -> Document:
@@ -37,6 +38,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         next_ = f"next: insgnss process {result.written[-1]}"
     elif not result.missing:
         next_ = "next: insgnss inspect ... --write writes a flight file of this"
+    left_out = [_without(str(path), why) for path, why in result.left_out]
     unsure = [f.name for f in result.findings if f.confidence < SURE]
     notes = [check.name for check in result.checks if check.verdict == "note"]
     doubts = {
@@ -59,7 +61,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
             Section("Mounting", _mounting(result), "page"),
             checked(result.checks),
             Section("Files", [_said_of(source) for source in result.sources]),
-            Section("Left out", [_without(str(path), why) for path, why in result.left_out]),
+            Section("Left out", left_out[:MOST_LEFT_OUT], more=left_out[MOST_LEFT_OUT:]),
         ),
         [x.path for x in result.sources],
         files=result.written,

@@ -25,6 +25,7 @@ Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
 WIDE = 1.5  # rms over sigma from which on the standard deviations are doubted
+NOTHING = "no mismatch of names, axes, angles, time, height or lever arm recognised"
 LARGE = 10.0  # m or m/s, from which thousandths are not shown
 
 
@@ -186,7 +187,7 @@ class Comparison:
             f"{self.n} poses matched by {self.matched_by}; rms of b minus a: {sizes}",
             self._verdict(),
             (
-                Section("Recognised", [finding.sentence() for finding in self.findings]),
+                Section("Recognised", [f.sentence() for f in self.findings] or [NOTHING]),
                 *charts,
                 Section("b minus a, axes east, north, up at the point", _table(self.components)),
                 Section("What remains after the recognised is taken off", _table(self.remaining)),
@@ -208,10 +209,7 @@ class Comparison:
             f"differences are larger than their standard deviations say (rms over sigma {wide}; up"
             f" to {WIDE:g} passes)"
         )
-        return worst_of(
-            "no mismatch of names, axes, angles, time, height or lever arm recognised",
-            [mismatch] if names else [larger] if wide else [],
-        )
+        return worst_of(NOTHING, [mismatch] if names else [larger] if wide else [])
 
     def summary(self) -> str:
         """Return the text for the terminal."""
