@@ -28,5 +28,5 @@ Where to look
     how a document becomes text or a page, folding, checks as a table: `document.py`; HTML
         `markup.py`; what stands in it is in the verb's own room, such as
         `insgnss/photogrammetry/block_adjustment/page.py`, `insgnss/flight/inspection/page.py`,
-        `insgnss/noise/tuning/products/page.py`; that of a run: `page.py`, `sections.py`
+        `insgnss/noise/tuning/result.py`; that of a run: `page.py`, `sections.py`
 """

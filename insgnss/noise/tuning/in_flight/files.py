@@ -80,7 +80,6 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
     """
     from ....report.document import write_with_page
     from .spectrum import spectra, spectrum_figure
-    from .words import flight_document
 
     table, page, picture = beside(target)
     drawn = spectrum_figure(tuning)
@@ -94,7 +93,7 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
             write_noise_model(tuning.model, target, tuning.reasons)
         products = [path for path in files if path not in (table, page)]
         document = tuning.as_dict() | made_from(input_files(flight), table, products)
-        write_with_page(flight_document(tuning, spectra(tuning)), document, table, page)
+        write_with_page(tuning.document(spectra(tuning)), document, table, page)
     return tuning
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ....report.charts.chart import Chart
 
 if TYPE_CHECKING:
-    from .data import FlightTuningData as FlightTuning
+    from .result import FlightTuning
 
 LINES_SHOWN = 4
 

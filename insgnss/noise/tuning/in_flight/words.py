@@ -1,19 +1,16 @@
 """What a flight says of its noise in sentences and rows of tables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....base.units import parse_unit
 from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel
-from ....report.charts.chart import Chart
-from ....report.document import Document, Section, Table
-from ....report.verdict import worst_of
+from ....report.document import Table
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
-    from .data import FlightTuningData
     from .straight_flight import StraightFlight
 
 NAMES = {
@@ -37,75 +34,24 @@ Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is reported
 
 
-def flight_document(tuning: "FlightTuningData", charts: Sequence[Chart] = ()) -> Document:
-    """Return what a tuning on a flight says.
-
-    Parameters
-    ----------
-    tuning : FlightTuningData
-        With the names of its files.
-    charts : sequence of Chart
-        Spectra of straight flight, for the page.
-    """
-    n = tuning.noise
-    factors = list(zip(n.names, n.factor, n.log_sigma, strict=True))
-    largest = ", ".join(
-        f"{NAMES[name]} x {f:.3f} +- {f * sigma:.3f}" for name, f, sigma in factors if sigma > 0.0
-    )
-    rows = [
-        (NAMES[name], f"{f:.3f}", f"{f * sigma:.3f}" if sigma else "held", _change(tuning, name))
-        for name, f, sigma in factors
-    ]
-    remarks = [_correlations(n), *_length(n), *_advice(n)]
-    if tuning.dropped_correlated:
-        remarks.append(
-            "noise of the IMU explains what the solution took for a time-correlated error of the"
-            " fixes"
-        )
-    reasons = "; ".join(tuning.reasons)
-    innovations = Table(
-        whiteness_rows(n.before, n.after),
-        ("innovations of the positions", "before", "after"),
-        numbers=True,
-    )
-    use = "" if tuning.file is None else f'{tuning.key} = "{tuning.file.name}" in the flight file'
-    return Document(
-        f"{tuning.name}: noise of the IMU in flight",
-        f"{tuning.headline}: {largest or 'nothing was determined'}, from"
-        f" {n.duration_s / 60.0:.1f} min in motion",
-        worst_of(reasons, [] if tuning.accepted else [reasons]),
-        (
-            *charts,
-            Section(
-                "Factors on the static model",
-                [Table(rows, ("", "factor", "standard error", "white noise")), *remarks],
-            ),
-            Section("Held", [f"{NAMES[name]}: {why}" for name, why in n.held]),
-            Section("Innovations", [innovations]),
-            Section("Spectrum", tuple(spectrum_parts(tuning))),
-            Section("Notes", tuning.notes),
-        ),
-        hashes={r.file: r.sha256 for r in tuning.model.recordings},
-        settings={"static model": tuning.static.name, "key of the flight file": tuning.key},
-        files=tuning.files,
-        next=f"to use it: {use} (a path from there)" if use else "",
-    )
+def _usual(axes: tuple[AxisNoise, ...], sensor: str) -> str:
+    """White noise of a triad in its usual unit, x y z where they differ."""
+    unit = parse_unit(NOISE_UNITS[sensor]["white_noise"]).scale
+    return " ".join(dict.fromkeys(f"{axis.white_noise / unit:.4g}" for axis in axes))
 
 
-def _change(tuning: "FlightTuningData", name: str) -> str:
+def white_noise_of(models: tuple[NoiseModel, NoiseModel], name: str) -> str:
     """Return the white noise that a factor changes, before and after."""
     for sensor in ("gyro", "accel"):
         if name in ("white_noise", f"{sensor}.white_noise"):
-            models = (tuning.static, tuning.model)
             was, now = (_usual(getattr(model, sensor), sensor) for model in models)
             return f"{was} -> {now} {NOISE_UNITS[sensor]['white_noise']}"
     return ""
 
 
-def _usual(axes: tuple[AxisNoise, ...], sensor: str) -> str:
-    """White noise of a triad in its usual unit, x y z where they differ."""
-    unit = parse_unit(NOISE_UNITS[sensor]["white_noise"]).scale
-    return " ".join(dict.fromkeys(f"{axis.white_noise / unit:.4g}" for axis in axes))
+def remarks_on(n: "InFlightNoise") -> list[str]:
+    """Return what is to be said of the factors: what a longer flight, or other sigmas, give."""
+    return [_correlations(n), *_length(n), *_advice(n)]
 
 
 def _correlations(n: "InFlightNoise") -> str:
@@ -165,9 +111,10 @@ def _advice(n: "InFlightNoise") -> list[str]:
     return out
 
 
-def spectrum_parts(tuning: "FlightTuningData") -> "Iterator[str | Table]":
+def spectrum_parts(
+    straight: "StraightFlight | None", static: NoiseModel, model: NoiseModel, n: "InFlightNoise"
+) -> "Iterator[str | Table]":
     """Yield what the spectrum of straight flight says."""
-    straight = tuning.straight
     if straight is None:
         yield "no straight, level flight of eight seconds: no spectrum"
         return
@@ -176,13 +123,18 @@ def spectrum_parts(tuning: "FlightTuningData") -> "Iterator[str | Table]":
         " density over the static white noise"
     )
     rows = []
-    for sensor, static, triad in _triads(tuning.static):
+    for sensor, white, triad in _triads(static):
         densities = (straight.mean_with_lines, straight.mean_without_lines, straight.upper_limit)
-        if static.all():
-            rows.append((sensor, *(f"{_mean(one[triad] / static):.2f}" for one in densities)))
+        if white.all():
+            rows.append((sensor, *(f"{_mean(one[triad] / white):.2f}" for one in densities)))
     head = ("", "with lines", "without", "least octave (limit of white noise)")
     yield Table(rows, head, numbers=True)
-    yield from _limits(straight, tuning)
+    yield from _limits(straight, static)
+    for name, ratio in beyond_spectrum(straight, model, n):
+        yield (
+            f"{NAMES[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
+            " ask for"
+        )
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)
     for line in strongest[:MANY_LINES]:
         rate, angle = ("rad/s", "rad") if line.channel.startswith("gyro") else ("m/s^2", "m/s")
@@ -202,12 +154,12 @@ def _triads(model: NoiseModel) -> "Iterator[tuple[str, np.ndarray, slice]]":
         yield sensor, white, slice(3 * k, 3 * k + 3)
 
 
-def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> Iterator[str]:
+def _limits(straight: "StraightFlight", model: NoiseModel) -> Iterator[str]:
     """Yield what the spectrum says of white noise.
 
     Its level where there is one, and that it cannot exceed the quietest octave.
     """
-    for sensor, static, triad in _triads(tuning.static):
+    for sensor, static, triad in _triads(model):
         if static.all() and np.isfinite(straight.level[triad]).all():
             begin = straight.level_from_hz[triad].max()
             yield (
@@ -219,11 +171,6 @@ def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> Iterator[
                 f"{sensor}: white noise cannot be {ratio:.1f} times the quietest octave, as the"
                 " static model has it"
             )
-    for name, ratio in beyond_spectrum(straight, tuning.model, tuning.noise):
-        yield (
-            f"{NAMES[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
-            " ask for"
-        )
 
 
 def beyond_spectrum(

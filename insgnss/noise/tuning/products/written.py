@@ -81,7 +81,6 @@ def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneRes
     """Write all files, made from the recordings `measured`; the result that names them."""
     from ....report.document import write_with_page
     from .figures import sensor_chart, sensor_figure
-    from .page import static_document
 
     table, page, *figures = _beside(target)
     drawn = {
@@ -105,7 +104,7 @@ def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneRes
         products = [path for path in files if path not in (table, page)]
         document = result.as_dict() | made_from(measured, table, products)
         charts = [chart for s in SENSORS if (chart := sensor_chart(result, s)) is not None]
-        write_with_page(static_document(result, charts), document, table, page)
+        write_with_page(result.document(charts), document, table, page)
     return result
 
 
