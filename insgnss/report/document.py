@@ -228,7 +228,6 @@ class Document:
     def html(
         self,
         made_from: "Sequence[Section] | None" = None,
-        short: Mapping[str, str] = MappingProxyType({}),
         data: Mapping[str, Any] = MappingProxyType({}),
         twin_sha256: str = "",
     ) -> Iterator[str]:
@@ -238,16 +237,16 @@ class Document:
         ----------
         made_from : sequence of Section, optional
             Takes the place of settings, inputs, run and versions.
-        short : mapping
-            What the list of contents calls a section by its id; nothing leaves it out.
         data : mapping
             What the page's script needs besides, by name.
         twin_sha256 : str
             SHA-256 of the JSON file of the same run; empty where there is none.
         """
         shown = [s for s in self.sections if isinstance(s, Chart) or s.on != "terminal"]
-        ends = self._made_from() if made_from is None else made_from
-        body = "".join(charted(s) if isinstance(s, Chart) else s.html() for s in (*shown, *ends))
+        first, *rest = self._made_from() if made_from is None else made_from
+        listed = (*shown, first)
+        body = "".join(charted(s) if isinstance(s, Chart) else s.html() for s in listed)
+        origin = "".join(section.html() for section in rest)
         word, why = self.verdict
         blocks = (embedded(name, script_safe(block)) for name, block in data.items())
         reason = f"<strong>{word.capitalize()}</strong>: {escape(why)}."
@@ -255,7 +254,7 @@ class Document:
             self.title,
             self.headline,
             word,
-            (f'<p class="reason {word}">{reason}</p>\n', with_contents(body, short), *blocks),
+            (f'<p class="reason {word}">{reason}</p>\n', with_contents(body), origin, *blocks),
             self.heading,
             [s for s in shown if isinstance(s, Chart)],
             twin_sha256,

@@ -2,7 +2,7 @@
 
 import html
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -83,20 +83,18 @@ def charted(chart: Chart) -> str:
     )
 
 
-def with_contents(body: str, short: Mapping[str, str]) -> str:
+def with_contents(body: str) -> str:
     """Return a body with a list of contents before it, and an id at each heading.
 
-    Parameters
-    ----------
-    short : what the list says in place of a heading, by its id; nothing leaves it out.
+    A figure is listed by its name, which is shorter than its title.
     """
     entries = []
 
     def placed(match: re.Match[str]) -> str:
         figure, title = match.group(1), match.group(3)
         name = match.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
-        if called := escape(short[name]) if name in short else title:
-            entries.append(f'<a href="#{name}">{called}</a>')
+        called = name.replace("-", " ").capitalize() if figure else title
+        entries.append(f'<a href="#{name}">{called}</a>')
         return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'
 
     body = re.sub(r'(<figure id="([^"]*)"[^>]*>\n)?<h2>(.*?)</h2>', placed, body)

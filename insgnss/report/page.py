@@ -23,36 +23,6 @@ from .sections import made_from
 from .summary import plain
 from .verdict import run_verdict
 
-SHORT = {  # what the list of contents calls the sections; nothing: not in the list
-    "what-limits-this-flight": "What limits it",
-    "map": "Map",
-    "image-by-image": "Images",
-    "line-by-line": "Lines",
-    "gnss-line-by-line": "GNSS by line",
-    "motion": "Motion",
-    "sigmas": "Sigmas",
-    "image-sigmas": "Sigmas by image",
-    "innovations": "Innovations",
-    "innovation-distribution": "",
-    "nis-distribution": "",
-    "innovations-in-numbers": "",
-    "residuals": "Residuals",
-    "fixes-minus-solution": "",
-    "biases": "IMU errors",
-    "what-was-estimated-besides": "Constants",
-    "constants": "",
-    "separation": "Separation",
-    "gnss-solution": "GNSS",
-    "gnss-signals": "Signals",
-    "rejected-fixes": "Rejected",
-    "segments-and-stationary-periods": "Segments",
-    "checks-of-the-input": "Checks",
-    "the-flight-file-resolved": "Settings",
-    "inputs-sha-256": "",
-    "versions": "",
-    "time-taken": "",
-}
-
 
 def write_report(
     path: str | Path,
@@ -110,7 +80,7 @@ def page(
     report_sha256 : SHA-256 of the text of report.json.
     """
     document = run_document(summary, shown, with_images="images" in data)
-    yield from document.html(tuple(made_from(summary)), SHORT, data, report_sha256)
+    yield from document.html(tuple(made_from(summary)), data, report_sha256)
 
 
 def run_document(
