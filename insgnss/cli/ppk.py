@@ -84,8 +84,8 @@ class PpkRun:
         word = result.verdict.partition(":")[0]
         odd = [check for check in result.checks if check.verdict != "ok"]
         odd.sort(key=lambda check: check.verdict == "note")
-        found = [f"{check.name}: {check.found}" for check in odd]
-        found = found or ["too few epochs are fixed and confirmed"]
+        findings = [f"{check.name}: {check.found}" for check in odd]
+        findings = findings or ["too few epochs are fixed and confirmed"]
         names = ", ".join(dict.fromkeys(check.name for check in odd))
         notes = f"; there are notes on {names}" if odd else ""
         merits = {
@@ -99,8 +99,8 @@ class PpkRun:
             result.verdict,
             worst_of(
                 f"nearly all epochs are fixed and confirmed, and no check is against them{notes}",
-                found if word not in ("good", "poor") else [],
-                found if word == "poor" else [],
+                findings if word not in ("good", "poor") else [],
+                findings if word == "poor" else [],
             ),
             (*charts, checked(result.checks), pairs("Figures of merit", merits)),
             [*all_of(given.rover), *all_of(given.base), *given.navigation],

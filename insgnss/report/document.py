@@ -151,7 +151,7 @@ class Section:
 
     def html(self) -> str:
         """Return the section of the page."""
-        runs = groupby(self.parts, key=lambda part: isinstance(part, str) and not _paragraph(part))
+        runs = groupby(self.parts, key=_is_item)
         inside = "".join(
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
@@ -165,12 +165,12 @@ class Section:
         """Yield the lines for the terminal."""
         left = len(self.more) - FEW
         more = [f"and {left} of less weight"] if left > 0 else []
-        for part in (*self.parts, *self.more[:FEW], *more):
-            if isinstance(part, Table) and part.rows:
-                yield from part.lines()
-            elif isinstance(part, str):
-                text = f"{part}; {part.help}" if isinstance(part, Marked) and part.help else part
-                yield text.translate(PLAIN)
+        for block in (*self.parts, *self.more[:FEW], *more):
+            if isinstance(block, Table) and block.rows:
+                yield from block.lines()
+            elif isinstance(block, str):
+                remedy = block.help if isinstance(block, Marked) else ""
+                yield (f"{block}; {remedy}" if remedy else block).translate(PLAIN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,18 +360,20 @@ def strong(text: str, is_strong: bool) -> str:
     return Marked(text, "strong") if is_strong else text
 
 
-def _paragraph(text: str) -> bool:
-    return isinstance(text, Marked) and text.kind in ("soft", "text")
+def _is_item(block: "str | Table | Drawing") -> bool:
+    """Tell whether a sentence is an item of a list, and no paragraph."""
+    kind = block.kind if isinstance(block, Marked) else ""
+    return isinstance(block, str) and kind not in ("soft", "text")
 
 
-def _block(part: "str | Table | Drawing") -> str:
+def _block(block: "str | Table | Drawing") -> str:
     """Return a table, drawing or paragraph of the page."""
-    if isinstance(part, Table):
-        return part.html()
-    if isinstance(part, Drawing):
-        return part.html
-    assert isinstance(part, Marked)
-    return f'<p class="{part.kind}">{_escaped(sentence(part))}</p>\n'
+    if isinstance(block, Table):
+        return block.html()
+    if isinstance(block, Drawing):
+        return block.html
+    assert isinstance(block, Marked)
+    return f'<p class="{block.kind}">{_escaped(sentence(block))}</p>\n'
 
 
 def _listed(texts: Iterable[Any]) -> str:
@@ -379,10 +381,10 @@ def _listed(texts: Iterable[Any]) -> str:
     items = []
     for text in texts:
         marked = text if isinstance(text, Marked) else Marked(text)
-        said = _escaped(sentence(text))
+        item = _escaped(sentence(text))
         if marked.help:
-            said += f' <span class="help">{_escaped(sentence(marked.help))}</span>'
-        items.append(f'<li class="{marked.kind}">{said}</li>\n'.replace(' class=""', "", 1))
+            item += f' <span class="help">{_escaped(sentence(marked.help))}</span>'
+        items.append(f'<li class="{marked.kind}">{item}</li>\n'.replace(' class=""', "", 1))
     return f"<ul>\n{''.join(items)}</ul>\n" if items else ""
 
 

@@ -52,12 +52,12 @@ def images(s: Summary) -> Section:
         " deviations are of the projection centre and of the attitude about the axes of the tangent"
         " plane; flags say what is worth a look"
     )
-    place = (
+    table = (
         '<div id="image-table"></div>\n<noscript><p class="soft">The table of'
         f" {s['counts']['images']} images needs scripts; the exports hold all of it.</p></noscript>"
         "\n"
     )
-    return Section("Image by image", [Marked(text, "soft"), Drawing(place)], "page")
+    return Section("Image by image", [Marked(text, "soft"), Drawing(table)], "page")
 
 
 def flight_lines(s: Summary) -> Section:

@@ -42,8 +42,8 @@ def worst_of(good: str, doubtful: Sequence[str] = (), bad: Sequence[str] = ()) -
     doubtful, bad : sequence of str
         Findings of either kind, the most important first, without full stop.
     """
-    found = bad or doubtful
-    why = some(found, NAMED, "; ") if found else good
+    findings = bad or doubtful
+    why = some(findings, NAMED, "; ") if findings else good
     return Verdict("bad" if bad else "doubtful" if doubtful else "good", why)
 
 

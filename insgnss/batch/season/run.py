@@ -102,8 +102,8 @@ class SeasonResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        said = f"{self.headline}, in {duration(self.seconds)}"
-        return season_document(self.rows, self.trends, said, files=self.files).text()
+        headline_text = f"{self.headline}, in {duration(self.seconds)}"
+        return season_document(self.rows, self.trends, headline_text, files=self.files).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""

@@ -60,7 +60,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
             Section("What the sensor shows", tuple(_sensor(s, result.gyro_counts))),
             Section("Mounting", _mounting(result), "page"),
             checked(result.checks),
-            Section("Files", [_said_of(source) for source in result.sources]),
+            Section("Files", [_source_line(source) for source in result.sources]),
             Section("Left out", left_out[:MOST_LEFT_OUT], more=left_out[MOST_LEFT_OUT:]),
         ),
         [x.path for x in result.sources],
@@ -69,7 +69,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
     )
 
 
-def _said_of(source: Any) -> str:
+def _source_line(source: Any) -> str:
     columns = ", ".join(source.columns_left_out)
     text = f"{source.role}: {source.title}: {source.what}"
     return f"{text}; columns left out: {columns}" if columns else text

@@ -134,7 +134,7 @@ class Verification:
             for d in self.differences
         ]
         head = ("largest difference of", "in its unit", "sigmas", "sigma ratio")
-        part = (
+        extent = (
             f"{self.begin:.1f} to {self.end:.1f} s: {self.imu_samples} IMU samples,"
             f" {self.epochs} epochs, {self.states} states, passes: {self.passes}"
         )
@@ -148,7 +148,7 @@ class Verification:
             self.name,
             self.headline(),
             worst_of("all differences are within their limits", bad=refusal),
-            [Section(self.name, [part, Table(rows, head, numbers=True), decided, took])],
+            [Section(self.name, [extent, Table(rows, head, numbers=True), decided, took])],
         ).text()
 
     def as_dict(self) -> dict[str, Any]:

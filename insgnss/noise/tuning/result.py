@@ -53,7 +53,7 @@ class TuneResult:
         words = [sensor_words(tuned, recordings, self.options) for tuned in by_sensor.values()]
         for sensor, tuned in by_sensor.items():
             remarks += trends(sensor, tuned, recordings)
-        found = [
+        notes_on_checks = [
             f"{r.name}: {c.name}: {c.found}" + (f"; {c.advice}" if c.advice else "")
             for r in recordings
             for c in r.checks
@@ -73,7 +73,10 @@ class TuneResult:
             (
                 *charts,
                 Section("Parameters, each with its standard error", [Table(rows, head)]),
-                Section("What is to be said of it", [*found, *remarks, *self.turn_on, *self.notes]),
+                Section(
+                    "Remarks",
+                    [*notes_on_checks, *remarks, *self.turn_on, *self.notes],
+                ),
                 Section("Recordings", lengths),
                 checked((check for r in recordings for check in r.checks), on="page"),
             ),

@@ -14,6 +14,7 @@ from ...base.files import atomic_write
 from ...base.output.staging import together
 from ...base.provenance import made_from, paths_named_by, refuse_other_results
 from ...base.wording import some
+from ...flight.processing.progress import quiet
 from ...report.document import Document, Section, write_json
 from ...report.verdict import worst_of
 from ..targets.measurement import Rules
@@ -34,10 +35,6 @@ OTHER_SIZE = 0.02
 """Least difference of the targets from the size that was given that is told, of it."""
 JUDGED = 5
 """Windows below which a share says nothing."""
-
-
-def _quiet(_: str) -> None:
-    """No progress."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +96,8 @@ class MeasurementResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        found = document_of(self.inputs, self.figures, self.refusal, files=self.files)
-        return found.text()
+        document = document_of(self.inputs, self.figures, self.refusal, files=self.files)
+        return document.text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -113,7 +110,7 @@ LARGEST_SHARE = 0.2  # of a photograph that a target may fill
 def predict_targets(
     request: Request,
     out: Path | None = None,
-    progress: Callable[[str], None] = _quiet,
+    progress: Callable[[str], None] = quiet,
     write: bool = True,
     *,
     force: bool = False,
@@ -199,7 +196,7 @@ def _refuse_foreign(new: Path, goal: Path) -> None:
 def measure_targets(
     request: Request,
     out: Path | None = None,
-    progress: Callable[[str], None] = _quiet,
+    progress: Callable[[str], None] = quiet,
     write: bool = True,
     rules: Rules | None = None,
     force: bool = False,

@@ -62,8 +62,8 @@ def _correlations(n: "InFlightNoise") -> str:
         if abs(n.correlation[i, j]) > CORRELATES
     ]
     most = max((abs(n.correlation[i, j]) for i, j in pairs), default=0.0)
-    weak = f"no two estimates correlate by more than {most:.2f}"
-    return f"estimates correlate: {', '.join(strong)}" if strong else weak
+    uncorrelated = f"no two estimates correlate by more than {most:.2f}"
+    return f"estimates correlate: {', '.join(strong)}" if strong else uncorrelated
 
 
 def _length(n: "InFlightNoise") -> list[str]:
