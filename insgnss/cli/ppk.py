@@ -1,13 +1,13 @@
 """The verb `ppk`: RINEX of rover and base to antenna positions, a page, a figure and ppk.json."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
-from ..base.files import atomic_write, expanded
+from ..base.files import atomic_write, expanded, json_ready, picked
 from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
@@ -34,6 +34,7 @@ EXAMPLE = """\
   insgnss ppk rover.obs --base 'cors/abcd*.18o.gz' --navigation brdc.18n
   insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
 --origin 46.57,6.54,0 --camera-delay 0.0012"""
+EMPTY: tuple[object, ...] = (None, "", [], {})  # options that were not asked for
 FIGURE, DOCUMENT, PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
 TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable)
 
@@ -77,7 +78,7 @@ class PpkRun:
         charts : sequence of Chart
             Those of its series, for the page.
         """
-        from ..report.document import Document, checked, pairs
+        from ..report.document import Document, checked, dotted, pairs
         from ..report.verdict import worst_of
 
         result, given = self.result, self.given
@@ -104,7 +105,7 @@ class PpkRun:
             ),
             (*charts, checked(result.checks), pairs("Figures of merit", merits)),
             [*all_of(given.rover), *all_of(given.base), *given.navigation],
-            settings=dict(_stated(asdict(given))),
+            settings={k: v for k, v in dotted(json_ready(asdict(given))) if v not in EMPTY},
             versions=engine,
             files=self.files,
         )
@@ -116,10 +117,7 @@ class PpkRun:
         result, given = self.result, self.given
         return {
             "insgnss": __version__,
-            "engine": result.engine,
-            "cpu_s": result.cpu_s,
-            "verdict": result.verdict,
-            "quality": result.quality,
+            **picked(result, "engine", "cpu_s", "verdict", "quality"),
             "checks": [asdict(check) for check in result.checks],
             "input": asdict(given),
             **self.made,
@@ -195,15 +193,6 @@ def _with_report(
     run = replace(run, made=made_from(inputs, document, products))
     write_with_page(run.document(shown), run.as_dict(), document, page)
     return run
-
-
-def _stated(of: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Yield options with dotted names, those that are empty left out."""
-    for name, value in of.items():
-        if isinstance(value, Mapping):
-            yield from _stated(value, f"{prefix}{name}.")
-        elif value is not None and value != () and value != "":
-            yield f"{prefix}{name}", value
 
 
 def _refuse_absent(given: argparse.Namespace) -> None:

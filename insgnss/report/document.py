@@ -355,6 +355,15 @@ def pairs(title: str, of: Mapping[str, object]) -> Section:
     return Section(title, [Table(rows, name="keys")], "page")
 
 
+def dotted(of: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the values of nested tables by their dotted keys, as in the flight file."""
+    for key, value in of.items():
+        if isinstance(value, Mapping) and value:
+            yield from dotted(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
 def strong(text: str, is_strong: bool) -> str:
     """Return a cell that stands out where `is_strong`."""
     return Marked(text, "strong") if is_strong else text

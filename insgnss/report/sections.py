@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..records import Check
-from .document import Drawing, Marked, Section, Table, checked, limited, pairs, strong
+from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.verdict import MOST_SENTENCES
 from .rules.wording import Limit, lengths, millimetres
 
@@ -351,20 +351,11 @@ def checks(s: Summary) -> Section:
 def made_from(s: Summary) -> Iterator[Section]:
     """History, resolved flight file, hashes of the inputs, versions, and times."""
     yield Section("What was done", s["history"], "page")
-    yield pairs("The flight file, resolved", dict(_flat(s["flight"])))
+    yield pairs("The flight file, resolved", dict(dotted(s["flight"])))
     yield pairs("Inputs (SHA-256)", s["inputs_sha256"])
     yield pairs("The run", s["run"])
     yield pairs("Versions", s["versions"])
     yield pairs("Time taken", {step: f"{t:.2f} s" for step, t in s["timings_s"].items()})
-
-
-def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Dotted keys and values of nested tables, as in the flight file."""
-    for key, value in table.items():
-        if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
 
 
 def _captioned(title: str, caption: str, table: Table) -> Section:
