@@ -137,5 +137,5 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
 
 
 def _those(records: Records, invalid: Records) -> str:
-    times = some((f"{record.time:.3f}" for record in invalid), MOST_LISTED)
-    return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times} s"
+    times = some((f"{record.time:.3f} s" for record in invalid), MOST_LISTED)
+    return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times}"

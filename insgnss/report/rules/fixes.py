@@ -125,10 +125,10 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
     """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
-        instants = some((f"{time:.1f}" for time in times), 5)
+        instants = some((f"{time:.1f} s" for time in times), 5)
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
-            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only"
+            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants}): only"
             " later fixes support it there"
         )
         yield Limit(
