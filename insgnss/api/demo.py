@@ -12,6 +12,8 @@ from ..flight.processing.pipeline import ProcessResult, process
 from ..flight.processing.progress import Progress, quiet
 from ..geodesy.rotation import vector_from_rotation
 from ..records import Array, ExteriorOrientation
+from ..report.document import Document, Section, Table
+from ..report.verdict import run_verdict
 
 
 @dataclass(frozen=True)
@@ -54,31 +56,24 @@ class DemoResult:
 
     def summary(self) -> str:
         """Return the errors in a small table for the terminal."""
-        mm, deg = 1e3 * self.position_rms_m, np.degrees(self.attitude_rms_rad)
-        of_position, of_attitude = self.position_nse, self.attitude_nse
         report = next(file for file in self.process.files if file.name == "report.html")
-        return "\n".join(
-            [
-                f"{self.images} images against the simulated truth (axes east, north, up):",
-                f"  position rms            {mm[0]:8.2f} {mm[1]:8.2f} {mm[2]:8.2f}  mm",
-                f"  attitude rms            {deg[0]:8.4f} {deg[1]:8.4f} {deg[2]:8.4f}  deg",
-                (
-                    "  error squared over its variance, mean (1 is honest, 0.5 to 2 usual for one "
-                    "flight):"
-                ),
-                (
-                    "    position              "
-                    f"{of_position[0]:8.2f} {of_position[1]:8.2f} {of_position[2]:8.2f}"
-                ),
-                (
-                    "    attitude              "
-                    f"{of_attitude[0]:8.2f} {of_attitude[1]:8.2f} {of_attitude[2]:8.2f}"
-                ),
-                f"flight and products: {self.directory}",
-                f"report: {report}",
-                f"for Metashape: {report.with_name('metashape.csv')}",
-            ]
-        )
+        rows = [
+            (name, *(format(x, form) for x in values))
+            for name, values, form in (
+                ("position rms, mm", 1e3 * self.position_rms_m, ".2f"),
+                ("attitude rms, deg", np.degrees(self.attitude_rms_rad), ".4f"),
+                ("error squared over its variance, position", self.position_nse, ".2f"),
+                ("the same of attitude", self.attitude_nse, ".2f"),
+            )
+        ]
+        mean = "mean of the last two: 1 is honest, 0.5 to 2 usual for one flight"
+        return Document(
+            "Demonstration",
+            f"{self.images} images against the simulated truth",
+            run_verdict(self.process.report),
+            [Section("Errors", [Table(rows, ("", "east", "north", "up"), numbers=True), mean])],
+            files=[self.directory, report, report.with_name("metashape.csv")],
+        ).text()
 
 
 def demo(

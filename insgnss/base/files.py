@@ -104,6 +104,11 @@ def json_text(document: Mapping[str, Any]) -> str:
     return json.dumps(json_ready(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
+def picked(of: object, *names: str) -> dict[str, Any]:
+    """Return attributes of a record by name, as its JSON has them."""
+    return {name: getattr(of, name) for name in names}
+
+
 def is_pattern(name: str | Path) -> bool:
     """Return whether a path is one of several files: it has * or ? and is no file itself."""
     return any(sign in str(name) for sign in "*?") and not Path(name).is_file()

@@ -24,7 +24,7 @@ Paths and commands are written as the system's shell takes them (`relative`, `co
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -134,12 +134,14 @@ def command_line(words: Sequence[str]) -> str:
     return shlex.join(words)
 
 
+def some(items: Iterable[object], most: int = 3, mark: str = ", ") -> str:
+    """The first of many in one phrase, "a, b, c and 4 more"; all where they are not many."""
+    words = [*map(str, items)]
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return f"{mark.join(words[:most])}{more}"
+
+
 def listed(words: Sequence[object]) -> str:
     """The words in one phrase, "a, b or c"."""
     *first, last = map(str, words)
     return f"{', '.join(first)} or {last}" if first else last
-
-
-def first_of(names: Sequence[str], most: int = 3) -> str:
-    """The first names, with dots for the others: "a, b, c ..."."""
-    return ", ".join(names[:most]) + (" ..." if len(names) > most else "")

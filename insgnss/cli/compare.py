@@ -88,9 +88,7 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         form = given.figure.suffix.lower().removeprefix(".")
         files[given.figure] = result.figure(form if form in ("pdf", "svg") else "png")
     if given.page is not None:
-        from ..photogrammetry.comparison.page import comparison_page
-
-        files[given.page] = comparison_page(result).html()
+        files[given.page] = result.document(result.charts()).html()
     with together() as staging:
         atomic_writes(files)
         for _, goal in () if given.force else staging.changed():

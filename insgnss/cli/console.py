@@ -9,6 +9,7 @@ import math
 import os
 import re
 import shutil
+import textwrap
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
@@ -102,6 +103,29 @@ class Progress:
         if self._terminal:
             self._terminal.write("\r\x1b[K")
             self._terminal.flush()
+
+
+def fitted(text: str, width: int | None = None) -> str:
+    """Return a text whose lines a terminal holds, the rest of a long one indented below it.
+
+    Parameters
+    ----------
+    text : str
+        Lines.
+    width : int or None
+        Characters of a line; None: those of this terminal; 0: lines stay as they are.
+    """
+    width = shutil.get_terminal_size().columns - 1 if width is None else width
+    out = []
+    for line in text.split("\n"):
+        if not 0 < width < len(line):
+            out.append(line)
+            continue
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        out += textwrap.wrap(
+            line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        )
+    return "\n".join(out)
 
 
 def _duration(seconds: float) -> str:

@@ -1,15 +1,13 @@
 """The verb `ppk`: RINEX of rover and base to antenna positions, a page, a figure and ppk.json."""
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
-from ..base.files import atomic_write, expanded, json_ready
-from ..base.findings import check_lines
+from ..base.files import atomic_write, expanded, json_ready, picked
 from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
@@ -26,6 +24,8 @@ from .verb import Verb, show_result
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkInput, PpkResult
+    from ..report.charts.chart import Chart
+    from ..report.document import Document
 
 EXAMPLE = """\
   insgnss ppk rover.18o --base master.18o --navigation rover.18n rover.18g \\
@@ -35,6 +35,7 @@ EXAMPLE = """\
   insgnss ppk rover.obs --base 'cors/abcd*.18o.gz' --navigation brdc.18n
   insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
 --origin 46.57,6.54,0 --camera-delay 0.0012"""
+EMPTY: tuple[object, ...] = (None, "", [], {})  # options that were not asked for
 FIGURE, DOCUMENT, PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
 
 
@@ -67,14 +68,47 @@ class PpkRun:
     made: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> str:
-        """What a person reads."""
-        return "\n".join(
-            [
-                self.result.verdict,
-                *check_lines(self.result.checks),
-                f"{self.result.engine}, {self.result.cpu_s:.1f} s of CPU",
-                *(str(path) for path in self.files),
-            ]
+        """Return the text for the terminal."""
+        return self.document().text()
+
+    def document(self, charts: "Sequence[Chart]" = ()) -> "Document":
+        """Return the quality of the solution: in a sentence, epoch by epoch, in checks and numbers.
+
+        Parameters
+        ----------
+        charts : sequence of Chart
+            Those of its series, for the page.
+        """
+        from ..report.document import Document, checked, dotted, pairs
+        from ..report.verdict import worst_of
+
+        result, given = self.result, self.given
+        word = result.verdict.partition(":")[0]
+        odd = [check for check in result.checks if check.verdict != "ok"]
+        odd.sort(key=lambda check: check.verdict == "note")
+        findings = [f"{check.name}: {check.found}" for check in odd]
+        findings = findings or ["too few epochs are fixed and confirmed"]
+        names = ", ".join(dict.fromkeys(check.name for check in odd))
+        notes = f"; there are notes on {names}" if odd else ""
+        merits = {
+            name: f"{value:.6g}"
+            for name, value in result.quality.items()
+            if isinstance(value, int | float) and not isinstance(value, bool)
+        }
+        engine = {"engine": result.engine, "its CPU, s": f"{result.cpu_s:.1f}"}
+        return Document(
+            f"PPK: {Path(all_of(given.rover)[0]).name}",
+            result.verdict,
+            worst_of(
+                f"nearly all epochs are fixed and confirmed, and no check is against them{notes}",
+                findings if word not in ("good", "poor") else [],
+                findings if word == "poor" else [],
+            ),
+            (*charts, checked(result.checks), pairs("Figures of merit", merits)),
+            [*all_of(given.rover), *all_of(given.base), *given.navigation],
+            settings={k: v for k, v in dotted(json_ready(asdict(given))) if v not in EMPTY},
+            versions=engine,
+            files=self.files,
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -84,10 +118,7 @@ class PpkRun:
         result, given = self.result, self.given
         return {
             "insgnss": __version__,
-            "engine": result.engine,
-            "cpu_s": result.cpu_s,
-            "verdict": result.verdict,
-            "quality": result.quality,
+            **picked(result, "engine", "cpu_s", "verdict", "quality"),
             "checks": [check.as_dict() for check in result.checks],
             "input": asdict(given),
             **self.made,
@@ -155,17 +186,14 @@ def _with_report(
 ) -> PpkRun:
     """Write figure, page and, last, the document; return the run that says how it was made."""
     from ..report.charts.drawn import draw_sheet
-    from ..report.ppk_page import ppk_charts, ppk_page
+    from ..report.charts.gnss import charts
+    from ..report.document import write_with_page
 
-    result, given = run.result, run.given
-    atomic_write(figure, draw_sheet([ppk_charts(result.series)]))
+    shown = list(charts(run.result.series))
+    atomic_write(figure, draw_sheet([shown]))
     products = [path for path in figure.parent.rglob("*") if path.is_file()]
     run = replace(run, made=made_from(inputs, document, products))
-    document_data = json_ready(run.as_dict())
-    twin = json.dumps(document_data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    files = [*all_of(given.rover), *all_of(given.base), *given.navigation]
-    atomic_write(page, ppk_page(document_data, result.checks, result.series, files, twin).html())
-    atomic_write(document, twin)
+    write_with_page(run.document(shown), run.as_dict(), document, page)
     return run
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from ..base.files import json_ready
 from ..flight.config.command_line import add_options, made_of
-from .console import Parser, Progress
+from .console import Parser, Progress, fitted
 
 
 class Result(Protocol):
@@ -102,7 +102,7 @@ def show(
     if options.json:
         print_json(document())
     else:
-        print(summary())
+        print(fitted(summary(), None if sys.stdout.isatty() else 0))
     return 0
 
 

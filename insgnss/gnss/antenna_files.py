@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import DataError
+from ..base.wording import some
 from ..geodesy.frames import LocalFrame, TangentPlane
 from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..records import Array, CameraEvents, Finding, GnssFixes, Question
@@ -170,8 +171,9 @@ def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Findi
     missing = [
         name for name, there in zip(events.images, covered.tolist(), strict=True) if not there
     ]
-    listed = ", ".join(missing[:5]) + (" ..." if len(missing) > 5 else "")
-    finding = f"{len(missing)} of {covered.size} images have no fixes around them: {listed}"
+    finding = (
+        f"{len(missing)} of {covered.size} images have no fixes around them: {some(missing, 5)}"
+    )
     return Question("images without position", "fixes around every exposure").note(
         finding, "the navigation with the IMU bridges the gap"
     )

@@ -22,5 +22,5 @@ Where to look
     choosing a model: `tuning/fitting.py`; processes a recording cannot determine: `usable.py`
         there; warming up: `trend.py` there; the bias at turn-on: `turn_on.py` there
     recordings of some channels: `tuning/some_channels.py`; several IMUs: `several.py` there
-    options: `tuning/options.py`; pages: `tuning/products/page.py`, `tuning/in_flight/page.py`
+    options: `tuning/options.py`; pages: `tuning/result.py`, `tuning/in_flight/result.py`
 """

@@ -49,5 +49,5 @@ Where to look
         there
     photographs: `target_measurement/photographs.py`; nearly nothing found: `FEW` in `run.py`,
         `trials.py` there
-    pages: `block_adjustment/page.py`, `comparison/page.py`, `mounting_calibration/products.py`
+    pages: `block_adjustment/page.py`, `comparison/result.py`, `mounting_calibration/products.py`
 """

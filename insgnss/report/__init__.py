@@ -8,23 +8,25 @@ The way of the data: `summary.run_summary` makes report.json from the records of
 (`statistics.py`, `coverage.py`, `flightlines.py` count). `rules/` say what stands out, the most
 important first. `charts/` are data that `assets/` (script and style, uPlot with its licence) draw
 in the browser and matplotlib for papers; `figures/` has those of other verbs. `page.write_report`
-joins them to report.html, `verb_page.py` to the page of any other verb.
+joins them to report.html. A verb fills a `Document` once (`document.py`): headline, verdict and
+sections of sentences and tables, rendered to the terminal and to its page.
 
 Where to look
     what stands out: `rules/`; the list of the rules, their order and limit (rank 1):
         `rules/verdict.py`
     a chart of the report: what it shows `charts/run.py`, `support.py`, `gnss.py` there; as the text
-        of the page `encoded.py` there; drawn by `assets/report.js`; its place `_body` of `page.py`
+        of the page `encoded.py` there; drawn by `assets/report.js`; its place in
+        `_sections` of `page.py`
     how a chart becomes a picture: `charts/chart.py` (what a chart is); PNG, PDF, SVG by `drawn.py`
         and `artists.py`, `insgnss figures` by `files.py` there
     the table of images and its flags: `image_table.py`, shown by `Table` in `assets/report.js`
-    the colour of the bar and its reason: `rules/use.py`
+    the verdict, its colour and its reason: `verdict.py`; of a flight `rules/use.py`
     satellites, ratio, age, PDOP of fixes: `fix_series` in `charts/gnss.py`; line by line
         `line_fixes.py`
     the sentence on fixes minus solution: `residuals` of `rules/fixes.py`
     the wavelet (Allan) variance as a chart: `figures/noise.py`
-    the page of a verb (headline, colour, charts, tables, what it was made from): `verb_page.py`;
-        of PPK `ppk_page.py`; what stands in it is in the verb's own room, such as
+    how a document becomes text or a page, folding, checks as a table: `document.py`; HTML
+        `markup.py`; what stands in it is in the verb's own room, such as
         `insgnss/photogrammetry/block_adjustment/page.py`, `insgnss/flight/inspection/page.py`,
-        `insgnss/noise/tuning/products/page.py`
+        `insgnss/noise/tuning/result.py`; that of a run: `page.py`, `sections.py`
 """

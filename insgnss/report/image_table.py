@@ -56,52 +56,21 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         _column("line", "line", line, 0, dash=UNKNOWN_LINE, tip="line"),
     ]
     if eo.rig is not None:
-        names_of_cameras = ", ".join(f"{k} {name}" for k, name in enumerate(eo.rig.names, 1))
-        columns.append(
-            _column(
-                "camera",
-                "camera",
-                eo.rig.number + 1,
-                0,
-                tip="camera",
-                title=f"camera of the rig: {names_of_cameras}",
-            )
-        )
-    columns += [
-        _column(
-            key,
-            f"{key[0].upper()}, m",
-            eo.position_m[:, k],
-            3,
-            title=f"{key} in the tangent plane of eo.json",
-            running=True,
-        )
-        for k, key in enumerate(("east", "north", "up"))
-    ]
-    columns += [
-        _column(
-            f"sigma {axis}",
-            f"σ{axis}, mm",
-            1e3 * position[:, k],
-            1,
-            tip=f"sigma {axis}",
-            unit="mm",
-            title=f"standard deviation {axis}",
-        )
-        for k, axis in enumerate("ENU")
-    ]
-    columns += [
-        _column(
-            f"psi {axis}",
-            f"σψ{axis}, deg",
-            np.degrees(psi[:, k]),
-            4,
-            tip=f"sigma of attitude about {axis}",
-            unit="deg",
-            title=f"standard deviation of the attitude about {axis}",
-        )
-        for k, axis in enumerate("ENU")
-    ]
+        cameras = ", ".join(f"{k} {name}" for k, name in enumerate(eo.rig.names, 1))
+        title = f"camera of the rig: {cameras}"
+        columns.append(_column("camera", "camera", eo.rig.number + 1, 0, tip="camera", title=title))
+    for key, values in zip(("east", "north", "up"), eo.position_m.T, strict=True):
+        title = f"{key} in the tangent plane of eo.json"
+        columns.append(_column(key, f"{key[0].upper()}, m", values, 3, title=title, running=True))
+    about = "of the attitude about "
+    for key, sign, sigmas, unit, digits, of in (
+        ("sigma", "σ", 1e3 * position, "mm", 1, ""),
+        ("psi", "σψ", np.degrees(psi), "deg", 4, about),
+    ):
+        for axis, values in zip("ENU", sigmas.T, strict=True):
+            tip, title = f"sigma {of}{axis}", f"standard deviation {of}{axis}"
+            labels = f"{key} {axis}", f"{sign}{axis}, {unit}"
+            columns.append(_column(*labels, values, digits, unit=unit, tip=tip, title=title))
     prefix, suffix, names = shortened(eo.images)
     steps = np.diff(np.unique(eo.time))  # two cameras of a rig may have one instant
     return {

@@ -1,8 +1,8 @@
-"""Pieces of HTML: escaped text, tables, values of three axes."""
+"""Pieces of HTML: escaped text, tables, the frame of a page."""
 
 import html
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -19,12 +19,12 @@ _POLICY = (
 )
 
 
-def document(
+def whole_page(
     title: str,
     headline: str,
     mood: str,
     body: Iterable[str],
-    heading: str | None = None,
+    heading: str = "",
     charts: Sequence[Chart] = (),
     report_sha256: str = "",
 ) -> Iterator[str]:
@@ -83,29 +83,22 @@ def charted(chart: Chart) -> str:
     )
 
 
-def with_contents(body: str, short: Mapping[str, str]) -> str:
+def with_contents(body: str) -> str:
     """Return a body with a list of contents before it, and an id at each heading.
 
-    Parameters
-    ----------
-    short : what the list says in place of a heading, by its id; nothing leaves it out.
+    A figure is listed by its name, which is shorter than its title.
     """
     entries = []
 
     def placed(match: re.Match[str]) -> str:
         figure, title = match.group(1), match.group(3)
         name = match.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
-        if called := escape(short[name]) if name in short else title:
-            entries.append(f'<a href="#{name}">{called}</a>')
+        called = name.replace("-", " ").capitalize() if figure else title
+        entries.append(f'<a href="#{name}">{called}</a>')
         return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'
 
     body = re.sub(r'(<figure id="([^"]*)"[^>]*>\n)?<h2>(.*?)</h2>', placed, body)
     return f'<nav class="contents" aria-label="contents">{"".join(entries)}</nav>\n{body}'
-
-
-def explained(term: str, meaning: str) -> str:
-    """A term that says on pointing at it what it means."""
-    return f'<abbr title="{escape(meaning)}">{escape(term)}</abbr>'
 
 
 def escape(value: object) -> str:
@@ -143,12 +136,3 @@ def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
 def folded(title: str, content: str) -> str:
     """Content behind a line that opens it."""
     return f"<details><summary>{escape(title)}</summary>\n{content}</details>\n"
-
-
-def three(values: Sequence[float | None] | None, form: str) -> str:
-    """Values of the axes, one beside the other; a dash for what is not determined."""
-    return (
-        "–"
-        if values is None
-        else " / ".join("–" if v is None else format(v, f"z{form}") for v in values)
-    )

@@ -1,12 +1,10 @@
-"""The sections of the page that answer its first questions.
+"""The sections of the document of a run, each from the figures that report.json holds."""
 
-What limits the flight, which line is least accurate, what was estimated.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from .markup import Row, escape, explained, folded, sentence, table, three
+from ..base.findings import ranked
+from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
 from .rules.wording import lengths, millimetres
@@ -14,131 +12,105 @@ from .rules.wording import lengths, millimetres
 Summary = Mapping[str, Any]
 
 # terms that say on pointing at them what they mean
-NIS = explained(
-    "NIS",
+NIS = (
     "normalised innovation squared: the innovation of a fix squared over its covariance; one per"
-    " degree of freedom in the mean where the sigmas are honest",
+    " degree of freedom in the mean where the sigmas are honest"
 )
-SEPARATION = explained(
-    "Forward/backward separation",
+SEPARATION = (
     "the flight filtered backward minus the same forward; one sigma in the mean where both are"
-    " honest",
+    " honest"
 )
-PDOP = explained(
-    "PDOP",
+PDOP = (
     "position dilution of precision: what the geometry of the satellites makes of the error of one"
-    " range; below 2 is good, beyond 4 poor",
+    " range; below 2 is good, beyond 4 poor"
 )
-FIXED = explained(
-    "fixed",
+FIXED = (
     "epochs whose integer ambiguities were resolved (centimetres); float: those whose were not"
-    " (decimetres)",
+    " (decimetres)"
 )
 
-NO_MATTER = "These change no image beyond the accuracy that is needed."
-FEW = 3  # remarks that need not be folded away
+NO_MATTER = "these change no image beyond the accuracy that is needed"
 
 
-def limits(s: Summary) -> str:
-    """Remarks on the flight, the most important first, each with what would help.
+def three(values: Sequence[float | None] | None, form: str) -> str:
+    """Values of the axes, one beside the other; a dash for what is not determined."""
+    if values is None:
+        return "–"
+    return " / ".join("–" if v is None else format(v, f"z{form}") for v in values)
 
-    Many of them stand behind a line.
-    """
-    listed: Sequence[Mapping[str, Any]] = s["limits"]
+
+def limits(s: Summary) -> Section:
+    """Remarks on the flight, the most important first, each with what would help."""
+    listed = [ranked(x["topic"], x["rank"], x["text"], x["help"]) for x in s["limits"]]
     usable = s["use"]["verdict"] == USE
-    first = f'<p class="soft">{escape(NO_MATTER)}</p>\n' if usable and listed else ""
-    matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SENTENCES]
-    others = [x for x in listed if x not in matter]
-    out = (
-        "<h2>Remarks</h2>\n"
-        + first
-        + (f"<ol>\n{''.join(map(_limit, matter))}</ol>\n" if matter else "")
+    first = [Marked(NO_MATTER, "soft")] if usable and listed else []
+    matter = [] if usable else [x for x in listed if x.rank >= 1.0][:MOST_SENTENCES]
+    others = limited(x for x in listed if x not in matter)
+    return Section("Remarks", [*first, *limited(matter)], more=others)
+
+
+def images(s: Summary) -> Section:
+    """Return the section that the page's script fills with the table of images."""
+    text = (
+        "click a heading to sort, a row to mark the image in the map and in the charts. Standard"
+        " deviations are of the projection centre and of the attitude about the axes of the tangent"
+        " plane; flags say what is worth a look"
     )
-    remarks = f"<ul>\n{''.join(map(_limit, others))}</ul>\n" if others else ""
-    return out + (
-        folded(f"and {len(others)} of less weight", remarks) if len(others) > FEW else remarks
+    table = (
+        '<div id="image-table"></div>\n<noscript><p class="soft">The table of'
+        f" {s['counts']['images']} images needs scripts; the exports hold all of it.</p></noscript>"
+        "\n"
     )
+    return Section("Image by image", [Marked(text, "soft"), Drawing(table)], "page")
 
 
-def _limit(limit: Mapping[str, Any]) -> str:
-    help_ = f' <span class="help">{escape(sentence(limit["help"]))}</span>' if limit["help"] else ""
-    return f"<li>{escape(sentence(limit['text']))}{help_}</li>\n"
-
-
-def flight_lines(s: Summary) -> str:
+def flight_lines(s: Summary) -> Section:
     """Table of the straight lines: where, which images, how well they are known.
 
     The largest of each sigma stands out.
     """
     lines: Sequence[Mapping[str, Any]] = s["lines"]
-    if not lines:
-        return ""
     forms = (
         ("horizontal_mm", millimetres),
         ("down_mm", millimetres),
         ("tilt_deg", "{:.3f}".format),
         ("heading_deg", "{:.3f}".format),
     )
-    worst = {key: form(max(line[key] for line in lines)) for key, form in forms}
-    alone = {key: [form(x[key]) for x in lines].count(worst[key]) == 1 for key, form in forms}
+    columns = [
+        _with_largest([line[key] for line in lines], form) if lines else [] for key, form in forms
+    ]
     rows = [
         (
             str(line["line"]),
             f"{line['start_s']:.1f} – {line['end_s']:.1f}",
             f"{line['course_deg']:.0f}",
             f"{line['length_m']:.0f}",
-            (
-                f"{escape(line['first_image'])} – {escape(line['last_image'])} ({line['images']})"
-                if line["images"]
-                else "–"
-            ),
-            *(
-                _strong(
-                    form(line[key]), alone[key] and len(lines) > 1 and form(line[key]) == worst[key]
-                )
-                for key, form in forms
-            ),
+            f"{line['first_image']} – {line['last_image']} ({line['images']})"
+            if line["images"]
+            else "–",
+            *(column[k] for column in columns),
         )
-        for line in lines
+        for k, line in enumerate(lines)
     ]
-    head = (
-        "Line",
-        "TOW, s",
-        "course, deg",
-        "length, m",
-        "images",
-        "horizontal",
-        "height",
-        "tilt, deg",
-        "heading, deg",
-    )
+    head: tuple[str, ...] = ("Line", "TOW, s", "course, deg", "length, m", "images")
+    head += ("horizontal", "height", "tilt, deg", "heading, deg")
     caption = (
-        '<p class="soft">Median standard deviations on each straight line, numbered as in the'
-        " figures; the largest, where one is, is in bold.</p>\n"
+        "median standard deviations on each straight line, numbered as in the figures; the largest,"
+        " where one is, is in bold"
     )
-    content = caption + table(rows, head, numbers=True)
-    return "<h2>Line by line</h2>\n" + (
-        folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
-    )
+    return _captioned("Line by line", caption, Table(rows, head, True, "lines"))
 
 
-def images(s: Summary) -> str:
-    """Return the section that the page's script fills with the table of images."""
-    return (
-        '<h2>Image by image</h2>\n<p class="soft">Click a heading to sort, a row to mark the image'
-        " in the map and in the charts. Standard deviations are of the projection centre and of the"
-        " attitude about the axes of the tangent plane; flags say what is worth a look.</p>\n"
-        '<div id="image-table"></div>\n<noscript><p class="soft">The table of'
-        f" {s['counts']['images']} images needs scripts; the exports hold all of it.</p></noscript>"
-        "\n"
-    )
+def _with_largest(values: Sequence[float], form: Callable[[float], str]) -> list[str]:
+    """Return cells of which the largest, where there is one, stands out."""
+    cells, largest = [*map(form, values)], form(max(values))
+    alone = len(cells) > 1 and cells.count(largest) == 1
+    return [strong(cell, alone and cell == largest) for cell in cells]
 
 
-def fixes_by_line(s: Summary) -> str:
+def fixes_by_line(s: Summary) -> Section:
     """Return the fixes line by line: used, rejected, quality, satellites, PDOP, innovations."""
     lines: Sequence[Mapping[str, Any]] = s["line_fixes"]
-    if not any(line["fixes"] for line in lines):
-        return ""
 
     def share(x: float | None) -> str:
         return "–" if x is None else f"{100 * x:.0f}"
@@ -150,181 +122,84 @@ def fixes_by_line(s: Summary) -> str:
         (
             str(line["line"]),
             str(line["used"]),
-            _strong(str(line["rejected"]), line["rejected"] > 0),
+            strong(str(line["rejected"]), line["rejected"] > 0),
             f"{share(line['fixed_share'])} / {share(line['float_share'])}",
             pair(line["satellites"], line["least_satellites"], ".0f"),
             pair(line["pdop"], line["largest_pdop"], ".1f"),
             three(line["innovation_mm"], ".1f"),
             three(line["innovation_sigma_mm"], ".1f"),
         )
-        for line in lines
+        for line in (lines if any(line["fixes"] for line in lines) else ())
     ]
-    head = (
+    head: tuple[str, ...] = (
         "Line",
         "fixes used",
         "rejected",
-        f"{FIXED} / float, %",
-        "satellites (least)",
-        f"{PDOP} (largest)",
-        "mean innovation N / E / D, mm",
-        "sigma of one, mm",
+        Marked("fixed / float, %", tip=FIXED),
     )
+    head += ("satellites (least)", Marked("PDOP (largest)", tip=PDOP))
+    head += ("mean innovation N / E / D, mm", "sigma of one, mm")
     stated = [k for k in range(len(head)) if any(row[k] not in ("–", "– / –") for row in rows)]
     caption = (
-        '<p class="soft">The fixes of each line, by what their source says of them. A'
-        " mean innovation beyond a fraction of the sigma of one fix is systematic: lever arm, time"
-        " offset, or the fixes themselves.</p>\n"
+        "the fixes of each line, by what their source says of them. A mean innovation beyond a"
+        " fraction of the sigma of one fix is systematic: lever arm, time offset, or the fixes"
+        " themselves"
     )
-    content = caption + table(
-        [[row[k] for k in stated] for row in rows], [head[k] for k in stated], numbers=True
-    )
-    return "<h2>GNSS line by line</h2>\n" + (
-        folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
-    )
+    cells = [[row[k] for k in stated] for row in rows]
+    table = Table(cells, [head[k] for k in stated], True, "lines")
+    return _captioned("GNSS line by line", caption, table)
 
 
-def _strong(text: str, strong: bool) -> str:
-    return f"<b>{text}</b>" if strong else text
-
-
-def constants(s: Summary) -> str:
-    """Return the section on what was estimated besides positions and attitudes.
-
-    It holds constants, and time-correlated errors of the fixes.
-    """
-    out = ""
-    if s["states"]:
-        head = (
-            "Constant",
-            "value",
-            "sigma",
-            "before the flight",
-            "its sigma moves a fix by",
-            "observed",
-        )
-        out += table([_constant(state) for state in s["states"]], head, numbers=True)
-    for error in s["time_correlated_errors"]:
-        size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
-        out += (
-            f"<p>Errors of {error['fixes']} fixes are not independent from fix to fix: a part of"
-            f" them, {lengths([1e3 * x for x in error['sigma_m']])} north / east / down, changes"
-            f" only over some {error['time_s']:.1f} s (correlation time {error['time_s']:.1f} s)."
-            f" That is {size} of the sigmas of the fixes; {white} of them are independent.</p>\n"
-        )
-    return f"<h2>What was estimated besides</h2>\n{out}" if out else ""
-
-
-def _constant(state: Mapping[str, Any]) -> Row:
-    factor, unit = state["per_unit"], state["unit"]
-    digits = 4 if unit == "m" else 2
-    value, sigma = (f"{state[key] * factor:z.{digits}f} {unit}" for key in ("value", "sigma"))
-    moves = "–" if state["moves_m"] is None else millimetres(1e3 * state["moves_m"])
-    seen = ("ok", "yes") if state["observed"] else ("note", "no")
-    marked = f'<span class="{seen[0]}">{seen[1]}</span>'
-    return (
-        escape(state["name"]),
-        value,
-        sigma,
-        f"± {state['prior'] * factor:.3g} {unit}",
-        moves,
-        marked,
-    )
-
-
-def segments_and_stationary_periods(s: Summary) -> str:
-    """Return the section on segments solved by themselves and on stationary periods."""
-    out = ""
-    if len(s["segments"]) > 1:
-        spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["segments"])
-        out += f"<p>Solved by themselves, TOW: {spans}.</p>\n"
-    if s["rests"]:
-        lasted = sum(end - start for start, end in s["rests"])
-        periods = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
-        n = len(s["rests"])
-        count = "1 stationary period" if n == 1 else f"{n} stationary periods"
-        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>Stationary, TOW: {periods}.</p>\n")
-    return f"<h2>Segments and stationary periods</h2>\n{out}" if out else ""
-
-
-def key_numbers(s: Summary) -> str:
+def key_numbers(s: Summary) -> Section:
     """Return the section of sigmas, counts, biases, and what supports them."""
     span, n, biases = s["span"], s["counts"], s["biases"]
     week = "" if span["gps_week"] is None else f"GPS week {span['gps_week']}, "
-    minutes = (
-        f"{span['duration_s'] / 60:.1f} min, {week}TOW {span['start_tow_s']:.1f} to"
-        f" {span['end_tow_s']:.1f} s"
-    )
-    fixes = f"{n['fixes']}, {n['fixes_used']} used, {n['fixes_rejected']} rejected"
+    fixes = _counted(n, "fixes", "")
     if n["fixes_withheld"]:
         fixes += f" ({n['fixes_withheld']} of them withheld as incorrect)"
-    if "velocities" in n:
-        fixes += (
-            f"; velocities {n['velocities']}, {n['velocities_used']} used,"
-            f" {n['velocities_rejected']} rejected"
-        )
-    if "barometer_heights" in n:
-        fixes += (
-            f"; heights of the barometer {n['barometer_heights']}, {n['barometer_heights_used']}"
-            f" used, {n['barometer_heights_rejected']} rejected"
-        )
+    for key, noun in (("velocities", "velocities "), ("barometer_heights", "barometer heights ")):
+        fixes += f"; {_counted(n, key, noun)}" if key in n else ""
+    gaps = n["imu_gaps"]
     imu = [
-        f"{n[key]} {noun}"
-        for key, noun in (("imu_samples", "samples"), ("epochs", "epochs"))
-        if n[key] is not None
+        f"{n[k]} {k.removeprefix('imu_')}" for k in ("imu_samples", "epochs") if n[k] is not None
     ]
+    imu += [f"{n['passes']} filter {'pass' if n['passes'] == 1 else 'passes'}"]
+    imu += ["no gap" if gaps == 0 else "1 gap bridged" if gaps == 1 else f"{gaps} gaps bridged"]
     rows = [
-        ("Flight", minutes),
+        (
+            "Flight",
+            f"{span['duration_s'] / 60:.1f} min, {week}TOW {span['start_tow_s']:.1f} to"
+            f" {span['end_tow_s']:.1f} s",
+        ),
         ("Images", str(n["images"]) if n["images"] else "none (no camera)"),
         ("GNSS fixes", "none: the sensor stands at a given place" if s["standing"] else fixes),
-        (
-            "IMU",
-            ", ".join(
-                [
-                    *imu,
-                    f"{n['passes']} filter {'pass' if n['passes'] == 1 else 'passes'}",
-                    _gap_count(n["imu_gaps"]),
-                ]
-            ),
-        ),
+        ("IMU", ", ".join(imu)),
         *([] if s["standing"] else _agreement(s)),
-        (
-            "Gyro bias at the end, deg/h",
-            (
-                f"{_plus_minus(biases, 'gyro_deg_h', 'gyro_sigma_deg_h', 'z.1f')} (forward / right"
-                " / down)"
-            ),
-        ),
-        (
-            "Accelerometer bias at the end, mg",
-            f"{_plus_minus(biases, 'accel_mg', 'accel_sigma_mg', 'z.2f')} (forward / right / down)",
-        ),
     ]
-    return "<h2>Key numbers</h2>\n" + _sigma_table(s) + table(rows)
+    for sensor, name, unit, form in (
+        ("gyro", "Gyro", "deg_h", "z.1f"),
+        ("accel", "Accelerometer", "mg", "z.2f"),
+    ):
+        own = zip(biases[f"{sensor}_{unit}"], biases[f"{sensor}_sigma_{unit}"], strict=True)
+        text = " / ".join(f"{value:{form}} ± {sigma:{form}}" for value, sigma in own)
+        label = f"{name} bias at the end, {unit.replace('_', '/')}"
+        rows.append((label, f"{text} (forward / right / down)"))
+    return Section("Key numbers", [_sigma_table(s), Table(rows)], "page")
 
 
-def _agreement(s: Summary) -> list[Row]:
+def _counted(n: Mapping[str, Any], key: str, noun: str) -> str:
+    return f"{noun}{n[key]}, {n[f'{key}_used']} used, {n[f'{key}_rejected']} rejected"
+
+
+def _agreement(s: Summary) -> Iterator[tuple[str, str]]:
     """What the innovations and the two directions say of the sigmas."""
-    rows: list[Row] = [
-        (f"{NIS} of {quantity} per degree of freedom", escape(_nis(c)))
-        for quantity, c in s["consistency"].items()
-        if c is not None
-    ]
+    for quantity, c in s["consistency"].items():
+        if c is not None:
+            yield Marked(f"NIS of {quantity} per degree of freedom", tip=NIS), _nis(c)
     ratios = s["separation"]["normalised_rms"]
-    text = (
-        f"position {three(ratios['position'], '.2f')}, attitude {three(ratios['attitude'], '.2f')}"
-        " (N / E / D; 1 expected)"
-    )
-    return [*rows, (f"{SEPARATION} over its sigma", text)]
-
-
-def _plus_minus(biases: Mapping[str, Any], value: str, sigma: str, form: str) -> str:
-    return " / ".join(
-        f"{v:{form}} ± {s:{form}}" for v, s in zip(biases[value], biases[sigma], strict=True)
-    )
-
-
-def _gap_count(n: int) -> str:
-    return "no gap" if n == 0 else "1 gap bridged" if n == 1 else f"{n} gaps bridged"
+    both = (f"{name} {three(ratios[name], '.2f')}" for name in ("position", "attitude"))
+    label = Marked("Forward/backward separation over its sigma", tip=SEPARATION)
+    yield label, f"{', '.join(both)} (N / E / D; 1 expected)"
 
 
 def _nis(c: Mapping[str, Any]) -> str:
@@ -335,30 +210,160 @@ def _nis(c: Mapping[str, Any]) -> str:
     return f"{c['mean_per_dof']:.3f}, 99 % bounds {low:.3f} to {high:.3f}: {c['verdict']}; {share}"
 
 
-def _sigma_table(s: Mapping[str, Any]) -> str:
+def _sigma_table(s: Summary) -> Table:
     """Standard deviations of the images, or of the trajectory where there are none."""
     claim = s["exposures"] or s["trajectory"]
     position, attitude = claim["position_mm"], claim["attitude_deg"]
     axes = " / ".join(claim["axes"])
-    rows = [
-        (label, three(position[key], ".1f"), three(attitude[key], ".4f"))
-        for label, key in (("Median", "median"), ("Smallest", "min"), ("Largest", "max"))
-    ]
-    if s["exposures"]:
-        rows.append(
-            (
-                f"First image, {escape(claim['first_image'])}",
-                three(position["first"], ".1f"),
-                three(attitude["first"], ".4f"),
-            )
-        )
-    if s["neighbours"]:
-        near = s["neighbours"]
+    listed = [("Median", "median"), ("Smallest", "min"), ("Largest", "max")]
+    listed += [(f"First image, {claim['first_image']}", "first")] if s["exposures"] else []
+    sigmas = [(label, position[key], attitude[key]) for label, key in listed]
+    if near := s["neighbours"]:
         label = f"Median of the difference of neighbours ({near['interval_s']:.1f} s apart)"
-        rows.append((label, three(near["position_mm"], ".1f"), three(near["attitude_deg"], ".4f")))
-    title = (
-        "Standard deviations of the images"
-        if s["exposures"]
-        else "Smoothed standard deviations of the trajectory"
+        sigmas.append((label, near["position_mm"], near["attitude_deg"]))
+    rows = [(label, three(p, ".1f"), three(a, ".4f")) for label, p, a in sigmas]
+    smoothed = "Smoothed standard deviations of the trajectory"
+    title = "Standard deviations of the images" if s["exposures"] else smoothed
+    return Table(rows, (title, f"position {axes}, mm", f"attitude about {axes}, deg"), True)
+
+
+def innovations(s: Summary) -> Section:
+    """Return the innovations in numbers."""
+    i = s["innovations"]
+    if i["rms_mm"] is None:
+        return Section("Innovations", [Marked("no fix was used", "text")], "page")
+    columns = (i[key] for key in ("mean_mm", "rms_mm", "median_sigma_mm", "lag1"))
+    rows = [
+        (axis, *map(millimetres, sizes), "–" if r is None else f"{r:+z.3f}")
+        for axis, *sizes, r in zip(("north", "east", "down"), *columns, strict=True)
+    ]
+    lag = f"lag-1 correlation (99 %: ±{i['lag1_bound_99']:.3f})"
+    head = ("Innovations", "mean", "rms", "median sigma", lag)
+    return Section("Innovations in numbers", [Table(rows, head, True)], "page")
+
+
+def residuals(s: Summary) -> Section:
+    """Table of the means of fixes minus solution; what is beyond its limit is marked."""
+    r = s["residuals"] or {"pieces": (), "limit": 0.0, "beyond": 0}
+    rows = [
+        (
+            f"{piece['begin_s']:.1f} – {piece['end_s']:.1f}",
+            str(piece["fixes"]),
+            *(
+                Marked(
+                    f"{millimetres(mean)} ± {millimetres(sigma)}",
+                    "contradiction" if abs(mean) > r["limit"] * sigma else "",
+                )
+                for mean, sigma in zip(piece["mean_mm"], piece["sigma_mm"], strict=True)
+            ),
+        )
+        for piece in r["pieces"]
+    ]
+    caption = (
+        "mean of the used fixes minus the smoothed solution, ± one sigma of what the solution and"
+        " its fixes claim; no error model changes it. An honest flight stays within"
+        f" {r['limit']:.1f} sigma"
     )
-    return table(rows, (title, f"position {axes}, mm", f"attitude about {axes}, deg"), numbers=True)
+    head = ("TOW, s", "fixes", "north", "east", "down")
+    name = f"pieces, {r['beyond']} beyond the limit"
+    return _captioned("Fixes minus solution", caption, Table(rows, head, True, name))
+
+
+def constants(s: Summary) -> Section:
+    """Return what was estimated besides: constants, and time-correlated errors of the fixes."""
+    head = ("Constant", "value", "sigma", "before the flight", "its sigma moves a fix by")
+    parts: list[Any] = [Table(list(map(_constant, s["states"])), (*head, "observed"), True)]
+    for error in s["time_correlated_errors"]:
+        size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
+        text = (
+            f"errors of {error['fixes']} fixes are not independent from fix to fix: a part of them,"
+            f" {lengths([1e3 * x for x in error['sigma_m']])} north / east / down, has a"
+            f" correlation time of {error['time_s']:.1f} s. That is {size} of the sigmas of the"
+            f" fixes; {white} of them are independent"
+        )
+        parts.append(Marked(text, "text"))
+    return Section("What was estimated besides", parts, "page")
+
+
+def _constant(state: Mapping[str, Any]) -> tuple[str, ...]:
+    factor, unit = state["per_unit"], state["unit"]
+    digits = 4 if unit == "m" else 2
+    return (
+        state["name"],
+        *(f"{state[key] * factor:z.{digits}f} {unit}" for key in ("value", "sigma")),
+        f"± {state['prior'] * factor:.3g} {unit}",
+        "–" if state["moves_m"] is None else millimetres(1e3 * state["moves_m"]),
+        Marked("yes", "ok") if state["observed"] else Marked("no", "note"),
+    )
+
+
+def rejected(s: Summary) -> Section:
+    """Return the fixes that were not used."""
+    r, start, withheld = s["rejected"], s["span"]["start_tow_s"], s["counts"]["fixes_withheld"]
+    rows = [
+        (
+            f"{x['time_s']:.3f}",
+            f"{(x['time_s'] - start) / 60:.2f}",
+            "–" if x["nis"] is None else f"{x['nis']:.1f}",
+        )
+        for x in r["listed"]
+    ]
+    more = f", the first {len(rows)} of them below" if r["count"] > len(rows) else ""
+    left_out = f" or withheld as incorrect ({withheld} of them)" if withheld else ""
+    text = f"{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){left_out}{more}"
+    text = text if r["count"] else "no fix was rejected"
+    table = Table(rows, ("TOW, s", "minute", "NIS"), name="fixes")
+    return Section("Rejected fixes", [Marked(text, "text"), table], "page")
+
+
+def gaps(s: Summary) -> Section:
+    """Return the longest time without a fix, and the gaps of the IMU."""
+    o = s["longest_outage"]
+    text = (
+        f"longest time without a used fix: {o['length_s']:.2f} s from TOW {o['time_s']:.2f} s on;"
+        f" smoothed sigmas at most {millimetres(o['horizontal_mm'])} horizontally,"
+        f" {millimetres(o['down_mm'])} down in it"
+    )
+    rows = [(f"{gap['time_s']:.3f}", f"{gap['length_s']:.3f}") for gap in s["imu_gaps"]]
+    none = [] if rows else [Marked("no gap of the IMU", "text")]
+    table = Table(rows, ("IMU gap at TOW, s", "length, s"), name="gaps of the IMU")
+    return Section("Gaps", [Marked(text, "text"), *none, table], "page")
+
+
+def segments_and_stationary_periods(s: Summary) -> Section:
+    """Return the segments solved by themselves, and the stationary periods."""
+    parts = []
+    if len(s["segments"]) > 1:
+        parts.append(Marked(f"solved by themselves, TOW: {_spans(s['segments'])}", "text"))
+    if n := len(s["rests"]):
+        lasted = sum(end - start for start, end in s["rests"])
+        count = "1 stationary period" if n == 1 else f"{n} stationary periods"
+        text = f"{count}, {lasted:.0f} s in all, TOW: {_spans(s['rests'])}"
+        parts.append(Marked(text, "text"))
+    return Section("Segments and stationary periods", parts, "page")
+
+
+def _spans(spans: Sequence[Sequence[float]]) -> str:
+    return ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in spans)
+
+
+def checks(s: Summary) -> Section:
+    """Return the checks of the input, of which the sentences above have what matters."""
+    keys = ("name", "found", "expected", "verdict", "advice")
+    listed = [Finding(*(check[key] for key in keys)) for check in s["checks"]]
+    return checked(listed, "Checks of the input", "page")
+
+
+def made_from(s: Summary) -> Iterator[Section]:
+    """History, resolved flight file, hashes of the inputs, versions, and times."""
+    yield Section("What was done", s["history"], "page")
+    yield pairs("The flight file, resolved", dict(dotted(s["flight"])))
+    yield pairs("Inputs (SHA-256)", s["inputs_sha256"])
+    yield pairs("The run", s["run"])
+    yield pairs("Versions", s["versions"])
+    yield pairs("Time taken", {step: f"{t:.2f} s" for step, t in s["timings_s"].items()})
+
+
+def _captioned(title: str, caption: str, table: Table) -> Section:
+    """Return a section of a table below what it shows; empty without rows."""
+    return Section(title, [Marked(caption, "soft"), table] if table.rows else [], "page")

@@ -98,10 +98,10 @@ def test_marks_that_the_receiver_calls_not_valid_are_left_out_and_told(tmp_path)
     assert_allclose(found.time, TOW + SHOTS[2:], rtol=0.0, atol=1e-9)
     assert found.images == tuple(str(k) for k in range(1, 59))
     told = next(check for check in found.notes if check.name == "time marks")
-    times = ", ".join(f"{TOW + t:.3f}" for t in SHOTS[:2])
+    times = ", ".join(f"{TOW + t:.3f} s" for t in SHOTS[:2])
     assert (
         told.found
-        == f"2 of 60 are marked as not valid by the receiver, at {times} s, and are left out"
+        == f"2 of 60 are marked as not valid by the receiver, at {times}, and are left out"
     )
     assert "camera.invalid_events" in told.advice
     kept = camera_events(observations, RoverEvents(invalid_events=True))
@@ -116,7 +116,7 @@ def test_marks_without_a_valid_time_alone_are_no_exposures(tmp_path):
     with pytest.raises(
         InputError,
         match=(
-            r"rover\.rnx:\d+: camera events: 7 of 7 are marked as not valid.* \.\.\. s; camera\.inv"
+            r"rover\.rnx:\d+: camera events: 7 of 7 are marked as not valid.* s and 2 more; camera"
         ),
     ):
         camera_events(observations)

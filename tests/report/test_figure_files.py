@@ -1,5 +1,6 @@
 """`insgnss figures`: the charts of a page as files, and pages that are refused."""
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,8 @@ from insgnss.cli.main import main
 from insgnss.report.charts.chart import Axes, Chart, Layer
 from insgnss.report.charts.encoded import encoded
 from insgnss.report.charts.files import charts_of
-from insgnss.report.verb_page import VerbPage
+from insgnss.report.document import Document
+from insgnss.report.verdict import Verdict
 
 X = np.linspace(0.0, 10.0, 50)
 
@@ -31,8 +33,9 @@ def page(tmp_path: Path) -> Path:
     """A page with two charts, and the JSON document of the same run."""
     twin = json.dumps({"headline": "done"}) + "\n"
     (tmp_path / "report.json").write_text(twin)
-    made = VerbPage("flight", "all is well", "good", "nothing is odd", charts(), twin=twin)
-    (tmp_path / "report.html").write_text("".join(made.html()))
+    made = Document("flight", "all is well", Verdict("good", "nothing is odd"), charts())
+    html = made.html(twin_sha256=hashlib.sha256(twin.encode()).hexdigest())
+    (tmp_path / "report.html").write_text("".join(html))
     return tmp_path / "report.html"
 
 

@@ -203,7 +203,7 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
         "280 mm",
         "yes",
         "no",
-        "correlation time 15.0 s",
+        "correlation time of 15.0 s",
     ):
         assert words in text
     assert "Solved by themselves, TOW: 205200.0 to 205240.0 s, 205270.0 to 205319.9 s." in text
@@ -245,7 +245,7 @@ def test_nothing_is_left_of_a_page_that_failed(
     def broken(*_: object) -> str:
         raise RuntimeError("in the middle")
 
-    monkeypatch.setattr(page_module, "_made_from", broken)
+    monkeypatch.setattr(page_module, "made_from", broken)
     with pytest.raises(RuntimeError):
         write_report(tmp_path / "report.html", summary(diagnostics(), eo()), diagnostics(), eo())
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("report.html", "former")]

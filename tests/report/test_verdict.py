@@ -11,13 +11,13 @@ import pytest
 from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
 from insgnss.records.states import OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
-from insgnss.report.rules.use import mood
 from insgnss.report.rules.verdict import (
     MOST_SENTENCES,
     NOTHING_IN_THE_DATA,
     NOTHING_STANDS_OUT,
 )
 from insgnss.report.summary import run_summary
+from insgnss.report.verdict import run_verdict
 
 START = 205200.0
 STANDING = {"name": "laser", "gnss": {"stationary": [60.0, 8.0, 400.0]}}
@@ -268,7 +268,7 @@ def test_a_lever_arm_far_from_its_statement_leaves_the_images_in_doubt(
     flight = {"name": "f", "mounting": mounting, "filter": options}
     s = run(diagnostics(states=states), eo(), flight)
     assert any("cannot determine whether imu_m" in x for x in s["use"]["reasons"]) == doubtful
-    assert mood(s)[0] == ("bad" if doubtful else "good")
+    assert run_verdict(s).word == ("bad" if doubtful else "good")
     if doubtful:
         limit = said(s, "lever arm")
         assert limit["rank"] > 2.0

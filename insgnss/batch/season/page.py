@@ -1,21 +1,23 @@
 """index.html of a season: what failed and why, what drifts, every flight with its report."""
 
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from urllib.parse import quote
 
 import numpy as np
 
+from ...base.wording import some
 from ...records import Array
 from ...records.states import LEVER_ARM
 from ...report.charts.chart import Axes, Chart, Ink, Layer
-from ...report.markup import escape, folded, sentence, table
-from ...report.verb_page import MOST_ROWS, VerbPage, listed
+from ...report.document import Document, Marked, Section, Table
+from ...report.markup import sentence
+from ...report.verdict import Verdict, worst_of
 from .row import Row, is_number
 from .trends import Trend
-from .work import FAILED, KEPT, WAITING
+from .work import FAILED, KEPT, WAITING, is_changed
 
 MARK = '<meta name="generator" content="insgnss batch">'
 """In the page, by which the next run knows that it may overwrite it."""
@@ -27,128 +29,113 @@ READING = (
 )
 
 
-@dataclass(frozen=True)
-class SeasonPage:
-    """What stands on the page of a season.
+def season_document(
+    rows: Sequence[Row],
+    trends: Sequence[Trend],
+    headline: str,
+    settings: Mapping[str, str] = MappingProxyType({}),
+    files: Sequence[Path] = (),
+) -> Document:
+    """Return what a season says.
 
     Parameters
     ----------
     rows : sequence of dict
         Rows of the table, paths relative to the page.
     trends : sequence of Trend
-        Of its equipments.
+        Trends of its equipments.
     headline : str
         The result in one sentence, without full stop.
-    settings : sequence of (str, str)
+    settings : mapping
         What was asked for.
+    files : sequence of Path
+        What was written.
     """
-
-    rows: Sequence[Row]
-    trends: Sequence[Trend]
-    headline: str
-    settings: Sequence[tuple[str, str]] = ()
-
-    def mood(self) -> tuple[str, str]:
-        """Return "good", "doubtful" or "bad", and why, without full stop."""
-        broken = [row for row in self.rows if row["status"] == FAILED]
-        if broken:
-            names = _some([str(row["name"]) for row in broken])
-            return "bad", f"{len(broken)} of {len(self.rows)} flights have no result: {names}"
-        waiting = sum(row["status"] == WAITING for row in self.rows)
-        if waiting:
-            return "doubtful", f"{waiting} of {len(self.rows)} flights were not reached"
-        bad = [str(r["name"]) for r in self.rows if r["judgement"] == "bad"]
-        if bad:
-            return "bad", f"the reports of {_some(bad)} contradict their results"
-        odd = [trend for trend in self.trends if trend.odd]
-        if odd:
-            which = _some([f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in odd])
-            return "doubtful", f"constants do not stay as they are: {which}"
-        doubtful = [str(r["name"]) for r in self.rows if r["judgement"] == "doubtful"]
-        if doubtful:
-            return "doubtful", f"figures of {_some(doubtful)} leave what a good flight shows"
-        return "good", "every flight has a result, and no constant of an equipment drifts"
-
-    def html(self) -> Iterator[str]:
-        """Yield the page piece by piece."""
-        mood, why = self.mood()
-        page = VerbPage(
-            "Season",
-            self.headline,
-            mood,
-            why,
-            charts=tuple(charts(self.rows, self.trends)),
-            first=(*self._first(), self._flights()),
-            parts=(self._all_trends(),),
-            settings=dict(self.settings),
-        )
-        for piece in page.html():
-            yield piece.replace("<title>", f"{MARK}\n<title>", 1)
-
-    def _first(self) -> Iterator[str]:
-        """What one has to see: failed flights with their reasons, equipments that drift."""
-        broken = [row for row in self.rows if row["status"] == FAILED]
-        if broken:
-            cells = [(escape(row["name"]), escape(sentence(str(row["reason"])))) for row in broken]
-            made = table(cells, ("flight", "why it has no result"))
-            yield f"<h2>Failed flights</h2>\n{made}"
-        yield listed("What drifts", [trend.sentence() for trend in self.trends if trend.odd])
-
-    def _flights(self) -> str:
-        head = (
-            *("flight", "equipment", "date (UTC)", "status", "images", "sigma E / N / U, mm"),
-            *("tilt E / N, deg", "heading, deg", "NIS ratio", "what stands out"),
-        )
-        made = table([_cells(row) for row in self.rows], head)
-        inside = (
-            made if len(self.rows) <= 10 * MOST_ROWS else folded(f"{len(self.rows)} rows", made)
-        )
-        return f"<h2>Flights</h2>\n{inside}"
-
-    def _all_trends(self) -> str:
-        return listed("Constants over the season", [trend.sentence() for trend in self.trends])
-
-
-def _some(names: Sequence[str], most: int = 3) -> str:
-    """Return names, the first few of many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{', '.join(names[:most])}{more}"
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    """Return the cells of a flight, HTML, its name linked to its report."""
-    name = escape(row["name"])
-    if row.get("report"):
-        target = quote(str(row["report"]).replace(os.sep, "/"))
-        name = f'<a href="{escape(target)}">{name}</a>'
-    judged = str(row.get("judgement") or "")
-    mark = {"good": "ok", "doubtful": "note", "bad": "contradiction"}.get(judged, "note")
-    status = str(row["status"]) if row["status"] in (FAILED, WAITING) else judged
-    status += " (kept)" if row["status"] == KEPT else ""
-    why = row.get("reason") if row["status"] not in (FAILED, WAITING) else ""
-    positions = [row.get(f"sigma_{axis}_mm") for axis in "enu"]
-    tilts = [row.get(f"sigma_att_{axis}_deg") for axis in "en"]
-    return (
-        name,
-        escape(row.get("equipment") or ""),
-        _whole(str(row.get("date_utc") or "").replace("T", " ").rstrip("Z")),
-        f'<span class="{mark}">{escape(status)}</span>',
-        escape("" if row.get("images") is None else f"{row['images']:.0f}"),
-        _whole(" / ".join(f"{x:.1f}" for x in positions if is_number(x))),
-        _whole(" / ".join(f"{x:.4f}" for x in tilts if is_number(x))),
-        escape(_number(row.get("sigma_att_u_deg"), ".3f")),
-        escape(_number(row.get("nis_ratio"), ".2f")),
-        escape(why or row.get("limits") or ""),
+    failed = [(row["name"], sentence(str(row["reason"]))) for row in rows if _is(row, FAILED)]
+    head: tuple[str, ...] = ("flight", "equipment", "date (UTC)", "status", "images")
+    head += ("sigma E / N / U, mm", "tilt E / N, deg", "heading, deg", "NIS ratio")
+    head += ("what stands out",)
+    changed = [f"{r['name']}: {r['reason']}" for r in rows if is_changed(r)]
+    drifts = [trend.sentence() for trend in trends if trend.odd]
+    return Document(
+        "Season",
+        headline,
+        _verdict(rows, trends),
+        (
+            Section("Failed flights", [Table(failed, ("flight", "why it has no result"))]),
+            Section("What drifts", drifts),
+            Section("Changed since they were processed", changed, "terminal"),
+            Section("Flights", [Table(list(map(_cells, rows)), head)], "page"),
+            *charts(rows, trends),
+            Section("Constants over the season", [t.sentence() for t in trends], "page"),
+        ),
+        settings=settings,
+        files=files,
     )
 
 
-def _whole(text: str) -> str:
-    """A cell that is not broken into lines."""
-    return f'<span class="whole">{escape(text)}</span>'
+def page_html(document: Document) -> Iterator[str]:
+    """Yield the page of a season piece by piece, with the mark by which it is known."""
+    for piece in document.html():
+        yield piece.replace("<title>", f"{MARK}\n<title>", 1)
 
 
-def _number(value: object, form: str) -> str:
-    return format(value, form) if is_number(value) else ""
+def _verdict(rows: Sequence[Row], trends: Sequence[Trend]) -> Verdict:
+    """Return the verdict: flights without results first, then what their reports say."""
+    names = {
+        kind: [str(row["name"]) for row in rows if row[column] == kind]
+        for column, kind in (
+            ("status", FAILED),
+            ("status", WAITING),
+            ("judgement", "bad"),
+            ("judgement", "doubtful"),
+        )
+    }
+    odd = [f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in trends if t.odd]
+    bad = {
+        f"{len(names[FAILED])} of {len(rows)} flights have no result": names[FAILED],
+        "these reports contradict their results": names["bad"],
+    }
+    doubtful = {
+        f"{len(names[WAITING])} of {len(rows)} flights were not reached": names[WAITING],
+        "constants do not stay as they are": odd,
+        "figures of these flights are beyond those of a good one": names["doubtful"],
+    }
+    return worst_of(
+        "every flight has a result, and no constant of an equipment drifts",
+        *([f"{text}: {some(of)}" for text, of in kind.items() if of] for kind in (doubtful, bad)),
+    )
+
+
+def _is(row: Row, *status: str) -> bool:
+    return row["status"] in status
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    """Return the cells of a flight, its name linked to its report."""
+    judged = str(row.get("judgement") or "")
+    mark = {"good": "ok", "doubtful": "note", "bad": "contradiction"}.get(judged, "note")
+    status = str(row["status"]) if _is(row, FAILED, WAITING) else judged
+    status += " (kept)" if _is(row, KEPT) else ""
+    why = "" if _is(row, FAILED, WAITING) else row.get("reason")
+    return (
+        Marked(row["name"], link=quote(str(row.get("report") or "").replace(os.sep, "/"))),
+        row.get("equipment") or "",
+        Marked(str(row.get("date_utc") or "").replace("T", " ").rstrip("Z"), "whole"),
+        Marked(status, mark),
+        _numbers(row, ["images"], ".0f"),
+        _numbers(row, [f"sigma_{axis}_mm" for axis in "enu"], ".1f"),
+        _numbers(row, [f"sigma_att_{axis}_deg" for axis in "en"], ".4f"),
+        _numbers(row, ["sigma_att_u_deg"], ".3f"),
+        _numbers(row, ["nis_ratio"], ".2f"),
+        why or row.get("limits") or "",
+    )
+
+
+def _numbers(row: Row, columns: Sequence[str], form: str) -> Marked:
+    """Return a cell of numbers that is not broken into lines."""
+    values = (row.get(column) for column in columns)
+    return Marked(" / ".join(format(x, form) for x in values if is_number(x)), "whole")
 
 
 def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:

@@ -51,13 +51,13 @@ def row_of(report: Mapping[str, Any]) -> Row:
     dict
         None for what it does not hold.
     """
-    from ...report.rules.use import mood
+    from ...report.verdict import run_verdict
 
     exposures = report.get("exposures") or {}
     position = (exposures.get("position_mm") or {}).get("median") or [None] * 3
     attitude = (exposures.get("attitude_deg") or {}).get("median") or [None] * 3
     limits = [limit for limit in report["limits"] if limit["rank"] >= 1.0]
-    judgement, why = mood(report)
+    judgement, why, _ = run_verdict(report)
     row: Row = dict.fromkeys(COLUMNS)
     row |= {
         "judgement": judgement,

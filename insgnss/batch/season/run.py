@@ -10,12 +10,12 @@ from typing import Any
 
 from ...base.ahead import compile_ahead
 from ...base.errors import InsgnssError, UsageError
-from ...base.files import atomic_write
+from ...base.files import atomic_write, picked
 from ...base.output.staging import together
 from ...base.wording import relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
-from .page import SeasonPage, is_ours
+from .page import is_ours, page_html, season_document
 from .pool import processors, run_alone, run_side_by_side
 from .request import SeasonRequest
 from .row import COLUMNS, Row, with_own_names
@@ -63,28 +63,21 @@ class SeasonResult:
         return 0 if not codes else codes.pop() if len(codes) == 1 else MIXED
 
     def summary(self) -> str:
-        """Return a few lines for the terminal."""
-        broken = [one for one in self.outcomes if one.status == FAILED]
-        lines = [f"{self.headline}, in {duration(self.seconds)}"]
-        lines += [f"failed: {one.name}: {one.reason}" for one in broken]
-        lines += [f"kept: {o.name}: {o.reason}" for o in self.outcomes if o.is_changed]
-        lines += [trend.sentence() for trend in self.trends if trend.odd]
-        lines += [f"wrote {file}" for file in self.files]
-        return "\n".join(lines)
+        """Return the text for the terminal."""
+        headline_text = f"{self.headline}, in {duration(self.seconds)}"
+        return season_document(self.rows, self.trends, headline_text, files=self.files).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
         return {
-            "headline": self.headline,
-            "exit_code": self.exit_code,
+            **picked(self, "headline", "exit_code", "seconds"),
             "flights": list(self.rows),
             "trends": [
                 {
-                    "equipment": t.equipment,
+                    **picked(t, "equipment", "finding"),
                     "constant": str(t.quantity.state),
                     "unit": t.quantity.unit,
                     "flights": int(t.days.size),
-                    "finding": t.finding,
                     "per_day": t.slope,
                     "per_day_sigma": t.slope_sigma,
                     "chi_square_per_dof": t.chi_square,
@@ -93,7 +86,6 @@ class SeasonResult:
                 for t in self.trends
             ],
             "files": [str(file) for file in self.files],
-            "seconds": self.seconds,
         }
 
 
@@ -281,14 +273,14 @@ def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
     directory = request.directory
     rows = tuple(_relative(row, directory) for row in with_own_names([o.row for o in outcomes]))
     found_trends = tuple(trends(rows))
-    settings = [("flights", " ".join(request.sources))]
-    settings += [("scheduler", request.scheduler)] if request.scheduler else []
-    page = SeasonPage(rows, found_trends, headline(outcomes), settings)
+    settings = {"flights": " ".join(request.sources)}
+    settings |= {"scheduler": request.scheduler} if request.scheduler else {}
+    document = season_document(rows, found_trends, headline(outcomes), settings)
     files = [directory / TABLE, directory / PAGE]
     with together() as staging:
         into = staging.tree(directory)
         atomic_write(into / TABLE, csv_text(rows))
-        atomic_write(into / PAGE, page.html())
+        atomic_write(into / PAGE, page_html(document))
         if request.parquet:
             atomic_write(into / PARQUET, parquet_bytes(rows))
             files.append(directory / PARQUET)

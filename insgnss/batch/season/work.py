@@ -20,7 +20,7 @@ from ...base.errors import DataError, InputError, InsgnssError
 from ...base.inputs import sha256
 from ...base.provenance import PRODUCTS, changed_products
 from ...base.received.trusted import trusting
-from ...base.wording import relative
+from ...base.wording import relative, some
 from ...flight.config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
 
@@ -89,10 +89,10 @@ class Outcome:
         """Why it failed, or what limits it; empty of a good flight."""
         return str(self.row.get("reason") or "")
 
-    @property
-    def is_changed(self) -> bool:
-        """Whether it was kept although somebody changed its products."""
-        return CHANGED in self.row
+
+def is_changed(row: Row) -> bool:
+    """Whether a flight was kept although somebody changed its products."""
+    return CHANGED in row
 
 
 Tell = Callable[[Outcome], None]
@@ -255,9 +255,8 @@ def changed_since(names: Sequence[str]) -> str:
     names : sequence of str
         Of the products.
     """
-    others = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return (
-        f"changed since: {', '.join(names[:MOST_NAMED])}{others}: not what the run wrote, and kept"
+        f"changed since: {some(names, MOST_NAMED)}: not what the run wrote, and kept"
         " as changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
     )
 

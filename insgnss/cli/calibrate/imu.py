@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write, json_text
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, refuse_other_results
@@ -58,6 +57,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ...io.formats import read_imu
     from ...navigation.prepare.calibration import write_calibration
     from ...noise.multi_position.calibration import calibrate_multi_position
+    from ...report.document import write_json
 
     spec = _imu_spec(options)
     out = options.out or options.imu.parent / "calibration.toml"
@@ -77,8 +77,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     flight = () if options.flight is None else (options.flight,)
     with together():
         write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
-        made = figures | made_from((options.imu, *flight), document, [out])
-        atomic_write(document, json_text(made))
+        write_json(document, figures | made_from((options.imu, *flight), document, [out]))
     return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ...batch.season.request import SeasonRequest
 from ..console import Progress
-from ..verb import Verb, print_json, report_error
+from ..verb import Verb, report_error, show_result
 
 if TYPE_CHECKING:
     from ...batch.season.work import Outcome
@@ -24,11 +24,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     request = options.records[SeasonRequest]
     lines = _Lines(progress, silent=options.json)
     result = run_season(request, lambda one: lines.show(one, line_of(one)), lines.tick)
-    progress.clear()
-    if options.json:
-        print_json(result.as_dict())
-    else:
-        print(result.summary())
+    show_result(options, progress, result)
     if result.exit_code:
         count = sum(one.exit_code != 0 for one in result.outcomes)
         where = next(file for file in result.files if file.suffix == ".html")

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, InsgnssError, UsageError
 from ...records import Finding
+from ...report.document import Section
 from ..processing.inspect import InspectResult
 from ..processing.progress import Progress, quiet
+from .page import finding_documents, findings_section
 
 if TYPE_CHECKING:
     from ..config.flight_file import Flight
@@ -33,21 +35,13 @@ class FlightInspection:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        from .text import finding_lines
-
-        lines = (
-            finding_lines(self.findings)
-            if self.findings
-            else [f"not recognised: {self.unrecognised}"]
-        )
-        return "\n".join(
-            [self.result.summary(), "", "what the data show, read as the flight file says", *lines]
-        )
+        unrecognised = [f"not recognised: {self.unrecognised}"] if self.unrecognised else []
+        title = "What the data show, read as the flight file says"
+        shown = findings_section(title, self.findings)
+        return self.result.document([Section(title, unrecognised), shown]).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the inspection for JSON output."""
-        from .text import finding_documents
-
         return self.result.as_dict() | {
             "findings": finding_documents(self.findings),
             "unrecognised": self.unrecognised,

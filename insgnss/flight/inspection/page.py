@@ -1,92 +1,170 @@
-"""The page of an inspection: what the recording is, by what evidence, and what is doubtful."""
+"""What an inspection says: what the recording is, by what evidence, and what is doubtful."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ...base.files import json_ready, picked
+from ...report.charts.chart import Chart
+from ...report.document import Document, Drawing, Section, Table, checked
 from ...report.figures.recognition import answers_in_words
-from ...report.verb_page import VerbPage, checks_table, preformatted, tabulated
+from ...report.verdict import worst_of
 from .mounting_drawing import drawn_as_svg
-from .text import sensor_lines
+from .sensing import DEG_H, DEG_S, EARTH_RATE, MG, Sensing
 
 if TYPE_CHECKING:
-    from ...report.charts.chart import Chart
+    from ...navigation.recognise.findings import Finding
     from .result import InspectionData
 
 SURE = 0.9  # a confidence that is not doubtful
+MOST_LEFT_OUT = 8  # most files that are not folded: 8, because directories of images have many
 
 
-def inspection_page(result: "InspectionData", charts: "Sequence[Chart]") -> VerbPage:
-    """Return the page of an inspection.
+def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) -> Document:
+    """Return what an inspection says.
 
     Parameters
     ----------
     result : InspectionData
         What was found.
     charts : sequence of Chart
-        What was recognised.
-
-    Returns
-    -------
-    VerbPage
-        With the findings and their evidence.
+        What was recognised, for the page.
     """
-    mood, why = _mood(result)
-    s = result.sensing
-    recognised = "" if result.recognition is None else answers_in_words(result.findings)
-    sampled = f"{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class"
-    findings = [(f.name, f.found, f"{f.confidence:.3f}", f.evidence) for f in result.findings]
-    sources = [
-        (x.role, x.title, x.what, ", ".join(x.columns_left_out) or "none") for x in result.sources
-    ]
-    left_out = [
-        (str(path), why.removeprefix(str(path)).lstrip(": ")) for path, why in result.left_out
-    ]
-    return VerbPage(
+    s, refusal, next_ = result.sensing, result.refusal, ""
+    recognised = "" if result.recognition is None else f"{answers_in_words(result.findings)}; "
+    if result.written:
+        next_ = f"next: insgnss process {result.written[-1]}"
+    elif not result.missing:
+        next_ = "next: insgnss inspect ... --write writes a flight file of this"
+    left_out = [_without(str(path), why) for path, why in result.left_out]
+    unsure = [f.name for f in result.findings if f.confidence < SURE]
+    notes = [check.name for check in result.checks if check.verdict == "note"]
+    doubts = {
+        f"no motion to compare: {result.unrecognised}": result.unrecognised,
+        f"not determined, or with a confidence below {SURE:g}: {', '.join(unsure)}": unsure,
+        f"checks have a note: {', '.join(notes)}": notes,
+    }
+    return Document(
         f"{result.name}: inspection",
-        f"{recognised}; {sampled}" if recognised else sampled,
-        mood,
-        why,
-        charts,
-        parts=(
-            tabulated("Findings", findings, ("finding", "value", "confidence", "evidence")),
-            preformatted("What the sensor shows", sensor_lines(s, result.gyro_counts)),
-            _mounting(result),
-            checks_table(result.checks),
-            tabulated("Files", sources, ("role", "file", "what it is", "columns left out")),
-            tabulated("Left out", left_out, ("file", "why")),
+        f"{recognised}{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class",
+        worst_of(
+            f"every finding has a confidence of {SURE:g} or more, and no check has a note",
+            [text for text, names in doubts.items() if names],
+            [] if refusal is None else [str(refusal)],
         ),
-        inputs=[x.path for x in result.sources],
+        (
+            *charts,
+            findings_section("Findings", result.findings),
+            Section("What the sensor shows", tuple(_sensor(s, result.gyro_counts))),
+            Section("Mounting", _mounting(result), "page"),
+            checked(result.checks),
+            Section("Files", [_source_line(source) for source in result.sources]),
+            Section("Left out", left_out[:MOST_LEFT_OUT], more=left_out[MOST_LEFT_OUT:]),
+        ),
+        [x.path for x in result.sources],
+        files=result.written,
+        next=next_,
     )
 
 
-def _mounting(result: "InspectionData") -> str:
-    """Return the drawing of the drafted mounting under a heading; nothing without a draft."""
+def _source_line(source: Any) -> str:
+    columns = ", ".join(source.columns_left_out)
+    text = f"{source.role}: {source.title}: {source.what}"
+    return f"{text}; columns left out: {columns}" if columns else text
+
+
+def _without(path: str, why: str) -> str:
+    return f"{path}: {why.removeprefix(path).lstrip(': ')}"
+
+
+def findings_section(title: str, findings: "Sequence[Finding]") -> Section:
+    """Return findings with their evidence as a table.
+
+    Parameters
+    ----------
+    title : str
+        The heading.
+    findings : sequence of Finding
+        What was recognised.
+    """
+    rows = [(f.name, f.found, f"{f.confidence:.3f}", f.evidence) for f in findings]
+    return Section(title, [Table(rows, ("finding", "value", "confidence", "evidence"))])
+
+
+def finding_documents(findings: Any) -> list[dict[str, Any]]:
+    """Return the findings for JSON output."""
+    return [picked(f, "name", "value", "confidence", "evidence") for f in findings]
+
+
+def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
+    """Yield what the IMU shows of itself; gyro_counts as in `alone.Alone`."""
+    unit, factor = ("deg/s", DEG_S) if gyro_counts is None else ("counts", gyro_counts)
+    noises = [("at rest" if s.rest_s else "quietest", s.rest_gyro, s.rest_accel)]
+    if not s.is_static:
+        noises.append(("moving", s.moving_gyro, s.moving_accel))
+    for state, gyro, accel in noises:
+        yield (
+            f"white noise {state}: gyro {_three(gyro / factor)} {unit}/sqrt(Hz), accelerometer"
+            f" {_three(accel / MG)} mg/sqrt(Hz)"
+        )
+    if not s.rest_s:
+        yield "no stationary period of a second"
+        return
+    axis = int(np.argmax(np.abs(s.mean_accel)))
+    yield (
+        f"at rest {s.rest_s:.0f} s in {len(s.stationary)} stationary"
+        f" periods{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
+        f" {'xyz'[axis]} points {'up' if s.mean_accel[axis] > 0 else 'down'}; mean rate"
+        f" {_three(s.mean_gyro / factor)} {unit}"
+    )
+    if s.sees_earth:
+        size = float(np.linalg.norm(s.mean_gyro))
+        yield (
+            f"the gyros see the Earth turn: {size / DEG_H:.2f} of"
+            f" {EARTH_RATE / DEG_H:.2f} deg/h, so they can find north at rest"
+        )
+
+
+def _three(x: np.ndarray) -> str:
+    return " ".join(f"{v:.3g}" for v in x)
+
+
+def _mounting(result: "InspectionData") -> "tuple[Drawing, ...]":
+    """Return the drawing of the drafted mounting; nothing without a draft."""
     draft = result.draft
     antenna = None if draft is None else draft.value("mounting", "antenna_m")
     if draft is None or antenna is None:
-        return ""
+        return ()
     turn = draft.value("mounting", "camera_from_body") or [[-1, 0, 0], [0, -1, 0], [0, 0, 1]]
     imu = draft.value("mounting", "imu_m") or [0.0, 0.0, 0.0]
     remark = (
         "<p>Axes of the body and, as drafted, of the camera; lever arms go from the camera to the"
         " antenna and to the IMU. What is drawn at the camera has not been measured.</p>"
     )
-    return f"<h2>Mounting</h2>{remark}<div class='wide'>{drawn_as_svg(turn, antenna, imu)}</div>\n"
+    return (Drawing(f"{remark}<div class='wide'>{drawn_as_svg(turn, antenna, imu)}</div>\n"),)
 
 
-def _mood(result: "InspectionData") -> tuple[str, str]:
-    """Return the colour of the bar, and why it has it."""
-    if (refusal := result.refusal) is not None:
-        return "bad", str(refusal)
-    unsure = [f.name for f in result.findings if f.confidence < SURE]
-    notes = [check.name for check in result.checks if check.verdict == "note"]
-    if result.unrecognised:
-        return "doubtful", f"no motion to compare: {result.unrecognised}"
-    if unsure:
-        return (
-            "doubtful",
-            f"not determined, or with a confidence below {SURE:g}: {', '.join(unsure)}",
-        )
-    if notes:
-        return "doubtful", f"checks have a note: {', '.join(notes)}"
-    return "good", f"every finding has a confidence of {SURE:g} or more, and no check has a note"
+def numbers_of(result: "InspectionData") -> dict[str, Any]:
+    """Return the inspection for JSON output."""
+    s = result.sensing
+    noise = picked(s, "rest_gyro", "rest_accel", "moving_gyro", "moving_accel")
+    return {
+        **picked(result, "name", "unrecognised", "missing"),
+        "sources": [
+            {
+                **picked(x, "role", "what"),
+                "file": str(x.path),
+                "keys": {k: list(v) if isinstance(v, tuple) else v for k, v in x.keys.items()},
+                "columns_left_out": list(x.columns_left_out),
+            }
+            for x in result.sources
+        ],
+        "findings": finding_documents(result.findings),
+        "sensor": picked(s, "rate_hz", "length_s", "rest_s", "sees_earth", "grade")
+        | {"white_noise_si": json_ready(noise)},
+        "checks": [asdict(c) for c in result.checks],
+        "left_out": {str(path): why for path, why in result.left_out},
+        "written": [str(path) for path in result.written],
+    }

@@ -18,22 +18,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.errors import InputError
+from ...base.wording import some
 from ...navigation.prepare.clock import NO_WEEK
 from ...records import CameraEvents, GnssFixes, ImuSamples
 from ..processing.progress import Progress, quiet
 from .discovery import Discovery, discover
 from .event_clock import clock_of_events
 from .exchanged_axes import right_handed
+from .page import inspection_document, numbers_of
 from .result import InspectionData
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
 from .tables.halves import of_two_halves
-from .text import document, summary
 
 if TYPE_CHECKING:
     from ...navigation.recognise.recognition import Recognition
     from ...navigation.recognise.turns import Forces
     from ...report.charts.chart import Chart
-    from ...report.verb_page import VerbPage
     from .rinex.result import RinexInspection
     from .rinex.survey import Survey
 
@@ -56,7 +56,8 @@ class Inspection(InspectionData):
         from .draft import write_draft
 
         assert self.draft is not None
-        drafted = replace(self.draft, picture=self.picture(), page="".join(self.page().html()))
+        page = "".join(inspection_document(self, self.charts()).html())
+        drafted = replace(self.draft, picture=self.picture(), page=page)
         return replace(self, written=tuple(write_draft(drafted, path, force)))
 
     def charts(self) -> "tuple[Chart, ...]":
@@ -84,19 +85,13 @@ class Inspection(InspectionData):
         title = f"{self.name}: what the IMU felt and what GNSS saw"
         return draw_sheet(columns, title, answers_in_words(self.recognition.findings))
 
-    def page(self) -> "VerbPage":
-        """Return the page: what was recognised and why, charts, checks."""
-        from .page import inspection_page
-
-        return inspection_page(self, self.charts())
-
     def summary(self) -> str:
         """Return the text for the terminal."""
-        return summary(self)
+        return inspection_document(self).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the inspection for JSON output."""
-        return document(self)
+        return numbers_of(self)
 
 
 def inspect_files(
@@ -187,10 +182,9 @@ def _choose(
             " columns in a flight file"
         )
     if len(samples) > 1:
-        names = ", ".join(source.title for source in samples[:MOST_LISTED])
-        more = f" and {len(samples) - MOST_LISTED} more" if len(samples) > MOST_LISTED else ""
+        names = some((source.title for source in samples), MOST_LISTED)
         raise InputError(
-            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of"
+            f"{where}: {len(samples)} recordings of an IMU: {names}; name the files of one of"
             " them ([[imu.further]] joins others)"
         )
     imu = samples[0]
@@ -214,8 +208,7 @@ def _listed(discovery: Discovery) -> str:
         *(f"{source.path.name} ({source.what})" for source in discovery.sources),
         *others,
     ]
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return "; ".join(names[:MOST_LISTED]) + more
+    return some(names, MOST_LISTED, "; ")
 
 
 def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Source | None:

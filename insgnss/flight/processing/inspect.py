@@ -1,11 +1,13 @@
 """The inspection of a flight: the checks of its recording, without processing it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ...base.errors import InsgnssError
-from ...base.findings import check_lines
 from ...records import Finding, Question
+from ...report.document import Document, Section, checked
+from ...report.verdict import worst_of
 from ..config.flight_file import Flight
 from .progress import Progress, quiet
 from .recording import Recording, read_recording
@@ -31,9 +33,26 @@ class InspectResult:
         """One sentence for each check that the data contradict."""
         return [check.named_sentence for check in self.checks if check.verdict == "contradiction"]
 
+    def document(self, more: Sequence[Section] = ()) -> Document:
+        """Return what the checks say, with further sections.
+
+        Parameters
+        ----------
+        more : sequence of Section
+            What stands below the checks.
+        """
+        notes = [check.name for check in self.checks if check.verdict == "note"]
+        verdict = worst_of(
+            "no check has a note",
+            [f"checks have a note: {', '.join(notes)}"] if notes else [],
+            self.contradictions,
+        )
+        title = f"{self.name}: {len(self.checks)} checks of the recording"
+        return Document(self.name, title, verdict, (checked(self.checks), *more))
+
     def summary(self) -> str:
-        """Return a table for the terminal."""
-        return "\n".join([self.name, *check_lines(self.checks)])
+        """Return the text for the terminal."""
+        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the checks in types that JSON has."""

@@ -30,6 +30,7 @@ from ...records import (
     Trajectory,
 )
 from ...records.strips import CommonErrors, StripCovariance
+from ...report.page import run_document
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
 from .checks import (
@@ -119,14 +120,8 @@ class ProcessResult:
         return f"<ProcessResult {self.trajectory!r}, {self.eo!r}: {self.report['headline']}>"
 
     def summary(self) -> str:
-        """Return a few lines for the terminal."""
-        exports = self.report.get("exports", ())
-        notes = dict.fromkeys(note for export in exports for note in export["notes"])
-        remarks = (f"remark: {text}" for text in self.report["verdict"][:MOST_REMARKS])
-        lines = [self.report["headline"], *self.report["use"]["reasons"], *remarks]
-        lines += [f"note: {note}" for note in notes]
-        lines += [f"wrote {file}" for file in self.files]
-        return "\n".join(lines)
+        """Return the text for the terminal."""
+        return run_document(self.report, files=self.files).text()
 
 
 @at_home

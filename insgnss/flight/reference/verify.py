@@ -23,6 +23,8 @@ from ...base.errors import DataError
 from ...geodesy.rotation import rotation_from_quaternion, vector_from_rotation
 from ...navigation.filter.codes import POS, PSI, VEL
 from ...records import Array
+from ...report.document import Document, Section, Table
+from ...report.verdict import worst_of
 
 if TYPE_CHECKING:
     from ...navigation.filter.problem import EstimationProblem, InitialState
@@ -122,30 +124,32 @@ class Verification:
 
     def summary(self) -> str:
         """The headline and a table for the terminal."""
-        width = max(len(d.quantity) for d in self.differences)
-        lines = [
-            self.headline(),
+        rows = [
             (
-                f"{self.name}, {self.begin:.1f} to {self.end:.1f} s: {self.imu_samples} IMU"
-                f" samples, {self.epochs} epochs, {self.states} states, passes: {self.passes}"
-            ),
-            f"{'largest difference of':{width}}    in its unit          sigmas    sigma ratio",
-        ]
-        lines += [
-            f"{d.quantity:{width}}  {d.largest:10.2e} {d.unit:8} {d.in_sigmas:10.2e}  "
-            f"{1 + d.sigma_ratio:12.6f}"
+                d.quantity,
+                f"{d.largest:.2e} {d.unit}",
+                f"{d.in_sigmas:.2e}",
+                f"{1 + d.sigma_ratio:.6f}",
+            )
             for d in self.differences
         ]
-        return "\n".join(
-            [
-                *lines,
-                (
-                    f"measurements: {self.decisions}, used by one and rejected by the other: "
-                    f"{self.decided_otherwise}"
-                ),
-                f"filter and smoother: core {self.core_s:.2f} s, twin {self.twin_s:.1f} s",
-            ]
+        head = ("largest difference of", "in its unit", "sigmas", "sigma ratio")
+        extent = (
+            f"{self.begin:.1f} to {self.end:.1f} s: {self.imu_samples} IMU samples,"
+            f" {self.epochs} epochs, {self.states} states, passes: {self.passes}"
         )
+        decided = (
+            f"measurements: {self.decisions}, used by one and rejected by the other:"
+            f" {self.decided_otherwise}"
+        )
+        took = f"filter and smoother: core {self.core_s:.2f} s, twin {self.twin_s:.1f} s"
+        refusal = [] if self.refusal is None else [str(self.refusal)]
+        return Document(
+            self.name,
+            self.headline(),
+            worst_of("all differences are within their limits", bad=refusal),
+            [Section(self.name, [extent, Table(rows, head, numbers=True), decided, took])],
+        ).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""

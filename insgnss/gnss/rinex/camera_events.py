@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.wording import named, setting
+from ...base.wording import named, setting, some
 from ...io.formats.events.events import numbered
 from ...io.formats.text.layout import shown
 from ...io.formats.text.order import note, put_in_order
@@ -137,7 +137,5 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
 
 
 def _those(records: Records, invalid: Records) -> str:
-    times = ", ".join(f"{record.time:.3f}" for record in invalid[:MOST_LISTED]) + (
-        " ..." if len(invalid) > MOST_LISTED else ""
-    )
-    return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times} s"
+    times = some((f"{record.time:.3f} s" for record in invalid), MOST_LISTED)
+    return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times}"

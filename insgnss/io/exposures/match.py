@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
-from ...base.wording import named, setting
+from ...base.wording import named, setting, some
 from ...records import Array, CameraEvents, Finding
 from ..formats.events.events import UNNAMED
 from ..formats.text.order import note
@@ -194,7 +194,7 @@ class _Match:
                 " names"
             )
         if discrepancy is not None:
-            names = _first_of([self.names[k] for k in discrepancy.images])
+            names = some([self.names[k] for k in discrepancy.images], 5)
             finding = (
                 f"{len(discrepancy.images)} of {len(self.names)} are off by more than"
                 f" {discrepancy.near_s:.2f}"
@@ -210,7 +210,7 @@ class _Match:
                 ),
             )
         if (not timed or notes) and (gaps := _number_gaps(self.names)):
-            finding = f"as many as events, but their numbers leave out {_first_of(gaps)}"
+            finding = f"as many as events, but their numbers leave out {some(gaps, 5)}"
             advice = "see that no event is missing or too many as well"
             notes += (note("names of the images", finding, "numbers without a gap", advice),)
         return notes
@@ -253,9 +253,9 @@ def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str
         f"by the images' own times (offset {match.offset_s:.3f} s, remainder {match.rms_s:.3f} s)"
     )
     if events:
-        summary += f" no image belongs to event {_first_of(events)}"
+        summary += f" no image belongs to event {some(events, 5)}"
     if images:
-        summary += f"{' and' if events else ''} no event to image {_first_of(images)}"
+        summary += f"{' and' if events else ''} no event to image {some(images, 5)}"
     left_out = {"camera.skip_events": events[:8], "camera.skip_images": images[:8]}
     answer = [setting(key, odd) for key, odd in left_out.items() if odd]
     return f"{summary}; if that is so, set {' and '.join(answer)}"
@@ -270,7 +270,7 @@ def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) ->
     events = [int(number[gap - start]) for gap in gaps]
     answer = setting("camera.skip_events", events[:8])
     return (
-        f"the images' numbers leave out {_first_of(gaps)}; if these were exposed and are lost, set"
+        f"the images' numbers leave out {some(gaps, 5)}; if these were exposed and are lost, set"
         f" {answer}"
     )
 
@@ -315,8 +315,3 @@ def _number_gaps(names: Sequence[str]) -> list[int]:
     ):
         return []
     return sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
-
-
-def _first_of(items: Sequence[object]) -> str:
-    listed = ", ".join(map(str, items[:5]))
-    return listed if len(items) <= 5 else f"{listed} and {len(items) - 5} more"

@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from ...base.files import picked
 from ...base.units import STANDARD_GRAVITY
 from ...navigation.prepare.calibration import ImuCalibration, TriadCalibration
 from ...navigation.prepare.stationarity import StationaryPeriods
 from ...records import Array
 from ...records.states import State
 from ...records.verdicts import Estimate
+from ...report.document import Document, Section, Table
+from ...report.verdict import worst_of
 
 # by unit, of biases, scale factors and misalignments: 40 deg/h, 1 mg, 1000 ppm, 1 mrad
 USUAL = {"rad/s": 2e-4, "m/s^2": 0.01, "": 1e-3, "rad": 1e-3}
@@ -165,43 +168,42 @@ class MultiPosition:
         return (*self.accel.parameters, *self.gyro.parameters)
 
     def summary(self) -> str:
-        """Return a table that a person reads."""
-        lines = [
-            (
-                f"{self.source}: {len(self.stationary)} stationary periods in {self.positions}"
-                f" positions, {self.turns} turns between them"
+        """Return the text for the terminal."""
+        rows, fits = [], []
+        named: dict[str, list[str]] = {}
+        for p in self.parameters:
+            value, sigma, unit = p.shown
+            rows.append((p.sensor, p.name, f"{value:.3f} ± {sigma:.3f}", unit, p.verdict))
+            named.setdefault(p.verdict, []).append(f"{p.sensor} {p.name}")
+        for e in (self.accel, self.gyro):
+            worst = float(np.abs(e.residual).max())
+            fits += [
+                f"{e.sensor}: {group} residuals {np.sqrt(factor):.2f} times the white noise,"
+                f" largest {worst:.1f} sigma"
+                for group, factor in e.variance_factor.items()
+            ]
+            fits += [f"{e.sensor}: not observed: {words}" for words in e.blind]
+        ppm = 1e6 * self.gravity_sigma / self.gravity
+        gravity = (
+            f"gravity {self.gravity:.5f} m/s^2, standard deviation {self.gravity_sigma:.5f}"
+            f" ({ppm:.0f} ppm of every scale factor of the accelerometers)"
+        )
+        named.pop("observed", None)
+        return Document(
+            self.source,
+            f"{self.source}: {len(self.stationary)} stationary periods in {self.positions}"
+            f" positions, {self.turns} turns between them",
+            worst_of(
+                "every parameter is observed", [f"{k}: {', '.join(v)}" for k, v in named.items()]
             ),
-            (
-                f"gravity {self.gravity:.5f} m/s^2, standard deviation {self.gravity_sigma:.5f}"
-                f" ({1e6 * self.gravity_sigma / self.gravity:.0f} ppm of every scale factor of the"
-                " accelerometers)"
-            ),
-        ]
-        for parameter in self.parameters:
-            value, sigma, unit = parameter.shown
-            lines.append(
-                f"{parameter.sensor:5}  {parameter.name:15} {value:11.3f} +- {sigma:9.3f} {unit:6}"
-                f" {parameter.verdict}"
-            )
-        for estimate in (self.accel, self.gyro):
-            for group, factor in estimate.variance_factor.items():
-                worst = float(np.abs(estimate.residual).max())
-                lines.append(
-                    f"{estimate.sensor}: {group} residuals {np.sqrt(factor):.2f} times the white"
-                    f" noise, largest {worst:.1f} sigma"
-                )
-            lines += [f"{estimate.sensor}: not observed: {words}" for words in estimate.blind]
-        return "\n".join(lines)
+            (Section("Parameters", [Table(rows)]), Section("Residuals", [gravity, *fits])),
+        ).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return a JSON-able document: parameters in SI, covariances, residual statistics."""
         document: dict[str, Any] = {
-            "source": self.source,
             "stretches": len(self.stationary),
-            "positions": self.positions,
-            "turns": self.turns,
-            "gravity": self.gravity,
-            "gravity_sigma": self.gravity_sigma,
+            **picked(self, "source", "positions", "turns", "gravity", "gravity_sigma"),
         }
         for estimate in (self.accel, self.gyro):
             document[estimate.sensor] = {

@@ -1,15 +1,13 @@
-"""What tuning found, as records: one a fit, and one for all; `result.TuneResult` adds its texts."""
+"""What tuning found of one axis, or of axes that share a model; `result.TuneResult` is of all."""
 
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...navigation.noise_model.model import AxisNoise, NoiseModel
+from ...navigation.noise_model.model import AxisNoise
 from ..estimation.gmwm import Fit
 from ..estimation.goodness import GoodnessOfFit
 from ..estimation.inference import Inference
-from .options import TuneOptions
-from .recordings import AXES, StaticRecording
+from .recordings import AXES
 from .trend import Trend
 
 if TYPE_CHECKING:
@@ -50,18 +48,3 @@ class Tuned:
     def efficient(self) -> bool:
         """Whether the second step is what was kept."""
         return self.kept is not self.first
-
-
-@dataclass(frozen=True, eq=False)
-class TuneData:
-    """All fits, the recordings they rest on, and the noise model, None where a sensor is missing;
-    `files` that were written.
-    """
-
-    recordings: tuple[StaticRecording, ...]
-    tuned: tuple[Tuned, ...]
-    model: NoiseModel | None
-    turn_on: tuple[str, ...]
-    options: TuneOptions
-    files: tuple[Path, ...] = ()
-    notes: tuple[str, ...] = field(default_factory=tuple)

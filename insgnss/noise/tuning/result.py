@@ -1,28 +1,110 @@
 """What tuning found: in words, and as a document for machines."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.files import json_ready
-from ..estimation.estimates import Estimate
+from ...base.files import json_ready, picked
+from ...navigation.noise_model.model import NoiseModel
+from ...report.charts.chart import Chart
+from ...report.document import Document, Section, Table, checked
+from ...report.verdict import Verdict, worst_of
 from ..estimation.gmwm import Fit
+from ..estimation.goodness import p_text
 from ..moments.theory import haar_variance_parts
-from .fits import Tuned, TuneData
-from .products.table import summary
-from .recordings import AXES, StaticRecording
+from .fits import Tuned
+from .options import TuneOptions
+from .products.table import duration, interval, symbol, unit_text, value_text
+from .products.words import FITS, goodness_p, sensor_words, sentences, trends
+from .recordings import AXES, SENSORS, StaticRecording
 
 if TYPE_CHECKING:
     from ..estimation.selection import NearStationarity, Ranking
 
 
 @dataclass(frozen=True, eq=False)
-class TuneResult(TuneData):
-    """The result of a tuning with its texts."""
+class TuneResult:
+    """All fits, the recordings they rest on, and the noise model, None where a sensor is missing;
+    `files` that were written.
+    """
+
+    recordings: tuple[StaticRecording, ...]
+    tuned: tuple[Tuned, ...]
+    model: NoiseModel | None
+    turn_on: tuple[str, ...]
+    options: TuneOptions
+    files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    def document(self, charts: Sequence[Chart] = ()) -> Document:
+        """Return what a tuning says.
+
+        Parameters
+        ----------
+        charts : sequence of Chart
+            A chart a sensor, for the page.
+        """
+        recordings, usual = self.recordings, asdict(TuneOptions())
+        by_sensor = {s: [t for t in self.tuned if t.sensor == s] for s in SENSORS}
+        by_sensor = {sensor: tuned for sensor, tuned in by_sensor.items() if tuned}
+        remarks = [f"{t.name}: {text}" for t in self.tuned for text in sentences(t, recordings)]
+        words = [sensor_words(tuned, recordings, self.options) for tuned in by_sensor.values()]
+        for sensor, tuned in by_sensor.items():
+            remarks += trends(sensor, tuned, recordings)
+        notes_on_checks = [
+            f"{r.name}: {c.name}: {c.found}" + (f"; {c.advice}" if c.advice else "")
+            for r in recordings
+            for c in r.checks
+            if c.verdict != "ok"
+        ]
+        head = ("axes", "parameter", "estimate", "unit", "95 % interval", "J test")
+        rows = [row for t in self.tuned for row in _rows(t)]
+        lengths = [
+            f"{r.name}: {r.source.samples} samples at {r.source.sampling_rate_hz:g} Hz,"
+            f" {duration(r.length_s)}"
+            for r in recordings
+        ]
+        return Document(
+            f"{self.files[0].stem if self.files else 'noise'}: noise of an IMU at rest",
+            "; ".join(f"{model} ({of})" for model, of in words),
+            self._verdict(),
+            (
+                *charts,
+                Section("Parameters, each with its standard error", [Table(rows, head)]),
+                Section(
+                    "Remarks",
+                    [*notes_on_checks, *remarks, *self.turn_on, *self.notes],
+                ),
+                Section("Recordings", lengths),
+                checked((check for r in recordings for check in r.checks), on="page"),
+            ),
+            hashes={r.source.file: r.source.sha256 for r in recordings},
+            settings={k: value for k, value in asdict(self.options).items() if value != usual[k]},
+            files=self.files,
+        )
+
+    def _verdict(self) -> Verdict:
+        """Return how far the models explain the recordings."""
+        tested = [t for t in self.tuned if math.isfinite(goodness_p(t))]
+        good = f"the J test contradicts none of {len(tested)} models"
+        if not tested:
+            good = "every axis has a model; none has so many scales that it could be tested"
+        doubtful = []
+        if misfits := [t.name for t in tested if goodness_p(t) < FITS]:
+            doubtful.append(
+                f"the J test contradicts {len(misfits)} of {len(tested)} models"
+                f" ({', '.join(misfits)}; by chance one in {1.0 / FITS:.0f} does); below it is said"
+                " by how much of the deviation"
+            )
+        if self.model is None:
+            doubtful.append("no noise model was written: a sensor or an axis is missing")
+        return worst_of(good, doubtful)
 
     def summary(self) -> str:
-        """The table that a person reads."""
-        return summary(self)
+        """Return the text for the terminal."""
+        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
@@ -35,6 +117,17 @@ class TuneResult(TuneData):
             "files": self.files,
         }
         return dict(json_ready(document))
+
+
+def _rows(t: Tuned) -> Iterator[tuple[str, ...]]:
+    """Yield the parameters of one model."""
+    p = goodness_p(t)
+    test = p_text(p) if math.isfinite(p) else "no test"
+    for e in t.inference.estimates:
+        name = f"{symbol(e.term)} {e.term.kind.replace('_', ' ')}"
+        estimate = value_text(t.sensor, e)
+        unit = unit_text(t.sensor, e.term.kind)
+        yield (t.name, name, estimate, unit, interval(t.sensor, e), test)
 
 
 def _recording(r: StaticRecording) -> dict[str, Any]:
@@ -56,7 +149,10 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
         "how": t.how,
         "diagonal_weights": _objective(t.first),
         "kept_weights": _objective(t.kept),
-        "estimates": [_estimate(e) for e in t.inference.estimates],
+        "estimates": [
+            picked(e, "name", "value", "standard_error", "low", "high", "at_bound")
+            for e in t.inference.estimates
+        ],
         "intervals": t.inference.intervals,
         "j_test": asdict(t.goodness),
         "verdicts": [asdict(v) for v in t.inference.verdicts],
@@ -79,17 +175,6 @@ def _objective(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _estimate(e: Estimate) -> dict[str, Any]:
-    return {
-        "name": e.name,
-        "value": e.value,
-        "standard_error": e.standard_error,
-        "low": e.low,
-        "high": e.high,
-        "at_bound": e.at_bound,
-    }
-
-
 def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, Any]]:
     """Wavelet variances with what the model says of them."""
     out = []
@@ -99,14 +184,8 @@ def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, A
             {
                 "recording": recordings[i % len(recordings)].name,
                 "axis": AXES[t.axes[i // len(recordings)]],
-                "rate_hz": curve.rate_hz,
-                "samples": curve.samples,
-                "robust": curve.robust,
-                "level": curve.level,
-                "scale_s": curve.scale_s,
+                **picked(curve, "rate_hz", "samples", "robust", "level", "scale_s", "low", "high"),
                 "wavelet_variance": curve.variance,
-                "low": curve.low,
-                "high": curve.high,
                 "modelled": modelled,
                 "parts": parts,
                 "residual_sigma": t.inference.goodness.residuals[i],
@@ -117,17 +196,13 @@ def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, A
 
 def _ranking(ranking: "Ranking") -> dict[str, Any]:
     """The models that competed, best first."""
+    numbers = ("wic", "difference", "p_value", "cross_validated", "equivalent", "remarks")
     models = [
         {
             "composition": str(c.composition),
             "parameters": c.composition.size,
             "objective": c.fit.objective,
-            "wic": c.wic,
-            "difference": c.difference,
-            "p_value": c.p_value,
-            "cross_validated": c.cross_validated,
-            "equivalent": c.equivalent,
-            "remarks": list(c.remarks),
+            **picked(c, *numbers),
         }
         for c in ranking.candidates
     ]
@@ -143,7 +218,7 @@ def _stationarity(
 ) -> dict[str, Any]:
     """Whether one parameter set serves all recordings."""
     numbers = ("statistic", "degrees", "p_value", "bootstrapped", "bootstrapped_error", "draws")
-    return {name: getattr(test, name) for name in numbers} | {
+    return picked(test, *numbers) | {
         "shares": {r.name: float(share) for r, share in zip(recordings, test.shares, strict=True)},
         "spread": [
             {"parameter": name, "found": scatter, "by_chance": chance}

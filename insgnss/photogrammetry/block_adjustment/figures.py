@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base import __version__
+from ...base.files import picked
 from ...geodesy.rotation import vector_from_rotation
 from ...records.block import INTERIOR, ImageBlock
 from ...records.relative import GAP_S
@@ -74,7 +75,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         | _statistics(checks),
         "images": _images(solved),
         "correlations": [
-            {"first": c.first, "second": c.second, "correlation": c.value, "remedy": c.remedy}
+            picked(c, "first", "second", "remedy") | {"correlation": c.value}
             for c in inseparable(solved.precision)
         ],
         "rejected": _rejected(solved),
@@ -146,9 +147,7 @@ def _counts(solved: Solved) -> dict[str, int]:
 def _components(solved: Solved) -> list[dict[str, Any]]:
     return [
         {
-            "name": c.name,
-            "observations": c.observations,
-            "redundancy": c.redundancy,
+            **picked(c, "name", "observations", "redundancy"),
             "variance": None if np.isnan(c.variance) else c.variance,
             "factor": solved.factors.get(c.name, 1.0),
         }
@@ -168,11 +167,8 @@ def _cameras(solved: Solved) -> list[dict[str, Any]]:
         root = np.sqrt(np.maximum(np.diagonal(cov), 1e-300))
         out.append(
             {
-                "name": camera.name,
+                **picked(camera, "name", "width", "height", "unit_px"),
                 "model": "backward" if camera.backward else "forward",
-                "width": camera.width,
-                "height": camera.height,
-                "unit_px": camera.unit_px,
                 "images": int((block.camera == c).sum()),
                 "parameters": {
                     name: {

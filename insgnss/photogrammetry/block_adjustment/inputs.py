@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, InsgnssError, near
 from ...base.tables import Columns
-from ...base.wording import first_of
+from ...base.wording import some
 from ...flight.config.block_file import BlockFile
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
@@ -136,8 +136,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
         own = set(rows[rows >= 0].tolist())
         names = [name for k, name in enumerate(eo.images) if k not in own]
-        which = f"have no image observations: {first_of(names)}"
-        notes.append(f"{unseen} images of the aerial control {which}")
+        named = some(names)
+        notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
     return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block), vehicle)
@@ -263,9 +263,10 @@ def _oriented_only(
     if not few.any():
         return source
     names = [images[k] for k in np.flatnonzero(few)]
+    named = some(names)
     notes.append(
         f"{len(names)} images are left out, which see fewer than {FEWEST_POINTS} points and have no"
-        f" aerial control: {first_of(names)}"
+        f" aerial control: {named}"
     )
     return _without_images(source, names)
 
@@ -434,5 +435,7 @@ def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
     missing = [name for name in ground.points if name not in names]
     if not missing:
         return []
-    which = f"are measured in no image: {first_of(missing, 5)}"
-    return [f"{len(missing)} of {len(ground.points)} ground points {which}"]
+    named = some(missing, 5)
+    return [
+        f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {named}"
+    ]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.findings import Finding, ranked
-from ...base.wording import first_of
+from ...base.wording import some
 from ...records.states import State
 from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
@@ -259,7 +259,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
             GROUND,
             DISCONNECTED * len(alone) / len(control) + 1.0,
             f"{len(alone)} of {len(control)} ground control points do not fit the rest, and all of"
-            f" their image observations were left out: {first_of(alone)}",
+            f" their image observations were left out: {some(alone)}",
         )
 
 

@@ -9,7 +9,7 @@ One more ground control point is tried where the points are worst: the block is 
 and what it gains is said. Where points are good enough everywhere, it gains little.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.files import atomic_write, json_text
 from ...base.output.staging import together
 from ...flight.config.block_file import BlockFile
 from ...io.formats.blocks.camera_toml import read_camera_toml
@@ -28,9 +27,11 @@ from ...io.formats.blocks.measured_block import of_table
 from ...io.formats.orientation.eo_json import read_one_camera
 from ...records import ExteriorOrientation
 from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
+from ...report.charts.chart import Chart
+from ...report.document import Document, Section, write_with_page
 from ...report.figures.block import precision_map
 from ...report.rules.wording import lengths, screen_unit
-from ...report.verb_page import VerbPage, listed
+from ...report.verdict import worst_of
 from ...simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
 from ..adjust.adjustment import Adjusted, redundancy_of, valid
 from ..adjust.direct import direct_precision
@@ -71,39 +72,62 @@ class Plan:
     best: tuple[Array, float, float, str] | None
     files: tuple[Path, ...] = ()
 
-    def summary(self) -> str:
-        """Return the text for the terminal."""
+    def document(self, charts: Sequence[Chart] = ()) -> Document:
+        """Return what to expect of the block.
+
+        Parameters
+        ----------
+        charts : sequence of Chart
+            Charts of the page.
+        """
         counts, f = self.figures["counts"], self.figures
-        sigma = _sigmas(self.solved.precision)
-        worst = np.quantile(sigma, 0.95, axis=0)
-        lines = [
+        return Document(
+            f"{f['name']}: plan",
             f"planned: {counts['images']} images, {counts['points']} points,"
             f" {counts['image_observations']} image observations,"
             f" {counts['ground_control']} ground control, {counts['check_points']} check points",
+            worst_of("this is what to expect, before anything is measured"),
+            (
+                *charts,
+                Section("What to expect", [*self._precision(), *expected(f), *self._advice()]),
+                Section("Notes", f["notes"]),
+            ),
+            input_paths(self.solved),
+            files=self.files,
+        )
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        return self.document().text()
+
+    def _precision(self) -> Iterator[str]:
+        """Say how well object points and check points will be known."""
+        sigma = _sigmas(self.solved.precision)
+        yield (
             f"points: median sigmas {lengths((1e3 * np.median(sigma, axis=0)).tolist())} (E, N, U),"
-            f" 95 % below {lengths((1e3 * worst).tolist())}",
-        ]
-        checks = [c for c in f["check_points"] if "sigma_adjusted_m" in c]
+            f" 95 % below {lengths((1e3 * np.quantile(sigma, 0.95, axis=0)).tolist())}"
+        )
+        checks = [c for c in self.figures["check_points"] if "sigma_adjusted_m" in c]
         if checks:
             s = np.sqrt(np.mean(np.square([c["sigma_adjusted_m"] for c in checks]), axis=0))
-            lines.append(f"check points: {lengths((1e3 * s).tolist())} expected")
-        lines += list(expected(f))
-        lines += [
-            f"{c['first']} and {c['second']} will hardly be told apart (correlation"
-            f" {c['correlation']:+.2f}): {c['remedy']}"
-            for c in f["correlations"]
-            if c["remedy"] not in ("", NORMAL)
-        ]
+            yield f"check points: {lengths((1e3 * s).tolist())} expected"
+
+    def _advice(self) -> Iterator[str]:
+        """Say what will hardly be told apart, and what one more control point would gain."""
+        for c in self.figures["correlations"]:
+            if c["remedy"] not in ("", NORMAL):
+                yield (
+                    f"{c['first']} and {c['second']} will hardly be told apart (correlation"
+                    f" {c['correlation']:+.2f}): {c['remedy']}"
+                )
         if self.best is not None:
             where, before, after, image = self.best
             gain = "would help most" if after < WORTH * before else "would help little, even"
-            lines.append(
+            yield (
                 f"one more ground control point {gain} at E {where[0]:.0f}, N {where[1]:.0f} m"
                 f" (near {image}): largest height sigma of points in three images"
                 f" {lengths([1e3 * before])} without, {lengths([1e3 * after])} with it"
             )
-        lines += [f"note: {note}" for note in f["notes"]]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -222,22 +246,9 @@ def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
     """Write document and page, both or none."""
     where = plan.best[0] if plan.best and plan.best[2] < WORTH * plan.best[1] else None
     chart = precision_map(plan.figures, ground_of(plan.solved), where)
-    lines = plan.summary().splitlines()
-    text = json_text(plan.as_dict())
-    page = VerbPage(
-        f"{plan.figures['name']}: plan",
-        lines[0],
-        "good",
-        "this is what to expect, before anything is measured",
-        [chart],
-        (listed("What to expect", lines[1:]),),
-        inputs=input_paths(plan.solved),
-        twin=text,
-    )
     with together() as staging:
         into = staging.tree(out)
-        atomic_write(into / DOCUMENT, text)
-        atomic_write(into / PAGE, page.html())
+        write_with_page(plan.document([chart]), plan.as_dict(), into / DOCUMENT, into / PAGE)
         return staging.goals()
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.files import atomic_write, json_text
+from ...base.files import atomic_write
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, paths_named_by, refuse_overwriting
@@ -33,10 +33,11 @@ from ...io.formats.orientation.pose_covariance import FILE as COVARIANCE
 from ...io.formats.orientation.pose_covariance import write_pose_covariance
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
+from ...report.document import write_with_page
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from .judgement import Judgement
-from .page import write_page
+from .page import charts_of, document_of
 from .processed import processed_with
 from .solve import Solved
 
@@ -83,9 +84,8 @@ def written(
         start = file.path.absolute().parent
         figures |= made_from(_input_files(solved), into / DOCUMENT, [*into.iterdir()], start)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
-        document = json_text(figures)
-        atomic_write(into / DOCUMENT, document)
-        write_page(into / PAGE, solved, figures, judgement, document)
+        page = document_of(solved, figures, judgement, charts_of(solved, figures, judgement))
+        write_with_page(page, figures, into / DOCUMENT, into / PAGE)
         files = staging.goals()
         refuse_overwriting(files, _input_files(solved))
     return files

@@ -13,6 +13,7 @@ from ...flight.config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
 from .judgement import Judgement, advice, judged, shown
+from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
 from .products import DOCUMENT, written
 from .solve import Solved, solved
@@ -53,18 +54,7 @@ class AdjustmentResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        judgement = self.judgement
-        lines = [judgement.headline]
-        if judgement.contradicted:
-            lines[0] = f"CONTRADICTION: {lines[0]}"
-        first = next((f for f in judgement.findings if f.rank >= 1.0), None)
-        lines += [f.sentence for f in judgement.findings if f is not first]
-        verdict = "not determined"
-        undetermined = [name for name, word, _ in judgement.determined if word == verdict]
-        if undetermined:
-            lines.append(f"not determined by this block: {', '.join(undetermined)}")
-        lines += [f"note: {note}" for note in self.figures["notes"]]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+        return document_of(self.solved, self.figures, self.judgement, files=self.files).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""

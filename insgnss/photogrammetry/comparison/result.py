@@ -3,11 +3,17 @@
 It has differences with statistics, and the mismatches that it recognised, each with its evidence.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ...base.files import picked
+from ...report.document import Document, Section, Table
+from ...report.verdict import Verdict, worst_of
 
 if TYPE_CHECKING:
     from ...report.charts.chart import Chart
@@ -18,6 +24,8 @@ Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 
 SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
+WIDE = 1.5  # rms over sigma from which on the standard deviations are doubted
+NOTHING = "no mismatch of names, axes, angles, time, height or lever arm recognised"
 LARGE = 10.0  # m or m/s, from which thousandths are not shown
 
 
@@ -71,15 +79,10 @@ class Finding:
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
         return {
-            "name": self.name,
-            "statement": self.statement,
             "part": self.aspect,
-            "unit": self.unit,
             "rms_before": self.before,
             "rms_after": self.after,
-            "explained": self.explained,
-            "values": dict(self.values),
-            "alternatives": list(self.alternatives),
+            **picked(self, "name", "statement", "unit", "explained", "values", "alternatives"),
         }
 
 
@@ -101,6 +104,11 @@ class Component:
         if self.unit != "rad" and float(np.abs(self.difference).max()) >= LARGE:
             return 1.0, self.unit
         return SCREEN[self.unit]
+
+    def shown(self, name: str) -> str:
+        """Return one of the statistics in the unit in which people read it."""
+        factor, unit = self.screen
+        return f"{factor * self.statistics()[name]:.{DIGITS[unit]}f}"
 
     def statistics(self) -> dict[str, float]:
         """mean, median, sd, rms, p95 (of the magnitude), largest, in SI.
@@ -161,40 +169,56 @@ class Comparison:
         """Number of pairs."""
         return int(self.components[0].difference.size)
 
-    def summary(self) -> str:
-        """For the terminal: a table, and a sentence for each finding and note."""
-        matched = (
-            f"{self.n} poses matched by {self.matched_by}; without partner: {self.left_a} of a,"
-            f" {self.left_b} of b"
-        )
-        lines = [
-            f"a: {self.a} ({self.form_a}, {self.point_a})",
-            f"b: {self.b} ({self.form_b}, {self.point_b})",
-            matched,
-            "",
+    def document(self, charts: "Sequence[Chart]" = ()) -> Document:
+        """Return what differs by how much, what explains it, and what remains.
+
+        Parameters
+        ----------
+        charts : those of `charts`, for the page.
+        """
+        sizes = ", ".join(f"{c.name} {c.shown('rms')} {c.screen[1]}" for c in self.components)
+        files = [
+            ("a", self.a, self.form_a, self.point_a),
+            ("b", self.b, self.form_b, self.point_b),
         ]
-        lines += ["b minus a, axes east, north, up at the point", *table(self.components)]
-        if self.findings:
-            lines += [
-                "",
-                "recognised:",
-                *(f"  {number}. {f.sentence()}" for number, f in enumerate(self.findings, 1)),
-            ]
-            lines += ["", "what remains after that", *table(self.remaining)]
-        else:
-            lines += [
-                "",
-                "no mismatch of names, axes, angles, time, height or lever arm recognised",
-            ]
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        without = f"without partner: {self.left_a} of a, {self.left_b} of b"
+        return Document(
+            f"{Path(self.a).name} and {Path(self.b).name}: comparison",
+            f"{self.n} poses matched by {self.matched_by}; rms of b minus a: {sizes}",
+            self._verdict(),
+            (
+                Section("Recognised", [f.sentence() for f in self.findings] or [NOTHING]),
+                *charts,
+                Section("b minus a, axes east, north, up at the point", _table(self.components)),
+                Section("What remains after the recognised is taken off", _table(self.remaining)),
+                Section(
+                    "What was compared", [Table(files, ("", "file", "format", "positions of"))]
+                ),
+                Section("Notes", [without, *self.notes]),
+            ),
+            [Path(self.a), Path(self.b)],
+        )
+
+    def _verdict(self) -> Verdict:
+        """Return what the differences say of the two."""
+        names = ", ".join(finding.name for finding in self.findings)
+        ratios = ((c.name, c.statistics().get("normalised_rms", 0.0)) for c in self.components)
+        wide = ", ".join(f"{name} {ratio:.1f}" for name, ratio in ratios if ratio > WIDE)
+        mismatch = f"a mismatch of conventions explains a part of the differences: {names}"
+        larger = (
+            f"differences are larger than their standard deviations say (rms over sigma {wide}; up"
+            f" to {WIDE:g} passes)"
+        )
+        return worst_of(NOTHING, [mismatch] if names else [larger] if wide else [])
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
         return {
-            **{
-                name: getattr(self, name)
-                for name in ("a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by")
-            },
+            **picked(self, "a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by"),
             "matched": self.n,
             "without_partner": {"a": self.left_a, "b": self.left_b},
             "components": {c.name: {"unit": c.unit, **c.statistics()} for c in self.components},
@@ -230,28 +254,17 @@ class Comparison:
         return draw_sheet(columns, title, f"a: {self.a}    b: {self.b}", form)
 
 
-def table(components: tuple[Component, ...]) -> list[str]:
-    """Lines of a table of statistics."""
-    normalised = any(c.sigma is not None for c in components)
-    head = ("mean", "median", "sd", "rms", "95 %", "largest") + (
-        ("rms/sigma",) if normalised else ()
-    )
-    lines = [f"  {'':<12}" + "".join(f"{name:>12}" for name in head)]
+def _table(components: tuple[Component, ...]) -> list[Table]:
+    """Return the statistics of components as a table; none without any."""
+    normalised = ["rms/sigma"] if any(c.sigma is not None for c in components) else []
+    head = ("", "mean", "median", "sd", "rms", "95 %", "largest", "unit", *normalised)
+    names = ("mean", "median", "sd", "rms", "p95", "largest")
+    rows = []
     for c in components:
-        factor, unit = c.screen
-        s = c.statistics()
-        digits = DIGITS[unit]
-        row = "".join(
-            f"{factor * s[name]:12.{digits}f}"
-            for name in ("mean", "median", "sd", "rms", "p95", "largest")
-        )
-        row += (
-            f"{s['normalised_rms']:12.2f}"
-            if "normalised_rms" in s
-            else " " * (12 if normalised else 0)
-        )
-        lines.append(f"  {c.name:<12}{row}  {unit}")
-    return lines
+        ratio = c.statistics().get("normalised_rms")
+        last = ["–" if ratio is None else f"{ratio:.2f}"] if normalised else []
+        rows.append((c.name, *map(c.shown, names), c.screen[1], *last))
+    return [Table(rows, head, numbers=True)]
 
 
 def quantity(value: float, unit: str) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.files import picked
 from ...flight.config.flight_file import Flight
 from ...flight.processing.checks import camera_of
 from ...geodesy.rotation import opk_from_rotation
@@ -138,15 +139,9 @@ def document(result: MountingResult) -> dict[str, Any]:
     return {
         "parameters": [
             {
-                "name": c.name,
-                "group": c.group,
-                "axis": c.axis,
-                "verdict": c.verdict,
+                **picked(c, "name", "group", "axis", "verdict", "sigma", "limit", "why"),
                 "value": c.value if c.determined else None,
-                "sigma": c.sigma,
-                "limit": c.limit,
                 "flight_file": c.stated,
-                "why": c.why,
                 "remedies": list(c.remedies),
             }
             for c in result.components

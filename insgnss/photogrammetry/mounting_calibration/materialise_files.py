@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
+from ...base.files import picked
 from ...geodesy.explain import explain
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
@@ -331,10 +332,7 @@ def _calibrated(
             "lever_arm_m": arm,
             "sigma_m": sigma,
             "cov_m2": cov,
-            "two_step_m": result.two_step_m,
-            "scale": result.scale,
-            "variance_factor": result.variance_factor,
-            "factor_limit": result.factor_limit,
+            **picked(result, "two_step_m", "scale", "variance_factor", "factor_limit"),
             "phase_centres_apart_m": receiver.apart_m,
             "inputs": inputs,
         },

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file
-from ...base.wording import first_of
+from ...base.wording import some
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
@@ -442,6 +442,6 @@ def joined(
     notes = []
     for path, own, taken in zip((first, second), (images, names), both, strict=True):
         if missing := [own[k] for k in np.setdiff1d(np.arange(len(own)), taken)]:
-            some = f"in {path.name} without partner: {first_of(missing)}"
-            notes.append(f"{len(missing)} of {len(own)} {some}")
+            named = f"in {path.name} without partner: {some(missing)}"
+            notes.append(f"{len(missing)} of {len(own)} {named}")
     return *both, tuple(notes)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
-from ...base.files import atomic_write, json_text
+from ...base.files import picked
 from ...base.inputs import is_file, opened, sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, other_results, refuse_overwriting
@@ -22,8 +22,8 @@ from ...io.formats.orientation.mounting_file import (
 from ...records.block import Array, BrownCamera
 from ...records.cameras.mounting import metashape_offset
 from ...report.charts.chart import Chart
-from ...report.markup import escape, table
-from ...report.verb_page import VerbPage, listed
+from ...report.document import Document, Section, Table, write_with_page
+from ...report.verdict import worst_of
 from ..lever_arm.difference import lever_arm_difference
 
 DETERMINED, NOT_DETERMINED = "determined", "not determined"
@@ -166,26 +166,19 @@ class CalibratedMounting:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        width = max(len(name) for name, _, _ in self.components)
-        lines = [self.headline]
-        lines += [f"  {name:<{width}}  {word}: {text}" for name, word, text in self.components]
-        lines += self.details
-        lines += [f"wrote {path}" for path in self.files]
-        return "\n".join(lines)
+        return document_of(self).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
         return {
             "verb": self.mounting.verb,
-            "headline": self.headline,
+            **picked(self, "headline", "details", "files"),
             "components": [
                 {"component": name, "verdict": word, "text": text}
                 for name, word, text in self.components
             ],
             "mounting": self.mounting.values(),
             "not_determined": dict(self.mounting.not_determined),
-            "details": list(self.details),
-            "files": list(self.files),
             **self.document,
         }
 
@@ -294,9 +287,8 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     with together():
         write_mounting_file(result.mounting, out)
         files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
-        made = json_text(result.as_dict() | made_from(files, document, [out]))
-        atomic_write(document, made)
-        atomic_write(page, page_of(result).html())
+        numbers = result.as_dict() | made_from(files, document, [out])
+        write_with_page(document_of(result, result.charts()), numbers, document, page)
     return result
 
 
@@ -345,45 +337,42 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
     return replace(result, mounting=made, details=(line, *result.details), document=document)
 
 
-def page_of(result: CalibratedMounting) -> VerbPage:
-    """Return the page of a calibration.
+def document_of(result: CalibratedMounting, charts: Sequence[Chart] = ()) -> Document:
+    """Return what a calibration says.
 
     Parameters
     ----------
     result : CalibratedMounting
         What was found.
+    charts : sequence of Chart
+        Its charts, for the page.
 
     Returns
     -------
-    VerbPage
-        With its charts.
+    Document
+        With the verdict on each component.
     """
-    mood, why = _mood(result)
-    rows = [(escape(a), escape(b), escape(c)) for a, b, c in result.components]
-    verdicts = "<h2>What was determined</h2>\n" + table(rows, ("component", "verdict", "value"))
-    return VerbPage(
-        result.title,
-        result.headline,
-        mood,
-        why,
-        result.charts(),
-        (verdicts,),
-        (listed("Notes", result.details),),
-        result.document.get("inputs", ()),
-    )
-
-
-def _mood(result: CalibratedMounting) -> tuple[str, str]:
-    """Return the colour of the bar, and why it has it."""
-    if (refusal := result.refusal) is not None:
-        return "bad", str(refusal)
     named: dict[str, list[str]] = {}
     for name, word, _ in result.components:
         if word != "determined" and name != "imu_m":
             named.setdefault(word, []).append(name)
-    if named:
-        return "doubtful", "; ".join(f"{word}: {', '.join(own)}" for word, own in named.items())
-    return "good", "every component that these data can show is determined"
+    refusal, head = result.refusal, ("component", "verdict", "value")
+    return Document(
+        result.title,
+        result.headline,
+        worst_of(
+            "every component that these data can show is determined",
+            [f"{word}: {', '.join(names)}" for word, names in named.items()],
+            [] if refusal is None else [str(refusal)],
+        ),
+        (
+            Section("What was determined", [Table(result.components, head)]),
+            *charts,
+            Section("Notes", result.details),
+        ),
+        result.document.get("inputs", ()),
+        files=result.files,
+    )
 
 
 def metashape_line(mounting: MountingFile) -> str:

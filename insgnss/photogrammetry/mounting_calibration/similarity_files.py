@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...base.files import picked
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
@@ -405,14 +406,9 @@ def _document(
     inputs: Sequence[Path],
 ) -> dict[str, Any]:
     document: dict[str, Any] = {
-        "lever_arm_m": result.lever_arm_m,
-        "sigma_m": result.sigma_m,
-        "determined": result.determined,
-        "vertical_correlation": result.vertical_correlation,
-        "translation_correlation": result.translation_correlation,
+        **picked(result, "lever_arm_m", "sigma_m", "determined", "vertical_correlation"),
+        **picked(result, "translation_correlation", "variance_factor", "factor_limit"),
         "scale": result.frame.scale,
-        "variance_factor": result.variance_factor,
-        "factor_limit": result.factor_limit,
         "images": len(images),
         "ground_points": len(result.ground_residual_m),
         "residual_rms_m": np.sqrt((result.residual_m**2).mean(axis=0)),

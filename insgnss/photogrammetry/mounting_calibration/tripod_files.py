@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...base.files import picked
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
 from ...records import Array
@@ -177,12 +178,8 @@ def _document(
     result: TripodLeverArm, names: Sequence[str], inputs: tuple[Path, ...]
 ) -> dict[str, Any]:
     return {
-        "lever_arm_m": result.lever_arm_m,
-        "sigma_m": result.sigma_m,
+        **picked(result, "lever_arm_m", "sigma_m", "spread_m", "variance_factor", "factor_limit"),
         "cov_m2": result.cov,
-        "spread_m": result.spread_m,
-        "variance_factor": result.variance_factor,
-        "factor_limit": result.factor_limit,
         "attitude_span_deg": result.attitude_span_deg,
         "setups": [
             {"setup": name, "lever_arm_m": each, "left_out": bool(out)}

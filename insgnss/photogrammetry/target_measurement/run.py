@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, UsageError
-from ...base.files import atomic_write, json_text
+from ...base.files import atomic_write
 from ...base.output.staging import together
 from ...base.provenance import (
     made_from,
@@ -18,14 +18,17 @@ from ...base.provenance import (
     refuse_other_results,
     refuse_overwriting,
 )
-from ...base.wording import first_of
+from ...base.wording import some
+from ...flight.processing.progress import quiet
+from ...report.document import Document, Section, write_json
+from ...report.verdict import worst_of
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
 from .products import PREDICTIONS, write_measured, write_predictions, write_rejected
 from .products import REJECTED as REJECTED_TABLE
 from .request import DIRECTORY, Request
-from .sheet import PAGE, write_sheet
+from .sheet import PAGE, sheet_sections
 from .trials import advice
 from .windows import Window, windows_of
 
@@ -38,10 +41,6 @@ OTHER_SIZE = 0.02
 """Least difference of the targets from the size that was given that is told, of it."""
 JUDGED = 5
 """Windows below which a share says nothing."""
-
-
-def _quiet(_: str) -> None:
-    """No progress."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +63,13 @@ class PredictionResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        lines = [str(self.figures["headline"])]
-        lines += [f"note: {note}" for note in self.figures["notes"]]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+        return Document(
+            "targets in images",
+            self.figures["headline"],
+            worst_of("this is where to expect them, before anything is measured"),
+            (Section("Notes", self.figures["notes"]),),
+            files=self.files,
+        ).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -99,11 +102,8 @@ class MeasurementResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        lines = [str(self.figures["headline"])]
-        reasons: Mapping[str, int] = self.figures["rejected_by"]
-        lines += [f"  {count} rejected: {reason}" for reason, count in reasons.items()]
-        lines += [f"note: {note}" for note in self.figures["notes"]]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+        document = document_of(self.inputs, self.figures, self.refusal, files=self.files)
+        return document.text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -116,7 +116,7 @@ LARGEST_SHARE = 0.2  # of a photograph that a target may fill
 def predict_targets(
     request: Request,
     out: Path | None = None,
-    progress: Callable[[str], None] = _quiet,
+    progress: Callable[[str], None] = quiet,
     write: bool = True,
     *,
     force: bool = False,
@@ -156,11 +156,11 @@ def predict_targets(
     rows = np.flatnonzero(seen.visible)
     ellipse = seen.ellipse[rows]
     count = np.bincount(seen.point[rows], minlength=len(inputs.ground.points))
-    some = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
+    size = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
     headline = (
         f"{int((count > 0).sum())} of {len(count)} {_noun(inputs)} lie in"
         f" {np.unique(seen.image[rows]).size} of {len(inputs.eo.images)} images, {len(rows)} times;"
-        f" larger semi-axis of their ellipses {some}"
+        f" larger semi-axis of their ellipses {size}"
     )
     figures: dict[str, Any] = {
         "headline": headline,
@@ -182,7 +182,7 @@ def predict_targets(
             write_predictions(inputs, table)
             document = table.with_suffix(".json")
             figures |= made_from(paths_named_by(request), document, [table])
-            atomic_write(document, json_text(figures))
+            write_json(document, figures)
             for new, goal in () if force else staging.changed():
                 _refuse_foreign(new, goal)
         files = (path, path.with_suffix(".json"))
@@ -202,7 +202,7 @@ def _refuse_foreign(new: Path, goal: Path) -> None:
 def measure_targets(
     request: Request,
     out: Path | None = None,
-    progress: Callable[[str], None] = _quiet,
+    progress: Callable[[str], None] = quiet,
     write: bool = True,
     rules: Rules | None = None,
     force: bool = False,
@@ -272,7 +272,8 @@ def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
     names = [name for name, n in zip(inputs.ground.points, count, strict=True) if not n]
     if not names:
         return []
-    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {first_of(names, 5)}"]
+    named = some(names, 5)
+    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {named}"]
 
 
 def _noun(inputs: Inputs) -> str:
@@ -299,8 +300,8 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         notes.append(f"{without} images that show ground points have no photograph")
     if photographs.strangers:
         names = [path.name for path in photographs.strangers]
-        which = f"have no pose in the orientation: {first_of(names)}"
-        notes.append(f"{len(names)} photographs {which}")
+        named = some(names)
+        notes.append(f"{len(names)} photographs have no pose in the orientation: {named}")
     notes += _size(inputs, windows)
     never = [
         name
@@ -308,8 +309,10 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         if looked and not measured
     ]
     if never and good:
-        which = f"were measured in no photograph: {first_of(never, 5)}"
-        notes.append(f"{len(never)} of {len(count)} ground points {which}")
+        named = some(never, 5)
+        notes.append(
+            f"{len(never)} of {len(count)} ground points were measured in no photograph: {named}"
+        )
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
         f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
@@ -410,16 +413,15 @@ def _written(
         if refusal is None:
             figures["notes"] += write_measured(inputs, windows, into)
         write_rejected(inputs, windows, into / REJECTED_TABLE)
-        rejected = figures["windows"] - figures["measured"]
-        mood = "bad" if refusal else "good" if not rejected else "doubtful"
-        headline = f"{figures['headline']}{': no observations are written' if refusal else ''}"
-        write_sheet(inputs, windows, headline, mood, figures["notes"], into / PAGE)
+        sheet = tuple(sheet_sections(inputs, windows))
+        page = document_of(inputs, figures, refusal, sheet)
+        atomic_write(into / PAGE, page.html())
         seen = np.unique(inputs.predictions.image[[w.row for w in windows]])
         looked = [photographs.files[k] for k in seen.tolist()]
         own = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
         figures |= made_from(own, into / DOCUMENT, [*into.iterdir()])
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
-        atomic_write(into / DOCUMENT, json_text(figures))
+        write_json(into / DOCUMENT, figures)
         files = staging.goals()
         refuse_overwriting(files, _inputs_of(inputs.request), ANOTHER)
     return files
@@ -427,3 +429,40 @@ def _written(
 
 def _inputs_of(request: Request) -> tuple[Path | None, ...]:
     return request.eo, request.ground, request.camera, request.target.picture
+
+
+def document_of(
+    inputs: Inputs,
+    figures: Mapping[str, Any],
+    refusal: DataError | None,
+    sheet: Sequence[Section] = (),
+    files: Sequence[Path] = (),
+) -> Document:
+    """Return what a measurement of targets says, with its contact sheet.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    figures : mapping
+        What targets.json holds.
+    refusal : DataError or None
+        Why no observations are written.
+    sheet : sequence of Section
+        The contact sheet, for the page.
+    files : sequence of Path
+        What was written.
+    """
+    reasons = [f"{count} rejected: {reason}" for reason, count in figures["rejected_by"].items()]
+    return Document(
+        f"{inputs.request.ground.name}: targets in images",
+        f"{figures['headline']}{': no observations are written' if refusal else ''}",
+        worst_of("every target was measured", reasons, [str(refusal)] if refusal else []),
+        (
+            Section("Rejected", reasons),
+            Section("Notes", figures["notes"]),
+            *sheet,
+        ),
+        [inputs.request.eo, inputs.request.ground],
+        files=files,
+    )

@@ -3,18 +3,23 @@
 import base64
 import io
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
-from ...base.files import atomic_write
-from ...report.markup import document, escape, sentence
+from ...report.document import Drawing, Marked, Section
+from ...report.markup import escape
 from .inputs import Inputs
 from .windows import Window
 
 PAGE = "targets.html"
 MOST = 3000
 """Windows on a page; beyond, those that stand are thinned out evenly, those rejected never."""
+READING = (
+    "yellow: where the point is expected, with the ellipse of three standard deviations. Green"
+    " cross: where the target was measured; red cross: a match that was rejected, with the reason"
+    " below. Grey values are stretched. The windows of a point should look alike: a target that"
+    " sits beside its cross, or a cross on something else, is to be taken out of image_points.csv"
+)
 _STYLE = """<style>
 main { max-width: none } .sheet { display: flex; flex-wrap: wrap; gap: .7rem }
 .window { width: 190px; font-size: 12px; line-height: 1.3 }
@@ -25,15 +30,8 @@ main { max-width: none } .sheet { display: flex; flex-wrap: wrap; gap: .7rem }
 """
 
 
-def write_sheet(
-    inputs: Inputs,
-    windows: Sequence[Window],
-    headline: str,
-    mood: str,
-    notes: Sequence[str],
-    path: Path,
-) -> None:
-    """Write the contact sheet: one page, without scripts or outside files.
+def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Section]:
+    """Yield the contact sheet, a section a ground point, without scripts or outside files.
 
     Parameters
     ----------
@@ -41,48 +39,24 @@ def write_sheet(
         The flight and its ground points.
     windows : sequence of Window
         All windows.
-    headline, mood : str
-        What is said of them, "good", "doubtful" or "bad".
-    notes : sequence of str
-        Sentences below it.
-    path : Path
-        The file, written whole or not at all.
     """
-    title = f"{inputs.request.ground.name}: targets in images"
-    atomic_write(path, document(title, headline, mood, _body(inputs, windows, notes)))
-
-
-def _body(inputs: Inputs, windows: Sequence[Window], notes: Sequence[str]) -> Iterator[str]:
-    yield _STYLE
-    yield (
-        "<p>Yellow: where the point is expected, with the ellipse of three standard deviations."
-        " Green cross: where the target was measured; red cross: a match that was rejected, with"
-        " the reason below. Grey values are stretched. The windows of a point should look alike:"
-        " a target that sits beside its cross, or a cross on something else, is to be taken out of"
-        " image_points.csv.</p>\n"
-    )
-    if notes:
-        yield "<ul>" + "".join(f"<li>{escape(sentence(note))}</li>" for note in notes) + "</ul>\n"
     good = [w for w in windows if w.measurement.accepted]
-    bad = len(windows) - len(good)
-    room = max(MOST - bad, 200)
-    keep = set(range(len(good)))
-    if len(good) > room:
-        keep = set(np.linspace(0, len(good) - 1, room).astype(int).tolist())
-        yield f"<p>{room} of the {len(good)} windows with a measurement are shown.</p>\n"
+    room = max(MOST - (len(windows) - len(good)), 200)
+    keep = set(np.linspace(0, len(good) - 1, min(room, len(good))).astype(int).tolist())
     shown = {id(w) for k, w in enumerate(good) if k in keep}
+    words: list[str] = [Marked(READING, "text")]
+    if len(good) > room:
+        text = f"{room} of the {len(good)} windows with a measurement are shown"
+        words.append(Marked(text, "text"))
+    yield Section("The windows", [Drawing(_STYLE), *words], "page")
     for p, name in enumerate(inputs.ground.points):
         own = [w for w in windows if inputs.predictions.point[w.row] == p]
-        if not own:
-            continue
         stand = sum(w.measurement.accepted for w in own)
-        yield f"<h2>{escape(name)}: measured in {stand} of {len(own)} images</h2>\n"
-        yield '<div class="sheet">\n'
         own.sort(key=lambda w: w.measurement.accepted)
-        for w in own:
-            if not w.measurement.accepted or id(w) in shown:
-                yield _window(inputs, w)
-        yield "</div>\n"
+        drawn = (_window(inputs, w) for w in own if not w.measurement.accepted or id(w) in shown)
+        sheet = f'<div class="sheet">\n{"".join(drawn)}</div>\n'
+        title = f"{name}: measured in {stand} of {len(own)} images"
+        yield Section(title, [Drawing(sheet)] if own else [], "page")
 
 
 def _window(inputs: Inputs, window: Window) -> str:

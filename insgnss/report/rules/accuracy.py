@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from ...base.findings import Finding, ranked
+from ...base.wording import some
 from ...records.states import OF_LEVER_ARM
 from ...records.verdicts import REMARK
 from .wording import Figures, degrees, millimetres, tilt
@@ -295,7 +296,8 @@ def states(f: Figures) -> Iterator[Finding]:
         yield ranked(
             "constants",
             REMARK,
-            f"estimated from the flight, beside what the flight file has: {_some(estimated)}",
+            "estimated from the flight, beside what the flight file has:"
+            f" {some(estimated, MOST_NAMED)}",
             "it sees the antenna from the IMU alone: where imu_m is wrong instead, the images are"
             " off by as much; measure both"
             if of_antenna and not any(lever_arm(f))
@@ -305,12 +307,6 @@ def states(f: Figures) -> Iterator[Finding]:
         yield ranked(
             "constants",
             REMARK,
-            f"not observed by this flight: {_some(of_imu)}",
+            f"not observed by this flight: {some(of_imu, MOST_NAMED)}",
             "they may as well not be estimated",
         )
-
-
-def _some(items: list[str]) -> str:
-    return ", ".join(items[:MOST_NAMED]) + (
-        f" and {len(items) - MOST_NAMED} more" if len(items) > MOST_NAMED else ""
-    )

@@ -11,6 +11,7 @@ where the fixes were made up for a sensor that stands at a given place.
 from collections.abc import Iterator
 
 from ...base.findings import Finding, ranked
+from ...base.wording import some
 from ...records.verdicts import ADOPTED, CHECKS, REMARK
 from .wording import AXES, Figures, lengths, millimetres, span
 
@@ -97,12 +98,10 @@ def covariance_resets(f: Figures) -> Iterator[Finding]:
     """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
-        instants = ", ".join(f"{time:.1f}" for time in times[:5]) + (
-            " ..." if len(times) > 5 else ""
-        )
+        instants = some((f"{time:.1f} s" for time in times), 5)
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
-            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only"
+            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants}): only"
             " later fixes support it there"
         )
         yield ranked(

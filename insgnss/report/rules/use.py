@@ -25,14 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import accuracy, fixes, places
-from .wording import Figures, at_time, degrees, lengths, millimetres
+from .wording import Figures, at_time, degrees, millimetres
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 USE, EXCEPT, NO = "use", "except", "no"
 PHRASES = {USE: "Use it", EXCEPT: "Use it except", NO: "Do not use it"}
-MOODS = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
 STATED, USUAL = "stated", "receiver and IMU"  # which need was taken
 
 NEED_OF_FIX = 1.5  # needed sigma over that of a predicted fix: a smoothed image is below 1
@@ -119,25 +118,6 @@ def stated_need(output: Figures | None) -> tuple[Any, Any]:
     preset = NEEDS.get(output.get("need") or "", (None, None))
     stated = output.get("need_m"), output.get("need_deg")
     return tuple(s or p for s, p in zip(stated, preset, strict=True))  # type: ignore[return-value]
-
-
-def mood(report: Figures) -> tuple[str, str]:
-    """Return the colour of a report, "good", "doubtful" or "bad", and why, without full stop."""
-    judged = report["use"]
-    if judged["reasons"] and judged["verdict"] != USE:
-        return MOODS[judged["verdict"]], "; ".join(judged["reasons"])
-    needs = (
-        f"{lengths([1e3 * x for x in judged['need_m']])} and"
-        f" {' / '.join(f'{x:.2g}' for x in judged['need_deg'])} deg (east, north, up)"
-    )
-    measure = (
-        "as the flight file states it"
-        if judged["measure"] == STATED
-        else (
-            "what this receiver and this IMU give where all is well; output.need_m states another"
-        )
-    )
-    return MOODS[USE], f"every image is known to {needs} or better: {measure}"
 
 
 def use(

@@ -11,7 +11,7 @@ from seasons import row
 sys.path.append(str(Path(__file__).parents[2] / "report"))
 from test_page_in_browser import PIXELS, browser  # noqa: F401
 
-from insgnss.batch.season.page import SeasonPage, charts
+from insgnss.batch.season.page import charts, page_html, season_document
 from insgnss.batch.season.trends import trends
 from insgnss.batch.season.work import Task, failed
 
@@ -31,7 +31,9 @@ def test_it_is_drawn_and_linked(
         one["lever_arm_forward_m"] += 1e-3 * k
     rows[3] = failed(Task("f003", "f003/flight.toml"), "</script><b>gap", 3, 0.1).row
     judged = trends(rows)
-    (tmp_path / "index.html").write_text("".join(SeasonPage(rows, judged, "20 flights").html()))
+    (tmp_path / "index.html").write_text(
+        "".join(page_html(season_document(rows, judged, "20 flights")))
+    )
     report = tmp_path / "f011" / "out" / "report.html"
     report.parent.mkdir(parents=True)
     report.write_text("<title>the report of f011</title>")

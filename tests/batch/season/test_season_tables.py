@@ -9,7 +9,7 @@ import pytest
 from seasons import row
 
 from insgnss.base.errors import InputError
-from insgnss.batch.season.page import SeasonPage, charts, is_ours
+from insgnss.batch.season.page import charts, is_ours, page_html, season_document
 from insgnss.batch.season.row import COLUMNS, EQUIPMENT_FILE, TEXTS, row_of, with_own_names
 from insgnss.batch.season.run import _relative, headline, line_of
 from insgnss.batch.season.tables import csv_text, parquet_bytes, read_season
@@ -83,8 +83,8 @@ def test_parquet_holds_the_same() -> None:
 
 def test_the_page_puts_failures_first_and_links_reports(tmp_path: Path) -> None:
     """Oracle: the text of the page, in its order; a reason is no HTML."""
-    text = "".join(SeasonPage(rows(), trends(rows()), "12 flights").html())
-    assert "<b>&" not in text.partition("<script>")[0].replace("<b>Bad", "")
+    text = "".join(page_html(season_document(rows(), trends(rows()), "12 flights")))
+    assert "<b>&" not in text.partition("<script>")[0]
     order = ["1 of 12 flights have no result: f004", "Failed flights", "&lt;b&gt;&amp; 3 m"]
     order += ['href="f011/out/report.html"', "arm right of wing3 shows no drift"]
     positions = [text.index(words) for words in order]
@@ -101,16 +101,16 @@ def test_the_mood_follows_flights_and_trends() -> None:
     """Oracle: the rule: failures, contradictions, drift, doubtful flights, in that order."""
     rng = np.random.default_rng(2)
     good = [row(k, rng) for k in range(12)]
-    assert SeasonPage(good, trends(good), "h").mood()[0] == "good"
+    assert season_document(good, trends(good), "h").verdict[0] == "good"
     doubtful = [*good[:-1], good[-1] | {"judgement": "doubtful"}]
-    assert SeasonPage(doubtful, (), "h").mood() == (
+    assert season_document(doubtful, (), "h").verdict == (
         "doubtful",
-        "figures of f011 leave what a good flight shows",
+        "figures of these flights are beyond those of a good one: f011",
     )
     drifts = [one | {"lever_arm_down_m": 0.01 * k} for k, one in enumerate(good)]
-    mood, why = SeasonPage(drifts, trends(drifts), "h").mood()
+    mood, why = season_document(drifts, trends(drifts), "h").verdict
     assert (mood, "wing3 (antenna lever arm down)" in why) == ("doubtful", True)
-    assert SeasonPage(rows(), (), "h").mood()[0] == "bad"
+    assert season_document(rows(), (), "h").verdict[0] == "bad"
 
 
 def test_lines_say_what_became_of_a_flight() -> None:

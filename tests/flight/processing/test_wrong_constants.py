@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss.report.rules.use import mood
+from insgnss.report.verdict import run_verdict
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def test_an_exact_lever_arm_is_contradicted_and_never_estimated(sim):
     assert any("stated as exact and not estimated" in line for line in result.report["history"])
     (check,) = [check for check in result.checks if check.name == "antenna lever arm"]
     assert check.verdict == "contradiction"
-    assert mood(result.report)[0] == "bad"
+    assert run_verdict(result.report)[0] == "bad"
     right = run(sim, mounting=exact)
     assert "antenna lever arm" not in {check.name for check in right.checks}
 
@@ -242,7 +242,7 @@ def test_a_wrong_place_of_the_imu_does_not_end_calmly(sim):
     estimated = run(sim, mounting=wrong, filter__lever_arm=True)
     assert np.abs(normalised(sim, estimated)).max() > 10.0
     assert "the place of the images is in doubt" in estimated.report["headline"]
-    assert mood(estimated.report)[0] == "bad"
+    assert run_verdict(estimated.report).word == "bad"
 
 
 def test_a_sigma_that_cannot_be_is_refused():

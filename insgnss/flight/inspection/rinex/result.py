@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from ....base.errors import DataError, InsgnssError
-from ....base.wording import command_line
+from ....base.files import picked
+from ....base.wording import command_line, some
 from ....geodesy.frames import ecef_to_geodetic
+from ....report.document import Document, Section, Table
+from ....report.verdict import worst_of
 from ..draft import Draft, write_draft
 from .survey import SYSTEMS, Receiver, Survey
 
@@ -61,24 +64,30 @@ class RinexInspection:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        s = self.survey
-        lines = [self.name]
-        for receiver in s.receivers:
-            role = "rover" if receiver is s.rover else "base" if receiver is s.base else "other"
-            names = ", ".join(file.name for file in receiver.files[:4])
-            more = f" and {len(receiver.files) - 4} more" if len(receiver.files) > 4 else ""
-            lines.append(f"  {role:<10}  {names}{more} ({receiver.header.marker or 'no marker'})")
-            lines.append(f"  {'':<10}  {receiver.words}")
+        s, refusal = self.survey, self.refusal
+        files = []
+        for r in s.receivers:
+            names = some((file.name for file in r.files), 4)
+            marker = r.header.marker or "no marker"
+            files.append((_role(r, s), f"{names} ({marker}): {r.words}"))
         if s.navigation:
             named = ", ".join(f"{SYSTEMS.get(k, k)} {n}" for k, n in s.messages.items())
-            files = ", ".join(file.name for file in s.navigation)
-            lines.append(f"  navigation  {files}: satellites {named}")
-        lines += [f"left out  {path}: {why[:120]}" for path, why in s.left_out[:8]]
-        if self.missing:
-            return "\n".join([*lines, "", f"no PPK: {self.missing}"])
-        lines += ["", f"the rover is {s.rover.files[0].name}: {s.why}"] if s.rover else []
-        lines += [f"wrote {path}" for path in self.written]
-        return "\n".join([*lines, f"next: {self.command()}"])
+            of = ", ".join(file.name for file in s.navigation)
+            files.append(("navigation", f"{of}: satellites {named}"))
+        return Document(
+            self.name,
+            self.name,
+            worst_of(
+                f"the rover is {s.rover.files[0].name}: {s.why}" if s.rover else "",
+                bad=[str(refusal)] if refusal else [],
+            ),
+            (
+                Section("Files", [Table(files)]),
+                Section("Left out", [f"{path}: {why[:120]}" for path, why in s.left_out[:8]]),
+            ),
+            files=self.written,
+            next="" if self.missing else f"next: {self.command()}",
+        ).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the inspection for JSON output."""
@@ -96,23 +105,19 @@ class RinexInspection:
         }
 
 
+def _role(receiver: Receiver, survey: Survey) -> str:
+    return "rover" if receiver is survey.rover else "base" if receiver is survey.base else "other"
+
+
 def _document(receiver: Receiver, survey: Survey) -> Mapping[str, Any]:
-    role = "rover" if receiver is survey.rover else "base" if receiver is survey.base else "other"
     return {
-        "role": role,
+        "role": _role(receiver, survey),
         "files": [str(path) for path in receiver.files],
-        "marker": receiver.header.marker,
-        "receiver": receiver.header.receiver,
-        "antenna": receiver.header.antenna,
+        **picked(receiver.header, "marker", "receiver", "antenna"),
         "antenna_delta_m": receiver.header.antenna_delta_m.tolist(),
         "rinex": receiver.header.version,
-        "interval_s": receiver.interval_s,
-        "epochs": receiver.epochs,
-        "gaps": receiver.gaps,
-        "events": receiver.events,
         "minutes": (receiver.last_s - receiver.first_s) / 60.0,
-        "satellites": receiver.satellites,
-        "bands": receiver.bands,
+        **picked(receiver, "interval_s", "epochs", "gaps", "events", "satellites", "bands"),
     }
 
 

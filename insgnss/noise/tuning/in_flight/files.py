@@ -3,7 +3,6 @@ table for machines, a page and a spectrum.
 """
 
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,8 +78,8 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
     FlightTuning
         The result, with the files named.
     """
-    from .page import flight_page
-    from .spectrum import spectrum_figure
+    from ....report.document import write_with_page
+    from .spectrum import spectra, spectrum_figure
 
     table, page, picture = beside(target)
     drawn = spectrum_figure(tuning)
@@ -94,9 +93,7 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
             write_noise_model(tuning.model, target, tuning.reasons)
         products = [path for path in files if path not in (table, page)]
         document = tuning.as_dict() | made_from(input_files(flight), table, products)
-        twin = json.dumps(document, indent=1, allow_nan=False) + "\n"
-        atomic_write(page, flight_page(tuning, twin).html())
-        atomic_write(table, twin)
+        write_with_page(tuning.document(spectra(tuning)), document, table, page)
     return tuning
 
 

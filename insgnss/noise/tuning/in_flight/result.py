@@ -1,26 +1,138 @@
 """What a flight says of its noise: in words, and as a document for machines."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.files import json_ready
-from .data import FlightTuningData
-from .words import summary
+from ....base.files import json_ready, picked
+from ....navigation.noise_model.model import NoiseModel
+from ....report.charts.chart import Chart
+from ....report.document import Document, Section, Table
+from ....report.verdict import worst_of
+from .words import NAMES, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
 
 if TYPE_CHECKING:
-    from ....navigation.innovations.innovation_noise import Innovations
+    from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
     from .straight_flight import StraightFlight
 
 
 @dataclass(frozen=True)
-class FlightTuning(FlightTuningData):
-    """What a flight says of its noise, with its texts."""
+class FlightTuning:
+    """What a flight says of its noise. accepted : whether the static model gives way.
+    reasons : of that, sentence by sentence.
+
+    noise : the estimate.   static, model : the model of the flight file, and the same with the
+                            factors found.
+    files : what was written.
+    lost_before, lost_after : fixes that the solutions with the static model and with the new one
+        reject.
+    straight : spectrum of the IMU in straight flight, None without.
+    dropped_correlated : whether noise of the IMU explains what the
+    solution took for a time-correlated error of the fixes.
+    notes : what became of segments between gaps of the IMU.
+    key : of the flight
+    file, for the model found.
+    """
+
+    name: str
+    accepted: bool
+    reasons: tuple[str, ...]
+    noise: "InFlightNoise"
+    static: NoiseModel
+    model: NoiseModel
+    lost_before: int
+    lost_after: int
+    straight: "StraightFlight | None"
+    dropped_correlated: bool
+    notes: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+    key: str = "imu.noise"
+
+    @property
+    def headline(self) -> str:
+        """The verdict without its reasons."""
+        return (
+            "accept the noise found in flight"
+            if self.accepted
+            else f"keep the static model {self.static.name}"
+        )
+
+    @property
+    def verdict(self) -> str:
+        """In one sentence."""
+        return f"{self.headline}: {'; '.join(self.reasons)}"
+
+    @property
+    def file(self) -> Path | None:
+        """The noise model that was written, or None."""
+        return self.files[0] if self.accepted and self.files else None
+
+    def document(self, charts: Sequence[Chart] = ()) -> Document:
+        """Return what a tuning on a flight says.
+
+        Parameters
+        ----------
+        charts : sequence of Chart
+            Spectra of straight flight, for the page.
+        """
+        n = self.noise
+        factors = list(zip(n.names, n.factor, n.log_sigma, strict=True))
+        largest = ", ".join(
+            f"{NAMES[name]} x {f:.3f} +- {f * sigma:.3f}"
+            for name, f, sigma in factors
+            if sigma > 0.0
+        )
+        rows = [
+            (
+                NAMES[name],
+                f"{f:.3f}",
+                f"{f * sigma:.3f}" if sigma else "held",
+                white_noise_of((self.static, self.model), name),
+            )
+            for name, f, sigma in factors
+        ]
+        remarks = remarks_on(n)
+        if self.dropped_correlated:
+            remarks.append(
+                "noise of the IMU explains what the solution took for a time-correlated error of"
+                " the fixes"
+            )
+        spectrum = spectrum_parts(self.straight, self.static, self.model, n)
+        reasons = "; ".join(self.reasons)
+        innovations = Table(
+            whiteness_rows(n.before, n.after),
+            ("innovations of the positions", "before", "after"),
+            numbers=True,
+        )
+        use = "" if self.file is None else f'{self.key} = "{self.file.name}" in the flight file'
+        return Document(
+            f"{self.name}: noise of the IMU in flight",
+            f"{self.headline}: {largest or 'nothing was determined'}, from"
+            f" {n.duration_s / 60.0:.1f} min in motion",
+            worst_of(reasons, [] if self.accepted else [reasons]),
+            (
+                *charts,
+                Section(
+                    "Factors on the static model",
+                    [Table(rows, ("", "factor", "standard error", "white noise")), *remarks],
+                ),
+                Section("Held", [f"{NAMES[name]}: {why}" for name, why in n.held]),
+                Section("Innovations", [innovations]),
+                Section("Spectrum", tuple(spectrum)),
+                Section("Notes", self.notes),
+            ),
+            hashes={r.file: r.sha256 for r in self.model.recordings},
+            settings={"static model": self.static.name, "key of the flight file": self.key},
+            files=self.files,
+            next=f"to use it: {use} (a path from there)" if use else "",
+        )
 
     def summary(self) -> str:
-        """Return the text that a person reads."""
-        return summary(self)
+        """Return the text for the terminal."""
+        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return a JSON-able document."""
@@ -33,10 +145,7 @@ class FlightTuning(FlightTuningData):
             }
             for name, f, e in zip(n.names, n.factor, n.log_sigma, strict=True)
         }
-        innovations = {
-            key: _innovations(getattr(n, key))
-            for key in ("before", "after", "at_best", "static_at_best")
-        }
+        four = picked(n, "before", "after", "at_best", "static_at_best")
         document = {
             "name": self.name,
             "verdict": "accept" if self.accepted else "keep",
@@ -48,7 +157,7 @@ class FlightTuning(FlightTuningData):
             "likelihood_gain": n.gain,
             "chance": n.chance,
             "duration_s": n.duration_s,
-            "innovations": innovations,
+            "innovations": {key: _innovations(one) for key, one in four.items()},
             "fixes_lost": {"static": self.lost_before, "in_flight": self.lost_after},
             "straight_flight": None if s is None else _spectrum(s),
             "notes": self.notes,
@@ -65,16 +174,12 @@ def _innovations(innovations: "Innovations") -> dict[str, Any]:
 
 def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
     """Return all of the spectrum but the curves."""
-    keys = (
+    keys: tuple[str, ...] = (
         "rate_hz",
         "duration_s",
         "windows",
         "mean_with_lines",
         "mean_without_lines",
-        "upper_limit",
-        "level",
-        "level_from_hz",
     )
-    return {key: getattr(straight, key) for key in keys} | {
-        "lines": [asdict(line) for line in straight.lines]
-    }
+    keys += ("upper_limit", "level", "level_from_hz")
+    return picked(straight, *keys) | {"lines": [asdict(line) for line in straight.lines]}

@@ -4,16 +4,16 @@ import math
 from typing import TYPE_CHECKING, cast
 
 from ....report.charts.chart import Chart
-from ....report.figures.noise import NAMES, NoisePanel, Sensor, noise_chart, process_label
+from ....report.figures.noise import NoisePanel, Sensor, noise_chart, process_label
 from ...estimation.goodness import p_text
 from ...moments.theory import haar_variance, haar_variance_parts
 from ...processes.composition import GAUSS_MARKOV, NoiseTerm
 from ..recordings import AXES, StaticRecording
-from .table import duration
-from .words import FITS, goodness_p
+from .words import goodness_p, sensor_words
 
 if TYPE_CHECKING:
-    from ..result import Tuned, TuneResult
+    from ..fits import Tuned
+    from ..result import TuneResult
 
 
 def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
@@ -24,33 +24,14 @@ def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
     return noise_chart(cast(Sensor, sensor), [_panel(t, result.recordings) for t in tuned])
 
 
-def sensor_words(result: "TuneResult", sensor: str) -> tuple[str, str]:
-    """The verdict on a sensor in a few words, and what it is of."""
-    tuned = [t for t in result.tuned if t.sensor == sensor]
-    off = [t for t in tuned if goodness_p(t) < FITS]
-    models = ", ".join(dict.fromkeys(str(t.kept.composition) for t in tuned))
-    if not off:
-        title = f"{models} fits"
-    elif len(off) == len(tuned):
-        title = f"{models} does not fit"
-    else:
-        title = f"{models}, does not fit {', '.join(t.name[len(sensor) + 1 :] for t in off)}"
-    several = (
-        f"{len(result.recordings)} recordings"
-        if len(result.recordings) > 1
-        else result.recordings[0].name
-    )
-    length = duration(max(r.length_s for r in result.recordings))
-    levels = f", levels {result.options.levels}" if result.options.levels else ""
-    return f"{NAMES[cast(Sensor, sensor)]}: {title}", f"{several}, {length}{levels}"
-
-
 def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
     """PNG of a sensor, empty where it was not tuned."""
     from ....report.charts.drawn import draw_sheet
 
     chart = sensor_chart(result, sensor)
-    return b"" if chart is None else draw_sheet([[chart]], *sensor_words(result, sensor))
+    tuned = [t for t in result.tuned if t.sensor == sensor]
+    words = sensor_words(tuned, result.recordings, result.options) if tuned else ()
+    return b"" if chart is None else draw_sheet([[chart]], *words)
 
 
 def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:

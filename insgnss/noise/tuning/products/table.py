@@ -1,21 +1,10 @@
-"""Text of a tuning: recordings, parameters with intervals in the units of Table 5 of paper 000,
-verdicts, ranking.
-"""
+"""Parameters of a tuning as texts, with intervals, in the units of Table 5 of paper 000."""
 
 import math
-import textwrap
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from ....base.units import parse_unit
 from ...estimation.estimates import Estimate
-from ...estimation.goodness import p_text
 from ...processes.composition import TIME, NoiseTerm
-from ..recordings import StaticRecording
-from .words import FITS, goodness_p, sentences, trends
-
-if TYPE_CHECKING:
-    from ..fits import Tuned, TuneData
 
 # unit and power of ten of each parameter, as people print them
 PRINTED = {
@@ -46,8 +35,6 @@ SYMBOL = {
     "random_walk": "RW",
     "drift": "DR",
 }
-SENSOR_NAMES = {"gyro": "gyroscopes", "accel": "accelerometers"}
-WIDTH = 130
 
 
 def printed(sensor: str, kind: str, value: float) -> float:
@@ -62,95 +49,9 @@ def unit_text(sensor: str, kind: str) -> str:
     return f"1e{power} {unit}" if power else unit
 
 
-def summary(result: "TuneData") -> str:
-    """The whole text."""
-    lines = [*_recordings(result.recordings)]
-    for sensor in SENSOR_NAMES:
-        tuned = [t for t in result.tuned if t.sensor == sensor]
-        if tuned:
-            lines += ["", *_sensor(sensor, tuned, result.recordings)]
-    lines += [
-        "",
-        *(line for text in (*result.turn_on, *result.notes) for line in wrapped(text, "")),
-    ]
-    if result.files:
-        first, *others = result.files
-        lines.append(
-            f"wrote {first}"
-            + (f" and beside it {', '.join(path.name for path in others)}" if others else "")
-        )
-    return "\n".join(lines)
-
-
-def _recordings(recordings: Sequence[StaticRecording]) -> Iterator[str]:
-    for r in recordings:
-        yield (
-            f"{r.name}: {r.source.samples} samples at {r.source.sampling_rate_hz:g} Hz,"
-            f" {duration(r.length_s)}"
-        )
-        for check in r.checks:
-            if check.verdict != "ok":
-                yield from wrapped(
-                    f"{check.name}: {check.found}" + (f"; {check.advice}" if check.advice else ""),
-                    "    ",
-                )
-
-
-def wrapped(text: str, indent: str) -> list[str]:
-    """`text` in lines that a terminal holds."""
-    after = f"{indent}  "
-    return textwrap.wrap(
-        text,
-        WIDTH,
-        initial_indent=indent,
-        subsequent_indent=after,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-
-
 def duration(seconds: float) -> str:
     """Minutes or hours."""
     return f"{seconds / 3600.0:.2f} h" if seconds >= 5400.0 else f"{seconds / 60.0:.1f} min"
-
-
-def _sensor(
-    sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]
-) -> Iterator[str]:
-    """Table of one sensor: a row an axis, a column a parameter; then its sentences axis by axis."""
-    for group in _same_composition(tuned):
-        yield from _parameters(sensor, group)
-    for t in tuned:
-        letters = t.name[len(sensor) + 1 :]
-        for text in sentences(t, recordings):
-            yield from wrapped(f"{letters}: {text}", "  ")
-    for text in trends(sensor, tuned, recordings):
-        yield from wrapped(text, "  ")
-
-
-def _same_composition(tuned: Sequence["Tuned"]) -> Iterator[list["Tuned"]]:
-    for composition in dict.fromkeys(str(t.kept.composition) for t in tuned):
-        yield [t for t in tuned if str(t.kept.composition) == composition]
-
-
-def _parameters(sensor: str, tuned: Sequence["Tuned"]) -> Iterator[str]:
-    terms = tuned[0].kept.composition.terms
-    rows = [["", *(symbol(term) for term in terms), "fit"]]
-    rows.append(["", *(f"[{unit_text(sensor, term.kind)}]" for term in terms), ""])
-    for t in tuned:
-        estimates, p = t.inference.estimates, goodness_p(t)
-        verdict = "no test" if not math.isfinite(p) else "fits" if p >= FITS else "misfit"
-        rows.append(
-            [t.name[len(sensor) + 1 :], *(value_text(sensor, e) for e in estimates), verdict]
-        )
-        rows.append(
-            ["", *(interval(sensor, e) for e in estimates), p_text(p) if math.isfinite(p) else ""]
-        )
-    yield (
-        f"{SENSOR_NAMES[sensor]}, {tuned[0].kept.composition}: estimate +- standard error, 95 %"
-        " interval below"
-    )
-    yield from _aligned(rows)
 
 
 def symbol(term: NoiseTerm) -> str:
@@ -184,11 +85,3 @@ def interval(sensor: str, e: Estimate) -> str:
     if math.isfinite(high):
         return f"{low:.4g} to {high:.4g}"
     return f"from {low:.4g}, not bounded" if low > 0.0 else "not bounded"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    for row in rows:
-        yield (
-            "    " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, width, strict=True)).rstrip()
-        )

@@ -6,16 +6,19 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ....base.units import parse_unit
-from ....report.figures.noise import UNIT
+from ....report.figures.noise import NAMES, UNIT
 from ...estimation.goodness import p_text
+from ..options import TuneOptions
 from ..recordings import AXES, StaticRecording
+from .table import duration
 
 if TYPE_CHECKING:
+    from ....report.figures.noise import Sensor
     from ...estimation.selection import Candidate
     from ..fits import Tuned
 
@@ -24,6 +27,25 @@ MOST_RANKED = 5
 WARM = 3.0  # time constants until a sensor is warm
 SETTLES = 1.0 / 6.0  # of the recording's length: a decay that is slower is called a drift
 SAME = 1e-6  # relative, of objectives
+
+
+def sensor_words(
+    tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording], options: TuneOptions
+) -> tuple[str, str]:
+    """The verdict on a sensor in a few words, and what it is of."""
+    sensor = tuned[0].sensor
+    off = [t for t in tuned if goodness_p(t) < FITS]
+    models = ", ".join(dict.fromkeys(str(t.kept.composition) for t in tuned))
+    if not off:
+        title = f"{models} fits"
+    elif len(off) == len(tuned):
+        title = f"{models} does not fit"
+    else:
+        title = f"{models}, does not fit {', '.join(t.name[len(sensor) + 1 :] for t in off)}"
+    several = f"{len(recordings)} recordings" if len(recordings) > 1 else recordings[0].name
+    length = duration(max(r.length_s for r in recordings))
+    levels = f", levels {options.levels}" if options.levels else ""
+    return f"{NAMES[cast('Sensor', sensor)]}: {title}", f"{several}, {length}{levels}"
 
 
 def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:

@@ -2,7 +2,6 @@
 together or not at all.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -80,8 +79,8 @@ def noise_model(
 
 def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneResult:
     """Write all files, made from the recordings `measured`; the result that names them."""
-    from .figures import sensor_figure
-    from .page import static_page
+    from ....report.document import write_with_page
+    from .figures import sensor_chart, sensor_figure
 
     table, page, *figures = _beside(target)
     drawn = {
@@ -104,9 +103,8 @@ def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneRes
             write_noise_model(result.model, target, _remarks(result))
         products = [path for path in files if path not in (table, page)]
         document = result.as_dict() | made_from(measured, table, products)
-        twin = json.dumps(document, indent=1, allow_nan=False) + "\n"
-        atomic_write(page, static_page(result, twin).html())
-        atomic_write(table, twin)
+        charts = [chart for s in SENSORS if (chart := sensor_chart(result, s)) is not None]
+        write_with_page(result.document(charts), document, table, page)
     return result
 
 

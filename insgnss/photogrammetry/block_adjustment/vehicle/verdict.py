@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....base.findings import Finding, ranked
-from ....base.wording import first_of
+from ....base.wording import some
 from ....records.block import Array
 from ....report.rules.wording import lengths
 from ...adjust.groups import Rescaled
@@ -151,10 +151,10 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
     if own is None or not own["left_out"]:
         return
     names = [p["image"] for p in own["points"] if p["left_out"]]
-    some = first_of(names)
+    named = some(names)
     n, k = own["exposures"], own["left_out"]
     share = k / n
-    text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {some}"
+    text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {named}"
     if k > 1 and share > MANY_LEFT_OUT:
         yield ranked(KINEMATIC, DISCONNECTED * share + 1.0, text)
     else:

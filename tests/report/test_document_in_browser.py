@@ -14,11 +14,12 @@ import test_recognition_figure as recognition
 from test_page_in_browser import PIXELS, browser  # noqa: F401
 
 from insgnss.report.charts.chart import Chart
+from insgnss.report.document import Document
 from insgnss.report.figures.block import Field, charts
 from insgnss.report.figures.comparison import comparison_charts
 from insgnss.report.figures.mounting import scattered
 from insgnss.report.figures.noise import noise_chart, spectrum_charts
-from insgnss.report.verb_page import VerbPage
+from insgnss.report.verdict import Verdict
 
 
 def every_chart() -> Iterator[Chart]:
@@ -36,7 +37,7 @@ def every_chart() -> Iterator[Chart]:
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("verbs") / "verb.html"
-    page = VerbPage("all verbs", "3 of 3", "doubtful", "why not", list(every_chart()))
+    page = Document("all verbs", "3 of 3", Verdict("doubtful", "why not"), list(every_chart()))
     path.write_text("".join(page.html()))
     return path
 

@@ -1,0 +1,77 @@
+"""The verdict on a result: the one rule that makes it from findings, and that of a flight's run.
+
+The page colours the bar beside its headline by it, the terminal prints it below the headline.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple
+
+from ..base.wording import some
+from .rules.use import EXCEPT, NO, STATED, USE
+from .rules.wording import lengths
+
+Word = Literal["good", "doubtful", "bad"]
+NAMED = 3  # most findings that a verdict names: 3, because the sections have them all
+
+
+class Verdict(NamedTuple):
+    """How far a result is to be trusted.
+
+    Parameters
+    ----------
+    word : str
+        "good", "doubtful" or "bad".
+    why : str
+        The reason, without full stop.
+    phrase : str
+        What a person reads in the place of the word; empty: the word.
+    """
+
+    word: Word
+    why: str
+    phrase: str = ""
+
+    @property
+    def shown(self) -> str:
+        """What a person reads before the reason."""
+        return self.phrase or self.word.capitalize()
+
+    def __str__(self) -> str:
+        return f"{self.shown}: {self.why}"
+
+
+def worst_of(good: str, doubtful: Sequence[str] = (), bad: Sequence[str] = ()) -> Verdict:
+    """Return the verdict of findings: that of the worst kind that there is.
+
+    Parameters
+    ----------
+    good : str
+        What is good where nothing was found.
+    doubtful, bad : sequence of str
+        Findings of either kind, the most important first, without full stop.
+    """
+    findings = bad or doubtful
+    why = some(findings, NAMED, "; ") if findings else good
+    return Verdict("bad" if bad else "doubtful" if doubtful else "good", why)
+
+
+def run_verdict(summary: Mapping[str, Any]) -> Verdict:
+    """Return the verdict on the run of a flight, by its `use` (`rules.use`)."""
+    judged = summary["use"]
+    words: dict[str, Word] = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
+    return Verdict(words[judged["verdict"]], _why(judged), judged["sentence"])
+
+
+def _why(judged: Mapping[str, Any]) -> str:
+    """Return the reasons, or the need that all images are within."""
+    if judged["reasons"] and judged["verdict"] != USE:
+        return "; ".join(judged["reasons"])
+    metres = lengths([1e3 * x for x in judged["need_m"]])
+    angles = " / ".join(f"{x:.2g}" for x in judged["need_deg"])
+    measure = (
+        "as the flight file states it"
+        if judged["measure"] == STATED
+        else "what this receiver and this IMU give where all is well; output.need_m states another"
+    )
+    known = f"every image is known to {metres} and {angles} deg (east, north, up) or better"
+    return f"{known}: {measure}"
