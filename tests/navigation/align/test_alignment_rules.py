@@ -16,7 +16,7 @@ from insgnss.navigation.align.coarse import _attitude_cov, _robust_wahba, _unste
 from insgnss.navigation.align.coarse import _candidates as coarse_candidates
 from insgnss.navigation.align.initial import _aligned_window, _coarse_start, _first_velocity, _start
 from insgnss.navigation.align.standing import StandingAttitude, longest_rest
-from insgnss.navigation.align.turn_on import _mean
+from insgnss.navigation.align.turn_on import _mean, _updated
 from insgnss.navigation.filter.codes import ZUPT
 
 
@@ -318,3 +318,16 @@ def test_means_of_stands_scatter_where_there_are_three(count) -> None:
     assert_allclose(_mean(0.0 * means, 0.0 * std, samples, 1e-3)[1], 1e-3)
     unequal, _ = _mean(means, std, np.arange(1, count + 1), 1e-3)
     assert_allclose(unequal, np.average(means, axis=0, weights=np.arange(1, count + 1)))
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_the_update_of_a_bias_is_that_of_information(rows) -> None:
+    """Oracle: numpy's information form: the sum of what was known and what was measured."""
+    rng = np.random.default_rng(rows)
+    P, H, z = np.diag([0.5, 1.0, 2.0]), rng.normal(size=(rows, 3)), rng.normal(size=rows)
+    root = rng.normal(size=(rows, rows))
+    R = root @ root.T + 0.5 * np.eye(rows)
+    expected = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.solve(R, H))
+    x, cov = _updated(P, H, z, R)
+    assert_allclose(cov, expected, atol=1e-12)
+    assert_allclose(x, expected @ H.T @ np.linalg.solve(R, z), atol=1e-12)
