@@ -81,7 +81,7 @@ def test_what_changes_no_number_is_left_alone(monkeypatch: pytest.MonkeyPatch) -
     script = importlib.import_module("random_defects")
     text = (
         "TINY = 1e-9\nBLOCK_BYTES = 8.0 * 3.0\n"
-        "def f(a):\n    share(7.0)\n    return a / max(abs(a) + 1e-9, 1e-12) * 1e-6\n"
+        "def f(a):\n    share(7.0)\n    return a / max(abs(a) + 1e-9, 1e-12 * a) * 1e-6 + 0.0 * a\n"
     )
     places = script._Places(text)
     places.visit(ast.parse(text))

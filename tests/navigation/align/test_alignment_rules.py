@@ -16,6 +16,7 @@ from insgnss.navigation.align.coarse import _attitude_cov, _robust_wahba, _unste
 from insgnss.navigation.align.coarse import _candidates as coarse_candidates
 from insgnss.navigation.align.initial import _aligned_window, _coarse_start, _first_velocity, _start
 from insgnss.navigation.align.standing import StandingAttitude, longest_rest
+from insgnss.navigation.align.turn_on import _mean, _updated
 from insgnss.navigation.filter.codes import ZUPT
 
 
@@ -300,3 +301,33 @@ def test_windows_to_try_in_the_order_of_time(monkeypatch, known) -> None:
     assert [window for _, window, _ in tries] == [
         *((10, 70), (30, 130), (60, 120), (90, 150), (190, 199))
     ]
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_means_of_stands_scatter_where_there_are_three(count) -> None:
+    """Oracle: numpy: the weighted mean; white noise of all samples, or the standard error of three
+    means and more; a floor."""
+    rng = np.random.default_rng(count)
+    means, std = rng.normal(size=(count, 3)), np.full((count, 3), 2.0)
+    samples = np.full(count, 100)
+    mean, sigma = _mean(means, std, samples, 1e-3)
+    assert_allclose(mean, means.mean(axis=0))
+    white = 2.0 / np.sqrt(100.0 * count)
+    scatter = means.std(axis=0, ddof=1) / np.sqrt(count) if count > 2 else np.zeros(3)
+    assert_allclose(sigma, np.maximum(white, scatter))
+    assert_allclose(_mean(0.0 * means, 0.0 * std, samples, 1e-3)[1], 1e-3)
+    unequal, _ = _mean(means, std, np.arange(1, count + 1), 1e-3)
+    assert_allclose(unequal, np.average(means, axis=0, weights=np.arange(1, count + 1)))
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_the_update_of_a_bias_is_that_of_information(rows) -> None:
+    """Oracle: numpy's information form: the sum of what was known and what was measured."""
+    rng = np.random.default_rng(rows)
+    P, H, z = np.diag([0.5, 1.0, 2.0]), rng.normal(size=(rows, 3)), rng.normal(size=rows)
+    root = rng.normal(size=(rows, rows))
+    R = root @ root.T + 0.5 * np.eye(rows)
+    expected = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.solve(R, H))
+    x, cov = _updated(P, H, z, R)
+    assert_allclose(cov, expected, atol=1e-12)
+    assert_allclose(x, expected @ H.T @ np.linalg.solve(R, z), atol=1e-12)

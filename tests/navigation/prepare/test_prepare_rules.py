@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.navigation.prepare import static_recording, stationarity
+from insgnss.navigation.prepare.calibration import TriadCalibration
 from insgnss.navigation.prepare.dead_band import DeadBand, dead_band_of
 from insgnss.navigation.prepare.gaps import bridged_variance, find_gaps, mean_interval
 from insgnss.navigation.prepare.several_imus import combine, parity
@@ -367,3 +368,14 @@ def test_a_body_that_hardly_turns_shows_no_clock(monkeypatch, rms, noise, shown,
     *_, check = combine._offset(*tracks, noise, "b")
     assert ("hardly turns" in check.found) is not shown
     assert ("correlate by 0.69" in check.found) is shown
+
+
+def test_a_calibration_takes_bias_and_response_off() -> None:
+    """Oracle: (C.1) turned round by hand, of rates, and of increments over their intervals."""
+    rng = np.random.default_rng(11)
+    response = np.eye(3) + 0.01 * rng.normal(size=(3, 3))
+    triad = TriadCalibration(np.array([0.1, -0.2, 0.3]), response)
+    true, dt = rng.normal(size=(5, 3)), np.linspace(0.1, 0.2, 5)[:, None]
+    assert_allclose(triad.correct(true @ response.T + triad.bias), true)
+    assert_allclose(triad.correct((true * dt) @ response.T + triad.bias * dt, dt), true * dt)
+    assert_allclose(triad.scale_factor, np.diag(response) - 1.0)
