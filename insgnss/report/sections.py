@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from ..base.findings import ranked
+from ..base.findings import Finding, ranked
 from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
