@@ -23,6 +23,7 @@ Where to look
     least squares of calibrations, groups with covariances, variance factors and further
         observations: `least_squares.py`
     in which conventions files of the same data differ: `conventions.py`; which of them explains a
-        misfit, with the one pair of limits for all wings: `explain.py`
+        misfit, with the one pair of limits for all wings: `explain.py`; how a file of positions or
+        attitudes may have been written: `readings.py`
     the height that belongs to an air pressure: `atmosphere.py`
 """

@@ -37,7 +37,7 @@ Where to look
     groups that contradict each other: `block_adjustment/judgement.py`; what explains it, each
         adjusted again: `trials.py` there
     files that do not belong together: `block_adjustment/plausibility.py`; how they would fit:
-        `readings.py` there, of a calibration `mounting_calibration/readings.py`
+        `readings.py` there, of a calibration `insgnss/geodesy/readings.py`
     lever arm, bore-sight, delay of a flight from poses: (L.1) to (L.6) in
         `mounting_calibration/equations.py` and `solution.py`, its other modules in `__init__.py`
         there; a delay along the flight direction: `lever_arm/flight_direction.py`

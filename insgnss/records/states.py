@@ -4,7 +4,6 @@ Whoever decides by a state compares its fields; its name is for people and files
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 AXES = ("forward", "right", "down")
 LEVER_ARM, SCALE_FACTOR, MISALIGNMENT = "antenna lever arm", "scale factor", "misalignment"
@@ -54,20 +53,3 @@ class State:
 OF_LEVER_ARM = tuple(State(LEVER_ARM, axis, "m") for axis in AXES)
 TIME_OFFSET, CLOCK_RATE = State("GNSS time offset", unit="s"), State("GNSS clock rate")
 OF_FIXES = (*OF_LEVER_ARM, TIME_OFFSET, CLOCK_RATE)
-
-
-def as_named(record: Any) -> dict[str, Any]:
-    """Return the fields of a record as a document holds them.
-
-    Parameters
-    ----------
-    record : Any
-        A record with a `state`.
-
-    Returns
-    -------
-    dict of str to Any
-        Its fields, the state's name in place of the state.
-    """
-    fields = vars(record).items()
-    return {"name" if key == "state" else key: str(v) if key == "state" else v for key, v in fields}

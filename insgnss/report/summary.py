@@ -17,7 +17,8 @@ from ..records import Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
-from .rules.use import Places, stated_need, use
+from .rules.needs import stated_need
+from .rules.use import Places, use
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 from .statistics import (
@@ -82,12 +83,12 @@ def run_summary(
     figures = plain(figures)
     ranked = limits(figures)
     figures["use"] = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
-    said = {
+    first = {
         "headline": f"{figures['use']['sentence']}: {headline(figures)}",
         "verdict": verdict(ranked),
         "limits": [limit.limit for limit in ranked],
     }
-    return said | figures
+    return first | figures
 
 
 def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> Places:

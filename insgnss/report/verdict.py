@@ -73,5 +73,5 @@ def _why(judged: Mapping[str, Any]) -> str:
         if judged["measure"] == STATED
         else "what this receiver and this IMU give where all is well; output.need_m states another"
     )
-    known = f"every image is known to {metres} and {angles} deg (east, north, up) or better"
-    return f"{known}: {measure}"
+    statement = f"every image is known to {metres} and {angles} deg (east, north, up) or better"
+    return f"{statement}: {measure}"

@@ -115,10 +115,10 @@ def test_a_table_is_aligned_on_the_terminal() -> None:
 
 def test_the_verdict_is_that_of_the_worst_finding() -> None:
     """Oracle: the rule, by hand; no more than three findings are named."""
-    assert worst_of("well") == ("good", "well")
-    assert worst_of("well", ["a", "b"]) == ("doubtful", "a; b")
-    assert worst_of("well", ["a"], ["c"]) == ("bad", "c")
-    assert worst_of("well", list("abcde")) == ("doubtful", "a; b; c and 2 more")
+    assert worst_of("well")[:2] == ("good", "well")
+    assert worst_of("well", ["a", "b"])[:2] == ("doubtful", "a; b")
+    assert worst_of("well", ["a"], ["c"])[:2] == ("bad", "c")
+    assert worst_of("well", list("abcde"))[:2] == ("doubtful", "a; b; c and 2 more")
 
 
 def test_nothing_to_say_leaves_no_heading() -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from insgnss.records import Check, MeanResidual
-from insgnss.report.rules.use import NEEDS, mood
+from insgnss.report.rules.needs import NEEDS
+from insgnss.report.verdict import run_verdict
 
 FLIGHT = {"output": {"need": None, "need_m": None, "need_deg": None}}
 
@@ -22,7 +23,7 @@ def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary
     assert s["use"]["need_deg"] == pytest.approx([0.05, 0.05, 0.2])
     assert s["use"]["measure"] == "receiver and IMU"
     assert s["headline"].startswith("Use it: 30 images")
-    colour, why = mood(s)
+    colour, why, _ = run_verdict(s)
     assert colour == "good"
     assert "30.0 / 30.0 / 45.0 mm and 0.05 / 0.05 / 0.2 deg" in why
 
@@ -34,7 +35,7 @@ def test_an_image_beyond_its_need_is_named(diagnostics, eo, summary) -> None:
     assert s["use"]["images"] == ["8001.tif"]
     assert s["use"]["sentence"] == "Use it except 1 image (8001.tif)"
     assert s["use"]["reasons"][0].startswith("heading is known to 0.31 deg only, needed are 0.2")
-    assert mood(s)[0] == "doubtful"
+    assert run_verdict(s)[0] == "doubtful"
 
 
 @pytest.mark.parametrize(
@@ -100,8 +101,8 @@ def test_what_forbids_the_use_of_all_images_has_its_reason(diagnostics, eo, summ
     for words, d in cases.items():
         s = summary(d, eo())
         assert s["use"]["verdict"] == "no"
-        assert words in mood(s)[1]
-        assert mood(s)[0] == "bad"
+        assert words in run_verdict(s)[1]
+        assert run_verdict(s)[0] == "bad"
 
 
 def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None:
@@ -114,4 +115,4 @@ def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
 def test_every_reason_ends_without_full_stop(diagnostics, eo, summary, scale: float) -> None:
     """Oracle: the page puts it."""
-    assert not mood(summary(diagnostics(scale), eo()))[1].endswith(".")
+    assert not run_verdict(summary(diagnostics(scale), eo()))[1].endswith(".")

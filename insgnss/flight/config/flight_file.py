@@ -29,7 +29,7 @@ from ...io.options.camera_options import (
 )
 from ...io.options.kinds import Kind, accepted, as_tuple, check, no_texts, register
 from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
-from ...report.rules.use import NEEDS
+from ...report.rules.needs import NEEDS
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput

@@ -95,7 +95,7 @@ def findings_section(title: str, findings: "Sequence[Finding]") -> Section:
 
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
     """Return the findings for JSON output."""
-    return [picked(f, "name", "value", "confidence", "evidence") for f in findings]
+    return [{"value": f.found} | picked(f, "name", "confidence", "evidence") for f in findings]
 
 
 def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:

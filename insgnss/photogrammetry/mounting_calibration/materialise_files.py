@@ -10,6 +10,7 @@ import numpy as np
 from ...base.errors import DataError, InputError, UsageError, near
 from ...base.files import picked
 from ...geodesy.explain import explain
+from ...geodesy.readings import advice, of_positions, suspected
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
 from ...records import Array
@@ -30,7 +31,6 @@ from .intersections import intersected
 from .options import MaterialiseOptions
 from .poses import CameraPoses, is_block, read_camera_poses
 from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
-from .readings import advice, of_positions, suspected
 
 ANTENNA = "antenna"
 ANTENNA_M = 5e-3  # where a table has no standard deviation of the phase centre

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.conventions import Change, orders, time_scale
 from ...geodesy.explain import Candidate, best_shift, explain
+from ...geodesy.readings import of_attitudes, of_positions, suspected
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
 from .equations import SCALE
-from .readings import of_attitudes, of_positions, suspected
 from .records import BlockPoses, FlightPoses, Rows
 from .solution import Solved
 

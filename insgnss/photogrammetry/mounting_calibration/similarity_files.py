@@ -17,6 +17,7 @@ from ...base.files import picked
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
+from ...geodesy.readings import advice, of_attitudes, of_positions, suspected
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.camera_toml import read_camera_toml
 from ...io.formats.blocks.reading import read_measured_block
@@ -53,7 +54,6 @@ from .products import (
     of_lever_arm,
     provenance,
 )
-from .readings import advice, of_attitudes, of_positions, suspected
 
 ANTENNA_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
 SAME_AXIS = 0.5  # cosine of a camera axis and the flight direction that share their fate

@@ -11,6 +11,7 @@ from ...base.errors import DataError, InputError
 from ...base.files import picked
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
+from ...geodesy.readings import advice, of_attitudes, of_positions, suspected
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
@@ -23,7 +24,6 @@ from .poses import (
     read_positions,
 )
 from .products import CalibratedMounting, of_lever_arm, provenance
-from .readings import advice, of_attitudes, of_positions, suspected
 
 LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data

@@ -45,14 +45,10 @@ MOST_PLACES = 4  # of weak images that get a sentence each
 FAR = math.inf  # d of (U.1) where nothing bounds it
 AXES = ("east", "north", "up")
 OPEN = "exposure clock"  # check whose note asks what no data of the flight can answer
-NEEDS = {  # by `output.need`: m east, north, up, and deg about these axes
-    "control": ((0.03, 0.03, 0.05), (0.02, 0.02, 0.05)),  # no ground control: a few cm, half a px
-    "start values": ((1.0, 1.0, 1.0), (1.0, 1.0, 2.0)),  # what a bundle adjustment converges from
-}
 
 
 @dataclass(frozen=True, eq=False)
-class Doubt:
+class Inflation:
     """What the flight holds against the sigmas of its images, by (U.1).
 
     Parameters
@@ -112,14 +108,6 @@ class Places:
         return f"{count} ({first})" if index.size == 1 else f"{count} ({first} ... {last})"
 
 
-def stated_need(output: Figures | None) -> tuple[Any, Any]:
-    """Return the needs of a resolved table [output]: m and deg; None for what it does not state."""
-    output = output or {}
-    preset = NEEDS.get(output.get("need") or "", (None, None))
-    stated = output.get("need_m"), output.get("need_deg")
-    return tuple(s or p for s, p in zip(stated, preset, strict=True))  # type: ignore[return-value]
-
-
 def use(
     f: Figures,
     judged: Places,
@@ -149,19 +137,19 @@ def use(
     ]
     needed = np.hstack(needs)
     sigma = np.hstack([judged.position_m, judged.attitude_deg])
-    weak = _beyond(sigma, needed)
-    reasons = list(_weak(f, judged, sigma, needed))
-    doubts = list(_doubts(f))
+    insufficient = _beyond(sigma, needed)
+    reasons = list(_insufficient(f, judged, sigma, needed))
+    inflations = list(_inflations(f))
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
-    for doubt in doubts:
-        k, d = _enlarged(doubt, judged)
+    for inflation in inflations:
+        k, d = _enlarged(inflation, judged)
         factor, moved = np.maximum(factor, k), np.hypot(moved, d)
     beyond = _beyond(np.hypot(factor * sigma, moved), needed)
-    for doubt in doubts:
-        concerned = beyond & judged.within(doubt.span)
-        k, d = _enlarged(doubt, judged)
-        if (concerned & _beyond(np.hypot(k * sigma, d), needed) & ~weak).any():
-            reasons.append(f"{doubt.text} ({judged.listed(concerned)}); {doubt.help}")
+    for inflation in inflations:
+        concerned = beyond & judged.within(inflation.span)
+        k, d = _enlarged(inflation, judged)
+        if (concerned & _beyond(np.hypot(k * sigma, d), needed) & ~insufficient).any():
+            reasons.append(f"{inflation.text} ({judged.listed(concerned)}); {inflation.help}")
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
     return {
@@ -195,11 +183,15 @@ def _usual_need(f: Figures, judged: Places) -> tuple[Array, Array]:
     return NEED_OF_FIX * np.array([east, north, down]), need_deg
 
 
-def _enlarged(doubt: Doubt, judged: Places) -> tuple[Array, Array]:
-    """Return k and d (n, 6) of (U.1) of one doubt."""
-    rows = judged.within(doubt.span)
+def _enlarged(inflation: Inflation, judged: Places) -> tuple[Array, Array]:
+    """Return k and d (n, 6) of (U.1) of one inflation."""
+    rows = judged.within(inflation.span)
     k, d = np.ones((judged.time.size, 6)), np.zeros((judged.time.size, 6))
-    k[rows, :3], k[rows, 3:], d[rows, :3] = doubt.position, doubt.attitude, doubt.moves_m
+    k[rows, :3], k[rows, 3:], d[rows, :3] = (
+        inflation.position,
+        inflation.attitude,
+        inflation.moves_m,
+    )
     return k, d
 
 
@@ -218,7 +210,7 @@ def _against(f: Figures) -> Iterator[str]:
         yield "no GNSS position was used, nothing supports the images; check clock, axes and week"
 
 
-def _doubts(f: Figures) -> Iterator[Doubt]:
+def _inflations(f: Figures) -> Iterator[Inflation]:
     """Yield what the flight holds against its sigmas, and what that does to the images."""
     if f["standing"]:
         return
@@ -230,7 +222,7 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
                 f"the GNSS {'positions' if quantity == 'position' else quantity[:-1] + 'ies'}"
                 f" scatter {k:.1f} times as much as their sigmas say, and so may the images"
             )
-            yield Doubt(
+            yield Inflation(
                 text,
                 "check lever arm and clocks, then raise the sigmas of the fixes",
                 k if quantity == "position" else 1.0,
@@ -243,7 +235,7 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
         mean, sigma = np.array(piece["mean_mm"]), np.array(piece["sigma_mm"])
         off = np.where(np.abs(mean) > r["limit"] * sigma, np.abs(mean), 0.0)
         if off.any():
-            yield Doubt(
+            yield Inflation(
                 f"the trajectory stands off its own GNSS positions by {millimetres(off.max())} in"
                 f" the mean of {_span(f, piece['begin_s'], piece['end_s'])}",
                 "find out what happened there before these images are used",
@@ -251,7 +243,7 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
                 span=(piece["begin_s"], piece["end_s"]),
             )
     for time in f["covariance_resets_s"]:
-        yield Doubt(
+        yield Inflation(
             f"the filter lost the GNSS positions before {at_time(f, time)} and began anew there",
             "look at the GNSS positions before this time: jumps are the receiver's",
             moves_m=FAR,
@@ -260,7 +252,7 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
     if any(accuracy.lever_arm(f)):
         arm = {axis: abs(state["value"]) for axis, state in accuracy.arm_states(f).items()}
         level = math.hypot(arm.get("forward", 0.0), arm.get("right", 0.0))
-        yield Doubt(
+        yield Inflation(
             "the lever arm from the IMU to the antenna is not what the mounting states, and the"
             " flight cannot determine whether imu_m or antenna_m is wrong",
             "measure both; mounting.antenna_sigma_m says how well the antenna's place is known",
@@ -268,7 +260,7 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
         )
 
 
-def _separations(f: Figures) -> Iterator[Doubt]:
+def _separations(f: Figures) -> Iterator[Inflation]:
     """Yield the disagreement of forward and backward: on the whole, or at one instant."""
     separation = f["separation"]
     k = {}
@@ -277,7 +269,7 @@ def _separations(f: Figures) -> Iterator[Doubt]:
         beyond = [r for r, limit in zip(ratios, limits, strict=True) if r and r > limit]
         k[state] = max(beyond, default=1.0)
     if max(k.values()) > 1.0:
-        yield Doubt(
+        yield Inflation(
             f"the solutions forward and backward in time disagree by {max(k.values()):.1f} times"
             " what their sigmas say",
             "check the IMU's noise model, the sigmas of the fixes, lever arm and clocks",
@@ -288,7 +280,7 @@ def _separations(f: Figures) -> Iterator[Doubt]:
     largest = separation["largest"]
     if largest is not None and largest["sigmas"] > fixes.SEPARATION_ONCE:
         once = largest["sigmas"] / CHANCE
-        yield Doubt(
+        yield Inflation(
             f"the solutions forward and backward in time disagree by {largest['sigmas']:.1f} sigmas"
             f" in {largest['state']} at {at_time(f, largest['time_s'])}",
             "look at the quality of the fixes there, and at the IMU's temperature",
@@ -298,7 +290,7 @@ def _separations(f: Figures) -> Iterator[Doubt]:
         )
 
 
-def _whiteness(f: Figures) -> Iterator[Doubt]:
+def _whiteness(f: Figures) -> Iterator[Inflation]:
     """Yield innovations with a mean, or with errors that stay from fix to fix.
 
     The mean of n variables of autocorrelation r^j scatters sqrt((1 + r) / (1 - r)) times as much as
@@ -310,7 +302,7 @@ def _whiteness(f: Figures) -> Iterator[Doubt]:
     mean, rms = np.abs(i["mean_mm"]), np.array(i["rms_mm"])
     off = np.where(mean > max(fixes.MEAN_MATTERS, i["lag1_bound_99"]) * rms, mean, 0.0)
     if off.any():
-        yield Doubt(
+        yield Inflation(
             f"the GNSS positions stand off their prediction by {millimetres(off.max())} in the mean"
             " of the whole flight",
             "look for an error of lever arm, clock or datum",
@@ -320,7 +312,7 @@ def _whiteness(f: Figures) -> Iterator[Doubt]:
     lags[lags <= max(fixes.LAG_ONE_MATTERS, i["lag1_bound_99"])] = 0.0
     if lags.any():
         k = np.sqrt((1.0 + lags) / np.maximum(1.0 - lags, 1e-3))
-        yield Doubt(
+        yield Inflation(
             f"errors of the GNSS positions stay from one to the next (correlation"
             f" {lags.max():.2f}), which the sigmas of the images do not hold",
             'gnss.gm_sigma = "auto" estimates them',
@@ -328,7 +320,7 @@ def _whiteness(f: Figures) -> Iterator[Doubt]:
         )
 
 
-def _weak(f: Figures, judged: Places, sigma: Array, needed: Array) -> Iterator[str]:
+def _insufficient(f: Figures, judged: Places, sigma: Array, needed: Array) -> Iterator[str]:
     """Yield where the images are beyond their need by the result's own sigmas, and why."""
     beyond = _beyond(sigma, needed)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from insgnss.base.errors import DataError
 from insgnss.navigation.diagnosis import (
     clock_step,
-    code_errors,
     constants,
     decision,
     incorrect_fixes,
@@ -35,6 +34,7 @@ from insgnss.navigation.diagnosis.variances import VarianceSearch, _averaged, _p
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import FixErrors
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
+from insgnss.records.states import OF_LEVER_ARM, TIME_OFFSET
 
 
 def solved(used=100, rejected=0, resets=0, nis=3.0, gate=14.0, sigma=0.02) -> SimpleNamespace:
@@ -407,13 +407,13 @@ def test_shares_of_code_solutions_within_their_bounds() -> None:
         (1e-3, (0.02, 0.02, 1e-3, 0.02)),
         (100.0, (50.0, 100.0, 3.0, 100.0)),
     ):
-        got = code_errors._with_factors(model, {f"fixes.{name}": factor for name in names})
+        got = time_correlated._with_factors(model, {f"fixes.{name}": factor for name in names})
         assert_allclose(
             (got.unfixed_white_scale, got.unfixed_gm_sigma)
             + (got.velocity_gm_sigma_mps, got.velocity_white_scale),
             expected,
         )
-    whiter = code_errors._whiter(model)
+    whiter = time_correlated._whiter(model)
     assert_allclose([whiter.unfixed_white_scale, whiter.velocity_white_scale], [0.8, 1.6])
 
 
@@ -431,7 +431,7 @@ def test_shares_make_what_code_solutions_claim(k, c, share, time_s) -> None:
     """Oracle: (D.3) by hand: k^2 + c^2 = 1 with c^2 / T as it was, of one second to ten minutes; a
     share of nine tenths is all white."""
     model = FixErrors(unfixed_white_scale=k, unfixed_gm_sigma=c, unfixed_correlation_time_s=60.0)
-    got = code_errors._as_claimed(model)
+    got = time_correlated._as_claimed(model)
     if share is None:
         assert got.unfixed_gm_sigma is None
     else:
@@ -445,7 +445,9 @@ def test_what_the_gate_rejects_of_code_solutions() -> None:
         verdict = np.full((12, 5), NOT_MEASURED)
         verdict[:10, :2] = USED
         verdict[:of_position, 0], verdict[:of_velocity, 1] = REJECTED, REJECTED
-        assert code_errors._rejected(SimpleNamespace(verdict=verdict)) == pytest.approx(expected)
+        assert time_correlated._rejected(SimpleNamespace(verdict=verdict)) == pytest.approx(
+            expected
+        )
 
 
 @pytest.mark.parametrize(
@@ -548,9 +550,9 @@ def test_what_the_data_alone_say_of_constants() -> None:
     ("attempted", "requested", "resets", "looks"),
     [
         ((), (), 0, False),
-        (("GNSS time offset",), (), 0, True),
-        ((), ("GNSS clock rate",), 0, True),
-        (("antenna lever arm forward",), (), 0, False),
+        ((TIME_OFFSET,), (), 0, True),
+        ((), (TIME_OFFSET.group,), 0, True),
+        ((OF_LEVER_ARM[0],), (), 0, False),
         ((), (), 1, True),
     ],
 )
@@ -558,7 +560,7 @@ def test_when_a_step_of_a_clock_is_looked_for(
     monkeypatch, attempted, requested, resets, looks
 ) -> None:
     """Oracle: by hand: where an offset or a rate is adopted or requested, or fixes were lost."""
-    monkeypatch.setattr(decision, "_step_under", lambda search, posed, model, against: "step")
+    monkeypatch.setattr(decision, "step_under", lambda search, posed, model, against: "step")
     search = SimpleNamespace(requested=requested, requested_errors=FixErrors())
     here = SimpleNamespace(
         attempted=frozenset(attempted),
@@ -608,7 +610,7 @@ def test_constants_are_followed_between_epochs_that_are_near(
     """Oracle: by hand: 0.21 s; no barometer, no non-holonomic constraint."""
     monkeypatch.setattr(constants.Constants, "of", lambda *_: "constants")
     monkeypatch.setattr(constants.Sensitivity, "before", lambda *_: "followed")
-    layout = SimpleNamespace(names=())
+    layout = SimpleNamespace(states=())
 
     def found(constraint=0, barometer=0.0):
         epochs = SimpleNamespace(
@@ -650,12 +652,12 @@ def test_rounds_of_a_fit_of_code_errors(monkeypatch, solutions, fits, scale) -> 
         fitted.append(white_only)
         return {"fixes.position": 1.5, "fixes.unfixed_correlated": 1.0}
 
-    monkeypatch.setattr(code_errors, "solve", solve)
-    monkeypatch.setattr(code_errors, "with_layout", lambda *_: ())
-    monkeypatch.setattr(code_errors, "_rejected", lambda share: share)
-    monkeypatch.setattr(code_errors, "_maximum", maximum)
+    monkeypatch.setattr(time_correlated, "solve", solve)
+    monkeypatch.setattr(time_correlated, "with_layout", lambda *_: ())
+    monkeypatch.setattr(time_correlated, "_rejected", lambda share: share)
+    monkeypatch.setattr(time_correlated, "_maximum", maximum)
     model = FixErrors(unfixed_gm_sigma=1.0, unfixed_white_scale=0.5)
-    got = code_errors._fit(None, None, lambda _: None, model, lambda _: None)
+    got = time_correlated._fit(None, None, lambda _: None, model, lambda _: None)
     assert fitted == [True, False, False][:fits]
     if scale is None:
         assert got is None

@@ -15,7 +15,7 @@ from flown import NO_GATE, fly, start_near
 
 from insgnss.flight.reference.linear import (
     Batch,
-    Estimate,
+    GaussianStates,
     LinearProblem,
     batch,
     filtered,
@@ -156,7 +156,7 @@ def case() -> Case:
 
 
 @pytest.fixture(scope="module")
-def by_filterpy(case) -> Estimate:
+def by_filterpy(case) -> GaussianStates:
     """Filterpy's filter, one predict an epoch and one update a triple."""
     return filtered(case.linear)
 

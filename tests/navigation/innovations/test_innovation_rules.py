@@ -11,15 +11,14 @@ from scipy.stats import chi2, norm
 from insgnss.navigation.innovations.innovation_noise import (
     InFlightNoise,
     Innovations,
-    Maximum,
-    Search,
     Whiteness,
     _chance,
     _minutes,
     _untold,
-    moving_parts,
     whiteness,
 )
+from insgnss.navigation.innovations.pieces import moving_parts
+from insgnss.navigation.innovations.search import Maximum, Search
 
 BLANK = Innovations(
     1.0, 100, 0, 0.0, Whiteness(*(np.zeros(3),) * 1, 0.0, *(np.zeros(3),) * 2, 20, np.zeros(3))
@@ -125,7 +124,7 @@ def quadratic(A, best):
 def test_the_search_finds_the_minimum_within_its_bounds(monkeypatch) -> None:
     """Oracle: a parabola's minimum by numpy; factors of the IMU from 1/300 to 300, of fixes from
     a fifth to thirty; what is held stays at one."""
-    from insgnss.navigation.innovations import innovation_noise as module
+    from insgnss.navigation.innovations import search as module
 
     names = ("gyro.white_noise", "accel.white_noise", "fixes.position")
     A = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]])
@@ -193,7 +192,7 @@ def test_what_a_flight_tells_of_a_factor(theta, sigma, told) -> None:
 )
 def test_parts_in_motion(monkeypatch, rate_hz, moving_s, parts) -> None:
     """Oracle: by hand: 20 s and 60 fixes and more, outside of what stands still."""
-    from insgnss.navigation.innovations import innovation_noise as module
+    from insgnss.navigation.innovations import pieces as module
 
     time = np.arange(0.0, 100.0, 1.0 / rate_hz)
     solution = SimpleNamespace(

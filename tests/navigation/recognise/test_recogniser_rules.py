@@ -69,7 +69,8 @@ RATES = SimpleNamespace(quantity="mean_rate")
 )
 def test_what_the_turns_say(ratio, lag, best, here, least_lag, verdict, word) -> None:
     """Oracle: the rules of `turns` by hand, on either side of each limit."""
-    said, advice = turns._judge_turns(ratio, lag, best, here, RATES, 0.01, least_lag)
+    said, remedy, _ = turns._judge_turns(ratio, lag, best, here, RATES, 0.01, least_lag)
+    advice = str(remedy)
     assert (said, word in advice if word else advice == "") == (verdict, True)
 
 
@@ -86,10 +87,11 @@ def test_what_the_turns_say(ratio, lag, best, here, least_lag, verdict, word) ->
 def test_a_ratio_names_the_unit_that_it_is_nearest(factor, unit) -> None:
     """Oracle: units by hand; a turn with the usual bank, 0.92 of the rate, 0.7 to 1.4 times."""
     for off, named in ((0.71, True), (1.0, True), (1.39, True), (0.69, False), (1.41, False)):
-        advice = turns._gyro_unit_advice(0.92 * factor * off, RATES, 0.002)
+        advice = str(turns._gyro_unit_remedy(0.92 * factor * off, RATES, 0.002))
         assert (unit in advice) is named
     increments = SimpleNamespace(quantity="increments")
-    assert turns.quantity_guess(increments, 0.01) == (100.0, 'imu.quantity = "mean_rate"')
+    factor, remedy = turns.quantity_guess(increments, 0.01)
+    assert (factor, str(remedy)) == (100.0, 'imu.quantity = "mean_rate"')
 
 
 def test_the_course_rate_of_a_circle() -> None:
@@ -188,7 +190,7 @@ def test_when_the_unit_of_the_gyros_is_sure(changes, sure) -> None:
     """Oracle: the limits of the scale by hand: 12 % and eight sigmas, 25 %, a sigma of 10 %."""
     unit, triads = of_gyro(relation(scan(PEAK, LAGS), **changes), RATES, 0.01)
     assert (unit.confidence > 0.0, triads.confidence > 0.0) == (sure, sure)
-    assert unit.value == ("rad/s" if sure else "unknown")
+    assert unit.found == ("rad/s" if sure else "unknown")
 
 
 def test_a_rival_unit_or_sense_takes_the_certainty() -> None:
@@ -246,7 +248,7 @@ def test_the_sign_of_the_force() -> None:
     reversed force makes it uncertain, one that explains more unknown."""
     lone = scan([0.9], [0.0], samples=20.0, reversed_=0.2)
     sign, finding = of_sign(relation(lone), 0.95, -np.inf)
-    assert (sign, finding.value) == (1, "unknown")  # log 8 = 2.08
+    assert (sign, finding.found) == (1, "unknown")  # log 8 = 2.08
     lone = scan([0.9], [0.0], samples=60.0 / math.log(8.0), reversed_=0.2)
     sign, finding = of_sign(relation(lone), 0.99, -np.inf)
     assert finding.confidence == pytest.approx(1.0 / (1.0 + math.exp(-3.0)))
@@ -269,7 +271,7 @@ def test_an_axis_is_as_sure_as_its_angle_is_far_from_45_degrees() -> None:
         assert math.degrees(found.off) == pytest.approx(off_deg)
         assert_allclose(found.vector, v)
     vertical = of_vertical(found, 1.0)
-    assert (vertical.value, vertical.confidence) == ("unknown", 0.0)
+    assert (vertical.found, vertical.confidence) == ("unknown", 0.0)
     near = _direction(np.array([0.0, 0.0, 1.0]), math.radians(20.0))
     for also, known in ((0.52, True), (0.50, False)):  # the product of both, more likely than not
         assert (of_vertical(near, also).confidence > 0.0) is known

@@ -314,8 +314,8 @@ def test_displacements_over_two_seconds() -> None:
 
 def recognised(triads="aligned", sign=1, sure=0.995) -> SimpleNamespace:
     findings = {
-        "gyro triad": SimpleNamespace(value=triads, confidence=sure),
-        "force sign": SimpleNamespace(value="", confidence=sure),
+        "gyro triad": SimpleNamespace(found=triads, confidence=sure),
+        "force sign": SimpleNamespace(found="", confidence=sure),
     }
     return SimpleNamespace(finding=findings.__getitem__, accel_sign=sign)
 

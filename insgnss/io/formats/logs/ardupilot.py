@@ -88,7 +88,7 @@ def read_imu_ardupilot(
         )
     log = read_log(path)
     message, notes = log.message(IMU_MESSAGES, variable), tuple[Check, ...]()
-    if message.name.startswith("GYR"):
+    if IMU_FIELDS[3] not in message:
         message, notes = _raw_pair(log, message)
     triads = message.floats(*IMU_FIELDS)
     clock = log.clock(_fixes(log), gps_week)

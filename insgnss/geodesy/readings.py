@@ -1,14 +1,15 @@
 """In which other way a file would fit: axes exchanged, millimetres, rows shifted by one.
 
-Only what does not fit as it stands is tried (`insgnss/geodesy/explain.py`). It is named, never
+Only what does not fit as it stands is tried (`explain.py`). It is named, never
 taken.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...geodesy.conventions import (
+from .conventions import (
     CAMERA_SETS,
     XYZ,
     Change,
@@ -18,9 +19,10 @@ from ...geodesy.conventions import (
     lengths,
     reversed_signs,
 )
-from ...geodesy.explain import Candidate, Data, Explanation
-from ...geodesy.rotation import CV_RUB
-from ...records import Array
+from .explain import Candidate, Data, Explanation
+from .rotation import CV_RUB
+
+Array = NDArray[np.float64]
 
 OPK = CAMERA_SETS["opk"]
 
@@ -33,9 +35,9 @@ def of_positions(units: bool = True, rows: bool = True) -> Iterator[Convention]:
     units, rows : bool
         Whether in other units than metres, and in rows of their neighbours.
 
-    Yields
-    ------
-    Convention
+    Returns
+    -------
+    iterator of Convention
         For positions (n, 3).
     """
     yield from (one for one in exchanged(XYZ) if "exchanged" in one.words)
@@ -55,9 +57,9 @@ def of_attitudes(opk: Array | None = None) -> Iterator[Convention]:
     opk : ndarray, (n, 3), optional
         Angles of a table as they stand there, taken for degrees, rad.
 
-    Yields
-    ------
-    Convention
+    Returns
+    -------
+    iterator of Convention
         For attitudes (n, 3, 3): camera (x right, y down) to the axes.
     """
 
@@ -86,9 +88,9 @@ def suspected(
     read : callable
         The data with a change of what is from the file.
 
-    Yields
-    ------
-    Candidate
+    Returns
+    -------
+    iterator of Candidate
         With a clause as its statement.
     """
 
