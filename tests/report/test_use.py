@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insgnss.records import Check, MeanResidual
+from insgnss.records import Check, MeanResidual, TimeCorrelatedError
 from insgnss.report.rules.needs import NEEDS
 from insgnss.report.verdict import run_verdict
 
@@ -26,6 +26,21 @@ def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary
     colour, why, _ = run_verdict(s)
     assert colour == "good"
     assert "30.0 / 30.0 / 45.0 mm and 0.05 / 0.05 / 0.2 deg" in why
+
+
+def test_the_usual_need_is_that_of_a_fix_in_the_axes_of_the_images(
+    diagnostics, eo, summary
+) -> None:
+    """Oracle: sigmas 20, 24, 30 mm north, east, down, and a slow error of 10, 7, 40 mm: root sums
+    of squares times 1.5, east first; one that few fixes have does not count.
+    """
+    sigma = np.broadcast_to([0.02, 0.024, 0.03], (1200, 3))
+    share = (1.0, 1.0, 1.0)
+    slow = TimeCorrelatedError(60.0, 1200, (0.01, 0.007, 0.04), share, share)
+    few = TimeCorrelatedError(60.0, 500, (1.0, 1.0, 1.0), share, share)
+    s = summary(diagnostics(innovation_sigma=sigma, time_correlated=(slow, few)), eo())
+    need = 1.5 * np.hypot([0.024, 0.02, 0.03], [0.007, 0.01, 0.04])
+    assert s["use"]["need_m"] == pytest.approx(need.tolist())
 
 
 def test_an_image_beyond_its_need_is_named(diagnostics, eo, summary) -> None:

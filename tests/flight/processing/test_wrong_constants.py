@@ -241,7 +241,7 @@ def test_a_wrong_place_of_the_imu_does_not_end_calmly(sim):
     assert np.abs(normalised(sim, right)).max() < 4.0
     estimated = run(sim, mounting=wrong, filter__lever_arm=True)
     assert np.abs(normalised(sim, estimated)).max() > 10.0
-    assert "the place of the images is in doubt" in estimated.report["headline"]
+    assert "cannot determine whether imu_m" in estimated.report["use"]["reasons"][0]
     assert run_verdict(estimated.report).word == "bad"
 
 
