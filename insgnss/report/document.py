@@ -215,7 +215,7 @@ class Document:
 
     def text(self) -> str:
         """Return the text for the terminal."""
-        lines = [self.headline.translate(PLAIN), f"{self.verdict}."]
+        lines = [self.headline.translate(PLAIN), f"{self.verdict}.".translate(PLAIN)]
         for section in self.sections:
             if isinstance(section, Section) and section.on != "page":
                 inside = [f"  {line}" for line in section.lines()]

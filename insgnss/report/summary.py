@@ -82,7 +82,8 @@ def run_summary(
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
     ranked = limits(figures)
-    figures["use"] = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
+    judged = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
+    figures["use"] = plain(judged)
     first = {
         "headline": f"{figures['use']['sentence']}: {headline(figures)}",
         "verdict": verdict(ranked),

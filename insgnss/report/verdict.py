@@ -66,12 +66,16 @@ def _why(judged: Mapping[str, Any]) -> str:
     """Return the reasons, or the need that all images are within."""
     if judged["reasons"] and judged["verdict"] != USE:
         return "; ".join(judged["reasons"])
-    metres = lengths([1e3 * x for x in judged["need_m"]])
-    angles = " / ".join(f"{x:.2g}" for x in judged["need_deg"])
-    measure = (
-        "as the flight file states it"
-        if judged["measure"] == STATED
-        else "what this receiver and this IMU give where all is well; output.need_m states another"
+    largest, need = (
+        f"{lengths([1e3 * x for x in judged[f'{key}_m']])} and"
+        f" {' / '.join(f'{x:.2g}' for x in judged[f'{key}_deg'])} deg"
+        for key in ("largest", "need")
     )
-    statement = f"every image is known to {metres} and {angles} deg (east, north, up) or better"
-    return f"{statement}: {measure}"
+    measure = (
+        "as the flight file states"
+        if judged["measure"] == STATED
+        else "as this receiver and this IMU allow; output.need_m states another need"
+    )
+    return (
+        f"all images are known to {largest} (east, north, up) or better; needed: {need}, {measure}"
+    )

@@ -129,7 +129,8 @@ def use(
     -------
     dict
         `verdict` ("use", "except", "no"), `sentence`, `images` (names of those not to be used),
-        `reasons`, `need_m`, `need_deg` and `measure` (where the needs are from).
+        `reasons`, `largest_m` and `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg`
+        and `measure` (where the needs are from).
     """
     usual = _usual_need(f, judged)
     needs = [
@@ -144,7 +145,8 @@ def use(
     for inflation in inflations:
         k, d = _enlarged(inflation, judged)
         factor, moved = np.maximum(factor, k), np.hypot(moved, d)
-    beyond = _beyond(np.hypot(factor * sigma, moved), needed)
+    enlarged = np.hypot(factor * sigma, moved)
+    beyond = _beyond(enlarged, needed)
     for inflation in inflations:
         concerned = beyond & judged.within(inflation.span)
         k, d = _enlarged(inflation, judged)
@@ -157,6 +159,8 @@ def use(
         "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
         "images": [name for name, out in zip(judged.names, beyond, strict=False) if out],
         "reasons": [*against, *reasons],
+        "largest_m": enlarged[:, :3].max(axis=0).tolist(),
+        "largest_deg": enlarged[:, 3:].max(axis=0).tolist(),
         "need_m": needs[0].tolist(),
         "need_deg": needs[1].tolist(),
         "measure": USUAL if need_m is None and need_deg is None else STATED,
