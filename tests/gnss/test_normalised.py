@@ -197,9 +197,7 @@ def test_epochs_of_other_days_than_the_navigation_are_left_out(tmp_path):
 
 @pytest.mark.slow
 def test_mixed_codes_are_solved_as_one_code_is(tmp_path):
-    """Oracle: the same simulated flight under one code, row by row; by the header alone 84 % were
-    fixed.
-    """
+    """Oracle: the same simulated flight under one code, row by row."""
     if find_spec("pyrtklib5") is None or not (DATA / "rinex_sim_6min").is_dir():
         pytest.skip("the engine or the recording is not here")
     place = DATA / "rinex_sim_6min"

@@ -87,6 +87,7 @@ WORDS = {
 }
 BEIDOU_LAG_S = 14.0
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
+FITTED = "messages fitted to precise orbits (SP3)"
 NETCDF = re.compile("\x89HDF|CDF")
 STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
 F_NAV = 0b10
@@ -230,14 +231,15 @@ class _NavigationText:
     def of(cls, path: Source) -> "_NavigationText":
         """Read the file and its messages."""
         left_out = Counter[str]()
-        content = _text(path)
+        content, mended = _text(path), Counter[str]()
         lines = messages_of_netcdf(path) if NETCDF.match(content) else lines_of(content)
         if SP3.match(content):
-            lines, left_out = messages_of_sp3(path, content)
+            fitted, left_out = messages_of_sp3(path, content)
+            lines, mended[FITTED] = [*fitted], sum(line[:1] != " " for line in fitted)
         version, system, start = _header(path, lines)
         if version >= 4.0:
             lines, left_out = as_rinex_3(path, lines, start)
-        text = cls(path, lines, version, system, start, left_out, Counter())
+        text = cls(path, lines, version, system, start, left_out, mended)
         text.messages.extend(text.parsed())
         return text
 

@@ -12,6 +12,9 @@ Positions of SP3 are of the centre of mass, up to 2 m from the antenna: that mov
 import io
 import warnings
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 
@@ -25,7 +28,7 @@ from ...records import Array
 HALF_S = 3600.0  # of a fit's window (s): 3600, since elements that hold for two hours miss by cm
 LEAST_NODES = 7  # positions in a window: 21 coordinates and more for 15 elements
 LARGEST_MISS_M = 1.0  # rms of a fit (m): 1, as broadcast orbits have; beyond it, a manoeuvre
-PASSES = 8  # of Gauss and Newton, the last of which move a satellite by nanometres
+PASSES = 4  # of Gauss and Newton: 4, the last of which moves a satellite by less than 1 mm
 NO_CLOCK_US = 999999.0
 BEIDOU_LAG_S, BEIDOU_WEEKS = 14.0, 1356
 GPS_WEEKS_OF = {"C": -BEIDOU_WEEKS}
@@ -60,13 +63,19 @@ HEAD = (
 def library(path: str | Path, what: str) -> ModuleType:
     """Return georinex; InputError for a file `what` where it is not installed."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its own imports
-            import georinex
+        import georinex
     except ImportError:
         message = f"{what} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}"
         raise InputError.at_line(path, None, message) from None
     return georinex
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep to itself what xarray and numpy say of how georinex calls them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def messages_of_netcdf(path: str | Path) -> list[str]:
@@ -79,7 +88,8 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
     """
     georinex = library(path, "netCDF")
     try:
-        table = georinex.rinexnav(Path(path))
+        with quiet():
+            table = georinex.rinexnav(Path(path)).load()
     except (LookupError, ValueError, OSError) as error:
         message = f"no navigation of georinex: {' '.join(str(error).split())[:120]}"
         raise InputError.at_line(path, None, f"{message}; give RINEX or SP3") from None
@@ -110,7 +120,8 @@ def message_lines(begin: str, values: list[float]) -> list[str]:
     return [begin + fields[0], *(f"    {field}" for field in fields[1:])]
 
 
-def messages_of_sp3(path: str | Path, text: str) -> tuple[list[str], Counter[str]]:
+@lru_cache(maxsize=4)  # read for the engine and for its checks
+def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Counter[str]]:
     """Return broadcast messages fitted to precise orbits as lines of RINEX 3.04.
 
     Parameters
@@ -122,7 +133,7 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[list[str], Counter[str
 
     Returns
     -------
-    lines : list of str
+    lines : tuple of str
         A message an hour and satellite.
     left_out : Counter
         Satellites that were left out, by reason.
@@ -138,7 +149,8 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[list[str], Counter[str
         message = f"times of SP3 in {scale}; GPS time is read, convert it"
         raise InputError.at_line(path, None, message)
     try:
-        table = georinex.load_sp3(io.StringIO(text), None)
+        with quiet():
+            table = georinex.load_sp3(io.StringIO(text), None)
     except (AssertionError, ValueError, IndexError) as error:
         message = f"georinex cannot read it: {' '.join(str(error).split())[:120]}"
         raise InputError.at_line(path, None, f"{message}; fetch the file again") from None
@@ -158,7 +170,7 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[list[str], Counter[str
     if len(lines) == len(HEAD):
         message = f"no orbit of an hour at least in {time.size} epochs; give the SP3 of the day"
         raise InputError.at_line(path, None, message)
-    return lines, +left_out
+    return tuple(lines), +left_out
 
 
 def _geostationary(satellite: str) -> bool:
@@ -202,12 +214,10 @@ def _fitted(tk: Array, position: Array, mu: float, rate: float) -> tuple[dict[st
     p = _osculating(tk, position, mu, rate)
     step = np.array([*ELEMENTS.values()])
     for _ in range(PASSES):
-        model = _orbit(p, tk, mu, rate)
-        jacobian = np.stack(
-            [(_orbit(p + row, tk, mu, rate) - model).ravel() for row in np.diag(step)], axis=1
-        )
+        model, *moved = _orbits(p + np.vstack([0.0 * step, np.diag(step)]), tk, mu, rate)
+        jacobian = (np.stack(moved) - model).reshape(step.size, -1).T
         p = p + step * (np.linalg.pinv(jacobian, rcond=1e-9) @ (position - model).ravel())
-    miss = float(np.sqrt(np.mean((position - _orbit(p, tk, mu, rate)) ** 2)))
+    miss = float(np.sqrt(np.mean((position - _orbits(p[None], tk, mu, rate)[0]) ** 2)))
     return dict(zip(ELEMENTS, p.tolist(), strict=True)), miss
 
 
@@ -232,12 +242,12 @@ def _osculating(tk: Array, position: Array, mu: float, rate: float) -> Array:
     return np.array([*out.values()])
 
 
-def _orbit(p: Array, tk: Array, mu: float, rate: float) -> Array:
-    """Positions (n, 3) m, ECEF, of elements (15,): (O.1) to (O.5) of `satellites.orbits`."""
-    e = dict(zip(ELEMENTS, p, strict=True))
+def _orbits(p: Array, tk: Array, mu: float, rate: float) -> Array:
+    """Positions (k, n, 3) m, ECEF, of elements (k, 15): (O.1) to (O.5) of `satellites.orbits`."""
+    e = dict(zip(ELEMENTS, p.T[:, :, None], strict=True))
     mean = e["m0"] + (np.sqrt(mu) / e["root_a"] ** 3 + e["dn"]) * tk
     E = mean
-    for _ in range(8):
+    for _ in range(6):
         E = E - (E - e["ecc"] * np.sin(E) - mean) / (1.0 - e["ecc"] * np.cos(E))
     phi = np.arctan2(np.sqrt(1.0 - e["ecc"] ** 2) * np.sin(E), np.cos(E) - e["ecc"]) + e["perigee"]
     s, c = np.sin(2.0 * phi), np.cos(2.0 * phi)
@@ -245,11 +255,6 @@ def _orbit(p: Array, tk: Array, mu: float, rate: float) -> Array:
     r = e["root_a"] ** 2 * (1.0 - e["ecc"] * np.cos(E)) + e["crs"] * s + e["crc"] * c
     i = e["i0"] + e["idot"] * tk + e["cis"] * s + e["cic"] * c
     node = e["node"] + (e["node_dot"] - rate) * tk
-    x, y = r * np.cos(u), r * np.sin(u)
-    return np.column_stack(
-        [
-            x * np.cos(node) - y * np.cos(i) * np.sin(node),
-            x * np.sin(node) + y * np.cos(i) * np.cos(node),
-            y * np.sin(i),
-        ]
-    )
+    x, y, across = r * np.cos(u), r * np.sin(u), np.cos(i)
+    sn, cn = np.sin(node), np.cos(node)
+    return np.stack([x * cn - y * across * sn, x * sn + y * across * cn, y * np.sin(i)], axis=2)
