@@ -46,7 +46,8 @@ from ..records.qualities import Quality
 from .antenna_files import SOLUTION
 from .covariance_model import MODEL, CovarianceModel
 from .engine.convert import converted, log_format
-from .engine.preflight import check_base_point, check_rover_antenna
+from .engine.normalised import MIXED
+from .engine.preflight import check_base_point, check_rover_antenna, within_navigation
 from .engine.rtklib import EngineRun, Progress, solve
 from .exposures.event_times import check_beside, check_camera_delay
 from .exposures.receiver_clock import to_gpst
@@ -231,15 +232,17 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     say("reading observations")
     (of_rover,), (of_base,) = all_of(given.rover), all_of(given.base)  # joined, where several
     rover, base = read_observations(of_rover), read_observations(of_base)
+    if given.navigation:
+        navigation = read_navigation(given.navigation)
+        rover, base = (within_navigation(observed, navigation) for observed in (rover, base))
     events, unasked = _events(given, rover)
     say("engine: forward and backward solutions")
     run = solve(of_rover, of_base, given.navigation, given.options, directory, say, (rover, base))
     say("covariance and quality")
     position, _ = base_position(given.options, base.header)
     solved = _Solved.of(run, np.array(position), given.covariance)
-    navigation = read_navigation(given.navigation)
     base_point_check = check_base_point(given.options, base.header, given.base_point_chosen)
-    fixes, checks = solved.fixes, [*rover.notes, base_point_check]
+    fixes, checks = solved.fixes, [*rover.notes, *base.notes, base_point_check, _codes(run)]
     checks += [*check_rover_antenna(given.options, rover.header), *run.checks, *fixes.notes]
     if events is not None:
         checks += _checks_of(events, given, rover, fixes)
@@ -264,6 +267,8 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     signals = signals_of(rover)
     numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
     summary, causes = verdict(numbers, checks)
+    if MIXED in "".join(run.codes):
+        summary += f"; codes of the rover {run.codes[0]}, of the base {run.codes[1]}"
     fixes = replace(fixes, source=str(given.rover), notes=())
     files = {
         "combined": run.combined,
@@ -308,6 +313,13 @@ def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | 
         events=events,
         checks=(*checks, *result.checks),
     )
+
+
+def _codes(run: EngineRun) -> Finding:
+    """The codes that the engine had."""
+    finding = f"rover {run.codes[0]}; base {run.codes[1]}"
+    several = "; where a satellite lacks one, the other is in its place" * (MIXED in finding)
+    return Finding("GNSS codes", finding + several, "codes of the phases, one a band and satellite")
 
 
 @dataclass(frozen=True, eq=False)

@@ -312,6 +312,36 @@ def test_words_that_a_message_lacks_are_said_with_their_line(written):
         read_navigation(path)
 
 
+def test_odd_fields_are_read_and_counted_and_the_engine_gets_them_mended(written):
+    """Oracle: the message without them: a channel as channel + 256 (8 bits without sign), spare
+    fields that are no number, a piece of a line that a converter tore off.
+    """
+    elements = glonass_elements([2.55e7, 0, 0], [0, 0, 3e3], -3)
+    head = header(3.04, "N: GNSS NAV DATA", "M: MIXED")
+    gps = message(3.04, "G05", (1e-4, 0.0, 0.0), gps_elements(toe=TOW))
+    good = head + message(3.04, "R05", (1e-4, 0.0, 0.0), elements) + gps
+    right = read_navigation(written(good + gps))
+    channel = good.replace(number_of(-3.0), number_of(253.0))
+    spare = good.replace(number_of(4.0), f"{number_of(4.0)}  .000000000000D+*0")
+    torn = good + "D+00\n"
+    for text, kind in (
+        (channel, "channels of GLONASS that are written as channel + 256"),
+        (spare, "spare fields that are no number"),
+        (torn, "pieces of a line"),
+    ):
+        assert text != good
+        path = written(text + gps)
+        found = read_navigation(path)
+        np.testing.assert_array_equal(found.table, right.table)
+        assert found.channels() == {"R05": -3}
+        assert found.mended == ((kind, 1),)
+        again = read_navigation(written(navigation_bytes(path).decode()))
+        assert again.mended == ()
+        assert again.channels() == {"R05": -3}
+        np.testing.assert_array_equal(again.table, right.table)
+    assert right.mended == ()
+
+
 MESSAGES = {"G": "LNAV", "J": "LNAV", "E": "INAV", "C": "D1", "R": "FDMA", "S": "SBAS", "I": "LNAV"}
 OTHERS = (
     "> STO G01 LNAV\n    2024 03 06 13 00 00 GPUT\n     1.0D+00 2.0D+00 3.0D+00 4.0D+00\n"
@@ -350,7 +380,7 @@ def test_what_is_wrong_is_said_with_file_and_line(written):
         "RINEX 5.00": good.replace("     3.04", "     5.00"),
         "no record of RINEX 4": good.replace("     3.04", "     4.00"),
         "header has no end": lines[0],
-        "is SP3 (precise orbits), which is not used": "#dP2024  3  6  0  0  0.0      96 ORBIT",
+        "georinex": "#dP2024  3  6  0  0  0.0      96 ORBIT",
         f":{len(lines) - 7}: message of E08 has 5 lines of 8": "".join(lines[:-3]),
         ":5: '    5.15": good,
         "no message of a healthy satellite": "".join(lines[:2]),

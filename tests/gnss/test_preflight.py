@@ -43,9 +43,9 @@ def wrong_input(fake, name):
     if name == "truncated":
         fake.rover.write_text(fake.rover.read_text()[:-40])
         return "truncated"
-    if name == "RINEX 4":
-        fake.base.write_text(fake.base.read_text().replace("     2.11", "     4.00"))
-        return "RINEX 4.00"
+    if name == "RINEX 5":
+        fake.base.write_text(fake.base.read_text().replace("     2.11", "     5.00"))
+        return "RINEX 5.00"
     if name == "not RINEX":
         fake.rover.write_text("tow,lat,lon,h\n1,2,3,4\n")
         return "is not RINEX"
@@ -113,7 +113,7 @@ WRONG = [
     "base of another day",
     "single frequency",
     "truncated",
-    "RINEX 4",
+    "RINEX 5",
     "not RINEX",
     "navigation of another day",
     "no GPS navigation",

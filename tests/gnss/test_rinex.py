@@ -363,6 +363,94 @@ def test_codes_of_version_2(system, types, codes):
     assert codes_of(2.11, system, types.split()) == tuple(codes.split())
 
 
+def test_codes_of_version_2_12():
+    """Oracle: RINEX 2.12: letters are L1 C/A, L1C, L2C and GLONASS L2 C/A, digits precise codes; a
+    file of that version without letters is one of 2.11.
+    """
+    for system, types, codes in (
+        ("G", "CA LA DA SA C1 L1 C2 L2 CC LC CB", "C1C L1C D1C S1C C1W L1W C2W L2W C2X L2X C1X"),
+        ("R", "CA LA CD LD C2 L2", "C1C L1C C2C L2C C2P L2P"),
+        ("E", "C1 L1 C5 L5 CA", "C1X L1X C5X L5X C1C"),
+    ):
+        assert codes_of(2.12, system, types.split()) == tuple(codes.split())
+    assert codes_of(2.12, "G", ("C1", "P2", "L1", "L2")) == ("C1C", "C2W", "L1C", "L2W")
+
+
+def test_version_4_is_read_as_version_3(tmp_path):
+    """Oracle: the same file of version 3; RINEX 4.02 may add picoseconds behind the clock."""
+    epochs = w.epoch3(NOON, {"G01": [2e7, 1e8, 1.0, 40.0]}, clock=1e-9)
+    three = reading(tmp_path, w.header3(WIDE) + epochs)
+    four = w.header3(WIDE, version="4.02") + epochs
+    for text in (four, four.replace("0.000000001000", "0.000000001000 00123")):
+        found = reading(tmp_path, text)
+        assert_array_equal(found.values, three.values)
+        assert found.clock_offset_s.tolist() == [1e-9]
+        assert found.notes == ()
+
+
+FREE = {  # an epoch line, and where its second stands
+    "no leading zeros": "> 2018 10 4 12 0 {:.7f} 0 1",
+    "blanks before": "  > 2018 10 04 12 00 {:.1f} 0 1",
+    "a clock": "> 2018 10 4 12 0 {:.7f} 0 1 0.000000001000",
+    "picoseconds": "> 2018 10 4 12 0 {:.7f} 0 1 0.000000001000 00123",
+}
+
+
+@pytest.mark.parametrize("kind", FREE)
+def test_epoch_lines_beside_their_columns_are_read_and_counted(tmp_path, kind):
+    """Oracle: the same file with its lines in columns; one epoch of three is as it must be."""
+    rows = {"G01": [2e7, 1e8, 1.0, 40.0]}
+    epochs = [w.epoch3(at(0.5 + k), rows) for k in range(3)]
+    right = reading(tmp_path, w.header3(WIDE) + "".join(epochs))
+    for k in (0, 2):
+        epochs[k] = f"{FREE[kind].format(0.5 + k)}\n" + epochs[k].partition("\n")[2]
+    found = reading(tmp_path, w.header3(WIDE) + "".join(epochs))
+    assert found.time.tolist() == right.time.tolist() == [TOW + 0.5, TOW + 1.5, TOW + 2.5]
+    assert_array_equal(found.values, right.values)
+    (note,) = found.notes
+    assert (note.name, note.verdict) == ("epoch lines", "note")
+    assert note.found.startswith("2 whose numbers do not stand in their columns")
+    clock = 1e-9 if "000000001" in FREE[kind] else np.nan
+    assert_array_equal(found.clock_offset_s, [clock, np.nan, clock])
+
+
+def test_blanks_and_a_closing_line_of_a_drone_are_stepped_over(tmp_path):
+    """Oracle: the file without them: 14 kB of blanks behind the header, a closing line of text."""
+    head, epoch = w.header3(WIDE), w.epoch3(NOON, {"G01": [2e7, 1e8, 1.0, 40.0]})
+    for blanks in (" " * 14000 + "\n", (" " * 80 + "\n") * 175, " " * 14000):
+        found = reading(tmp_path, head + blanks + epoch + "END OF RINEX OBS DATA\n")
+        assert_array_equal(found.values, reading(tmp_path, head + epoch).values)
+
+
+@pytest.mark.parametrize("three", [False, True])
+def test_a_second_may_have_no_zero_before_its_point(tmp_path, three):
+    """Oracle: the stamp: Fortran's F11.7 writes .0000000."""
+    text = (
+        w.header3({"G": ["C1C"]}) + w.epoch3(NOON, {"G01": [1.0]})
+        if three
+        else w.header2(["C1"]) + w.epoch2(NOON, {"G01": [1.0]})
+    )
+    for second, ticks in ((" .0000000", 0.0), (" .2500000", 0.25)):
+        head, _, epoch = text.rpartition(" 0.0000000")
+        assert reading(tmp_path, head + " " + second + epoch).time.tolist() == [TOW + ticks]
+    with pytest.raises(InputError, match="where an epoch must begin"):
+        reading(tmp_path, head + "         ." + epoch)
+
+
+@pytest.mark.parametrize("moved", [-3, -1, 1, 2])
+def test_a_time_system_beside_its_columns_is_read_with_a_note(tmp_path, moved):
+    """Oracle: the time system that was written, in other columns than 49 to 51."""
+    text = w.header2(["C1"], clock="GLO") + w.epoch2(NOON, {"G01": [1.0]})
+    assert reading(tmp_path, text).notes == ()
+    place = text.index("GLO")
+    width = slice(place - 5, place + 8)
+    shifted = text[: width.start] + f"{'':{5 + moved}}GLO".ljust(13) + text[width.stop :]
+    found = reading(tmp_path, shifted)
+    assert (found.header.clock, found.time.tolist()) == ("GLO", [TOW + 18.0])
+    (note,) = found.notes
+    assert note.found == "GLO does not stand in columns 49 to 51 of the header's record"
+
+
 def test_codes_of_beidou_of_version_3_02():
     """Oracle: RINEX 3.03, which gives B1 the band 2 again."""
     assert codes_of(3.02, "C", ("C1I", "L1I", "C7I")) == ("C2I", "L2I", "C7I")
@@ -498,11 +586,11 @@ WRONG = {
     "empty": ("", "is empty"),
     "not RINEX": ("tow lat lon\n1 2 3\n", ":1: is not RINEX"),
     "binary": (bytes(range(256)) * 4, ":1: is not RINEX"),
-    "RINEX 4": (
-        w.header3(WIDE, version="4.00"),
-        ":1: RINEX 4.00; versions 2 and 3 are read here; convert it to RINEX 3",
+    "RINEX 5": (
+        w.header3(WIDE, version="5.00"),
+        ":1: RINEX 5.00; versions 2 to 4 are read here; convert it to RINEX 3",
     ),
-    "RINEX 1": (w.header2(["C1"], version="1"), ":1: RINEX 1; versions 2 and 3"),
+    "RINEX 1": (w.header2(["C1"], version="1"), ":1: RINEX 1; versions 2 to 4"),
     "navigation": (NAVIGATION, ":1: holds navigation data where observations must stand"),
     "navigation 3": (
         w.record("     3.04           N: GNSS NAV DATA    M", "RINEX VERSION / TYPE"),

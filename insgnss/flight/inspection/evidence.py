@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...navigation.prepare.gaps import nominal_interval
-from ...records import Check, ImuSamples
+from ...records import Finding, ImuSamples
 from .sources import Source
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def factor_of_numbers(recognition: "Recognition", key: str) -> float:
     return recognition.gyro_factor if key == "gyro" else recognition.accel_factor
 
 
-def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
+def unit_contradictions(source: Source, recognition: "Recognition") -> list[Finding]:
     """Check the units that the file gives against the data.
 
     A contradiction is a note where the draft can follow the data.
@@ -60,15 +60,15 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Chec
         if units is None:
             expected = f"the {key} values in the unit of its format"
             advice = "the file is not what its format says; convert it"
-            checks.append(Check(f"unit of {key}", text, expected, "contradiction", advice))
+            checks.append(Finding(f"unit of {key}", text, expected, "contradiction", advice))
         else:
             expected = f"the {key} values in the unit of {units[key]}, as its header says"
             advice = "the draft follows the data"
-            checks.append(Check(f"unit of {key}", text, expected, "note", advice))
+            checks.append(Finding(f"unit of {key}", text, expected, "note", advice))
     return checks
 
 
-def counts(source: Source, recognition: "Recognition") -> list[Check]:
+def counts(source: Source, recognition: "Recognition") -> list[Finding]:
     """Return a contradiction for each sensor whose numbers are in no known unit.
 
     The flight file must give what one count is worth.
@@ -85,11 +85,13 @@ def counts(source: Source, recognition: "Recognition") -> list[Check]:
             " and whether they are increments"
         )
         expected = "a unit that is known, or the value of a count"
-        checks.append(Check(f"unit of {key}", finding.evidence, expected, "contradiction", advice))
+        checks.append(
+            Finding(f"unit of {key}", finding.evidence, expected, "contradiction", advice)
+        )
     return checks
 
 
-def assumed_rate(source: Source) -> list[Check]:
+def assumed_rate(source: Source) -> list[Finding]:
     """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
     if "rate_hz" not in source.keys:
         return []
@@ -99,18 +101,18 @@ def assumed_rate(source: Source) -> list[Check]:
     )
     finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
     return [
-        Check("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
+        Finding("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
     ]
 
 
-def strangers(recognition: "Recognition") -> list[Check]:
+def strangers(recognition: "Recognition") -> list[Finding]:
     """Check that samples and fixes are of one recording, latitude and longitude in their order."""
     from ...navigation.recognise.recognition import EXCHANGED_ADVICE
 
     if recognition.exchanged:
         evidence = recognition.finding("force sign").evidence
         expected = "latitude and longitude in their order"
-        return [Check("GNSS position", evidence, expected, "contradiction", EXCHANGED_ADVICE)]
+        return [Finding("GNSS position", evidence, expected, "contradiction", EXCHANGED_ADVICE)]
     clock = recognition.finding("time offset")
     if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
         return []
@@ -119,7 +121,7 @@ def strangers(recognition: "Recognition") -> list[Check]:
         "if it moved, check that samples and fixes are of one recording; no time offset is better"
         " than all others"
     )
-    return [Check("common motion", clock.evidence, expected, "note", advice)]
+    return [Finding("common motion", clock.evidence, expected, "note", advice)]
 
 
 def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":

@@ -18,7 +18,7 @@ Europe (40 to 55 m).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -42,6 +42,7 @@ from ..satellites.frequencies import engine_phases
 FEWEST_SATELLITES = 4
 FEWEST_SHARE = 0.5
 EPHEMERIS_AGE_S = 4 * 3600.0
+DAY_S = 86400.0
 ELSEWHERE_M, NEAR_M = 20.0, 5.0
 MOVES_M = 15.0
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05
@@ -73,6 +74,28 @@ def check_observations(
     for observations in (rover, base):
         _check_frequencies(observations, options)
     return (*_check_third(rover, base, options), *_check_base_times(rover, base, options.max_age_s))
+
+
+def within_navigation(observations: Observations, navigation: Navigation) -> Observations:
+    """Return the observations on the days of the navigation, with a note on others.
+
+    The first epochs of a receiver that does not know the date yet are of 1980 or another year. No
+    epoch is left out where none would stay, which `check_navigation` refuses.
+    """
+    toe, time = navigation.gps_week * WEEK_S + navigation.table[:, TOE], absolute(observations)
+    first, last = DAY_S * (toe.min() // DAY_S), DAY_S * (toe.max() // DAY_S + 1.0)
+    inside = (time > first - EPHEMERIS_AGE_S) & (time < last + EPHEMERIS_AGE_S)
+    if inside.all() or not inside.any():
+        return observations
+    away = time[~inside]
+    finding = (
+        f"{away.size} of {time.size} of {observations.header.path} left out, of {_date(away[0])} to"
+        f" {_date(away[-1])}, days without navigation"
+    )
+    advice = "the receiver did not know the date; if it did, add the navigation of these days"
+    check = Finding("epochs", finding, "days of the navigation", "note", advice)
+    inner = observations.only(inside)
+    return replace(inner, notes=(*inner.notes, check))
 
 
 def _check_base_times(
@@ -210,7 +233,7 @@ def check_navigation(
     Returns
     -------
     tuple of Finding
-        A note for systems other than GPS without ephemerides.
+        A note for systems other than GPS without ephemerides, and one on mended fields.
 
     Raises
     ------
@@ -235,8 +258,12 @@ def check_navigation(
         )
         raise InputError(f"{navigation.source}: {message}; give the navigation of these systems")
     missing = sorted(seen - have)
+    mended = ", ".join(f"{count} {kind}" for kind, count in navigation.mended)
+    advice = "read all the same; fetch the file from another source if a system stays out"
+    note = Finding("navigation fields", mended, "fields as RINEX has them", "note", advice)
+    checks = (note,) if mended else ()
     if not missing:
-        return ()
+        return checks
     other = {letter: toe[navigation.satellite.astype("U1") == letter] for letter in missing}
     given = "; ".join(
         f"those of {letter} are of {_date(of.min())} to {_date(of.max())}"
@@ -260,7 +287,8 @@ def check_navigation(
         f"; {given}" if given else ""
     )
     advice = "give the navigation of that day" if given else "add their navigation file"
-    return (Question("navigation", "ephemerides of every system observed").note(finding, advice),)
+    ask = Question("navigation", "ephemerides of every system observed")
+    return (*checks, ask.note(finding, advice))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ...base.errors import OptionError, UsageError
 from ...base.wording import DOCTOR
-from ...records import Check
+from ...records import Finding
 from ..options import EngineOptions
 from .worker import nearest
 
@@ -57,7 +57,7 @@ def engine_command(engine: str = "auto") -> list[str]:
     return [str(Path(program).resolve())]
 
 
-def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
+def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Finding, ...]:
     """Check whether an rnx2rtkp knows the options of an option file.
 
     Its binary holds them as strings.
@@ -85,7 +85,7 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         names = " ".join(options.rtklib_options)
         return (
             (
-                Check(
+                Finding(
                     "engine options", f"{finding}: {names}", "options that it knows", "note", advice
                 ),
             )
@@ -108,7 +108,7 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
     return (
-        Check(
+        Finding(
             "engine options",
             f"unknown to {command[0]}: {' '.join(unknown)}",
             "options that it knows",
@@ -134,7 +134,7 @@ def version(path: Path, command: Sequence[str]) -> str:
     return f"RTKLIB {match[1].strip()} ({name})" if match else f"RTKLIB of unknown version ({name})"
 
 
-def check_version(engine: str) -> tuple[Check, ...]:
+def check_version(engine: str) -> tuple[Finding, ...]:
     """A note where the engine is older than EX 2.5.0, for which the options hold."""
     match = EX_VERSION.search(engine)
     if match and tuple(int(number) for number in match.groups()) >= HOLDS:
@@ -144,7 +144,7 @@ def check_version(engine: str) -> tuple[Check, ...]:
         f" which EX 2.5.0 fixed 98 %; {DOCTOR}"
     )
     return (
-        Check(
+        Finding(
             "engine", engine, "RTKLIB EX 2.5.0 or later, for which the options hold", "note", advice
         ),
     )

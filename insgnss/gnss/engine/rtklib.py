@@ -14,11 +14,12 @@ from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
 from ...base.output.scratch import scratch_directory
 from ...io.formats.gnss.rtklib_pos import PosRows
-from ...records import Check, Finding, Question
+from ...records import Finding, Question
 from ..options import DIRECTIONS, KINEMATIC, EngineOptions, check_dynamics, option_file
 from ..rinex.navigation_message import read_navigation
 from ..rinex.observations import Observations, read_observations
 from .combined import combined
+from .normalised import engine_observations
 from .preflight import (
     Whereabouts,
     absolute,
@@ -26,6 +27,7 @@ from .preflight import (
     check_navigation,
     check_observations,
     interval,
+    within_navigation,
 )
 from .program import check_names, check_version, engine_command, version
 from .runs import Progress, RunEnd, Runs, Source
@@ -52,6 +54,8 @@ class EngineRun:
         Rows of combined, forward and backward as numbers.
     checks : tuple of Finding
         Findings to report.
+    codes : tuple of str
+        Codes of the phases of rover and base that the engine had, by system.
     """
 
     combined: Path
@@ -63,6 +67,7 @@ class EngineRun:
     option_files: Mapping[str, Path]
     rows: Mapping[str, PosRows]
     checks: tuple[Finding, ...] = ()
+    codes: tuple[str, ...] = ("", "")
 
 
 def solve(
@@ -111,9 +116,12 @@ def solve(
             f"{rover}: no navigation file; give the broadcast ephemerides (.nav, .n, .g, .p) of"
             " that day"
         )
-    moving, standing = observations or (read_observations(rover), read_observations(base))
+    broadcast = read_navigation(files)
+    moving, standing = observations or (
+        within_navigation(read_observations(path), broadcast) for path in (rover, base)
+    )
     checks = [] if observations else [*moving.notes, *standing.notes]
-    broadcast, pace = read_navigation(files), (interval(moving), interval(standing))
+    pace = interval(moving), interval(standing)
     checks += [
         *check_observations(moving, standing, options),
         *check_navigation(broadcast, moving, options),
@@ -125,9 +133,10 @@ def solve(
     }
     checks += check_names(command, texts["forward"], options)
     target = _made(Path(directory))
+    observed, codes = zip(*map(engine_observations, (moving, standing)), strict=True)
     with scratch_directory(target) as scratch:
         runs = Runs(command, scratch, options)
-        names = runs.stage(moving, standing, files)
+        names = runs.stage(observed, files)
 
         def whereabouts(observations: Observations) -> Whereabouts:
             name = "rover" if observations is moving else "base"
@@ -156,6 +165,7 @@ def solve(
         option_files=conf,
         rows=together.rows,
         checks=tuple(checks),
+        codes=codes,
     )
 
 
@@ -169,7 +179,7 @@ def _made(directory: Path) -> Path:
     return directory
 
 
-def _check_refused(ends: Mapping[str, "RunEnd"]) -> tuple[Check, ...]:
+def _check_refused(ends: Mapping[str, "RunEnd"]) -> tuple[Finding, ...]:
     names = sorted({name for end in ends.values() for name in end.refused})
     if not names:
         return ()

@@ -30,7 +30,7 @@ from ...io.formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import GnssFixes
 from ..options import ANTENNAS, EngineOptions, single_point_file
 from ..rinex.navigation_message import navigation_bytes
-from ..rinex.observations import Observations, without_events
+from ..rinex.observations import Observations
 from .preflight import absolute, interval
 from .program import OF_ALL_VERSIONS, binary
 
@@ -65,21 +65,15 @@ class Runs:
     scratch: Path
     options: EngineOptions
 
-    def stage(
-        self, rover: Observations, base: Observations, navigation: Sequence[Source]
-    ) -> list[str]:
-        """Put the inputs into the directory, unpacked and without camera events, behind which
-        RTKLIB EX 2.5 drops the epoch where the interval between epochs is not the one before; their
-        names there, rover, base and navigation."""
-        observed, broadcast = (
-            ["rover.obs", "base.obs"],
-            [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)],
-        )
-        for observations, name in zip((rover, base), observed, strict=True):
-            (self.scratch / name).write_bytes(without_events(observations))
-        for source, name in zip(navigation, broadcast, strict=True):
-            (self.scratch / name).write_bytes(navigation_bytes(source))
-        names = [*observed, *broadcast]
+    def stage(self, observed: Sequence[bytes], navigation: Sequence[Source]) -> list[str]:
+        """Put the inputs into the directory: observations of rover and base as `normalised` has
+        them, navigation unpacked; their names there."""
+        names = ["rover.obs", "base.obs"]
+        names += [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
+        for name, content in zip(
+            names, (*observed, *map(navigation_bytes, navigation)), strict=True
+        ):
+            (self.scratch / name).write_bytes(content)
         if self.options.antex is not None:
             shutil.copyfile(self.options.antex, self.scratch / ANTENNAS)
         return names

@@ -130,10 +130,12 @@ def _seconds(buf, a, b, end):
             digits += 1
             if decimals >= 0:
                 decimals += 1
-        elif buf[i] == _POINT and decimals < 0 and digits > 0:
+        elif buf[i] == _POINT and decimals < 0:
             decimals = 0
         else:
             return _BAD
+    if digits == 0:
+        return _BAD
     for _ in range(7 - max(decimals, 0)):
         ticks *= 10
     return ticks

@@ -1,13 +1,14 @@
-"""Header of a RINEX observation file, versions 2 and 3 (RINEX 2.11, 2012; RINEX 3.05, 2020), and
-the bytes behind it.
+"""Header of a RINEX observation file, versions 2 to 4 (RINEX 2.11, 2012; 3.05, 2020; 4.02, 2024),
+and the bytes behind it. Of observations version 4 is written as 3 is.
 
 A record is 80 columns, its label in columns 61 to 80. Codes of observations are those of RINEX 3:
 kind (C code, L phase, D Doppler, S C/N0), band, attribute. RINEX 2 has no attribute: C1 is the
 open code of its band (1C, L2C 2X, GLONASS 2C), P1 and P2 the precise one (GPS 1W 2W, GLONASS 1P
 2P), other bands and systems have X where nothing more is known. Phase, Doppler and C/N0 take
 the attribute of the code that the file lists for their band: the open one on band 1, the precise
-one on band 2, if both are there. What has no such code keeps the name it has. RINEX 3.02 calls
-BeiDou's B1 band 1, all others band 2.
+one on band 2, if both are there. RINEX 2.12 has a letter in the place of the band, A (1C), B (1X),
+C (2X), D (2C), beside which 1 and 2 are the precise codes. What has no such code keeps the name it
+has. RINEX 3.02 calls BeiDou's B1 band 1, all others band 2.
 """
 
 import math
@@ -57,6 +58,7 @@ TAKEN = (  # labels of the records whose values are taken
 )
 COUNT = re.compile(r" *[0-9]+ *")
 SLOTS = re.compile(r" *(?:[0-9]+ +)?(?:R *[0-9]{1,2} +[+-]?[0-9]+ *)*")
+LETTERS = re.compile("[A-Za-z]+")
 SCALE = re.compile(r"([A-Z]) +(10{0,3})")  # a factor of 1, 10, 100 or 1000
 RESTORED_LINE = 160  # bytes; two lines of text
 _OPEN = {
@@ -73,6 +75,7 @@ _OPEN = {
     "C7": "7I",
 }
 _PRECISE = {"G1": "1W", "G2": "2W", "R1": "1P", "R2": "2P"}
+_OF_2_12 = {"A": "1C", "B": "1X", "C": "2X", "D": "2C"}  # signals that RINEX 2.12 names by a letter
 
 Record = tuple[int, str, str]  # line, label, columns 1 to 60
 
@@ -256,7 +259,7 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
         raise InputError.at_line(
             path,
             1,
-            f"{content}; give a RINEX 2 or 3 observation file (convert a receiver's own format"
+            f"{content}; give a RINEX 2 to 4 observation file (convert a receiver's own format"
             " first)",
         )
     version, kind = text[:9].strip(), text[20:21].upper()
@@ -264,11 +267,11 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
         raise InputError.at_line(
             path, 1, f"RINEX version {shown(version)} is no number; copy the file again"
         )
-    if version[0] not in "23":
+    if version[0] not in "234":
         raise InputError.at_line(
             path,
             1,
-            f"RINEX {version}; versions 2 and 3 are read here; convert it to RINEX 3 (gfzrnx -vo 3,"
+            f"RINEX {version}; versions 2 to 4 are read here; convert it to RINEX 3 (gfzrnx -vo 3,"
             " convbin -v 3)",
         )
     if kind != "O":
@@ -311,7 +314,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         for label, n in (("APPROX POSITION XYZ", 3), ("ANTENNA: DELTA H/E/N", 3), ("INTERVAL", 1))
     )
     leap = numbers("LEAP SECONDS", 1)
-    clock = text_of("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
+    clock = "".join(LETTERS.findall(text_of("TIME OF FIRST OBS"))).upper() or CLOCKS.get(system)
     if clock is not None and clock not in CLOCKS.values():
         raise InputError.at_line(
             path,
@@ -414,7 +417,8 @@ def codes_of(version: float, system: str, types: Sequence[str]) -> tuple[str, ..
             for name in types
         ]
     else:
-        codes = [_code(system, name, types) for name in types]
+        old = version < 2.12 or not any(name[1:2] in _OF_2_12 for name in types)
+        codes = [(_code if old else _code_2_12)(system, name, types) for name in types]
     return tuple(code if codes.index(code) == k else types[k] for k, code in enumerate(codes))
 
 
@@ -431,6 +435,14 @@ def _code(system: str, name: str, types: Sequence[str]) -> str:
     if not tail or (name[0] == "P" and not precise):
         return name
     return ("C" if name[0] == "P" else name[0]) + tail
+
+
+def _code_2_12(system: str, name: str, types: Sequence[str]) -> str:
+    """The code of a name of RINEX 2.12, whose letters are open signals and digits precise ones."""
+    if len(name) != 2 or name[0] not in "CLDS":
+        return _code(system, name, types)
+    signal = system + name[1]
+    return name[0] + _OF_2_12.get(name[1], _PRECISE.get(signal, _OPEN.get(signal, f"{name[1]}X")))
 
 
 def _slots(path: Source, records: Iterable[Record]) -> dict[str, int]:

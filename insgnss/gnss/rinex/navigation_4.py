@@ -73,10 +73,3 @@ def as_rinex_3(path: str | Path, lines: list[str], start: int) -> tuple[list[str
         elif not taken or (lines[first][:1] == "R" and k - first >= GLONASS_LINES):
             out[k] = ""
     return out, left_out
-
-
-def rinex_3_text(path: str | Path, lines: list[str], start: int) -> str:
-    """Return the text of a RINEX 3.04 file with the messages that it can hold."""
-    out, _ = as_rinex_3(path, lines, start)
-    body = [line for line in out[start:] if line.strip()]
-    return "\n".join([*out[:start], *body]) + "\n"

@@ -18,7 +18,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -32,8 +32,8 @@ from ...base.inputs import read_bytes
 from ...base.unpacking import unpack
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
 from ...io.formats.text.layout import float_of, shown
-from .header import load_rinex
-from .navigation_4 import as_rinex_3, rinex_3_text
+from .navigation_4 import as_rinex_3
+from .through_georinex import messages_of_netcdf, messages_of_sp3
 
 Array = NDArray[np.float64]
 Source = str | Path
@@ -76,14 +76,19 @@ CONSTANTS = {
 }
 LINES = {"G": 8, "J": 8, "E": 8, "C": 8, "R": 4}
 LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
-# words that a message must have: their place among its numbers, and their range; channels up to 24
-# were in use until 1998
+CHANNEL, CHANNELS = 10, (-7, 24)  # of GLONASS: place and range; those up to 24 until 1998
+SPARE = {"G": (28, 29, 30), "J": (28, 29, 30), "E": (22, 28, 29, 30), "C": (20, 22, 29, 30)}
+SPARE |= {"R": (14,)}  # places of numbers that neither this package nor the engine needs
+SHORTEST = 23  # columns before a message's first number; a shorter line begins none
+# words that a message must have: their place among its numbers, and their range
 WORDS = {
-    "R": ((10, "the frequency number", -7, 24),),
+    "R": ((CHANNEL, "the frequency number", *CHANNELS),),
     "E": ((SOURCE, "the data source", 0, 1023), (HEALTH, "the health", 0, 511)),
 }
 BEIDOU_LAG_S = 14.0
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
+FITTED = "messages fitted to precise orbits (SP3)"
+NETCDF = re.compile("\x89HDF|CDF")
 STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
 F_NAV = 0b10
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
@@ -108,6 +113,8 @@ class Navigation:
         Files of the messages.
     left_out : tuple
         Messages that were not taken, by reason, with counts.
+    mended : tuple
+        Fields that do not stand as they must and were read all the same, by kind, with counts.
     """
 
     satellite: NDArray[np.str_]
@@ -116,6 +123,7 @@ class Navigation:
     gps_week: int
     source: str = ""
     left_out: tuple[tuple[str, int], ...] = ()
+    mended: tuple[tuple[str, int], ...] = ()
 
     def of_week(self, gps_week: int) -> "Navigation":
         """Return the same messages with their times in seconds of another GPS week."""
@@ -150,11 +158,14 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
         impossible element.
     """
     paths = [paths] if isinstance(paths, str | Path) else list(paths)
-    left_out: Counter[str] = Counter()
+    left_out, mended = Counter[str](), Counter[str]()
     rows: list[tuple[str, Array, int]] = []
     week = None
     for path in paths:
-        for message in _messages(path, left_out):
+        text = _NavigationText.of(path)
+        left_out.update(text.left_out)
+        mended.update(text.mended)
+        for message in text.messages:
             system = message.satellite[0]
             if system in LEFT_OUT:
                 left_out[LEFT_OUT[system]] += 1
@@ -168,7 +179,7 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
                     (
                         message.satellite,
                         _row(path, message, week),
-                        int(message.values[10]) if system == "R" else 0,
+                        int(message.values[CHANNEL]) if system == "R" else 0,
                     )
                 )
     source = " ".join(str(path) for path in paths)
@@ -186,64 +197,117 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
         week,
         source,
         tuple(sorted(left_out.items())),
+        tuple(sorted(mended.items())),
     )
 
 
 def navigation_bytes(path: Source) -> bytes:
-    """Return a navigation file, unpacked, as the engine reads it: RINEX 4 as RINEX 3.04."""
-    lines = lines_of(_text(path))
-    version, _, start = _header(path, lines)
-    if version >= 4.0:
-        return rinex_3_text(path, lines, start).encode("latin-1")
-    return bytes(load_rinex(path)[0])
+    """Return a navigation file as the engine reads it: unpacked, RINEX 4 and what is no RINEX as
+    RINEX 3.04, odd fields as they are read.
+    """
+    text = _NavigationText.of(path)
+    body = [line for line in text.lines[text.start :] if line.strip()]
+    return "".join(f"{line}\n" for line in (*text.lines[: text.start], *body)).encode("latin-1")
 
 
-def _messages(path: Source, left_out: Counter[str]) -> Iterator[_Message]:
-    lines = lines_of(_text(path))
-    version, system, start = _header(path, lines)
-    if version >= 4.0:
-        lines, others = as_rinex_3(path, lines, start)
-        left_out.update(others)
-    first = [i for i in range(start, len(lines)) if lines[i][:3].strip()]
-    for begin, after in pairwise([*first, len(lines)]):
-        line = lines[begin]
-        satellite = (
-            f"{line[0]}{line[1:3].replace(' ', '0')}"
-            if version >= 3.0
-            else f"{system}{line[:2].replace(' ', '0')}"
-        )
-        if (
-            satellite[0] not in (*LINES, *LEFT_OUT)
-            or not satellite[1:].isdigit()
-            or not satellite.isascii()
-        ):
-            raise InputError.at_line(
-                path,
+@dataclass(frozen=True)
+class _NavigationText:
+    """Lines of a file of RINEX 2 or 3, or of one of other form that was brought into it.
+
+    Those of `messages` begin a message, `system` is that of RINEX 2, `left_out` and `mended` count
+    what was not taken and what was read though it does not stand as it must.
+    """
+
+    path: Source
+    lines: list[str]
+    version: float
+    system: str
+    start: int
+    left_out: Counter[str]
+    mended: Counter[str]
+    messages: list[_Message] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, path: Source) -> "_NavigationText":
+        """Read the file and its messages."""
+        left_out = Counter[str]()
+        content, mended = _text(path), Counter[str]()
+        lines = messages_of_netcdf(path) if NETCDF.match(content) else lines_of(content)
+        if SP3.match(content):
+            fitted, left_out = messages_of_sp3(path, content)
+            lines, mended[FITTED] = [*fitted], sum(line[:1] != " " for line in fitted)
+        version, system, start = _header(path, lines)
+        if version >= 4.0:
+            lines, left_out = as_rinex_3(path, lines, start)
+        text = cls(path, lines, version, system, start, left_out, mended)
+        text.messages.extend(text.parsed())
+        return text
+
+    def parsed(self) -> Iterator[_Message]:
+        """Give the messages, and write what is mended into the lines."""
+        path, lines, version = self.path, self.lines, self.version
+        first = [i for i in range(self.start, len(lines)) if lines[i][:3].strip()]
+        for torn in [i for i in first[1:-1] if len(lines[i].rstrip()) < SHORTEST]:
+            first.remove(torn)
+            lines[torn], self.mended["pieces of a line"] = "", self.mended["pieces of a line"] + 1
+        for begin, after in pairwise([*first, len(lines)]):
+            line = lines[begin]
+            satellite = (
+                f"{line[0]}{line[1:3].replace(' ', '0')}"
+                if version >= 3.0
+                else f"{self.system}{line[:2].replace(' ', '0')}"
+            )
+            if (
+                satellite[0] not in (*LINES, *LEFT_OUT)
+                or not satellite[1:].isdigit()
+                or not satellite.isascii()
+            ):
+                raise InputError.at_line(
+                    path,
+                    begin + 1,
+                    f"{line[:8]!r} begins no message of a known satellite; is the file damaged?",
+                )
+            if satellite[0] in LEFT_OUT:
+                yield _Message(satellite, datetime.min, [], begin + 1)
+                continue
+            needed = LINES[satellite[0]]
+            if after - begin < needed:
+                message = (
+                    f"message of {satellite} has {after - begin} lines of {needed}; the file is cut"
+                    " short"
+                    " or damaged, fetch it again"
+                )
+                raise InputError.at_line(path, begin + 1, message)
+            width = 23 if version >= 3.0 else 22
+            fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
+            for more in lines[begin + 1 : begin + needed]:
+                fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
+            values = [self.number(begin, k, field, satellite) for k, field in enumerate(fields)]
+            yield _Message(
+                satellite,
+                _stamp(path, begin + 1, line[3:width] if version >= 3.0 else line[2:width]),
+                values,
                 begin + 1,
-                f"{line[:8]!r} begins no message of a known satellite; is the file damaged?",
             )
-        if satellite[0] in LEFT_OUT:
-            yield _Message(satellite, datetime.min, [], begin + 1)
-            continue
-        needed = LINES[satellite[0]]
-        if after - begin < needed:
-            message = (
-                f"message of {satellite} has {after - begin} lines of {needed}; the file is cut"
-                " short"
-                " or damaged, fetch it again"
-            )
-            raise InputError.at_line(path, begin + 1, message)
-        width = 23 if version >= 3.0 else 22
-        fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
-        for more in lines[begin + 1 : begin + needed]:
-            fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
-        values = [_number(path, begin, k, field) for k, field in enumerate(fields)]
-        yield _Message(
-            satellite,
-            _stamp(path, begin + 1, line[3:width] if version >= 3.0 else line[2:width]),
-            values,
-            begin + 1,
-        )
+
+    def number(self, begin: int, k: int, field: str, satellite: str) -> float:
+        """Number k of a satellite's message that begins at line `begin`; a spare one that is none
+        is left out, and a channel of GLONASS of 8 bits without sign gets its own.
+        """
+        row, mended = begin + (k + 1) // 4, ""
+        place = (23 if self.version >= 3.0 else 22) + 19 * ((k + 1) % 4 - 1)
+        if k in SPARE.get(satellite[0], ()) and field.strip() and _value(field) is None:
+            self.mended["spare fields that are no number"] += 1
+            mended = " " * 19
+        elif (satellite[0], k) == ("R", CHANNEL):
+            channel = _value(field)
+            if channel is not None and 256.0 + CHANNELS[0] <= channel < 256.0:
+                self.mended["channels of GLONASS that are written as channel + 256"] += 1
+                mended = f"{channel - 256.0:19.12E}"
+        if mended:
+            self.lines[row] = f"{self.lines[row]:{place + 19}}"
+            self.lines[row] = self.lines[row][:place] + mended + self.lines[row][place + 19 :]
+        return _number(self.path, begin, k, mended or field)
 
 
 def _text(path: Source) -> str:
@@ -262,19 +326,12 @@ def _text(path: Source) -> str:
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     """Version, system of a RINEX 2 file, and the place of the first line after the header."""
     first = lines[0] if lines else ""
-    if SP3.match(first):
-        raise InputError.at_line(
-            path,
-            1,
-            "is SP3 (precise orbits), which is not used: broadcast orbits of 1 m move a position"
-            " 10 km from its base by 0.5 mm; give the broadcast ephemerides alone",
-        )
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
         raise InputError.at_line(
             path,
             1,
-            "no RINEX navigation file (RINEX VERSION / TYPE with N or G); are the files in the"
-            " right places?",
+            "no RINEX navigation file (RINEX VERSION / TYPE with N or G), nor SP3; are the files in"
+            " the right places?",
         )
     version = _number(path, 0, 0, first[:9].strip())
     if not 2.0 <= version < 5.0:
@@ -297,13 +354,17 @@ def _number(path: Source, begin: int, k: int, field: str) -> float:
     """Number k of the message that begins at line `begin` (from 0); a blank one, which only a spare
     field may be, is not-a-number.
     """
-    text = field.strip()
-    if not text:
+    if not field.strip():
         return math.nan
-    if (x := float_of(text.replace("D", "E").replace("d", "e"))) is not None:
+    if (x := _value(field)) is not None:
         return x
     message = f"{shown(field)} is no number; is the file damaged?"
     raise InputError.at_line(path, begin + 1 + (k + 1) // 4, message)
+
+
+def _value(field: str) -> float | None:
+    """A number with an exponent of Fortran or of C, None for what is none."""
+    return float_of(field.strip().replace("D", "E").replace("d", "e"))
 
 
 def _stamp(path: Source, line: int, field: str) -> datetime:

@@ -1,4 +1,4 @@
-"""Observations at rate from RINEX 2 and 3: values, loss of lock, events, everything that stands
+"""Observations at rate from RINEX 2 to 4: values, loss of lock, events, everything that stands
 between the epochs.
 
 A file is epochs in order of time. Between them stand event records: 2 the antenna starts to move, 3
@@ -10,8 +10,13 @@ the following epochs are read; all others are kept and reported in a note.
 Missing values are not-a-number; RINEX writes them blank or 0.0, whichever the kind. Stamps are
 those of the receiver, in GPST: GPS, Galileo, QZSS and NavIC time as they stand, BeiDou time + 14 s,
 GLONASS time (UTC) + leap seconds.
+
+Epoch lines of RINEX 3 whose numbers do not stand in their columns, as the converter aboard drones
+in wide use writes them (one blank, no leading zeros, blanks before the ">"), are read number by
+number and counted.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -26,6 +31,7 @@ from ...io.formats.text.text import Source
 from ...records import Array, Finding
 from .header import (
     LABEL,
+    LETTERS,
     SYSTEM_NAMES,
     SYSTEMS,
     Record,
@@ -40,6 +46,9 @@ from .header import (
 
 TICKS_PER_WEEK = 6_048_000_000_000
 BDT_BEHIND_S = 14
+# weeks that a recording may last: 52, since stamps of a receiver that does not know the date are
+# years away, and seconds of a week years away are doubles too coarse for the others
+LONGEST_WEEKS = 52
 SLIPS = 6
 SAMPLE = 1 << 18  # bytes by which the number of lines is guessed
 MEANINGS = {
@@ -49,6 +58,14 @@ MEANINGS = {
     5: "external event",
 }
 DAMAGED = "copy the file again, or convert it again from the receiver's own format"
+END = "END OF RINEX"  # begins the last line of some converters' files
+# an epoch line of RINEX 3 number by number: date, second, flag, count, clock offset
+EPOCH_3 = re.compile(
+    rb"^[ \t]*> *(\d{4})" + 4 * rb" +(\d\d?)" + rb" +(\d*\.\d+) +(\d) +(\d{1,3})"
+    rb"(?: +(-?\d*\.\d+))?[ \d]*\r?$",
+    re.MULTILINE,
+)
+IN_COLUMNS = re.compile(rb"> \d{4}(?: [ \d]\d){4} [ \d]\d\.\d{7}  \d[ \d]{3}(?:$| )")
 
 
 @dataclass(frozen=True)
@@ -82,7 +99,7 @@ class Observations:
     header : RinexHeader
         Header of the file.
     gps_week : int
-        Of the first epoch.
+        Of the first epoch within `LONGEST_WEEKS` of the middle one.
     time : ndarray, shape (n,)
         s, GPST of that week as stamped by the receiver; past the week's end it counts on.
     flag : ndarray of int, shape (n,)
@@ -128,6 +145,30 @@ class Observations:
         """Return the values (m,) of a signal; raise InputError where the file does not have it."""
         return self.values[:, self.column(signal)]
 
+    def only(self, taken: NDArray[np.bool_]) -> "Observations":
+        """Return the observations of the epochs `taken` (n,), times from the week of the first."""
+        first = float(self.time[np.argmax(taken)])
+        week = self.gps_week + int(first // WEEK_S)
+        back = (week - self.gps_week) * WEEK_S
+        rows = taken[self.epoch]
+        records = tuple(
+            replace(r, time=None if r.time is None else r.time - back) for r in self.records
+        )
+        return replace(
+            self,
+            gps_week=week,
+            time=self.time[taken] - back,
+            flag=self.flag[taken],
+            clock_offset_s=self.clock_offset_s[taken],
+            epoch=(np.cumsum(taken) - 1)[self.epoch][rows],
+            satellite=self.satellite[rows],
+            values=self.values[rows],
+            loss_of_lock=self.loss_of_lock[rows],
+            strength=self.strength[rows],
+            events=self.events - back,
+            records=records,
+        )
+
     def column(self, signal: str) -> int:
         """Return the index of a signal among the columns."""
         if signal not in self.signals:
@@ -138,7 +179,7 @@ class Observations:
 
 
 def read_observations(path: Source) -> Observations:
-    """Read a RINEX 2 or 3 observation file, plain or packed (gzip, compress, Hatanaka).
+    """Read a RINEX 2, 3 or 4 observation file, plain or packed (gzip, compress, Hatanaka).
 
     Raises
     ------
@@ -157,22 +198,6 @@ def read_observations(path: Source) -> Observations:
         for complaint in complaints
     )
     return replace(observations, notes=notes + observations.notes)
-
-
-def without_events(observations: Observations) -> bytes:
-    """Return the file of these observations, unpacked, without its external events and their lines.
-
-    All else stays as it stands.
-    """
-    buf, _, _ = load_rinex(observations.header.path)
-    starts = np.concatenate([[0], np.flatnonzero(buf == ord("\n")) + 1])
-    gone = [
-        (record.line - 1, record.line + len(record.records))
-        for record in observations.records
-        if record.flag == 5
-    ]
-    edges = [0, *(int(starts[line]) for span in gone for line in span), buf.size]
-    return b"".join(buf[a:b].tobytes() for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
 class _Reading:
@@ -300,7 +325,7 @@ class _Reading:
                 self.learn(SYSTEMS[int(self.state[k.SYSTEM])])
                 self.seen[:] = -1
                 self.allocate(self.ticks.size, self.satellite.size)
-            elif not (status == k.BAD_EPOCH and self.skip_comment()):
+            elif not (status == k.BAD_EPOCH and (self.skip_comment() or self.bring_in_columns())):
                 raise self.refusal(int(status))
         self.refuse_cut_line()
 
@@ -360,10 +385,33 @@ class _Reading:
                 )
             )
 
+    def bring_in_columns(self) -> bool:
+        """Bring the numbers of all further epoch lines into their columns; whether one moved."""
+        offset, moved = int(self.state[self.kernels.OFFSET]), 0
+
+        def line(match: re.Match[bytes]) -> bytes:
+            nonlocal moved
+            if IN_COLUMNS.match(match[0]):
+                return match[0]
+            moved += 1
+            year, *date, second, flag, count, clock = (text.decode() for text in match.groups(b""))
+            stamp = f"> {year} {' '.join(f'{int(n):02d}' for n in date)}{float(second):11.7f}"
+            return f"{stamp}  {flag}{count:>3}{clock and f'{clock:>21}'}".encode()
+
+        rest = EPOCH_3.sub(line, self.buf[offset:].tobytes())
+        if self.header.version < 3 or not moved:
+            return False
+        self.buf = np.frombuffer(self.buf[:offset].tobytes() + rest, dtype=np.uint8)
+        finding = f"{moved} whose numbers do not stand in their columns, read number by number"
+        self.notes.append(note("epoch lines", finding, "the columns of RINEX 3"))
+        return True
+
     def skip_comment(self) -> bool:
-        """Step over a comment between two epochs, which belongs to no event; whether it was one."""
+        """Step over a comment between two epochs, which belongs to no event, or a closing line;
+        whether it was one.
+        """
         text, behind = line_at(self.buf, int(self.state[self.kernels.OFFSET]))
-        if text[LABEL:].strip() != "COMMENT":
+        if text[LABEL:].strip() != "COMMENT" and not text.startswith(END):
             return False
         self.state[self.kernels.OFFSET] = behind
         self.state[self.kernels.LINE] += 1
@@ -463,36 +511,24 @@ class _Reading:
             flags,
             [ticks for _, ticks, _, _ in self.event_records],
         )
-        week = int(stamps[0][np.argmax(real)] // TICKS_PER_WEEK)
+        far = np.abs(stamps[0] - np.median(stamps[0][real])) > LONGEST_WEEKS * TICKS_PER_WEEK
+        week = int(stamps[0][np.argmax(real & ~far)] // TICKS_PER_WEEK)
         time, when = ((instants - week * TICKS_PER_WEEK) / k.TICKS_PER_S for instants in stamps)
         epoch, rows = self.epoch[:m], slice(0, m)
         names = np.array([f"{s}{number:02d}" for s in SYSTEMS for number in range(100)])
         satellite = names[self.satellite[rows]]
         taken = self.increasing(time, real, epoch, satellite)
-        values, lock, strength = self.values[rows], self.lock[rows], self.strength[rows]
-        if not taken.all():
-            kept = taken[epoch]
-            index = np.cumsum(taken) - 1
-            epoch, satellite = index[epoch][kept], satellite[kept]
-            values, lock, strength = values[kept], lock[kept], strength[kept]
         records = tuple(
             EventRecord(flag, float(t) if stamp >= 0 else None, line, lines)
             for t, (flag, stamp, line, lines) in zip(when, self.event_records, strict=True)
         )
         events = np.array([record.time for record in records if record.flag == 5], dtype=np.float64)
-        return Observations(
-            *(
-                self.header,
-                week,
-                time[taken],
-                flags[taken],
-                self.clock[:n][taken],
-                epoch,
-                satellite,
-                tuple(self.signals),
-            ),
-            *(values, lock, strength, events, records, tuple(self.notes)),
+        read = Observations(
+            *(self.header, week, time, flags, self.clock[:n], epoch, satellite),
+            *(tuple(self.signals), self.values[rows], self.lock[rows], self.strength[rows]),
+            *(events, records, tuple(self.notes)),
         )
+        return read if taken.all() else read.only(taken)
 
     def increasing(
         self,
@@ -542,15 +578,13 @@ def _gpst(
     """Ticks of epochs and events since 1980-01-06, GPST."""
     second = TICKS_PER_WEEK // int(WEEK_S)
     event_ticks = np.array(events, dtype=np.int64)
-    if header.clock is None:
-        notes.append(
-            note(
-                "clock of the stamps",
-                "the header names none; taken for GPS time",
-                "a time system in TIME OF FIRST OBS",
-                "check it",
-            )
-        )
+    stated = "".join(header.records.get("TIME OF FIRST OBS", ("",))[-1:])
+    finding = "the header names none; taken for GPS time" if header.clock is None else ""
+    if LETTERS.search(stated) and stated[48:51].upper() != header.clock:
+        finding = f"{header.clock} does not stand in columns 49 to 51 of the header's record"
+    if finding:
+        expected = "a time system in TIME OF FIRST OBS"
+        notes.append(note("clock of the stamps", finding, expected, "check it"))
     if header.clock == "GLO":
         leap = int(leap_seconds(float(ticks[flags < SLIPS][0]) / second + GPS_EPOCH_UNIX_S))
         return ticks + leap * second, event_ticks + leap * second

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...records import Check
+from ...records import Finding
 from ...records.states import OF_FIXES
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
@@ -22,7 +22,7 @@ def explain_failure(
     search: ErrorModelSearch,
     problem: EstimationProblem,
     align: Callable[[EstimationProblem], InitialState],
-) -> Check | None:
+) -> Finding | None:
     """Look for the lever arm or time offset without which a flight has no solution.
 
     Parameters
@@ -69,7 +69,7 @@ def explain_failure(
 
 def rescue(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Check, ...]] | None:
+) -> tuple[Solution, tuple[Finding, ...]] | None:
     """Look for the error of the IMU with which a flight has a solution that has none without.
 
     Scale factors and misalignments are tried first, where the evidence is for them; larger noise,
@@ -112,7 +112,7 @@ def rescue(
 
 def _with_errors_of_imu(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Check, ...]] | None:
+) -> tuple[Solution, tuple[Finding, ...]] | None:
     """Solve with the scale factors or misalignments that an open gate shows; None without."""
     open_gate = replace(problem, gate=np.inf)
     shown = _shown_by(search, open_gate, start)

@@ -18,7 +18,7 @@ from insgnss.io.formats.trajectory.sbet import (
     write_sbet,
     write_smrmsg,
 )
-from insgnss.records import Trajectory
+from insgnss.records import GnssFixes, Trajectory
 
 DATA = Path(__file__).parents[3].parent / "shared" / "data"
 ARC_MINUTE = np.pi / 10800.0
@@ -332,6 +332,39 @@ def test_receivers_with_two_talkers_and_a_cut_log(tmp_path: Path) -> None:
         "left out 1 lines without a right checksum, 0 epochs without fix, 0 without GST",
         "60 double rows left out, of 120",
     ]
+
+
+def test_a_kind_of_sentence_whose_checksums_are_all_wrong_is_taken(tmp_path: Path) -> None:
+    """Oracle: the log with right ones: a program that changed every RMC and left the checksum, or
+    cut it off; a single right one, GGA without, or no other kind make it damage.
+    """
+    path = tmp_path / "x.nmea"
+    times = [f"1000{k:02d}.0" for k in range(30)]
+
+    def wrong(sentence: str) -> str:
+        return sentence.replace("*", "*F" if sentence[-4:-2] != "FF" else "*0")
+
+    def read(dates: list[str], fixes: list[str]) -> GnssFixes:
+        path.write_text("".join(a + b for a, b in zip(fixes, dates, strict=True)))
+        return read_gnss(path)
+
+    right, fixes = [rmc(time) for time in times], [gga(time) for time in times]
+    good = read(right, fixes)
+    for bad in ([wrong(s) for s in right], [s.partition("*")[0] + "\r\n" for s in right]):
+        got = read(bad, fixes)
+        np.testing.assert_array_equal(got.time, good.time)
+        assert got.gps_week == good.gps_week
+        assert [note.found for note in got.notes if note not in good.notes] == [
+            "all 30 RMC have a wrong checksum beside right ones of other kinds; taken"
+        ]
+        for dates, others in (
+            ([right[0], *bad[1:]], fixes),
+            (right, [wrong(s) for s in fixes]),
+            (bad[:15], fixes[:15]),
+            (bad, bad),
+        ):
+            with pytest.raises(InputError, match=r"x.nmea:\d+: no right checksum"):
+                read(dates, others)
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,8 @@ def read_nmea(
     """Read fixes in GPST.
 
     The notes count what was left out: lines without a right checksum (at most 1 %), epochs without
-    fix, epochs without standard deviations (at most 1 %).
+    fix, epochs without standard deviations (at most 1 %); and sentences of a kind whose checksums
+    are all wrong, which are taken.
 
     Parameters
     ----------
@@ -147,6 +148,11 @@ def read_nmea(
     cols |= dict(zip(("satellites", "hdop", "age_s"), described.T, strict=True))
     cols["pdop"] = np.array([log.pdop.get(row[0], np.nan) for row in fixes])
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
+    if sentences.unchecked:
+        taken_so = ", ".join(f"{count} {kind}" for kind, count in sentences.unchecked.items())
+        finding = f"all {taken_so} have a wrong checksum beside right ones of other kinds; taken"
+        advice = "a program changed them without it: see whether it changed the dates"
+        notes += (note("GNSS checksums", finding, "right ones", advice),)
     if sigma_velocity is not None and log.track:
         cols |= _velocity(fixes, log, sigma_velocity)
         if without := sum(row[0] not in log.track for row in fixes):

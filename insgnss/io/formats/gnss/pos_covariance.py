@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....records import Check
+from ....records import Finding
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT
 from ..text.text import Table
@@ -21,7 +21,7 @@ def covariances(
     cols: dict[str, Array],
     names: tuple[str, ...],
     C: Array,
-    notes: list[Check],
+    notes: list[Finding],
     sigma: ArrayLike | None,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
@@ -59,7 +59,7 @@ def covariances(
 
 
 def _drop_odd_correlations(
-    table: Table, P: Array, names: tuple[str, ...], notes: list[Check]
+    table: Table, P: Array, names: tuple[str, ...], notes: list[Finding]
 ) -> None:
     """Take the correlations out of matrices that are not positive definite, where they are few."""
     bad = without_inverse(P)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ....base.errors import InputError, UsageError
-from ....records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples, Quantity
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..text.clock import agree_on_week
 from ..text.order import note
@@ -87,7 +87,7 @@ def read_imu_ardupilot(
             f"{path}: an ArduPilot log holds rates; set quantity to instant_rate or mean_rate"
         )
     log = read_log(path)
-    message, notes = log.message(IMU_MESSAGES, variable), tuple[Check, ...]()
+    message, notes = log.message(IMU_MESSAGES, variable), tuple[Finding, ...]()
     if IMU_FIELDS[3] not in message:
         message, notes = _raw_pair(log, message)
     triads = message.floats(*IMU_FIELDS)
@@ -95,7 +95,7 @@ def read_imu_ardupilot(
     return log.samples(message, clock, _boot(message), triads, quantity, notes)
 
 
-def _raw_pair(log: Log, gyro: Message) -> tuple[Message, tuple[Check, ...]]:
+def _raw_pair(log: Log, gyro: Message) -> tuple[Message, tuple[Finding, ...]]:
     """Return columns of a raw gyro message with those of its accelerometer.
 
     The latter are interpolated to the gyro's stamps, where both have data.

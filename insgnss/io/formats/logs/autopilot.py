@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import BarometerHeights, CameraEvents, Check, ImuSamples, Quantity
+from ....records import BarometerHeights, CameraEvents, Finding, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
@@ -96,7 +96,7 @@ class Fixes:
             raise InputError(f"{path}: none of {count} has a fix and a time; {NO_FIX}")
         return cls(message.of(fixed), *(time[fixed] for time in times))
 
-    def left_out(self, rows: int) -> tuple[Check, ...]:
+    def left_out(self, rows: int) -> tuple[Finding, ...]:
         """Return the note on the messages without a fix, of so many."""
         left = rows - self.boot.size
         text = f"{left} messages without a fix left out"
@@ -115,7 +115,7 @@ class Log:
     odd: tuple[str, ...] = ()
     kind: str = "message"
 
-    def notes(self, name: str) -> tuple[Check, ...]:
+    def notes(self, name: str) -> tuple[Finding, ...]:
         """Return the notes on what was odd in the log, for the record `name`."""
         advice = "copy it again from the card"
         return tuple(note(name, text, "a whole log", advice) for text in self.odd)
@@ -148,7 +148,7 @@ class Log:
         boot: Array,
         triads: list[Array],
         quantity: Quantity,
-        notes: tuple[Check, ...] = (),
+        notes: tuple[Finding, ...] = (),
     ) -> ImuSamples:
         """Return samples of six columns in SI, at stamps of the autopilot, s."""
         cols = dict(zip((*GYRO, *ACCEL), triads, strict=True))

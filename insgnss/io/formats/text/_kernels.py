@@ -340,8 +340,9 @@ def nmea_sentences(buf, starts, stars, lines):
 
     A sentence opens with '$' and ends before the next '$' or with its line, so that sentences of a
     line that lost an end between them are all found. The star is the index of the '*' before a
-    right checksum, or 0; the checksum is the exclusive or of the bytes up to '*', in two
-    hexadecimal digits. Returns the count.
+    right checksum, that of '*' or the end with the sign turned for a sentence without one, else 0;
+    the checksum is the exclusive or of the bytes up to '*', in two hexadecimal digits. Returns the
+    count.
     """
     n, i, line = 0, 0, 1
     while i < buf.size:
@@ -364,7 +365,8 @@ def nmea_sentences(buf, starts, stars, lines):
             and k + 2 < i
             and 16 * _hex_digit(buf[k + 1]) + _hex_digit(buf[k + 2]) == check
         )
-        starts[n], stars[n], lines[n] = first, (k if right else 0), line
+        star = k if right else -k if buf[first] == 36 else 0
+        starts[n], stars[n], lines[n] = first, star, line
         n += 1
     return n
 

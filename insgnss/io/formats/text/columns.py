@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
-from ....records import Check
+from ....records import Finding
 from ..names import Names, taken_by_readers
 from .clock import gps_time
 from .dates import UNIT as DATES_UNIT
@@ -324,7 +324,7 @@ class NamedTable:
     def settled(self, units: Mapping[str, str], kinds: Mapping[str, str] | None = None) -> Settled:
         """Settle the units by caller and header; notes on them, dates and an open end."""
         layout, rows = self.table.layout, f"{self.spec.record} rows"
-        dates: tuple[Check, ...] = ()
+        dates: tuple[Finding, ...] = ()
         if self.index.get("tow") in getattr(self.table, "dates", ()):
             units = {"time": DATES_UNIT, **units}
             dates = (note(rows, *DATES_FOR_STAMPS),)

@@ -1,6 +1,6 @@
 """Checksummed sentences ($...*hh) of NMEA 0183 and its relatives."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +13,17 @@ from .text import Source, load
 
 # of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
 BAD_SHARE_LIMIT = 0.01
+# kinds that may all have a wrong checksum beside right ones of other kinds, as a program that
+# corrects them leaves them; not those of positions and their standard deviations
+LEFT_UNCHECKED = (b"RMC", b"VTG", b"ZDA", b"GSA", b"GSV", b"GLL")
+LEAST_UNCHECKED = 20  # sentences of such a kind: 20, since damage would leave one of them right
 
 
 @dataclass(frozen=True, eq=False)
 class Sentences:
-    """The sentences of a file with a right checksum, and the count of pieces that have none."""
+    """The sentences of a file with a right checksum, the count of pieces that have none, and of
+    those taken without one by kind.
+    """
 
     path: str
     buf: NDArray[np.uint8]
@@ -25,6 +31,7 @@ class Sentences:
     stars: NDArray[np.int64]
     lines: NDArray[np.int64]
     n_bad: int
+    unchecked: Mapping[str, int]
 
     def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
         """Yield line and fields of each sentence whose name ends in one of three letters.
@@ -52,10 +59,12 @@ class Sentences:
 def read_sentences(path: Source) -> Sentences:
     """Read a log.
 
+    Of a kind of `LEFT_UNCHECKED` whose checksums are all wrong beside right ones all are taken.
+
     Raises
     ------
     InputError
-        More than 1 % of the sentences have no right checksum; the first of them is named.
+        More than 1 % of the other sentences have no right checksum; the first of them is named.
     """
     from . import _kernels
 
@@ -67,7 +76,11 @@ def read_sentences(path: Source) -> Sentences:
         raise InputError.at_line(
             path, None, "holds no line; check that the recording was copied whole"
         )
-    good = stars[:n] > 0
+    starts, stars, lines = starts[:n], stars[:n], lines[:n]
+    good = stars > 0
+    unchecked = _unchecked(buf, starts, stars) if good.mean() < 1.0 - BAD_SHARE_LIMIT else {}
+    for rows in unchecked.values():
+        good[rows] = True
     n_bad = int(n - good.sum())
     if n_bad > BAD_SHARE_LIMIT * n:
         first = int(np.argmin(good))
@@ -77,7 +90,28 @@ def read_sentences(path: Source) -> Sentences:
             f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
         raise InputError.at_line(path, int(lines[first]), message)
-    return Sentences(str(path), buf, starts[:n][good], stars[:n][good], lines[:n][good], n_bad)
+    counts = {kind: len(rows) for kind, rows in unchecked.items()}
+    places = starts[good], np.abs(stars[good]), lines[good]
+    return Sentences(str(path), buf, *places, n_bad, counts)
+
+
+def _unchecked(
+    buf: NDArray[np.uint8], starts: NDArray[np.int64], stars: NDArray[np.int64]
+) -> dict[str, list[int]]:
+    """Rows of each kind of `LEFT_UNCHECKED` that has no right checksum; none where no other kind
+    has one.
+    """
+    data = buf.tobytes()
+    rows: dict[bytes, list[int]] = {}
+    for row, start in enumerate(starts.tolist()):
+        rows.setdefault(data[start + 3 : start + 6], []).append(row)
+    if not (stars > 0).any():
+        return {}
+    return {
+        kind.decode(): rows[kind]
+        for kind in LEFT_UNCHECKED
+        if len(rows.get(kind, ())) >= LEAST_UNCHECKED and (stars[rows[kind]] < 0).all()
+    }
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,216 @@
+"""Observations as the engine gets them: RINEX 3.04 with one column a band, kind and system.
+
+RTKLIB takes of a file one code for each band, by the header alone: the first of its own order that
+the header lists, whether it has values or not. A satellite whose values stand under another code
+has one band less, which costs fixes and leaves floats metres off. So every file is written anew
+from what was read: of each satellite and band the first code in the engine's order that has nearly
+as many phases (`MOST`) as any; where it has none and another one has more than `SHORT`, that one,
+with the flag of a lost lock at every change. Codes, Doppler and C/N0 are those of the phase's code,
+else of the first that has one. Camera events are left out, behind which RTKLIB EX 2.5 drops an
+epoch; stamps are GPST, scale factors taken out, and odd lines are gone.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
+from ...records import Array
+from ..phase.time_differences import LOCK_LOST
+from ..rinex.observations import Observations
+from ..satellites.frequencies import rows_of_systems
+from ..satellites.orbits import unique_satellites
+
+Index = NDArray[np.int64]
+Flags = NDArray[np.int8]
+
+# codes of each band in the engine's order of preference (`getcodepri` of RTKLIB EX 2.5.0)
+ORDER = {
+    "G": {"1": "CPYWMNSLX", "2": "CPYWMNDLSX", "5": "IQX"},
+    "R": {"1": "CPABX", "2": "CPX", "3": "IQX", "4": "ABX", "6": "CPABX"},
+    "E": {"1": "CABXZ", "5": "XIQ", "6": "ABCXZ", "7": "XIQ", "8": "IQX"},
+    "J": {"1": "CLSXZBE", "2": "LSX", "5": "IQXDPZ", "6": "LSXEZ"},
+    "C": {"1": "DPXSLZAN", "2": "IQX", "5": "DPX", "6": "IQXDPZA", "7": "IQXDPZ", "8": "DPX"},
+}
+MIXED = "+"  # between the codes of one band
+KINDS = "CLDS"
+PHASE = KINDS.index("L")
+# share of the phases of a satellite's richest code that its first code must have: 0.9, since phases
+# of P(Y) come and go at low elevations
+MOST = 0.9
+# phases that a code may lack without another's in their place: 5, over which the engine keeps the
+# ambiguity that a change of code would end
+SHORT = 5
+CHUNK = 2000  # epochs that are put together at a time: 2000, some 10 MB
+KEPT = (  # header records that the engine looks at, and names
+    *("MARKER NAME", "REC # / TYPE / VERS", "ANT # / TYPE", "APPROX POSITION XYZ"),
+    *("ANTENNA: DELTA H/E/N", "GLONASS SLOT / FRQ #", "GLONASS COD/PHS/BIS"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Band:
+    """What fills the columns of one band of a system, m rows and the kinds of `KINDS`.
+
+    names : codes of the columns, empty where a kind has no value; used : codes of the phases, most
+    first.
+    """
+
+    names: tuple[str, ...]
+    used: tuple[str, ...]
+    values: Array
+    lock: Flags
+    strength: Flags
+
+
+def engine_observations(observations: Observations) -> tuple[bytes, str]:
+    """Return the file for the engine, and the codes of its phases, such as "G L1C L2W+L2X"."""
+    o = observations
+    systems = {
+        letter: (rows, _bands(o, letter, rows))
+        for letter, rows in rows_of_systems(o.satellite).items()
+        if letter in ORDER
+    }
+    head = [f"{'     3.04           OBSERVATION DATA    M':60}RINEX VERSION / TYPE"]
+    for label in KEPT:
+        head += [f"{text:60}{label}" for text in o.header.records.get(label, ())]
+    for letter, (_, bands) in systems.items():
+        codes = [f" {name}" for band in bands for name in band.names if name]
+        for k in range(0, len(codes), 13):
+            count = f"{letter}  {len(codes):3d}" if k == 0 else " " * 6
+            head.append(f"{count + ''.join(codes[k : k + 13]):60}SYS / # / OBS TYPES")
+    head.append(f"{'GPS':>51}{'':9}TIME OF FIRST OBS\n{'':60}END OF HEADER\n")
+    text = "\n".join(head).encode("latin-1", "replace") + b"".join(_epochs(o, systems))
+    phases = {
+        letter: [" "] + [MIXED.join(band.used) for band in bands if band.used]
+        for letter, (_, bands) in systems.items()
+    }
+    return text, ", ".join(letter + " ".join(used)[1:] for letter, used in phases.items())
+
+
+def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
+    """Bands of the satellites of one system that have a value."""
+    _, satellite = unique_satellites(o.satellite[rows])
+    bands = []
+    for band, order in ORDER[letter].items():
+        place = {name: k for k, name in enumerate(o.signals) if name[1:2] == band}
+        codes = sorted(
+            {name[2] for name in place if len(name) == 3},
+            key=lambda code: order.find(code) % (len(order) + 1),
+        )
+        if not codes:
+            continue
+        columns = np.array([[place.get(kind + band + c, -1) for c in codes] for kind in KINDS])
+        values = np.where(columns < 0, np.nan, o.values[rows][:, columns])  # (m, kinds, codes)
+        there = np.isfinite(values)
+        chosen = _chosen(there[:, PHASE], satellite)
+        # of each kind the code of the phase, else the first that has a value
+        fitting = there.astype(np.int8)
+        fitting[np.arange(rows.size), :, chosen] *= 2
+        code = fitting.argmax(axis=2)
+        code[:, PHASE] = np.maximum(chosen, 0)
+        pick = np.arange(rows.size)[:, None], np.arange(len(KINDS)), code
+        found = values[pick]
+        found[chosen < 0, PHASE] = np.nan
+        if not np.isfinite(found).any():
+            continue
+        column = columns[pick[1], code]
+        lock, strength = (flags[rows[:, None], column] for flags in (o.loss_of_lock, o.strength))
+        lock[_changes(chosen, satellite), PHASE] |= LOCK_LOST
+        count = np.bincount(chosen[chosen >= 0], minlength=len(codes))
+        used = [codes[k] for k in np.argsort(-count, kind="stable") if count[k]]
+        name = band + (used or [codes[int(code[:, 0].max())]])[0]
+        names = tuple(
+            kind + name if some else ""
+            for kind, some in zip(KINDS, np.isfinite(found).any(axis=0), strict=True)
+        )
+        phases = tuple(f"L{band}{c}" for c in used)
+        bands.append(_Band(names, phases, found, np.where(lock > 0, lock, 0), strength))
+    return bands
+
+
+def _chosen(there: NDArray[np.bool_], satellite: Index) -> Index:
+    """Code (m,) of each row's phase, whose codes are `there` (m, codes); -1 for none."""
+    chosen = np.full(satellite.size, -1)
+    for number in range(int(satellite.max(initial=-1)) + 1):
+        mine = np.flatnonzero(satellite == number)
+        has = there[mine]
+        count = has.sum(axis=0)
+        main = int(np.argmax(count >= MOST * max(int(count.max()), 1)))
+        chosen[mine[has[:, main]]] = main
+        edges = np.flatnonzero(np.diff(np.pad(~has[:, main], 1).astype(np.int8)))
+        for first, behind in zip(edges[::2], edges[1::2], strict=True):
+            gap = has[first:behind]
+            other = int(gap.sum(axis=0).argmax())
+            if gap[:, other].sum() > SHORT:
+                chosen[mine[first:behind][gap[:, other]]] = other
+    return chosen
+
+
+def _changes(chosen: Index, satellite: Index) -> Index:
+    """Rows whose phase is of another code than the satellite's last one."""
+    rows = np.flatnonzero(chosen >= 0)
+    rows = rows[np.argsort(satellite[rows], kind="stable")]
+    same = satellite[rows[1:]] == satellite[rows[:-1]]
+    return rows[1:][same & (chosen[rows[1:]] != chosen[rows[:-1]])]
+
+
+def _epochs(o: Observations, systems: Mapping[str, tuple[Index, list[_Band]]]) -> Iterator[bytes]:
+    """Lines of the epochs and their satellites."""
+    width = {
+        letter: 3 + 16 * sum(bool(name) for band in bands for name in band.names)
+        for letter, (_, bands) in systems.items()
+    }
+    longest = max(36, *width.values()) if width else 36
+    ticks = np.rint(1e7 * o.time).astype(np.int64)
+    start = np.datetime64(int(GPS_EPOCH_UNIX_S + o.gps_week * WEEK_S), "s")
+    count = np.zeros(o.time.size, dtype=np.int64)
+    for rows, _ in systems.values():
+        count += np.bincount(o.epoch[rows], minlength=count.size)
+    for first in range(0, o.time.size, CHUNK):
+        epochs = np.arange(first, min(first + CHUNK, o.time.size))
+        begin, behind = np.searchsorted(o.epoch, (epochs[0], epochs[-1] + 1))
+        # a line an epoch, before those of its satellites
+        line = np.arange(behind - begin) + o.epoch[begin:behind] - first + 1
+        heads = np.searchsorted(o.epoch[begin:behind], epochs) + np.arange(epochs.size)
+        text = np.full((behind - begin + epochs.size, longest + 1), ord(" "), dtype=np.uint8)
+        size = np.zeros(len(text), dtype=np.int64)
+        for k, head in zip(epochs.tolist(), heads.tolist(), strict=True):
+            second, fraction = divmod(int(ticks[k]), 10_000_000)
+            when = (start + second).item()
+            words = f"> {when:%Y %m %d %H %M %S}.{fraction:07d}  {o.flag[k]}{count[k]:3d}\n"
+            text[head, : len(words)] = np.frombuffer(words.encode(), dtype=np.uint8)
+            size[head] = len(words) if count[k] else 0
+        for letter, (rows, bands) in systems.items():
+            a, b = np.searchsorted(rows, (begin, behind))
+            here = line[rows[a:b] - begin]
+            names = np.ascontiguousarray(o.satellite[rows[a:b]], dtype="S3")
+            text[here, :3] = names.view(np.uint8).reshape(-1, 3)
+            text[here, width[letter]], size[here] = ord("\n"), width[letter] + 1
+            place = 3
+            for band in bands:
+                for k in [k for k, name in enumerate(band.names) if name]:
+                    text[here, place : place + 14] = _f14_3(band.values[a:b, k])
+                    for at, flags in ((14, band.lock[a:b, k]), (15, band.strength[a:b, k])):
+                        text[here, place + at] = np.where(flags > 0, flags + ord("0"), ord(" "))
+                    place += 16
+        yield text[np.arange(longest + 1) < size[:, None]].tobytes()
+
+
+def _f14_3(x: Array) -> NDArray[np.uint8]:
+    """Characters (m, 14) of numbers (m,) with three decimals; blanks for what is none."""
+    out = np.full((x.size, 14), ord(" "), dtype=np.uint8)
+    there = np.isfinite(x)
+    rest = np.rint(1e3 * np.abs(np.where(there, x, 0.0))).astype(np.int64)
+    blanks = np.full(x.size, 9)
+    for place in (13, 12, 11, *range(9, -1, -1)):
+        shown = there & ((rest > 0) | (place >= 9))
+        out[shown, place] = rest[shown] % 10 + ord("0")
+        blanks[shown & (place < 9)] = place
+        rest //= 10
+    out[there, 10] = ord(".")
+    negative = np.flatnonzero(there & (x < 0.0) & (blanks > 0))
+    out[negative, blanks[negative] - 1] = ord("-")
+    return out

@@ -1,0 +1,260 @@
+"""Navigation that is no RINEX, read by georinex, as the text of RINEX 3.04 that all else here
+reads: precise orbits (SP3) and the netCDF into which georinex converts.
+
+An SP3 file holds positions and clocks every 5 or 15 minutes. To those within `HALF_S` of every full
+hour the elements of a broadcast message are fitted by least squares, the clock by a line, so that
+engine and velocities take them as they take any message. What a fit leaves is told; GLONASS and
+geostationary BeiDou, which other equations hold for, and satellites without a clock are left out.
+Positions of SP3 are of the centre of mass, up to 2 m from the antenna: that moves a rover by 1 mm
+10 km from its base.
+"""
+
+import io
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...base.wording import DOCTOR
+from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, calendar_from_gps
+from ...records import Array
+
+HALF_S = 3600.0  # of a fit's window (s): 3600, since elements that hold for two hours miss by cm
+LEAST_NODES = 7  # positions in a window: 21 coordinates and more for 15 elements
+LARGEST_MISS_M = 1.0  # rms of a fit (m): 1, as broadcast orbits have; beyond it, a manoeuvre
+PASSES = 4  # of Gauss and Newton: 4, the last of which moves a satellite by less than 1 mm
+NO_CLOCK_US = 999999.0
+BEIDOU_LAG_S, BEIDOU_WEEKS = 14.0, 1356
+GPS_WEEKS_OF = {"C": -BEIDOU_WEEKS}
+MU = {"G": 3.986005e14, "J": 3.986005e14, "E": 3.986004418e14, "C": 3.986004418e14}
+EARTH_RATE = 7.2921151467e-5  # rad/s, that of IS-GPS-200, which all but BeiDou take
+BEIDOU_RATE = 7.292115e-5
+SOURCE = {"E": 517.0}  # I/NAV of E1-B with clocks of E1 and E5b
+# elements in the order of a fit, with a step (rad, m, 1) that moves a satellite by metres
+ELEMENTS = {"root_a": 1e-4, "ecc": 1e-7, "m0": 1e-7, "dn": 1e-11, "i0": 1e-7, "idot": 1e-11}
+ELEMENTS |= {"node": 1e-7, "node_dot": 1e-11, "perigee": 1e-7, "cuc": 1e-7, "cus": 1e-7}
+ELEMENTS |= {"crc": 1.0, "crs": 1.0, "cic": 1e-7, "cis": 1e-7}
+# numbers of a message behind the clock's three, by name; those without one are zero
+MESSAGE = "iode crs dn m0 cuc ecc cus root_a sow cic node cis i0 crc perigee node_dot idot source"
+MESSAGE += " week - - health - - sent fit"
+NAMES = (  # of georinex, in the order of a message of RINEX 3; where systems differ, all names
+    *("SVclockBias", "SVclockDrift SVrelFreqBias", "SVclockDriftRate MessageFrameTime"),
+    *("IODE IODEC IODnav AODE", "Crs", "DeltaN", "M0", "Cuc", "Eccentricity", "Cus", "sqrtA"),
+    *("Toe", "Cic", "Omega0", "Cis", "Io", "Crc", "omega", "OmegaDot", "IDOT"),
+    *("CodesL2 DataSrc", "GPSWeek GALWeek BDTWeek", "L2Pflag", "SVacc SISA", "health SatH1"),
+    *("TGD BGDe5a TGD1", "IODC BGDe5b TGD2", "TransTime", "FitIntvl AODC"),
+)
+NAMES_GLONASS = (
+    *("SVclockBias", "SVrelFreqBias", "MessageFrameTime", "X", "dX", "dX2", "health"),
+    *("Y", "dY", "dY2", "FreqNum", "Z", "dZ", "dZ2", "AgeOpInfo"),
+)
+HEAD = (
+    f"{'     3.04           N: GNSS NAV DATA    M: MIXED':60}RINEX VERSION / TYPE",
+    f"{'':60}END OF HEADER",
+)
+
+
+def library(path: str | Path, what: str) -> ModuleType:
+    """Return georinex; InputError for a file `what` where it is not installed."""
+    try:
+        import georinex
+    except ImportError:
+        message = f"{what} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}"
+        raise InputError.at_line(path, None, message) from None
+    return georinex
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep to itself what xarray and numpy say of how georinex calls them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def messages_of_netcdf(path: str | Path) -> list[str]:
+    """Return the navigation messages of a netCDF file of georinex as lines of RINEX 3.04.
+
+    Raises
+    ------
+    InputError
+        Where it is none, or georinex is not installed.
+    """
+    georinex = library(path, "netCDF")
+    try:
+        with quiet():
+            table = georinex.rinexnav(Path(path)).load()
+    except (LookupError, ValueError, OSError) as error:
+        message = f"no navigation of georinex: {' '.join(str(error).split())[:120]}"
+        raise InputError.at_line(path, None, f"{message}; give RINEX or SP3") from None
+    lines = [*HEAD]
+    for satellite in table.sv.values.astype(str):
+        rows = table.sel(sv=satellite)
+        glonass = satellite[0] == "R"
+        columns = [
+            next((rows[name].values for name in names.split() if name in rows), None)
+            for names in (NAMES_GLONASS if glonass else NAMES)
+        ]
+        for k in np.flatnonzero(np.isfinite(rows["SVclockBias"].values)):
+            values = [0.0 if of is None else float(of[k]) for of in columns]
+            if glonass:  # metres there, kilometres in RINEX
+                values[3:] = [x * 1e-3 if k % 4 < 3 else x for k, x in enumerate(values[3:])]
+            stamp = rows.time.values[k].astype("datetime64[s]").item()
+            lines += message_lines(f"{satellite[:3]} {stamp:%Y %m %d %H %M %S}", values)
+    return lines
+
+
+def message_lines(begin: str, values: list[float]) -> list[str]:
+    """Return the lines of a message that begins so: three numbers, then four a line."""
+    fields = ["".join(f"{np.nan_to_num(x):19.12E}" for x in values[:3])]
+    fields += [
+        "".join(f"{np.nan_to_num(x):19.12E}" for x in values[k : k + 4])
+        for k in range(3, len(values), 4)
+    ]
+    return [begin + fields[0], *(f"    {field}" for field in fields[1:])]
+
+
+@lru_cache(maxsize=4)  # read for the engine and for its checks
+def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Counter[str]]:
+    """Return broadcast messages fitted to precise orbits as lines of RINEX 3.04.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, for messages.
+    text : str
+        Its text.
+
+    Returns
+    -------
+    lines : tuple of str
+        A message an hour and satellite.
+    left_out : Counter
+        Satellites that were left out, by reason.
+
+    Raises
+    ------
+    InputError
+        Where georinex cannot read it, its times are not GPST, or nothing can be fitted.
+    """
+    georinex = library(path, "SP3")
+    scale = next((line[9:12] for line in text.splitlines() if line.startswith("%c")), "GPS")
+    if scale not in ("GPS", "ccc", "   "):
+        message = f"times of SP3 in {scale}; GPS time is read, convert it"
+        raise InputError.at_line(path, None, message)
+    try:
+        with quiet():
+            table = georinex.load_sp3(io.StringIO(text), None)
+    except (AssertionError, ValueError, IndexError) as error:
+        message = f"georinex cannot read it: {' '.join(str(error).split())[:120]}"
+        raise InputError.at_line(path, None, f"{message}; fetch the file again") from None
+    time = table.time.values.astype("datetime64[ns]").astype(np.int64) / 1e9 - GPS_EPOCH_UNIX_S
+    position, clock = 1e3 * table.position.values, 1e-6 * table.clock.values
+    position[(position == 0.0).all(axis=2)] = np.nan
+    clock[np.abs(clock) >= 1e-6 * NO_CLOCK_US] = np.nan
+    lines, left_out = [*HEAD], Counter[str]()
+    for k, satellite in enumerate(table.sv.values.astype(str)):
+        if satellite[0] not in MU or (satellite[0] == "C" and _geostationary(satellite)):
+            left_out["satellites of SP3 whose orbits are no Kepler elements"] += 1
+            continue
+        good = np.isfinite(position[:, k]).all(axis=1) & np.isfinite(clock[:, k])
+        fitted = _messages(satellite, time[good], position[good, k], clock[good, k])
+        left_out["satellites of SP3 to which no elements could be fitted"] += not fitted
+        lines += fitted
+    if len(lines) == len(HEAD):
+        message = f"no orbit of an hour at least in {time.size} epochs; give the SP3 of the day"
+        raise InputError.at_line(path, None, message)
+    return tuple(lines), +left_out
+
+
+def _geostationary(satellite: str) -> bool:
+    return int(satellite[1:]) <= 5 or int(satellite[1:]) >= 59
+
+
+def _messages(satellite: str, time: Array, position: Array, clock: Array) -> list[str]:
+    """Lines of the messages fitted to one satellite, an hour each."""
+    if time.size < LEAST_NODES:
+        return []
+    system, lines = satellite[0], list[str]()
+    hours = np.arange(np.ceil(time[0] / HALF_S), np.floor(time[-1] / HALF_S) + 1.0) * HALF_S
+    inner = hours[(hours >= time[0] + HALF_S) & (hours <= time[-1] - HALF_S)]
+    for toe in inner if inner.size else hours[hours.size // 2 : hours.size // 2 + 1]:
+        near = np.abs(time - toe) <= HALF_S
+        if near.sum() < LEAST_NODES:
+            continue
+        rate = BEIDOU_RATE if system == "C" else EARTH_RATE
+        found, miss = _fitted(time[near] - toe, position[near], MU[system], rate)
+        if not miss < LARGEST_MISS_M:
+            continue
+        week, sow = divmod(toe - (BEIDOU_LAG_S if system == "C" else 0.0), WEEK_S)
+        found["node"] = (found["node"] + rate * sow + np.pi) % (2.0 * np.pi) - np.pi
+        drift, bias = np.polyfit(time[near] - toe, clock[near], 1)
+        found |= {"sow": sow, "week": week + GPS_WEEKS_OF.get(system, 0), "fit": 4.0}
+        found |= {
+            "iode": float(len(lines) // 8 % 255),
+            "source": SOURCE.get(system, 0.0),
+            "sent": sow,
+        }
+        stamp = calendar_from_gps(int(week), sow, "gpst")
+        values = [bias, drift, 0.0, *(found.get(name, 0.0) for name in MESSAGE.split())]
+        lines += message_lines(f"{satellite} {stamp:%Y %m %d %H %M %S}", values)
+    return lines
+
+
+def _fitted(tk: Array, position: Array, mu: float, rate: float) -> tuple[dict[str, float], float]:
+    """Elements by least squares to positions (n, 3) m, ECEF, at `tk` (n,) s from toe, with
+    `node` at toe in ECEF; and what they leave, rms m.
+    """
+    p = _osculating(tk, position, mu, rate)
+    step = np.array([*ELEMENTS.values()])
+    for _ in range(PASSES):
+        model, *moved = _orbits(p + np.vstack([0.0 * step, np.diag(step)]), tk, mu, rate)
+        jacobian = (np.stack(moved) - model).reshape(step.size, -1).T
+        p = p + step * (np.linalg.pinv(jacobian, rcond=1e-9) @ (position - model).ravel())
+    miss = float(np.sqrt(np.mean((position - _orbits(p[None], tk, mu, rate)[0]) ** 2)))
+    return dict(zip(ELEMENTS, p.tolist(), strict=True)), miss
+
+
+def _osculating(tk: Array, position: Array, mu: float, rate: float) -> Array:
+    """Kepler elements of position and velocity at toe, the harmonics zero."""
+    order = min(8, tk.size - 1)
+    scale = np.abs(tk).max()
+    terms = np.polynomial.polynomial.polyfit(tk / scale, position, order)
+    r = terms[0]
+    v = terms[1] / scale + np.cross([0.0, 0.0, rate], r)
+    h, size = np.cross(r, v), float(np.linalg.norm(r))
+    axis = 1.0 / (2.0 / size - v @ v / mu)
+    e_vector = np.cross(v, h) / mu - r / size
+    ecc, node = float(np.linalg.norm(e_vector)), np.arctan2(h[0], -h[1])
+    i0 = np.arctan2(np.hypot(h[0], h[1]), h[2])
+    along = np.array([np.cos(node), np.sin(node), 0.0])
+    across = np.cross(h / np.linalg.norm(h), along)
+    perigee = np.arctan2(e_vector @ across, e_vector @ along)
+    anomaly = np.arctan2(r @ v / np.sqrt(mu * axis), 1.0 - size / axis)  # e sin E, e cos E
+    out = dict.fromkeys(ELEMENTS, 0.0) | {"root_a": axis**0.5, "ecc": ecc, "i0": i0}
+    out |= {"node": node, "perigee": perigee, "m0": anomaly - ecc * np.sin(anomaly)}
+    return np.array([*out.values()])
+
+
+def _orbits(p: Array, tk: Array, mu: float, rate: float) -> Array:
+    """Positions (k, n, 3) m, ECEF, of elements (k, 15): (O.1) to (O.5) of `satellites.orbits`."""
+    e = dict(zip(ELEMENTS, p.T[:, :, None], strict=True))
+    mean = e["m0"] + (np.sqrt(mu) / e["root_a"] ** 3 + e["dn"]) * tk
+    E = mean
+    for _ in range(6):
+        E = E - (E - e["ecc"] * np.sin(E) - mean) / (1.0 - e["ecc"] * np.cos(E))
+    phi = np.arctan2(np.sqrt(1.0 - e["ecc"] ** 2) * np.sin(E), np.cos(E) - e["ecc"]) + e["perigee"]
+    s, c = np.sin(2.0 * phi), np.cos(2.0 * phi)
+    u = phi + e["cus"] * s + e["cuc"] * c
+    r = e["root_a"] ** 2 * (1.0 - e["ecc"] * np.cos(E)) + e["crs"] * s + e["crc"] * c
+    i = e["i0"] + e["idot"] * tk + e["cis"] * s + e["cic"] * c
+    node = e["node"] + (e["node_dot"] - rate) * tk
+    x, y, across = r * np.cos(u), r * np.sin(u), np.cos(i)
+    sn, cn = np.sin(node), np.cos(node)
+    return np.stack([x * cn - y * across * sn, x * sn + y * across * cn, y * np.sin(i)], axis=2)
