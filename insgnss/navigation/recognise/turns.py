@@ -244,7 +244,7 @@ def check_turns(
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
     if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
-        return ask.note("no turns at speed to compare")
+        return ask.ok("no turns at speed to compare")
     lag, best, here, rival = _best_lag(gyro, course_rate, moving)
     common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
     ratio = common / squares
