@@ -14,6 +14,7 @@ from ...records import GnssFixes, ImuSamples
 from ..config.flight_file import ROLLOVER
 from .alone import Alone
 from .draft import Draft
+from .event_clock import SCALE_OPEN
 from .evidence import SAME, SENSORS, SURE, Axes, factor_of_numbers, in_words
 from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
@@ -105,16 +106,18 @@ def draft_flight(
         _gnss(draft, by_role["gnss"], gnss, recognition)
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
-        if "time_scale" in (keys := by_role["events"].keys):  # not stated, so not known
-            why = by_role["events"].why["time_scale"]
-            draft.add("camera", "time_scale", keys["time_scale"], why, False)
+        source = by_role["events"]
+        for key in ("columns", "time_scale"):
+            if key in source.keys:
+                why = source.why[key]
+                draft.add("camera", key, source.keys[key], why, why != SCALE_OPEN)
         draft.add("camera", "clock", *event_clock)
     elif of_rover := _events_of_rover(rinex if raw_gnss else None):
         words = f"{of_rover} camera events are in the rover's file; name their images"
         draft.add("camera", "images", "photos", words, False)
     _mounting(draft, "events" in by_role or bool(_events_of_rover(rinex if raw_gnss else None)))
     if gnss is not None or raw_gnss:
-        _filter(draft, recognition)
+        _filter(draft, gnss, recognition)
     draft.add("output", "directory", "results")
     return draft, ""
 
@@ -293,7 +296,9 @@ def _mounting(draft: Draft, camera: bool) -> None:
         )
 
 
-def _filter(draft: Draft, recognition: "Recognition | None") -> None:
+def _filter(
+    draft: Draft, gnss: GnssFixes | None, recognition: "Recognition | None"
+) -> None:
     sigma = np.inf if recognition is None else recognition.time_offset_sigma_s
     if not sigma < KNOWN_S:
         latency = (
@@ -317,9 +322,9 @@ def _filter(draft: Draft, recognition: "Recognition | None") -> None:
         "the lever arm is not known; the filter estimates it where the flight lets it",
     )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
-    draft.add(
-        "filter", "robust", True, "fixes of unknown quality: outliers get less weight (Huber)"
-    )
+    known = gnss is not None and gnss.quality is not None
+    which = "a wrong ambiguity fix keeps its code" if known else "fixes of unknown quality"
+    draft.add("filter", "robust", True, f"{which}: outliers get less weight (Huber)")
 
 
 def left_out(source: Source) -> str:

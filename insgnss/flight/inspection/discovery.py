@@ -15,6 +15,7 @@ from ...base.advance import through
 from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
 from .sources import NO_SIGMA, SINGLE_POINT, Keys, Role, Source
+from .tables.exposures import exposures_of
 from .tables.grids import tables_of_file
 from .tables.tabular import VARIABLES, sources_of_table
 
@@ -40,10 +41,6 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
 }
 LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
 FIX_LOGS = {"nmea": "receiver log of NMEA sentences", "rtklib_pos": "positions of RTKLIB"}
-SCALE_OPEN = (
-    "the file does not say of which scale its dates are: utc, gpst (18 s apart), or local time such"
-    " as utc+02:00; inspected as UTC, choose it"
-)
 DEEPEST, MOST_FILES = 6, 3000
 
 
@@ -122,7 +119,8 @@ def _why_not(path: Path) -> str:
         return "raw observations; give antenna positions that an engine made of them"
     if path.name.lower() in OWN_PRODUCTS:
         return "a product of insgnss"
-    return "neither samples of an IMU nor fixes nor exposures"
+    text = suffix not in VARIABLES
+    return text and exposures_of(path)[1] or "neither samples of an IMU nor fixes nor exposures"
 
 
 def sources_of(path: Path) -> list[Source]:
@@ -141,28 +139,14 @@ def sources_of(path: Path) -> list[Source]:
     log_sources = _known_log(path)
     if log_sources is not None:
         return log_sources
-    sources = [s for table in tables_of_file(path) for s in sources_of_table(path, table)]
-    return sources or _dated_events(path)
-
-
-def _dated_events(path: Path) -> list[Source]:
-    """Exposures by dates beside the names of images; without names any log with dates could be."""
-    from ...io.formats import sniff_events
-    from ...io.formats.events.dated import read_dated_events
-    from ...io.formats.events.events import UNNAMED
-
-    if path.suffix.lower() in VARIABLES or sniff_events(path) != "event_dates":
-        return []
+    text = path.suffix.lower() not in VARIABLES
     try:
-        events = read_dated_events(path, time_scale="utc")
-    except InsgnssError:  # dates of something else
-        return []
-    if any(check.name == UNNAMED for check in events.notes):
-        return []
-    keys = {"time_scale": events.time_scale} if events.time_scale else {}
-    why = {"time_scale": SCALE_OPEN} if keys else {}
-    words = f"exposures with their dates, {len(events.images)} of them"
-    return [Source("events", path, words, keys, why)]
+        sources = [s for table in tables_of_file(path) for s in sources_of_table(path, table)]
+    except InputError:
+        if text and (exposures := exposures_of(path)[0]):
+            return exposures
+        raise
+    return sources or (exposures_of(path)[0] if text else [])
 
 
 def _known_log(path: Path) -> list[Source] | None:

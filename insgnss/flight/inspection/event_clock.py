@@ -8,15 +8,28 @@
 Where both clocks could be meant nothing is told, and the flight file says so.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...records import CameraEvents, GnssFixes, ImuSamples
+from ...records.observations import in_week
 from .sources import Source
 
 SAME_S = 1e-6
 FEWEST = 5  # stamps that are those of samples
 # digits of a stamp of an event per sample interval: rounding does not make them equal
 LONGER = 20.0
+SCALE_OPEN = (
+    "the file does not say of which scale its dates are: utc, gpst (18 s apart), or local time such"
+    " as utc+02:00; inspected as UTC, choose it"
+)
+HOURS = range(-12, 15)  # zones of the clocks of cameras, h ahead of UTC
+# share of the exposures that may lie off the lines in the right scale: ferry, a start in a turn
+OFF_LINES = 0.05
+# times as many, and images more, that lie off them in every other scale: 18 s late, 18 s of images
+# at each line's end lie in the turn behind it
+CLEARER, FEWEST_OFF = 4.0, 5
 
 
 def clock_of_events(
@@ -64,6 +77,45 @@ def clock_of_events(
         " receiver did it (event input, hot-shoe), say so: an offset of the fixes moves them too",
         False,
     )
+
+
+def scale_of_dates(
+    source: Source, events: CameraEvents, gnss: GnssFixes
+) -> tuple[Source, CameraEvents]:
+    """Choose the time scale of dates that do not state it: that in which they lie on lines.
+
+    UTC, GPST and whole hours ahead of UTC are tried; the source says what was found, and is left
+    open where two would do.
+
+    Parameters
+    ----------
+    source : Source
+        Of the exposures, read as UTC.
+    events : CameraEvents
+    gnss : GnssFixes
+        In the week of the events, or without one.
+    """
+    from ...io.formats import read_events
+    from ...navigation.recognise.turns import ENOUGH_IMAGES, exposures_off_lines
+
+    count = events.time.size
+    if source.keys.get("time_scale") is None or count < ENOUGH_IMAGES or gnss.gps_week is None:
+        return source, events
+    columns = source.keys.get("columns")
+    fixes = in_week(gnss, events.gps_week)
+    read, off = {}, {}
+    for scale in ("utc", "gpst", *(f"utc{hours:+03d}:00" for hours in HOURS if hours)):
+        read[scale] = read_events(source.path, columns=columns, time_scale=scale)
+        off[scale] = exposures_off_lines(in_week(read[scale], events.gps_week), fixes)
+    best, second = sorted(off, key=lambda scale: off[scale])[:2]
+    if off[best] > OFF_LINES * count or off[second] < max(CLEARER * off[best], FEWEST_OFF):
+        return source, events
+    why = (
+        f"the file does not state the scale: as {best} {count - off[best]} of {count} exposures lie"
+        f" on lines, as {second} {count - off[second]}"
+    )
+    keys = source.keys | {"time_scale": best}
+    return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best]
 
 
 def _are_samples(events: CameraEvents, imu: ImuSamples) -> bool:

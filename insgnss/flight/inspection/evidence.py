@@ -162,7 +162,7 @@ def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | Non
         unsure = (
             ""
             if finding.confidence > SURE
-            else "; the likeliest, but NOT SURE: check which way it was mounted"
+            else "; the vertical is certain, forward is the likeliest: check how it was mounted"
         )
         return Axes(recognition.axes, in_words(finding) + unsure, vertical.confidence > SURE)
     if source.axes:
@@ -172,9 +172,11 @@ def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | Non
     steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
         np.median(np.linalg.norm(imu.accel, axis=1))
     )
+    forward = "xyz"[words.split().index("forward")]
     why = (
-        f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
-        " KNOWN: the data do not show it"
+        f"gravity shows the vertical, the IMU's {axis} axis; the motion does not show which way is"
+        f" forward, so the body's forward is defined as {forward} here, and"
+        " mounting.camera_from_body refers to it"
     )
     return Axes(words, why, steady)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.files import json_ready, picked
+from ...navigation.prepare.fix_path import north_east
 from ...report.charts.chart import Chart
 from ...report.document import Document, Drawing, Section, Table, checked
 from ...report.figures.recognition import answers_in_words
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
     from .result import InspectionData
 
 SURE = 0.9  # a confidence that is not doubtful
+# findings that only motion shows; of a vehicle that keeps its place they are open, not doubtful
+AXES = ("force sign", "vertical axis", "forward axis", "axes")
+# median speed (m/s) of a vehicle that keeps its place: wind moves a hovering copter by 0.5 m/s
+KEEPS_PLACE_MS, SPEED_S = 1.0, 2.0
 MOST_LEFT_OUT = 8  # most files that are not folded: 8, because directories of images have many
 
 
@@ -40,6 +45,10 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         next_ = "next: insgnss inspect ... --write writes a flight file of this"
     left_out = [_without(str(path), why) for path, why in result.left_out]
     unsure = [f.name for f in result.findings if f.confidence < SURE]
+    still = [name for name in unsure if name in AXES] if _hovers(result) else []
+    unsure = [name for name in unsure if name not in still]
+    place = f"it keeps its place, which does not show {', '.join(still)}; " if still else ""
+    other = "other " if still else ""
     notes = [check.name for check in result.checks if check.verdict == "note"]
     doubts = {
         f"no motion to compare: {result.unrecognised}": result.unrecognised,
@@ -50,7 +59,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         f"{result.name}: inspection",
         f"{recognised}{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class",
         worst_of(
-            f"every finding has a confidence of {SURE:g} or more, and no check has a note",
+            f"{place}every {other}finding has a confidence of {SURE:g} or more, and no check has a note",
             [text for text, names in doubts.items() if names],
             [] if refusal is None else [str(refusal)],
         ),
@@ -67,6 +76,17 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         files=result.written,
         next=next_,
     )
+
+
+def _hovers(result: "InspectionData") -> bool:
+    """Whether the vehicle keeps its place for more than half of the recording."""
+    gnss = result.gnss
+    if gnss is None or gnss.time.size < 2:
+        return False
+    time = np.arange(gnss.time[0], gnss.time[-1], SPEED_S)
+    path = np.column_stack([np.interp(time, gnss.time, way) for way in north_east(gnss).T])
+    step = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    return bool(step.size and np.median(step) < KEEPS_PLACE_MS * SPEED_S)
 
 
 def _source_line(source: Any) -> str:
@@ -95,7 +115,9 @@ def findings_section(title: str, findings: "Sequence[Finding]") -> Section:
 
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
     """Return the findings for JSON output."""
-    return [{"value": f.found} | picked(f, "name", "confidence", "evidence") for f in findings]
+    return [
+        {"name": f.name, "value": f.found} | picked(f, "confidence", "evidence") for f in findings
+    ]
 
 
 def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:

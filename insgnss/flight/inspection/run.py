@@ -23,7 +23,7 @@ from ...navigation.prepare.clock import NO_WEEK
 from ...records import CameraEvents, GnssFixes, ImuSamples
 from ..processing.progress import Progress, quiet
 from .discovery import Discovery, discover
-from .event_clock import clock_of_events
+from .event_clock import clock_of_events, scale_of_dates
 from .exchanged_axes import right_handed
 from .page import inspection_document, numbers_of
 from .result import InspectionData
@@ -135,6 +135,8 @@ def inspect_files(
     if gnss is not None and (ticks := as_long_as(imu_source, imu, gnss)) != imu_source:
         imu_source = ticks
         imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    if events_source is not None and events is not None and gnss is not None:
+        events_source, events = scale_of_dates(events_source, events, gnss)
     clock = clock_of_events((imu_source, gnss_source, events_source), imu, gnss, events)
     imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
     if known_week is not None and rinex is not None and rinex.rover is not None:

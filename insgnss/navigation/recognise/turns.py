@@ -56,6 +56,9 @@ USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
 # rad/s at the exposures, and how many times less it must be at the other time
 TURNING, STRAIGHTER = 0.02, 4.0
+# course rate (rad/s) from which an exposure is in a turn: 3 deg/s, ten times what wind and steering
+# show on a line, a third of the slowest turn between lines
+IN_TURN = 0.05
 ENOUGH_IMAGES = 20
 ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
 # whose clock stamps the exposures, in words
@@ -121,6 +124,24 @@ def _other_scale(events: CameraEvents, offset: float) -> Remedy:
     )
 
 
+def exposures_off_lines(events: CameraEvents, gnss: GnssFixes) -> int:
+    """Count the exposures where the course turns, and those before, after or between the fixes.
+
+    Parameters
+    ----------
+    events : CameraEvents
+    gnss : GnssFixes
+        In the same week.
+    """
+    grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
+    width = _width(gnss, grid)
+    if grid.size < max(200, 5 * width):
+        return events.time.size
+    rate, moving = _course_rate(gnss, grid, width)
+    cells, usable = _cells(events.time, grid, moving)
+    return int(np.sum(~usable | (np.abs(rate[cells]) > IN_TURN)))
+
+
 def _by_chance(
     time: Array, straightest: float, grid: Array, rate: Array, moving: np.ndarray
 ) -> bool:
@@ -134,10 +155,14 @@ def _by_chance(
 
 def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float:
     """Mean size of the course rate at `time`, rad/s; infinite where half of it is unknown."""
-    inside = (time >= grid[0]) & (time <= grid[-1])
-    cells = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
-    usable = inside & moving[cells]
+    cells, usable = _cells(time, grid, moving)
     return float(np.mean(np.abs(rate[cells[usable]]))) if usable.sum() > 0.5 * time.size else np.inf
+
+
+def _cells(time: Array, grid: Array, moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nearest cell of the grid for each time, and whether the course is known there."""
+    cells = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
+    return cells, (time >= grid[0]) & (time <= grid[-1]) & moving[cells]
 
 
 def _width(gnss: GnssFixes, grid: Array) -> int:
@@ -219,7 +244,7 @@ def check_turns(
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
     if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
-        return ask.note("no turns at speed to compare")
+        return ask.ok("no turns at speed to compare")
     lag, best, here, rival = _best_lag(gyro, course_rate, moving)
     common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
     ratio = common / squares

@@ -256,18 +256,14 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
 
 
 def _events(path: Path, table: Table) -> list[Source]:
-    """Exposures: a column of names or numbers beside a clock, or a clock alone."""
-    if path.suffix.lower() in VARIABLES or not 1 <= len(table.grid.names) <= 4:
+    """Exposures of a table without names, whose last column is a clock."""
+    named = any(name is not None for name in table.grid.names)
+    if path.suffix.lower() in VARIABLES or named or not 1 <= len(table.grid.names) <= 2:
         return []
     count = f"exposures, {len(table.grid.values)} of them"
-    if any(name is not None for name in table.grid.names):
-        from ....io.formats.events.events import SPEC
-
-        named = {"tow", "image"} <= set(SPEC.named(table.fields))
-        return [Source("events", path, count)] if named else []
     last = table.grid.values[:, -1]
     increasing = np.isfinite(last).all() and last.size > 1 and bool((np.diff(last) > 0.0).all())
-    if len(table.grid.names) > 2 or not increasing:
+    if not increasing:
         return []
     return [Source("events", path, count, span=(float(last[0]), float(last[-1])))]
 

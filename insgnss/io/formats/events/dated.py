@@ -119,7 +119,7 @@ def read_dated_events(
     UsageError
         A `time_scale` that is none.
     """
-    table = _table(path)
+    table = table_of_dates(path)
     chosen = columns if columns is not None else _evident(table)
     named_table = SPEC.of(table, chosen)
     index, texts = named_table.index, named_table.strings("time")
@@ -135,8 +135,8 @@ def read_dated_events(
     return dated_events(images, texts, table, str(path), (title, time_scale), gps_week)
 
 
-def _table(path: Source) -> TextTable:
-    """The fields of a table without numbers; its header is a first line without a date."""
+def table_of_dates(path: Source) -> TextTable:
+    """Return the fields of a table; its header is a first line without a date."""
     buf, complete = load(path)
     texts = decode(bytes(buf[:-1])).split("\n")
     lines = [
