@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+GB = 1e9  # bytes
 GROUPS = Path("/sys/fs/cgroup")
 UNLIMITED = 1 << 60  # bytes; what version 1 of control groups writes for no limit is beyond it
 

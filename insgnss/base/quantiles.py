@@ -19,7 +19,7 @@ import math
 from statistics import NormalDist
 
 STEPS = 100  # of Newton; some six are needed
-EXACT = 1e-15
+EXACT = 1e-15  # relative change that ends a series: some units in the last place of a double
 
 
 def normal_quantile(share: float) -> float:

@@ -91,7 +91,7 @@ def _base(scale: float, angle: int = 0, length: int = 0, time: int = 0) -> Unit:
     return Unit(scale, (Fraction(angle), Fraction(length), Fraction(time)))
 
 
-_DEG = math.pi / 180.0
+DEG = math.pi / 180.0  # rad of a degree
 UNITS: dict[str, Unit] = {
     **{
         name: _base(scale)
@@ -103,7 +103,7 @@ UNITS: dict[str, Unit] = {
     },
     **{
         name: _base(scale, angle=1)
-        for name, scale in (("deg", _DEG), ("arcmin", _DEG / 60.0), ("arcsec", _DEG / 3600.0))
+        for name, scale in (("deg", DEG), ("arcmin", DEG / 60.0), ("arcsec", DEG / 3600.0))
     },
     **{
         name: _base(scale, length=1)

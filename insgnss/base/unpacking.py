@@ -18,19 +18,18 @@ from collections.abc import Callable
 from functools import partial
 
 from .errors import DataError, InputError, UsageError
-from .memory import available
+from .memory import GB, available
 from .wording import DOCTOR
 
 VARIABLE = "INSGNSS_UNPACKED_GB"
-LIMIT_GB = 4.0
+LIMIT_GB = 4.0  # of what any file unpacks to (GB): a day's recording of an IMU at 500 Hz as text
 RATIO = 200.0  # unpacked by packed size: text of receivers has 3 to 30, XML of projects 5 to 60
 FREE = 1e8  # bytes that a file of any size may unpack to: they take less than a second
-GB = 1e9
 GZIP, COMPRESS, BZIP2, ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK"
 PACKED = (GZIP, COMPRESS, BZIP2, ZIP)
 PIECE, LONGEST = 1 << 16, 1 << 17  # bytes that are unpacked at a time, and that they may give
 USUAL = 100  # times the packed size: text of receivers is 3 to 30 times
-MEMBERS = 10_000
+MEMBERS = 10_000  # files in an archive: their list alone takes memory and time (chosen)
 DAMAGED = (
     OSError,
     EOFError,

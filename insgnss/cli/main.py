@@ -32,7 +32,7 @@ from ..base.received.trusted import trusting, words_as_paths
 from .console import Parser, Progress
 from .verb import report_error
 
-INTERRUPTED = 130
+INTERRUPTED = 130  # exit code: 128 and the number of SIGINT, as shells have it
 SHELLS = ("bash", "zsh", "fish", "powershell", "tcsh")
 VERBS = (
     *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),

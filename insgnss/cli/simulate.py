@@ -13,7 +13,8 @@ from .verb import Verb, show
 SURVEYS = ("ign8", "ign6x1")
 PUBLISHED = ("block2015", "corridor2014", "mapkite")
 """Of benchmarks/published_blocks, which imports numpy."""
-IMU_RATE_HZ, VIBRATION = 500.0, 1.0
+IMU_RATE_HZ = 500.0  # of the simulated IMU, as the published flights have it
+VIBRATION = 1.0  # factor on a usual drone's vibration
 
 
 @dataclass(frozen=True)

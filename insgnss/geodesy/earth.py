@@ -29,8 +29,8 @@ GM = 3.986004418e14  # m^3/s^2, with the atmosphere
 EARTH_RATE = 7.292115e-5  # rad/s
 GRAVITY_EQUATOR = 9.7803253359  # m/s^2
 GRAVITY_POLE = 9.8321849378  # m/s^2
-SOMIGLIANA_K = B * GRAVITY_POLE / (A * GRAVITY_EQUATOR) - 1.0
-CENTRIFUGAL_M = EARTH_RATE**2 * A**2 * B / GM
+SOMIGLIANA_K = B * GRAVITY_POLE / (A * GRAVITY_EQUATOR) - 1.0  # k of (E.1)
+CENTRIFUGAL_M = EARTH_RATE**2 * A**2 * B / GM  # m of (E.2)
 
 
 def curvature_radii(lat: ArrayLike) -> tuple[Array, Array]:

@@ -19,11 +19,12 @@ from ..base.errors import InputError, UsageError
 
 Array = NDArray[np.float64]
 
-WEEK_S = 604800.0
-GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
-GPS_EPOCH_UNIX_S = 315964800.0
+DAY_S = 86400.0  # seconds of a day, leap seconds apart
+WEEK_S = 604800.0  # seconds of a GPS week
+GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)  # at which GPST counts zero
+GPS_EPOCH_UNIX_S = 315964800.0  # Unix time (s) of that instant
 SCALES = ("utc", "gpst")
-NS = 1_000_000_000
+NS = 1_000_000_000  # nanoseconds of a second
 # s, of recordings: between longer ones whole weeks are no finding, milliseconds look like them
 LONG_S = 43200.0
 
@@ -33,9 +34,11 @@ LEAP_DAYS = (
     *("1991-01-01", "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01"),
     *("1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01"),
 )
+LEAP_S = float(len(LEAP_DAYS))  # s that GPST has been ahead of UTC since the last of them
 _LEAP_UNIX_S = np.array(
     [datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp() for day in LEAP_DAYS]
 )
+# GPST (s) of the leap seconds' ends
 _LEAP_GPS_S = _LEAP_UNIX_S - GPS_EPOCH_UNIX_S + np.arange(1, len(LEAP_DAYS) + 1)
 
 

@@ -51,7 +51,7 @@ from .grids import box_around, geoid_file, lacking_heights, lacking_plan, operat
 
 Array = NDArray[np.float64]
 
-STEP_RAD = 1e-6
+STEP_RAD = 1e-6  # over which G and m are differences (rad): 6 m, by which they are exact to 1e-9
 # rad: by how much the axes of a conformal projection may fail to be perpendicular, or of one scale;
 # 0.1 px
 ROUND = 2e-5

@@ -207,8 +207,8 @@ def _arcsin(x: Array) -> Array:
     return np.arcsin(np.clip(x, -1.0, 1.0))  # an entry of a rotation passes 1 by rounding only
 
 
-_ZYX, _XYZ, _YXZ, _ZXY = (2, 1, 0), (0, 1, 2), (1, 0, 2), (2, 0, 1)
-_YPR_SIGNS = np.array([-1.0, 1.0, 1.0])
+_ZYX, _XYZ, _YXZ, _ZXY = (2, 1, 0), (0, 1, 2), (1, 0, 2), (2, 0, 1)  # axes i, j, k of (R.3)
+_YPR_SIGNS = np.array([-1.0, 1.0, 1.0])  # s of (R.3): yaw is clockwise
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Array:

@@ -22,7 +22,7 @@ from ..interrupts import deferred
 from .scratch import NAME, Scratch, alone, sweep
 from .unfinished import MARK, flush_directory, mark, marked
 
-MOST_FLUSHED = 100
+MOST_FLUSHED = 100  # files that are flushed one by one: each takes the disk some ms (chosen)
 ELSEWHERE, FREE = "give another directory", "check permission and free space"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ...base.findings import Finding, Question
 
-IMPORT_S = 60.0
+IMPORT_S = 60.0  # for all packages to load (s): a library that takes longer hangs (chosen)
 _REQUIREMENT = re.compile(r"([\w.-]+)\s*(?:\[[^]]*\])?\s*([^;]*)(?:;(.*))?")
 _EXTRA = re.compile(r"extra\s*==\s*['\"]([\w.-]+)['\"]")
 _IMPORTS = """

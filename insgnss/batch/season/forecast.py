@@ -18,7 +18,8 @@ PAGE_BYTES = 0.15e9  # diagnostics and charts of a page
 STATES, TRIPLES = 34, 1  # of a NavChip with the constants of its fixes
 PROBE = 65_536  # bytes that the length of a line is measured by
 BINARY_ROW = 56  # bytes of a row of seven doubles
-USUAL_HZ, USUAL_EVENTS = 200.0, 2_000
+USUAL_HZ = 200.0  # rate of an IMU, where it has to be guessed for a forecast (chosen)
+USUAL_EVENTS = 2_000  # exposures of a flight, where the file does not show them (chosen)
 
 
 def rows_of(file: object) -> int:

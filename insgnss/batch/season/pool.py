@@ -16,10 +16,9 @@ from multiprocessing.connection import Connection, wait
 
 from ...base.errors import DataError
 from ...base.interrupts import deferred, ignore_endings, raise_on_termination
-from ...base.memory import available, kills, resident
+from ...base.memory import GB, available, kills, resident
 from .work import Outcome, Task, Tell, failed, process_task
 
-GB = 1e9
 USABLE = 0.9  # of the available memory, for forecasts: they are some tenths above what is taken
 MOST = 0.95  # of it, for all workers; beyond, the kernel would soon end any process of the machine
 POLL_S = 0.1  # between looks at the workers: one that reads fills some 0.1 GB meanwhile

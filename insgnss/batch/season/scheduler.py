@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ...base import __version__
 from ...base.errors import DataError, UsageError
 from ...base.wording import DOCTOR
+from .pool import POLL_S
 from .work import INTERNAL, Outcome, Task, Tell, failed, process_task
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ MISSING = (
 REACH_S = 10.0  # until a scheduler that does not answer counts as not there, or as lost
 WORKER_WAIT_S = 30.0  # for a first worker
 ALONE_S = 300.0  # without any worker until a season is given up
-POLL_S = 0.1
 RESOURCE = "MEMORY"  # bytes; of workers that declare it, as `dask worker --resources MEMORY=8e9`
 CONFIGURATION = {"distributed.comm.timeouts.connect": f"{REACH_S:.0f}s"}
 

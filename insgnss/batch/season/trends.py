@@ -23,15 +23,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...geodesy.gpstime import DAY_S
 from ...records import Array
 from ...records.states import LEVER_ARM, TIME_OFFSET, State
 from .row import CONSTANTS, Row, is_number
 
 FEWEST = 8  # flights
 SIGNIFICANT = 4.0  # standard deviations of the slope
-SCATTER_CHANCE = 1e4
-DAY_S = 86400.0
-MONTH_DAYS = 30.4375
+SCATTER_CHANCE = 1e4  # seasons in one of which chance alone makes a scatter (chosen)
+MONTH_DAYS = 30.4375  # days of a mean month: 365.25 / 12
 Finding = Literal["drift", "scatter", "steady", "too few", "one time"]
 
 

@@ -15,7 +15,7 @@ BESIDE = {
     "_gps_ins_offset.txt": b"insgnss",
 }
 """Ends of the names of files beside an export, and what the first lines of ours have."""
-HEAD_BYTES = 600
+HEAD_BYTES = 600  # in which the mark of our own files stands: it is in their first lines
 DOCUMENTS = ("report.json", "adjust.json")
 """Documents of runs that list their exports, each with its frame."""
 

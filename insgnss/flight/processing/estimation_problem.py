@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.memory import available
+from ...base.memory import GB, available
 from ...geodesy.frames import LocalFrame
 from ...io.exposures.rig import ExposedRows, exposed_rows
 from ...navigation.diagnosis.candidates import AS_STATED, CLOCK_RATE_SIGMA, ImuErrors, LayoutFactory
@@ -32,7 +32,6 @@ from .recording import Recording
 # of the epochs of the output grid; outputs at a higher rate are recovered between them
 EPOCH_HZ = 10.0
 FORECAST = 1.33  # of what is available, that a forecast of memory may say
-GB = 1e9
 SNAP = 0.25  # of a step of the output grid, within which its row stands at a fix
 HUBER_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
 WHITE_OF_CORRELATED = 0.3  # white share, in sigmas, of a fix whose error stays for minutes

@@ -24,7 +24,8 @@ from ...navigation.orient.frame import in_frame
 from ...records import Array
 from .scene import CAMERA_FROM_BODY, Scene, project, tangent_axes
 
-GEOID_M = 50.0
+GEOID_M = 50.0  # height of the geoid (m) in central Europe
+# from the camera to the antenna (m): that of `write`, rounded to 1 cm
 LEVER_C = np.array([0.46, 0.0, -0.07])
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

@@ -19,13 +19,13 @@ from .scene import CENTRE_PX, FIELD_M, FOCAL_PX, HEIGHT_PX, WIDTH_PX, Scene, ter
 
 Picture = NDArray[np.float64]
 
-GREY, CONTRAST = 128.0, 30.0
-SPOTS_M = (2.1, 0.7, 0.31)
-LATTICE = 512
-ARM_PX, HALF_PX = 12, 1.0
+GREY, CONTRAST = 128.0, 30.0  # mean and amplitude of the ground, of 255: crosses stay the extremes
+SPOTS_M = (2.1, 0.7, 0.31)  # sizes (m) of the mottles: some 4, 8 and 25 px from 120 m
+LATTICE = 512  # random values a side of a mottle's pattern, which then repeats (chosen)
+ARM_PX, HALF_PX = 12, 1.0  # length of a cross's arm, and half of its width
 STEPS = 6  # towards the ground; each leaves a tenth of the error
-BAND = 120
-POINT_LETTERS_PX, NAME_LETTERS_PX = 16, 40
+BAND = 120  # rows that are drawn at a time: an eighth of an image, for memory
+POINT_LETTERS_PX, NAME_LETTERS_PX = 16, 40  # heights of the letters
 
 
 def write_pictures(scene: Scene, directory: Path) -> list[Path]:

@@ -11,7 +11,7 @@ from ..exporting.export import Exported
 from .costs import mistakes, of_the_grid
 from .scene import Scene
 
-WIDTH = 100
+WIDTH = 100  # characters of a line
 LOOK = {
     "metashape": (
         "Metashape: align the images with the camera fixed, then look at the Reference pane, which"

@@ -25,21 +25,24 @@ from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU, rotation_from_opk, rotation_from_rpy
 from ...records import Array, ExteriorOrientation
 
-FOCAL_PX, WIDTH_PX, HEIGHT_PX = 1400.0, 1280, 960
-CENTRE_PX = np.array([0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
-PIXEL_UM = 5.5
-SITE = (46.57, 6.54)
+FOCAL_PX, WIDTH_PX, HEIGHT_PX = 1400.0, 1280, 960  # of a usual lens, and small images (chosen)
+CENTRE_PX = np.array([0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])  # principal point, the middle of the image
+PIXEL_UM = 5.5  # size of a pixel (um) for formats in mm (chosen)
+SITE = (46.57, 6.54)  # latitude and longitude (deg), in Switzerland (chosen)
 GROUND_M = 518.0  # of the origin, above the ellipsoid
+# east and north of the origin: 6.5 km away, so that axes differ
 FIELD_M = np.array([5200.0, 3900.0])
-GPS_WEEK, FIRST_S, INTERVAL_S = 2008, 199_800.0, 1.9
-SIGMA_M, SIGMA_RAD = (0.02, 0.02, 0.04), (8e-4, 8e-4, 2e-3)
+GPS_WEEK, FIRST_S, INTERVAL_S = 2008, 199_800.0, 1.9  # of the exposures: any week and time of it
+SIGMA_M, SIGMA_RAD = (0.02, 0.02, 0.04), (8e-4, 8e-4, 2e-3)  # of the poses, as of an RTK drone
 CORRELATION = 0.6  # of neighbours
 
 CAMERA_FROM_BODY: Array = np.diag([-1.0, -1.0, 1.0])
 BORESIGHT: Array = rotation_from_opk(np.radians([-0.657, 0.574, -0.513]))
 # roll, pitch, yaw
 ATTITUDES_DEG = (5.9, -6.2, 71.0), (-6.8, 4.6, 69.9), (4.7, 5.9, 71.8), (-5.4, -4.3, -14.5)
+# from the field's middle: three images of a line and one that crosses it, 120 m above
 CENTRES_M = ((-18.0, -5.5, 121.0), (1.5, 0.5, 119.0), (20.0, 7.5, 122.5), (3.0, -2.0, 126.0))
+# east and north of the field's middle: within what several images see
 POINTS_M = (
     (-28.0, -3.0),
     (-29.0, 14.0),

@@ -35,7 +35,7 @@ from .scene import (
 )
 
 NOISE = "navchip"
-LEVER_C = (0.462, -0.001, -0.065)
+LEVER_C = (0.462, -0.001, -0.065)  # from the camera to the antenna (m) (chosen)
 AXES = {
     TANGENT: ("E_m", "N_m", "U_m"),
     GEOCENTRIC: ("X_m", "Y_m", "Z_m"),

@@ -35,7 +35,7 @@ from ...geodesy.rotation import (
 from ...records import Array
 
 SMALL_RAD = 1e-4  # below it the two terms of (T.5) that are taken leave less than 1e-13
-IDENTITY = np.eye(3)
+IDENTITY = np.eye(3)  # of attitudes
 GRAVITY_GRADIENT = np.diag([-1.0, -1.0, 2.0]) * 9.8 / 6.37e6  # 1/s^2: -g/R, -g/R, 2 g/R
 
 

@@ -27,13 +27,17 @@ from numpy.typing import NDArray
 
 from ...records import Array
 
+# tolerance of a match, of the shortest interval: below one half, so that an image has one event
 SHARE_OF_INTERVAL = 0.45
 LEADS = 40  # images at the start whose differences to events are tried as the clock's offset
-FEWEST = 5
+FEWEST = 5  # pairs by which an order may be called wrong: fewer agree by chance (chosen)
+# tolerances, of the median interval: of sharp stamps, then of scattered ones (chosen)
 SHARES = (0.02, 0.15)
+# tolerance (s) for stamps in whole seconds: rounding takes 0.5 s, writing some more
 WHOLE_SECOND_S = 0.55
+# largest tolerance, of the interval, that calls an order wrong: wider ones pair by chance
 MOST_SHARE = 0.3
-MOST_LONELY = 0.05
+MOST_LONELY = 0.05  # largest share of images without an event: nineteen of twenty have one (chosen)
 
 
 @dataclass(frozen=True)

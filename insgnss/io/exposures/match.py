@@ -28,12 +28,13 @@ from numpy.typing import ArrayLike, NDArray
 from ...base.errors import InputError, UsageError
 from ...base.wording import named, setting, some
 from ...records import Array, CameraEvents, Finding
+from ...records.cameras.mounting import LONGEST_DELAY_S
 from ..formats.events.events import UNNAMED
 from ..formats.text.order import note
 from .clocks import ClockMatch, match_clocks, misfit
 
-FEWEST_TIMES = 3
-LONGEST_DELAY_S = 10.0
+FEWEST_TIMES = 3  # times of images by which a match is looked for: two differences agree by chance
+# fall (s) of the images' times up to which a note does: stamps in whole seconds make it
 UNSURE_FALL_S = 1.0
 
 

@@ -18,7 +18,7 @@ from ...records import Array, CameraEvents, Question
 FEWEST = 8  # images whose numbers show how the camera counts
 NEIGHBOURS = 4  # intervals on either side that are usual ones
 TOO_SHORT = 1.5  # usual intervals, below which no further image was taken between two
-MOST_NAMED = 3
+MOST_NAMED = 3  # pairs of images that a note names; the others are counted
 
 
 def with_numbering_note(events: CameraEvents) -> CameraEvents:

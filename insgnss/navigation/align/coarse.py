@@ -34,9 +34,11 @@ from ...records import Array
 from ..filter.problem import EstimationProblem
 from ._kernels import relative_motion
 
+# lengths (s): short ones have little gyro drift, long ones more motion (chosen)
 WINDOWS_S = (10.0, 20.0, 60.0)
-CANDIDATES = 4
-ROUNDS, OUTLYING = 6, 3.0
+CANDIDATES = 4  # windows of a length that are solved, those of most motion (chosen)
+ROUNDS = 6  # of solving with weights: gross fixes have lost theirs by then (chosen)
+OUTLYING = 3.0  # times the median residual, beyond which a row is weighed down (chosen)
 MEDIAN_OF_CHI_3 = 1.538  # of the length of three normal variables
 
 

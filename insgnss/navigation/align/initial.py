@@ -56,12 +56,13 @@ from ..filter.solution import Solution, solve
 from .coarse import CoarseAttitude, coarse_attitudes
 from .standing import StandingAttitude, standing_attitude
 
-WIDEN = 10.0
+WIDEN = 10.0  # factor on the attitude's sigma: of its information 1 % is then used twice
 FLOOR_RAD = np.radians([0.5, 0.5, 1.0])  # of the starting tilt and heading
+# of the widened tilt and heading: more cannot be linearised
 CEILING_RAD = np.radians([10.0, 10.0, 60.0])
-WINDOW_S = 60.0
-TRIES = 5
-GOOD_RAD = np.radians(2.0)
+WINDOW_S = 60.0  # length (s) of the small flight around a coarse attitude (chosen)
+TRIES = 5  # coarse attitudes that are estimated at most, the earliest first (chosen)
+GOOD_RAD = np.radians(2.0)  # sigma of a heading that ends the search: second-order terms are 0.06 %
 # of attitude, one sigma: beyond it second-order terms (1.5 % at one sigma) make it incredible
 HOPELESS_RAD = np.radians(10.0)
 # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and

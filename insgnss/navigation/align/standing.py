@@ -22,7 +22,8 @@ from ...records import Array
 from ..filter.codes import ZUPT
 from ..filter.problem import EstimationProblem
 
-LONGEST_S, SHORTEST_S = 600.0, 30.0
+LONGEST_S = 600.0  # of the period (s): the bias, not white noise, limits a longer one (chosen)
+SHORTEST_S = 30.0  # of the period (s): white noise hides the Earth's rate in a shorter one (chosen)
 USEFUL_RAD = np.radians(20.0)  # of heading
 
 

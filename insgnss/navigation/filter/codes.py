@@ -7,20 +7,20 @@ One definition for both sides. Numba takes these names as constants, slices incl
 # IMU, then of the GNSS fixes and of a barometer) follow from `IMU0` on in the order of
 # `layout.StateLayout`.
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad
-NAV = slice(0, 9)
-IMU = slice(9, None)
+NAV = slice(0, 9)  # position, velocity, attitude
+IMU = slice(9, None)  # all that follow
 N_NAV = 9  # number of navigation error states
 PX, PY, PZ, VX, VY, VZ, AX, AY, AZ = range(N_NAV)  # A: psi, the attitude error
 VEL0, PSI0, IMU0 = VX, AX, N_NAV  # the first state of each group
 
 # The nominal navigation state (10,): position and velocity stand where their errors do, then q_lb.
 QUAT = slice(6, 10)
-QW, QX, QY, QZ = 6, 7, 8, 9
-N_NOMINAL = 10
+QW, QX, QY, QZ = 6, 7, 8, 9  # components of q_lb
+N_NOMINAL = 10  # number of nominal values
 
 # Channels of the IMU: gyro x y z, accelerometer x y z, body axes.
 ACCEL0 = 3  # the first channel of the accelerometers
-N_CHANNELS = 6
+N_CHANNELS = 6  # number of channels
 
 # What an error state is multiplied with before it adds to its channel; 0..5: that channel's rate.
 BIAS = -1  # one
@@ -39,7 +39,7 @@ VELOCITY = 1  # of the GNSS antenna (K.2)
 VELOCITY_CONSTRAINT = 2  # ZUPT (K.8) or NHC (K.9)
 ZARU = 3  # zero angular rate update (K.10)
 BAROMETER = 4  # height (K.12)
-N_KINDS = 5
+N_KINDS = 5  # number of kinds of measurement
 
 # What is known of the velocity at an epoch without measuring it.
 NO_CONSTRAINT = 0
@@ -48,6 +48,6 @@ NHC = 2  # non-holonomic constraint: no velocity across the forward axis
 
 # What became of a triple.
 NOT_MEASURED = 0
-USED = 1
+USED = 1  # in the update of the filter
 REJECTED = 2  # by the innovation gate
 COVARIANCE_RESET = 3  # used after the covariance was reset (K.7)

@@ -30,6 +30,7 @@ from .event_chain import EventChain
 from .layout import StateLayout
 
 SLOW_S = 100.0  # correlation time; below, lines a turn apart share little
+# interval (s) of a random walk's nodes: the figures above were reached with it (chosen)
 WALK_S = 300.0
 NODES = 0.5  # interval between them, in correlation times
 MOST = 200  # nodes of a segment; farther apart where it takes more

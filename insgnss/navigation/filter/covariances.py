@@ -14,7 +14,7 @@ from .codes import N_NAV, POS
 from .event_chain import SharedError
 from .triangles import diagonal, unpacked
 
-CHUNK = 4096  # covariances that are unpacked at a time
+CHUNK = 4096  # covariances that are unpacked, or turned, at a time
 
 
 @dataclass(frozen=True)

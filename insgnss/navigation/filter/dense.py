@@ -18,12 +18,12 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Trajectory
 from .codes import N_NAV, N_NOMINAL, POS, PSI, PSI0, QUAT, VEL
+from .epochs import SAME_S
 from .kernels.strapdown import run_between
 from .solution import Solution, turn_own
 from .strapdown import kernel_earth, kernel_intervals
 
 CHUNK = 1024  # epochs that are worked on at a time: a pose takes four kB on the way
-SAME_S = 1e-6  # s, rounding of instants
 
 
 def dense_trajectory(solution: Solution, gps_week: int, hz: float | None = None) -> Trajectory:

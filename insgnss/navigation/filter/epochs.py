@@ -20,6 +20,7 @@ SEEN = 0.1  # share of fixed and float solutions from which on the qualities are
 ZUPT_INTERVAL_S = 1.0  # also the interval of the mean rates of a ZARU
 ZUPT_SIGMA_MPS = 0.03  # what a standing vehicle sways
 ZARU_SIGMA_RAD_S = 5e-5  # and turns
+# of constraints (s): slips stay alike for about as long, and count once (chosen)
 NHC_INTERVAL_S = 1.0
 NHC_SIGMA_MPS = 0.3  # across the wheels: tyres slip, and mountings are a degree off
 SAME_S = 1e-6  # s, rounding of instants

@@ -23,14 +23,14 @@ from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Trajectory
 from .blocks import ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
-from .covariances import SmoothedCovariances
+from .covariances import CHUNK, SmoothedCovariances
 from .event_chain import EventChain
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed
 from .triangles import diagonal
 
+# of filter and smoother, so that a flight that does not converge comes to an end (chosen)
 MAX_PASSES = 6
-CHUNK = 4096  # covariances that are turned at a time
 SECOND_ORDER = 0.2  # at 0.1 a further pass moved no exposure by more than 0.06 of its sigma
 LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg off one pass left 0.3 sigma, (N.1) met
 

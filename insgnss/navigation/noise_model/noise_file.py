@@ -30,7 +30,7 @@ from .noise_model import (
 _AXES = ("x", "y", "z")
 _ERROR = "standard_error"
 _RECORDING_KEYS = ("file", "sha256", "samples", "sampling_rate")
-_WIDTH = 118
+_WIDTH = 118  # characters of a line of comment (chosen)
 
 
 def model_of_text(path: Path, text: str) -> NoiseModel:

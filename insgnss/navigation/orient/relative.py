@@ -42,6 +42,7 @@ from ...geodesy.rotation import skew
 from ...records import Array, FramedOrientation
 from ...records.relative import FORMS, GAP_S, Form, RelativeControl
 
+# change of course from image to image within a line: turns have more (chosen)
 STRAIGHT_RAD = np.radians(20.0)
 SHORTEST_M = 0.1  # a shorter way has no direction
 VERTICAL_DRIFT = 1.5  # paper 003, 2.3: factor on the drift about the vertical

@@ -5,6 +5,7 @@ Mathematics: `increments`, `stationarity`.
 
 from ...base.compilation import njit
 
+# what samples hold, in the order of `records.QUANTITIES`
 MEAN_RATE, INCREMENTS, INSTANT_RATE = 0, 1, 2
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...base.errors import InputError
 from ...records import Array, BarometerHeights, GnssFixes, ImuSamples
 
+# over which heights are averaged (s): gusts and propellers err alike for about as long
 INTERVAL_S = 1.0
 
 

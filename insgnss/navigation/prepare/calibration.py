@@ -31,8 +31,8 @@ from ...records import Array, ImuSamples, Question
 from .gaps import LACKING, nominal_interval
 
 FAR = 0.1  # of the matrix from identity: no calibration, but other units or axes
-LOWER = ((1, 0), (2, 0), (2, 1))
-OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+LOWER = ((1, 0), (2, 0), (2, 1))  # cells of N for three misalignments: N_yx, N_zx, N_zy
+OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # cells of N for six
 BIAS_UNIT = {"gyro": "deg/s", "accel": "m/s^2"}
 BIAS_LIMIT = {"gyro": np.radians(20.0), "accel": 5.0}
 _VALUES = ("bias", "scale_factor", "misalignment")

@@ -9,7 +9,7 @@ from ...geodesy.gpstime import LONG_S, weeks_apart
 from ...records import GnssFixes, ImuSamples
 
 NO_WEEK = 0  # in the place of a week that nothing gives; no flight file may hold it
-SHORTEST_S = 10.0
+SHORTEST_S = 10.0  # that IMU and GNSS share (s): the shortest window of the coarse alignment
 
 
 def common_week(

@@ -22,9 +22,9 @@ import numpy as np
 
 from ...records import Array, ImuSamples
 from .gaps import nominal_interval
+from .stuck_channels import MOST_PROBED
 
 OFTEN = 0.1  # share of the samples that show one number
-PROBED = 200_000
 # of the white noise's power at low frequencies, from which on the band's error counts
 COUNTS = 0.3
 LONGEST_S = 60.0  # of a run: longer ones are stands, where the readings say nothing more
@@ -90,7 +90,7 @@ def dead_band_of(column: Array, interval_s: float) -> DeadBand | None:
     DeadBand or None
         None where no number is read often.
     """
-    values, counts = np.unique(column[:: -(-column.size // PROBED)], return_counts=True)
+    values, counts = np.unique(column[:: -(-column.size // MOST_PROBED)], return_counts=True)
     usual = values[int(np.argmax(counts))]
     inside = column == usual
     share = float(inside.mean())

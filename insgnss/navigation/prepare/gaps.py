@@ -23,6 +23,7 @@ from ...records import Array, ImuSamples
 LACKING = 1.5
 # beyond it a turning drone's attitude would be known to tens of degrees, where linear theory ends
 BRIDGE_S = 1.0
+# on both sides of a gap (s): the minute that shows how far a bridge is off (chosen)
 AROUND_S = 30.0
 FEW = 20  # comparisons below which the whole recording serves
 # s: longer steps are pauses of the recording; no logger holds samples back for so long

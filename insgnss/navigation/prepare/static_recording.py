@@ -39,20 +39,26 @@ from .stationarity import (
     StationaryPeriods,
     stationary_periods,
 )
-from .stuck_channels import CHANNELS, LONGER, constant_runs
+from .stuck_channels import CHANNELS, LONGER, MOST_PROBED, STUCK_S, constant_runs
 
+# length (s): six times `LONG_BLOCKS` blocks; a shorter one shows white noise alone (chosen)
 LEAST_S = 60.0
-STUCK_S, STUCK_SAMPLES = 5.0, 10
-BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
-SIGMAS, STRONG = 8.0, 20.0
+STUCK_SAMPLES = 10  # of a run at slow rates, where 5 s have few samples (chosen)
+BLOCK_S = 1.0  # length of a block (s): a knock takes about as long (chosen)
+LEAST_IN_BLOCK = 20  # samples whose variance is taken: its sigma is then a third of it
+LONG_BLOCKS = 10  # blocks of the means that show a step (chosen)
+SIGMAS = 8.0  # robust deviations from (S.1) beyond which a block is disturbed: none is by chance
+# robust deviations from which on a recording should be cut, not only looked at (chosen)
+STRONG = 20.0
 LEAST_EARTH = 0.5  # of the Earth's rate, below which the mean rate is not that of a sensor at rest
 NEAR = 0.1  # of the mean force to gravity, to suggest a unit
 LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not reported
+# of the time that the sensor has to stand, so that its noise is that of a rest (chosen)
 REST_SHARE = 0.9
 FINE = 1.5  # samples scatter by so many steps of their rounding
 ROUNDED = 0.5  # below it the rounding hides the noise
-PROBED = 200_000
-RAIL_RUN, RAIL_SIGMAS = 3, 6.0
+RAIL_RUN = 3  # samples in a row at the extreme value that are clipped: noise does not repeat it
+RAIL_SIGMAS = 6.0  # of the extreme from the mean: extremes of noise alone are nearer
 
 
 @dataclass(frozen=True)
@@ -283,7 +289,7 @@ def _stuck(column: Array, rate: float) -> str:
     """Describe how a channel is stuck; empty where it is not."""
     if column.min() == column.max():
         return f"is {column[0]:z.6g} throughout"
-    probed = column[:PROBED]
+    probed = column[:MOST_PROBED]
     p = min(max(float(np.mean(probed[1:] == probed[:-1])), 1e-6), 0.9999)
     shortest = int(
         max(STUCK_SAMPLES, STUCK_S * rate, LONGER * np.log(column.size) / np.log(1.0 / p))
@@ -351,7 +357,7 @@ def _earth_rate(gyro: Array) -> list[Finding]:
 
 def _rounding(column: Array, size: int) -> tuple[float, float] | None:
     """Scatter of the samples in steps of their resolution, and the step, where that is coarse."""
-    probed = column[: min(PROBED, len(column) // size * size) // size * size]
+    probed = column[: min(MOST_PROBED, len(column) // size * size) // size * size]
     values = np.unique(probed)
     if values.size < 2 or values.size > probed.size // 4:
         return None

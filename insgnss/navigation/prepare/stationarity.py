@@ -31,9 +31,10 @@ from numpy.typing import NDArray
 from ...records import Array, GnssFixes, ImuSamples
 from .gaps import nominal_interval
 
-BLOCK_S, WINDOW_BLOCKS = 0.1, 10
+BLOCK_S = 0.1  # whose sums are kept (s): windows and their edges are whole numbers of it (chosen)
+WINDOW_BLOCKS = 10  # blocks of a window: one second shows whether a vehicle sways (chosen)
 EDGE_BLOCKS = 2  # cut off at both ends: motion may have begun in the window's last blocks
-MIN_LENGTH_S = 1.0
+MIN_LENGTH_S = 1.0  # of a stationary period (s): that of a window
 # of (Z.1): three times the noise of the quietest second; five times (wind, an idling engine)
 RATIO, RATIO_CONFIRMED = 9.0, 25.0
 QUIETEST = 10  # windows that give the noise
@@ -49,7 +50,7 @@ NORM_LOW, NORM_HIGH = 9.0, 10.6
 SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a stationary receiver wander at a few cm/s
 USEFUL_MS = 1.5  # m/s, a GNSS that cannot exclude more than this confirms nothing
 
-MOVING, UNKNOWN, CONFIRMED = -1, 0, 1
+MOVING, UNKNOWN, CONFIRMED = -1, 0, 1  # what GNSS shows of a window
 
 
 @dataclass(frozen=True, eq=False)

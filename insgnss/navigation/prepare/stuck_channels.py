@@ -17,11 +17,12 @@ from ...records import Array, ImuSamples, Question
 from .gaps import nominal_interval
 
 STUCK_S = 5.0  # of a run: beyond it the channel is dead, and its samples are kept to be looked at
-LEAST_SAMPLES, LEAST_S = 20, 0.2
+LEAST_SAMPLES = 20  # of a run of one reading, whatever chance makes (chosen)
+LEAST_S = 0.2  # of that run (s): what is lost in a shorter one does not turn a drone far (chosen)
 LONGER = 3.0  # times the longest run that chance makes
 DEAD_BAND, OFTEN = 0.05, 0.01  # rad/s; share of the samples
 MOVES = 0.3  # share of the samples at which another channel of the triad changes
-MOST_PROBED = 200_000
+MOST_PROBED = 200_000  # samples that show how often a value repeats (chosen)
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z")
 
 

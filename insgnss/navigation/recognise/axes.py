@@ -17,13 +17,15 @@ from .relation import Relation
 # prior standard deviations of wind and airspeed, and least scatter of a speed
 WIND_MS, SPEED_MS, GUST_MS = 5.0, 30.0, 1.0
 SLOWEST_MS = 2.0  # from here up GNSS has a course
+# over which a velocity is taken (s): the noise of fixes hides it over a shorter time (chosen)
 LEAST_WIDTH_S = 2.0
 INDEPENDENT_S = 10.0  # crab and speed change so slowly
 # standard deviation of what tilts the mean of a flight against the axis meant
 MOUNT_RAD = np.radians(8.0)
+# sigma of the forward axis by the mean crab that the fitted wind does not explain (chosen)
 CRAB_RAD = np.radians(5.0)
 MOVING = 0.3  # of the speed that is exceeded a tenth of the time
-ROUNDS = 5
+ROUNDS = 5  # of the weighted fit of wind and axis (chosen)
 WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 

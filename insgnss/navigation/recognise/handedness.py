@@ -19,7 +19,7 @@ from ..prepare.axes import parse_axes
 from .axes import imu_word
 from .recognition import Exchange, Recognition
 
-PAIRS = ((0, 1), (0, 2), (1, 2))
+PAIRS = ((0, 1), (0, 2), (1, 2))  # axes that may be exchanged
 MIRRORED = "gyro -x -y -z"  # of the words of `verdict.triads_words`
 SURE = 0.99  # a confidence beyond which a trial explains the motion, and a claim is contradicted
 LETTERS = "xyz"

@@ -19,13 +19,15 @@ from .propulsion import propulsion
 from .streams import check_classes
 from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
 
+# of a tangent plane's origin from the flight (m): a drone does not fly farther (chosen)
 FAR_M = 50e3
 NEAR_M = 10.0  # who stays within it may show the same rounded coordinate all the time
-FAST_MS = 8.0
+FAST_MS = 8.0  # from which on a course is near the heading (m/s): wind is mostly slower (chosen)
 # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 ONE_COURSE = 0.95
 # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor on a drone
 GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0
+# heights (m) of drones: below every shore, above every mountain
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 # m/s^2, the median of a flight's specific force: gravity, and what climbs and gusts add to it
 FORCE = 8.8, 11.0

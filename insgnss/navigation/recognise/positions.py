@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...base.units import DEG
 from ...geodesy.explain import Candidate, explain
 from ...records import Array, Finding, GnssFixes, Question
 from ...records.observations import UNKNOWN_MPS
@@ -26,11 +27,11 @@ from ..prepare.fix_path import north_east
 
 NAME = "GNSS velocity"
 SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does not show
-LEAST_ROWS, LEAST_MPS = 30, 1.0
+LEAST_ROWS = 30  # displacements whose median counts (chosen)
+LEAST_MPS = 1.0  # speed (m/s) below which the noise of fixes hides a displacement of 2 s (chosen)
 CLIMB_MPS = 0.3  # a vertical velocity that tells its sense
 AGREE, GOOD = 0.25, 0.2  # largest (R.11) of columns as read that are right, and of a misreading
 REVERSED = -0.7  # correlation of heights and vertical velocity that tells the other sense
-DEG = np.pi / 180.0
 VELOCITY_UNITS = {"km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "cm/s": 1e-2, "mm/s": 1e-3}
 
 

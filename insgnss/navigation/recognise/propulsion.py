@@ -19,7 +19,8 @@ from ...records import Array
 
 SEEN_MS2 = 0.1  # standard deviation of accelerations along the axis that show the slope
 INDEPENDENT_S = 2.0  # a change of speed takes that long
-SIGMAS, HALF = 2.0, 0.5
+SIGMAS = 2.0  # of the slope (R.11) by which it has to be on one side of `HALF`: 95 % (chosen)
+HALF = 0.5  # slope midway between that of leaning, 0, and that of being pushed, 1
 # m/s: who is faster all the time, and shows no slope, is taken for an aircraft
 FASTER_MS = 10.0
 

@@ -15,10 +15,16 @@ from .fit import Fit, Scan, fit, scan_lags
 from .signal import Accelerations, ImuGrid, PropagatedForce, accelerations, propagate_force
 from .units import ForceUnit, gyro_factors
 
-MAX_LAG_S, LAG_STEP_S = 30.0, 0.25
+# between IMU and GNSS (s): beyond the leap seconds, 18 s, and a clock set by hand (chosen)
+MAX_LAG_S = 30.0
+# least step of the search over lags (s): forces of half a second change no faster (chosen)
+LAG_STEP_S = 0.25
 HALVES_S = (0.5, 2.0)  # of the differences that are tried over all lags
 FINE_HALVES_S = (0.2, 0.5, 1.0, 2.0)  # of those that are fitted at the end
-LEAST_ROWS = 10
+# times that the right time offset leaves less unexplained than any far from it; motions of two
+# flights leave less
+DISTINCT = 1.3
+LEAST_ROWS = 10  # accelerations from which a relation is looked for (chosen)
 # score above which no other arrangement of the gyro axes is looked for, and that one must have
 CLEAR = 0.5
 MANOEUVRE_MS2 = 0.3  # horizontal acceleration that a tenth of the fixes must show for it

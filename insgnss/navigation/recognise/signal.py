@@ -24,7 +24,8 @@ BROKEN_S = 0.1
 # to its end
 WINDOW_S = 20.0
 UNSEEN_MS2 = 0.1  # of the specific force that fixes do not see: vibration, lever arm
-LEAST_ROWS, MOST_ROWS = 5, 1500
+LEAST_ROWS = 5  # accelerations of a window whose median counts (chosen)
+MOST_ROWS = 1500  # accelerations that are fitted: more take time and tell nothing new (chosen)
 SPIKE = 10.0  # times the distance from the neighbours' mean that a tenth of the readings exceed
 # s and share of the recording without a change, and changes of a neighbour meanwhile
 DEAD_S, DEAD_SHARE, ALIVE = 20.0, 0.3, 10

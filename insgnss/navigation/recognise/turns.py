@@ -17,12 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step
+from ...geodesy.gpstime import LEAP_S
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question, Verdict
 from ..prepare.fix_path import north_east, sound_fixes
-from .relation import MAX_LAG_S
+from .relation import DISTINCT, MAX_LAG_S
 
-STEP_S = 0.1
-SMOOTH_S = 2.0
+STEP_S = 0.1  # of the grid on which rates are compared (s): the epochs of usual receivers
+SMOOTH_S = 2.0  # over which rates are smoothed (s): a turn takes longer, vibration does not
 # a lag that is reported, where the correlation is clear enough for it
 LAG_S, LAG_CORRELATION = 0.5, 0.9
 # of what the turns leave unexplained at no lag, the most that a lag which is reported leaves
@@ -33,9 +34,11 @@ STRANGERS = (
     " s apart)?"
 )
 NOSE = "its nose does not follow its course, so the turns do not show the clock"
-SURE, CLOCK_SURE, AT_ONCE_S = 0.99, 0.9, 0.5
-# s from the best lag, and times that it must leave less unexplained than any so far from it
-RIVAL_S, DISTINCT = 5.0, 1.3
+SURE = 0.99  # confidence of the forces in all answers, by which they overrule the turns (chosen)
+# confidence of the forces in the clock, by which they overrule the turns' lag (chosen)
+CLOCK_SURE = 0.9
+AT_ONCE_S = 0.5  # time offset (s) up to which forces count as simultaneous: turns show no less
+RIVAL_S = 5.0  # from the best lag: a correlation so far from it is a rival's
 # correlations: from the first on the same turns are seen, below the second none of them
 ALIKE, UNLIKE = 0.6, 0.3
 BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
@@ -51,15 +54,14 @@ LEAST_ROWS, LEAST_TURN = 100, 0.02
 FASTEST_TURN = 1.5  # rad/s, of a course
 # s: no other time scale is that near; exposures that would lie as straight there lie so by chance
 NEARER_S, AS_STRAIGHT = 9.0, 2.0
-LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
+LIKE_LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
-UTC_S = 18.0
 # rad/s at the exposures, and how many times less it must be at the other time
 TURNING, STRAIGHTER = 0.02, 4.0
 # course rate (rad/s) from which an exposure is in a turn: 3 deg/s, ten times what wind and steering
 # show on a line, a third of the slowest turn between lines
 IN_TURN = 0.05
-ENOUGH_IMAGES = 20
+ENOUGH_IMAGES = 20  # whose mean rate of turn counts: fewer may all lie in turns by chance (chosen)
 ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
 # whose clock stamps the exposures, in words
 CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
@@ -95,7 +97,7 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
     rate, moving = _course_rate(gnss, grid, width)
     here, shifted = (
         _turning(events.time, grid, rate, moving),
-        {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)},
+        {s: _turning(events.time + s, grid, rate, moving) for s in (LEAP_S, -LEAP_S)},
     )
     best = min(shifted, key=lambda s: shifted[s])
     straighter = np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]
@@ -110,9 +112,9 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
 
 def _other_scale(events: CameraEvents, offset: float) -> Remedy:
     """What to set for events that are on lines `offset` s later."""
-    taken = {UTC_S: ("gpst", "gps"), -UTC_S: ("utc",)}[offset]
+    taken = {LEAP_S: ("gpst", "gps"), -LEAP_S: ("utc",)}[offset]
     if events.time_scale in taken:
-        other = "utc" if offset == UTC_S else "gpst"
+        other = "utc" if offset == LEAP_S else "gpst"
         return Step(
             f"the events look like {other.upper()}, and were taken as {taken[0].upper()}: {{}}"
             " would put them on lines",
@@ -314,7 +316,11 @@ def _judge_turns(
     if abs(best) > ALIKE and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + BETTER:
         if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS, True
-        hint = "GPS against UTC (18 s)" if LEAP_S[0] <= abs(lag) <= LEAP_S[1] else "a wrong clock"
+        hint = (
+            "GPS against UTC (18 s)"
+            if LIKE_LEAP_S[0] <= abs(lag) <= LIKE_LEAP_S[1]
+            else "a wrong clock"
+        )
         return "contradiction", Step(f"{offset}: {hint}; {shift}"), True
     if abs(best) < UNLIKE:
         return "contradiction", STRANGERS, True

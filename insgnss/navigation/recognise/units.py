@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.units import STANDARD_GRAVITY
+from ...base.units import DEG, STANDARD_GRAVITY
 from ...records import Finding, Quantity
 from .findings import MOST, answer, unknown
 from .signal import ImuGrid
 
-DEG, G = np.pi / 180.0, STANDARD_GRAVITY
+G = STANDARD_GRAVITY
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}
 GYRO_BY_CLAIM = (1.0 / DEG, 3600.0, 3600.0 / DEG)  # what a wrong claim makes of GYRO_UNITS
-ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)
+ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)  # what a wrong claim makes of ACCEL_UNITS
 SIZE_S = 0.1  # vibration is averaged over it
 LEAST_RATE, MOST_RATE = 3e-5, 30.0  # rad/s: less than half the Earth's; more than 1700 deg/s
 # logarithm of gravity's size against a unit: sure, not at all, and to the next unit

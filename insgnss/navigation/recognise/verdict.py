@@ -8,29 +8,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
+from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, LEAP_S, WEEK_S, leap_seconds
 from ...records import Array, Finding
 from .axes import Direction, Forward
 from .findings import MOST, answer, unknown
 from .fit import CAUTION
 from .propulsion import Propulsion
-from .relation import Relation
+from .relation import DISTINCT, Relation
 from .units import ForceUnit, gyro_unit
 
 TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
 # relative error of a gyro factor that no gyro has; sigma above which the turns do not show it
 SCALE_OFF, SCALE_SIGMA = 0.25, 0.1
-# times that the right time offset leaves less unexplained than any far from it; less have motions
-# of two flights
-DISTINCT = 1.3
 HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertain
 # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
 COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
 # who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
 SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995
 NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
-DEFAULT_LEAP_S = 18.0
 
 
 def odds(x: float) -> float:
@@ -221,7 +217,7 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
         )
         return Clock(0.0, np.inf, "same", unknown("time offset", why), unknown("time scale", why))
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
-    leap = DEFAULT_LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
+    leap = LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
     offsets = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
     scale = next(
         (name for name, scale_offset in offsets.items() if abs(offset - scale_offset) < WHOLE_S),

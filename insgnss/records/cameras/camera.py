@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 from ...base.errors import DataError
 from ..block import Array, BrownCamera
 
-_K, _P = slice(5, 9), slice(9, 11)
-NEWTON_STEPS = 30
+_K, _P = slice(5, 9), slice(9, 11)  # radial and tangential coefficients in `BrownCamera`'s order
+NEWTON_STEPS = 30  # at most: Newton's method has its answer by then, or has none (chosen)
 NEWTON_TOLERANCE = 1e-13  # of the unit: 1e-9 px of any camera
 
 

@@ -50,6 +50,7 @@ printed.
 
 ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
 MAX_LEVER_M = 100.0  # longer ones are in another unit
+LONGEST_DELAY_S = 10.0  # of a camera (s): a longer one is in another unit
 
 PAPER_CAMERA_FROM_BODY = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 """T of paper 000: half a turn about z; the image's right is backward, its down is left."""

@@ -19,7 +19,7 @@ from ..text.layout import printable
 
 Bytes = memoryview
 
-HEADER_BYTES, TAG_BYTES = 128, 8
+HEADER_BYTES, TAG_BYTES = 128, 8  # of the file's header and of an element's tag, in version 5 to 7
 INT8, INT32, UINT32, MATRIX, COMPRESSED = 1, 5, 6, 14, 15
 """Types of elements; those of `WIDTHS` hold numbers or text."""
 WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}

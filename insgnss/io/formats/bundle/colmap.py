@@ -45,10 +45,12 @@ from .colmap_database import (
     read_colmap_database,
 )
 
-FAR_M, NEAR_M = 1e5, 1e4
-ROUND_M = 1e3
+# coordinates (m) from which a shift is subtracted: single precision has steps of 8 mm there
+FAR_M = 1e5
+NEAR_M = 1e4  # shift of an axis (m) that is left out: single precision has steps of 1 mm there
+ROUND_M = 1e3  # step of the shift (m): whole kilometres are read and typed without error (chosen)
 CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
-POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)
+POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)  # quaternion to 1e-12, T to 1e-6 m: below any sigma
 # COLMAP takes a binary model before a text
 PARTS = ("cameras", "images", "points3D", "frames", "rigs")
 Missing = Literal["refuse", "skip"]

@@ -62,8 +62,9 @@ SOURCES = {
 }
 PIXELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
 BANDS = {"rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)), "gray": (("Gray", 1.0),)}
+# step of the scene's shift (m): a short number that leaves small coordinates (chosen)
 ROUND_M = 100.0
-SENSOR = 1
+SENSOR = 1  # number of the first sensor; further ones count on from it
 
 
 def write_opf(

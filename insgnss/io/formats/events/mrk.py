@@ -31,7 +31,7 @@ NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
 SIGMAS = ("sd_n", "sd_e", "sd_u")
-MOST = 999999
+MOST = 999999  # largest number, week or quality: six digits, more than any drone counts (chosen)
 LEAST = 2  # number and time of week
 
 

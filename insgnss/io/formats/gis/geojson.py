@@ -26,7 +26,7 @@ from ..orientation.poses import local_covariance, sentences, true_north_ypr, utc
 from ..text.text import Source
 
 DIALECTS = ("rfc7946", "orthority")
-HALF_TURN_DEG = 180.0
+HALF_TURN_DEG = 180.0  # change of longitude (deg) beyond which a track crosses the antimeridian
 
 
 def write_geojson(

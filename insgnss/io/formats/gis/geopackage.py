@@ -35,7 +35,8 @@ from ..orientation.poses import sentences, true_north_ypr, utc
 from ..text.text import Source
 
 APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
-CARTESIAN, OWN = -1, 100000
+CARTESIAN = -1  # srs_id that the standard gives to undefined Cartesian coordinates
+OWN = 100000  # srs_id of a CRS without EPSG code: above the numbers of EPSG (chosen)
 REALS = (
     *("yaw_deg", "pitch_deg", "roll_deg", "sigma_yaw_deg", "sigma_pitch_deg", "sigma_roll_deg"),
     *("omega_deg", "phi_deg", "kappa_deg", "sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"),

@@ -31,6 +31,7 @@ from ..orientation.exported import check_characters, xml_text
 from ..orientation.poses import local_sigma, sea_level, sentences, true_north_ypr, utc
 from ..text.text import Source
 
+# sine of the tilt below which a view counts as vertical: rounding of the attitude's matrix
 NADIR = 1e-9
 CLAMPED = "clampToGround"
 

@@ -16,7 +16,7 @@ from ..text.headers import normalised
 from ..text.layout import decode, is_comment, shown
 from ..text.order import note
 
-HEAD = 1 << 12
+HEAD = 1 << 12  # bytes from the file's start in which comments are looked for (chosen)
 _GEOID = re.compile(
     r"(?<![a-z])a?msl(?![a-z])|(alt|height|hgt|h)_?msl|orthom|h_?orth|geoid|sea_?level"
     r"|egm_?(84|96|08|2008)|navd_?88|dhhn"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc
+from ....geodesy.gpstime import DAY_S, WEEK_S, gps_from_unix_utc
 from ....records import Finding, GnssFixes
 from ....records.observations import UNKNOWN_MPS
 from ..text.clock import agree_on_week
@@ -30,8 +30,7 @@ Array = NDArray[np.float64]
 Epoch = tuple[int, float]
 
 CORRECT = "correct or delete the sentence"
-DAY_S = 86400.0
-KNOT = 1852.0 / 3600.0
+KNOT = 1852.0 / 3600.0  # m/s: an international nautical mile an hour
 LEAST_FIELDS = {"GGA": 10, "RMC": 10, "GST": 9, "VTG": 6, "ZDA": 5, "GSA": 16}
 KINDS = tuple(kind.encode() for kind in LEAST_FIELDS)
 CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss

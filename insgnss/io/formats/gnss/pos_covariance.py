@@ -12,8 +12,9 @@ from ..text.text import Table
 Array = NDArray[np.float64]
 
 SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
+# between north-east-up and north-east-down: the third axis reversed
 NED = np.diag([1.0, 1.0, -1.0])
-LARGEST_ROOT = 1e7
+LARGEST_ROOT = 1e7  # largest signed root (m): more than the radius of the Earth is no accuracy
 
 
 def covariances(

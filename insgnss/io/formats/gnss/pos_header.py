@@ -39,7 +39,7 @@ VELOCITY_ROOTS = {kind: tuple(f"sdv{name[2:]}" for name in names) for kind, name
 _OTHER_NAMES = {"latitude": {"sdue": "sdun", "sdvue": "sdvun"}}  # RTKLIB's own older spelling
 _WEEK_TOW = re.compile(r"\s*\d{1,4}[\s,;]+\d{1,6}\.\d*[\s,;]", re.ASCII)
 SCALES = ("GPST", "UTC", "JST")
-PLAIN_FIELDS = (15, 24)
+PLAIN_FIELDS = (15, 24)  # fields of RTKLIB's lines without header: of positions; with velocities
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MOST_DIGITS = 6
+MOST_DIGITS = 6  # decimals of a rounded column at most: steps below 1e-6 hide nothing of a fix
 DOWN_TO = 2.5  # last digits: what the smallest positive value of a rounded column is at most
 REPEATED = 0.5  # of the rows: fewer are of an antenna that stands
 SHORT, FEW = 0.6, 0.1  # of the usual run of equal rows; and how many held fixes have shorter ones

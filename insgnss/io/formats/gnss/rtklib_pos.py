@@ -44,7 +44,7 @@ __all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos"]
 
 Array = NDArray[np.float64]
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-JST_S = 9 * 3600.0
+JST_S = 9 * 3600.0  # s that Japan's time (RTKLIB's scale JST) is ahead of UTC
 
 
 @dataclass(frozen=True, eq=False)

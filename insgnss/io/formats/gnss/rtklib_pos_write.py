@@ -28,7 +28,7 @@ from ..text.text import Source, format_rows
 from .pos_covariance import NED, signed_roots
 
 POSE = np.r_[0:3, 6:9]
-CODES = (1, 2, 3, 4, 5, 6)
+CODES = (1, 2, 3, 4, 5, 6)  # of quality, from fix to ppp, as the legend lists them
 LEGEND = (
     "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
     " satellites)\n"
@@ -37,9 +37,10 @@ HEAD = (
     "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
     " sdun(m) age(s) ratio"
 )
+# degrees to 1e-10 (0.01 mm), heights to 0.1 mm, roots to 1e-6 m: below any sigma
 FORM = "%4d %{}.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
 OF_VELOCITY = " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
-FORM_OF_VELOCITY = " %10.5f" * 3 + " %9.6f" * 6
+FORM_OF_VELOCITY = " %10.5f" * 3 + " %9.6f" * 6  # velocities to 1e-5 m/s, their roots to 1e-6 m/s
 
 
 def write_rtklib_pos(

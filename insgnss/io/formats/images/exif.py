@@ -15,7 +15,9 @@ from ....base.errors import InputError
 from .jpeg import exif_of
 from .tiff_tags import Tiff
 
+# tags of Exif: Make, Model, DateTimeOriginal, SubSecTimeOriginal, OffsetTimeOriginal
 CAMERA_MAKE, CAMERA_MODEL, ORIGINAL, FRACTION, OFFSET = 0x010F, 0x0110, 0x9003, 0x9291, 0x9011
+# PixelXDimension, PixelYDimension, FocalLengthIn35mm
 COLUMNS, ROWS, FOCAL_35_MM = 0xA002, 0xA003, 0xA405
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how TIFF and BigTIFF begin
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)  # of the film that FocalLengthIn35mmFilm speaks of

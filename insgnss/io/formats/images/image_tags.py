@@ -90,11 +90,13 @@ STALE = {
     ),
 }
 FORWARD_FROM_CV = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+# off the nadir (deg): a camera tilted farther looks nearer to the horizon than down
 MOST_TILT_DEG = 45.0
 GIMBALS = ("auto", "none", "nadir", "exact")
 LEFT_OUT = "left out"
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
+# bytes that are copied at a time, so that an image of any size takes 4 MB of memory
 CHUNK = 1 << 22
 
 

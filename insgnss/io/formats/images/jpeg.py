@@ -11,8 +11,8 @@ from collections.abc import Callable
 from ....base.errors import InputError
 
 EXIF, PACKET = b"Exif\x00\x00", b"http://ns.adobe.com/xap/1.0/\x00"
-MOST = 0xFFFF - 2
-APP0, APP1 = 0xE0, 0xE1
+MOST = 0xFFFF - 2  # bytes that a segment holds: its length has 16 bits and counts its own two bytes
+APP0, APP1 = 0xE0, 0xE1  # markers of the segments of JFIF, and of Exif and XMP
 Read = Callable[[int, int], bytes]
 Change = Callable[[bytes | None], bytes]
 

@@ -13,7 +13,8 @@ from typing import Any
 
 from ....base.errors import InputError
 
-EXIF_IFD, GPS_IFD, XMP = 0x8769, 0x8825, 700
+EXIF_IFD, GPS_IFD, XMP = 0x8769, 0x8825, 700  # tags that hold or point to Exif, GPS and XMP
+# codes of types in TIFF 6.0 and BigTIFF
 BYTE, ASCII, LONG, RATIONAL, UNDEFINED, SRATIONAL, LONG8 = 1, 2, 4, 5, 7, 10, 16
 SIZES = {
     1: 1,
@@ -33,7 +34,7 @@ SIZES = {
     17: 8,
     18: 8,
 }
-MOST_ENTRIES = 4096
+MOST_ENTRIES = 4096  # tags of a directory: cameras write fewer than a hundred (chosen)
 
 Value = tuple[int, Any]
 """Type and content: bytes of BYTE, ASCII and UNDEFINED, pairs of integers of rationals."""

@@ -21,9 +21,9 @@ from ..text.text import Source, number
 
 Array = NDArray[np.float64]
 
-N_FIELDS = 13
-SYNC, TIME, GYRO, ACCEL = 0, 1, slice(6, 9), slice(9, 12)
-LOCKED = 2
+N_FIELDS = 13  # numbers of a sentence, from sync to temperature
+SYNC, TIME, GYRO, ACCEL = 0, 1, slice(6, 9), slice(9, 12)  # their places in the sentence
+LOCKED = 2  # sync of a sample that was stamped by a clock locked to the receiver's pulse
 
 
 def read_aimu(

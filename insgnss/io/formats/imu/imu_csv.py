@@ -34,7 +34,7 @@ COLUMNS = ("tow", *GYRO, *ACCEL)
 UNITS = {"gyro": " ".join(GYRO), "accel": " ".join(ACCEL), "time": "tow"}
 SPEC = TableSpec(IMU, units=UNITS, record="IMU")
 CLOCK = (*TIME, *FINE)
-MAX_RATE_HZ = 1e5
+MAX_RATE_HZ = 1e5  # samples a second: above every IMU's rate, below a rate in other units (chosen)
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,9 @@ from ..text.units import DEG
 
 Array = NDArray[np.float64]
 
-HEAD_LINES, FIELDS = 3, 6
+HEAD_LINES, FIELDS = 3, 6  # lines of the header, and values of a line, as PSINS writes them
 AXES = "right forward up"
-LARGEST_COUNT = 1e9
+LARGEST_COUNT = 1e9  # counts of an increment: a larger one is no reading of a sensor (chosen)
 
 
 @dataclass(frozen=True)

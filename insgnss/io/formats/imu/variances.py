@@ -51,6 +51,7 @@ _VALUES = ("wavelet_variance", "allan_variance", "allan_deviation")
 _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
 _ROUNDING = 0.01  # relative, of a published scale
 _AXIS = re.compile(r"(gyro|accel|acc|g|a)[a-z]*[\s._]*([xyz])", re.IGNORECASE)
+# coefficients at a scale: no recording is so long, and a float still counts one by one
 LARGEST_COUNT = 1e15
 _COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:](.*)")
 

@@ -23,7 +23,7 @@ from .autopilot import Array, Fixes, Log, Message
 from .boot_clock import LONGEST_S
 from .dataflash import read_log
 
-LEAST_STATUS = 3
+LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix; DGPS and RTK have larger ones
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 

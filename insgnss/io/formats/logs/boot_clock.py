@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 
 PAIRS = 200  # messages that the slope is taken from
 SHORT_S = 60.0  # below it the clock's drift is taken for zero
-DRIFT_LIMIT = 500e-6
+DRIFT_LIMIT = 500e-6  # s/s of the autopilot's clock: a crystal is ten times better (chosen)
 LONGEST_S = 1e8  # of a log
+# median residual (s) about the line: latencies of messages are tenths (chosen)
 SPREAD_LIMIT_S = 1.0
 
 

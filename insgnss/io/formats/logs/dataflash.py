@@ -21,8 +21,8 @@ MISSING = (
     f" {DOCTOR}"
 )
 MESSAGES = "message"
-FMT = 128
-LOST_LIMIT = 0.01
+FMT = 128  # number of the kind of message that gives the formats of all others
+LOST_LIMIT = 0.01  # share of bytes or lines that are no message: torn ones are fewer (chosen)
 TEXTS = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
 
 

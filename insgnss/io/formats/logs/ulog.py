@@ -32,10 +32,10 @@ MISSING = (
     "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-HEADER_BYTES = 16
-LEAST_FIX = 3
+HEADER_BYTES = 16  # magic, version and start of the log
+LEAST_FIX = 3  # fix_type of a three-dimensional fix; differential and RTK fixes have larger ones
 READ_AGAIN = 8  # times the size of a file that may be read
-MICRO = 1e-6
+MICRO = 1e-6  # s of a microsecond, PX4's unit of stamps
 GNSS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 BAROMETER_TOPICS = ("vehicle_air_data",)
 EVENT_TOPICS = ("camera_capture", "camera_trigger")

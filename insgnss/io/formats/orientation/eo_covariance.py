@@ -21,7 +21,7 @@ from ..text.text import Source
 
 FILE = "eo_covariance.npz"
 FORMAT = "insgnss strip covariance"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 1  # of the arrays in the file; the reader refuses another one
 NONE = -1  # strip of an image that is in none
 AGAIN = "process the flight again"
 SMALL = ("format", "format_version", "images", "segment", "common")

@@ -35,8 +35,8 @@ from .relative_csv import relative_member
 Array = NDArray[np.float64]
 
 FORMAT = "insgnss exterior orientation"
-FORMAT_VERSION = 1
-PACKED_VERSION = 2
+FORMAT_VERSION = 1  # of one camera, its numbers in the text
+PACKED_VERSION = 2  # of one camera, its numbers in the archive beside
 RIG_VERSION = 3  # of several cameras, packed or not: a reader of one camera must not take it
 VERSIONS = (FORMAT_VERSION, PACKED_VERSION, RIG_VERSION)
 WGS84 = "WGS84 (EPSG:4979)"

@@ -23,9 +23,9 @@ from ..text.text import Source
 
 Array = NDArray[np.float64]
 
-FROM_IMAGES = 10_000
+FROM_IMAGES = 10_000  # images from which on the numbers stand here: as text they take 40 MB
 FORMAT = "insgnss images"
-UPPER = np.triu_indices(6)
+UPPER = np.triu_indices(6)  # row and column of each stored entry of a covariance
 ARRAYS = {
     "time_s": ((), "seconds of gps_week, GPST"),
     "position_m": ((3,), "projection centre, m, east north up of the tangent plane"),

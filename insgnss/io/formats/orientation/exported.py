@@ -39,6 +39,7 @@ from ..text.layout import NUMBER
 
 Array = NDArray[np.float64]
 
+# of the middle angle: within 0.2 seconds of arc of 90 deg the outer two are one turn
 LEAST_COSINE = 1e-6
 QUOTES = "\"'"
 COMMENTS = ("#", "%", "!", ";", "//", '"', "'")

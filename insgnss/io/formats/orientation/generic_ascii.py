@@ -50,7 +50,7 @@ ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}
 DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
 HEADERS = ("full", "names", "none")
 DEFAULT = "image xyz opk s_xyz s_opk"
-MOST_DECIMALS = 12
+MOST_DECIMALS = 12  # of a number: with three digits before the point all that a double holds
 FIXED = {"degree": 10, "matrix": 12, "second": 6, "whole": 0}
 
 

@@ -25,6 +25,7 @@ from ....base.tables import Table, read_toml
 from ....records import Array
 from ....records.cameras.mounting import (
     ANGLE_SETS,
+    LONGEST_DELAY_S,
     MAX_LEVER_M,
     PAPER_CAMERA_FROM_BODY,
     Mounting,
@@ -49,8 +50,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "calibration.not_determined": (*VECTORS, "boresight", DELAY),
     "calibration.inputs": ("file", "sha256"),
 }
-DEG = np.degrees(1.0)
-MAX_DELAY_S = 10.0
+DEG = np.degrees(1.0)  # degrees of a radian
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -150,9 +150,10 @@ class MountingFile:
             value = getattr(self, key)
             if value is not None and not _is_covariance(np.asarray(value)):
                 raise InputError(f"{key}: no covariance matrix of 3 rows and columns")
-        if self.time_offset_s is not None and not abs(self.time_offset_s) <= MAX_DELAY_S:
+        if self.time_offset_s is not None and not abs(self.time_offset_s) <= LONGEST_DELAY_S:
             raise InputError(
-                f"time_offset_s: {self.time_offset_s:g} s (limit {MAX_DELAY_S:g} s); the unit is s"
+                f"time_offset_s: {self.time_offset_s:g} s (limit {LONGEST_DELAY_S:g} s); the unit"
+                " is s"
             )
         if self.date:
             try:
@@ -382,7 +383,7 @@ def read_mounting_file(
     table, camera, made = (root.table(key) for key in ("mounting", "camera", "calibration"))
     given = _made(made) | _values(table, camera_from_body)
     if DELAY in camera.data:
-        given[DELAY] = camera.number(DELAY, None, -MAX_DELAY_S, MAX_DELAY_S)
+        given[DELAY] = camera.number(DELAY, None, -LONGEST_DELAY_S, LONGEST_DELAY_S)
     where = {DELAY: camera, "date": made}
     try:
         return MountingFile(path=path, **given), root

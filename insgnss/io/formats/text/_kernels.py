@@ -16,13 +16,14 @@ import numpy as np
 
 from ....base.compilation import njit
 
+# largest power of ten in (K.1): its parts, and m 10^e, stay within the range of doubles
 EXPONENT_LIMIT = 280
 
-OK, BAD_NUMBER, TOO_FEW, TOO_MANY = 0, 1, 2, 3
+OK, BAD_NUMBER, TOO_FEW, TOO_MANY = 0, 1, 2, 3  # status of `parse_rows`
 PRINTED = 32  # bytes that a number takes at most, its sign and what separates it among them
 WHITESPACE = 256  # as a delimiter: runs of blanks and tabs
 
-_NEWLINE, _BLANK = 10, 32
+_NEWLINE, _BLANK = 10, 32  # bytes of ASCII
 _BLANKS = (32, 9, 13)  # blank, tab, carriage return
 _SPLIT = 134217729.0  # 2^27 + 1
 
@@ -37,7 +38,7 @@ def _powers_of_ten():
 
 
 _TEN, _TEN_LOW = _powers_of_ten()
-_TEN_ZERO = EXPONENT_LIMIT + 20
+_TEN_ZERO = EXPONENT_LIMIT + 20  # index of 10^0 in `_TEN`
 
 
 @njit(cache=True, allocates=False)

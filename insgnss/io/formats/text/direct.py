@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8] | FileBytes
 
 PIECE = 1 << 19  # bytes
-THREADS = 2
+THREADS = 2  # that parse pieces at a time (chosen)
 ROOM = 1.1  # times the rows that the first lines promise
 NEWLINE = b"\n"
 

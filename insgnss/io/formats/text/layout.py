@@ -26,10 +26,11 @@ from ....base.units import LARGEST, spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
+# data lines from which delimiter, decimal sign and number of fields are taken (chosen)
 SAMPLE_LINES = 20
-LONGEST_HEADER = 1 << 14
-LONGEST_FIELD = 4096
-MOST_FIELDS = 1000
+LONGEST_HEADER = 1 << 14  # characters of a header's line: a longer one is data or text (chosen)
+LONGEST_FIELD = 4096  # characters of a field: no number or name is so long, binary data are
+MOST_FIELDS = 1000  # of a line: no table of a recording has so many columns (chosen)
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 SAVED = "not text; save the table as CSV, or its columns as .npz or .mat"
 CONTAINERS = {  # by their first characters

@@ -22,7 +22,10 @@ from ....records import Finding, Question
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-LATE_LIMIT_S, SHARE_LIMIT = 1.0, 0.01
+# lateness (s) of a row that is put in order: more is a clock that was set back (chosen)
+LATE_LIMIT_S = 1.0
+# share of rows that are put in order or left out: more is another fault (chosen)
+SHARE_LIMIT = 0.01
 
 
 class Lines(Protocol):

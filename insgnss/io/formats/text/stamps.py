@@ -22,7 +22,7 @@ from .order import note
 
 Array = NDArray[np.float64]
 
-DIGITS_S = (1e-1, 1e-2, 1e-3, 1e-4)
+DIGITS_S = (1e-1, 1e-2, 1e-3, 1e-4)  # last printed digits (s) that can matter at the rates of IMUs
 COARSE, TOO_COARSE = 0.02, 0.45  # of the interval: digits that matter, and that hide a sample
 # of a line: longer than the beat of most rates with a millisecond; fewest stamps that are spread
 WINDOW_S, LEAST = 20.0, 40

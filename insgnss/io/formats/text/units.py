@@ -12,10 +12,8 @@ import re
 from collections.abc import Mapping
 
 from ....base.errors import UsageError
-from ....base.units import STANDARD_GRAVITY
+from ....base.units import DEG, STANDARD_GRAVITY
 from .layout import shown
-
-DEG = math.pi / 180.0
 
 UNITS: dict[str, dict[str, float]] = {
     "gyro": {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0},

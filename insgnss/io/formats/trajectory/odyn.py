@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 POSE = "tow lat lon h qw qx qy qz"
 SPEC = TableSpec({name: name for name in POSE.split()} | TIME, POSE, (POSE,))
-NORM_LIMIT = 1e-3
+NORM_LIMIT = 1e-3  # by which a quaternion's length may differ from 1: rounding to three decimals
 
 
 @dataclass(frozen=True, eq=False)

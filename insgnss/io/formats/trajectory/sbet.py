@@ -31,7 +31,7 @@ from ..text.text import Source, load_bytes
 
 Array = NDArray[np.float64]
 
-SBET_FIELDS, SMRMSG_FIELDS = 17, 10
+SBET_FIELDS, SMRMSG_FIELDS = 17, 10  # doubles of a record, as the format has them
 _FIELDS = (
     "time latitude longitude height x_velocity y_velocity z_velocity roll pitch platform_heading"
     " wander_angle x_acceleration y_acceleration z_acceleration x_rate y_rate z_rate"
@@ -39,7 +39,7 @@ _FIELDS = (
 FIELDS = tuple(_FIELDS.split())
 LARGEST = 1e9  # of any value in a record
 OVERHANG_S = 1.5  # by which an SBET may exceed the span of its smrmsg
-ARC_MINUTE = np.pi / 180.0 / 60.0
+ARC_MINUTE = np.pi / 180.0 / 60.0  # rad, the unit of angles in an smrmsg
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,14 +44,17 @@ from ._kernels import interpolate, running_sum
 from .parity import Parity, parity_of
 
 MOST_LACKING = 0.1  # share of the samples
-SLOPE_S, SMOOTH_S = 0.02, 0.1
-LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
+SLOPE_S = 0.02  # of the line whose slope is alpha (s): longer ones lose quick turns (chosen)
+SMOOTH_S = 0.1  # over which rates are smoothed for (K.3) (s): vibration is quicker
+# that is looked for between two clocks (s): GPS against UTC is another fault (chosen)
+LARGEST_OFFSET_S = 2.0
+COARSE_S = 0.02  # step of the search (s): a fifth of the smoothing, refined by (K.3)
 # of an offset that is added, and of the change that ends its refinement
 APPLIED_SIGMAS, SETTLED_SIGMAS = 5.0, 0.1
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
 ALIKE = 0.7  # least correlation of rates of one body
 TURNING = 0.01  # rad/s, rms: less does not show the clocks
-ROUNDS = 6
+ROUNDS = 6  # of (K.3) at most (chosen)
 
 
 @dataclass(frozen=True, eq=False)

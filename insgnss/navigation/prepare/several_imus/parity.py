@@ -33,18 +33,21 @@ from ....records import Array, Finding, ImuSamples, Question
 from ....records.variances import MAD_TO_SIGMA
 from ..gaps import nominal_interval
 
-BLOCK_S, WINDOW_BLOCKS = 0.1, 10
-SLOW_S = 60.0
-DYNAMIC = 0.003
+BLOCK_S = 0.1  # over which a difference is averaged (s): vibration is quicker
+WINDOW_BLOCKS = 10  # blocks of a window: with three axes (J.1) has the n = 30 values of its limit
+SLOW_S = 60.0  # over which an offset is slow (s): biases and temperature change no faster (chosen)
+DYNAMIC = 0.003  # share of the signal that the matrix may leave unexplained (chosen)
 MATRIX_LIMIT = 0.03  # of scale factors
 # rad, of one IMU's axes against the other's: mounted askew, and not as declared
 TURN_NOTE, TURN_LIMIT = 0.01, 0.1
-ROOT2 = 2.0**0.5
-LIMIT, LEVEL_LIMIT = 4.0, 25.0
+ROOT2 = 2.0**0.5  # by which the norm of a skew matrix exceeds its angle
+LIMIT = 4.0  # of (J.1) to a pair's usual level: chance reaches it once in 1e9 windows
+LEVEL_LIMIT = 25.0  # of a pair's usual level: five times the stated noise all the time (chosen)
 WINDOWS = 3  # contradicting windows that make a fault
-STUCK_S, STUCK_RATIO = 0.5, 4.0
+STUCK_S = 0.5  # total time of a reading that repeats (s), above which its IMU is stuck (chosen)
+STUCK_RATIO = 4.0  # of that time to the other IMU's: rounding repeats readings of both (chosen)
 SPIKE = 12.0  # robust standard deviations of a sample against its neighbours
-SPIKES = 5
+SPIKES = 5  # samples beyond `SPIKE` that make a fault: fewer are single lost bits (chosen)
 NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, against the other's
 PARITY = Question("IMU parity", "all pairs agree within their noise")
 
