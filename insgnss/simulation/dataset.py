@@ -71,10 +71,10 @@ from .sensors import ImuOptions, Rig, SecondImu, antenna_states
 Array = NDArray[np.float64]
 
 TARGETS = "01_Observations/Camera/GCPs"
-CHUNK = 50_000  # rows of the IMU that are written at once
+CHUNK_ROWS = 50_000  # rows of the IMU that are written at once
 SIMULATED = 0.7  # of the time that a data set takes; the rest writes it
-_TARGETS = 40
-_RELIEF_M = 2.0
+_TARGETS = 40  # ground points of a data set without a block (chosen)
+_RELIEF_M = 2.0  # standard deviation of their heights (chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,8 +265,8 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
     yield ",".join(["tow[s]", *columns]) + "\n"
     row = units.row()
     table = np.column_stack([imu.time, imu.gyro / units.gyro_si, imu.accel / units.accel_si])
-    for first in through(range(0, len(table), CHUNK)):
-        yield from format_rows(row, table[first : first + CHUNK])
+    for first in through(range(0, len(table), CHUNK_ROWS)):
+        yield from format_rows(row, table[first : first + CHUNK_ROWS])
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:

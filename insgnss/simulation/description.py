@@ -15,7 +15,7 @@ from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import calendar_from_gps
 from ..records import Quantity
 from .image_block import SimulatedBlock
-from .scenario import EXACT_M, EXACT_S, SimulatedFlight
+from .scenario import EXACT_LEVER_ARM_M, EXACT_STAMP_S, SimulatedFlight
 
 Tables = Mapping[str, Any]
 
@@ -125,11 +125,11 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
             "axes": options.axes,
             "noise": noise,
         },
-        "gnss": {**_gnss_table(simulated), "time_sigma_s": EXACT_S},
+        "gnss": {**_gnss_table(simulated), "time_sigma_s": EXACT_STAMP_S},
         "camera": {"events": EVENTS},
         "mounting": {
             "antenna_m": list(rig.antenna_m),
-            "antenna_sigma_m": EXACT_M,
+            "antenna_sigma_m": EXACT_LEVER_ARM_M,
             "imu_m": list(rig.imu_m),
             "camera_from_body": [list(row) for row in rig.camera_from_body],
             "boresight": [list(row) for row in rig.boresight],

@@ -28,7 +28,7 @@ from .motion import Motion
 
 Array = NDArray[np.float64]
 
-STEEPEST = np.radians(80.0)
+STEEPEST = np.radians(80.0)  # pitch: roll and yaw are not defined at 90 deg
 # knots cut away at both ends, where neighbours on one side only leave the accelerations of the fit
 # free to swing
 ENDS = 5

@@ -31,7 +31,7 @@ from ..records import ImuSamples, Quantity
 Array = NDArray[np.float64]
 
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
-_WANDER = GaussMarkov.from_sigma(5.0, 0.02)
+_FREQUENCY_WANDER = GaussMarkov.from_sigma(5.0, 0.02)  # s, share of f: e of (V.1) (chosen)
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def _shake(
 ) -> Array:
     """(n, 6) readings of the vibration (V.1)."""
     dt = float(np.median(np.diff(elapsed)))
-    wander = simulate_noise(AxisNoise(gauss_markov=(_WANDER,)), elapsed.size, dt, rng)
+    wander = simulate_noise(AxisNoise(gauss_markov=(_FREQUENCY_WANDER,)), elapsed.size, dt, rng)
     step = 2.0 * np.pi * vibration.frequency_hz * (1.0 + wander) * dt
     amplitude = np.repeat([vibration.gyro_rad_s, vibration.accel_ms2], 3) * rng.uniform(0.5, 1.0, 6)
     theta = np.cumsum(step)[:, None] + rng.uniform(0.0, 2.0 * np.pi, 6)

@@ -25,21 +25,22 @@ from .path import Path
 
 Array = NDArray[np.float64]
 
-GPS_WEEK = 2008
+GPS_WEEK = 2008  # of 3 July 2018
 START_TOW = 205200.0  # Tuesday 3 July 2018, 09:00 GPST
+# latitude, longitude, height (m): near Lausanne (chosen)
 SITE = LocalFrame(float(np.radians(46.57)), float(np.radians(6.54)), 510.0)
 
-KNOT_S = 0.1
+MOTION_KNOT_S = 0.1  # of the spline: motions of up to some 2.5 Hz (chosen)
 SETTLE_S = 4.0  # beyond both ends of the record: longer than the smoothing reaches
-ONSET_S = 0.7
-_G = 9.81
-_ATTACK = np.radians(4.0)
+ONSET_S = 0.7  # smoothing that gives turns and climbs their onset (chosen)
+_G = 9.81  # m/s^2, for turns and attitudes alone: the sensors have normal gravity
+_ATTACK = np.radians(4.0)  # angle of attack at a load factor of one (chosen)
 _STANDING = np.radians([1.2, 3.0])  # roll and pitch on the ground
 _FLYING_MS = 6.0  # from here up the aircraft is carried by the air
 _FREE_M = 15.0  # height above ground of full gusts
-# gusts: standard deviation and time scale of smoothed white noise
+# gusts: standard deviation (m, deg) and time scale (s) of smoothed white noise (chosen)
 _LATERAL_M, _HEIGHT_M = ((0.8, 4.0), (0.03, 0.25)), ((0.5, 3.0), (0.03, 0.25))
-_ROLL, _PITCH, _YAW = (
+_ROLL, _PITCH, _YAW = (  # deg
     ((1.8, 0.6), (0.3, 0.12)),
     ((1.0, 0.6), (0.2, 0.12)),
     ((0.8, 0.8), (0.2, 0.12)),
@@ -94,15 +95,15 @@ def fly(
     source = np.random.SeedSequence(seed) if isinstance(seed, int) else seed
     gusts, trigger = (np.random.default_rng(child) for child in source.spawn(2))
     layout = lay_out(plan)
-    pieces = int(np.ceil(layout.duration_s / KNOT_S - 1e-6))
-    reach = round(SETTLE_S / KNOT_S)
+    pieces = int(np.ceil(layout.duration_s / MOTION_KNOT_S - 1e-6))
+    reach = round(SETTLE_S / MOTION_KNOT_S)
     clock = (
         np.arange(-reach, pieces + 5 + reach) - 2.0
-    ) * KNOT_S  # of the control points and beyond both ends
+    ) * MOTION_KNOT_S  # of the control points and beyond both ends
     control = _control_points(
         layout.path, np.interp(clock + layout.clock_offset_s, layout.time, layout.s), plan, gusts
     )
-    motion = Motion(frame, start_tow, KNOT_S, control[reach : reach + pieces + 5])
+    motion = Motion(frame, start_tow, MOTION_KNOT_S, control[reach : reach + pieces + 5])
     time, line, spacing = _exposures(
         layout.path,
         layout.s,
@@ -121,7 +122,7 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
 
     position, course = path.pose_at(s)
     ahead = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
-    airborne = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
+    airborne = _smoothstep(np.gradient(s, MOTION_KNOT_S) / _FLYING_MS) * _smoothstep(
         -position[:, 2] / _FREE_M
     )
     gust = [
@@ -132,7 +133,9 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
     position[:, 1] += ahead[:, 0] * gust[0]
     position[:, 2] -= gust[1]
     base = position[0].copy()
-    position = base + gaussian_filter1d(position - base, ONSET_S / KNOT_S, axis=0, mode="nearest")
+    position = base + gaussian_filter1d(
+        position - base, ONSET_S / MOTION_KNOT_S, axis=0, mode="nearest"
+    )
     angles = _coordinated(position, ahead, plan.wind_l)
     return np.hstack([position, angles + np.radians(np.stack(gust[2:], axis=-1))])
 
@@ -144,8 +147,8 @@ def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
     ----------
     ahead : unit vectors along the path, for the stand.
     """
-    velocity = np.gradient(position, KNOT_S, axis=0)
-    force = np.gradient(velocity, KNOT_S, axis=0) - [0.0, 0.0, _G]
+    velocity = np.gradient(position, MOTION_KNOT_S, axis=0)
+    force = np.gradient(velocity, MOTION_KNOT_S, axis=0) - [0.0, 0.0, _G]
     airborne = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
     air = velocity + (1.0 - airborne) * ahead - airborne * wind
     level = np.hypot(air[:, 0], air[:, 1])
@@ -162,7 +165,7 @@ def _gusts(bands: tuple[tuple[float, float], ...], n: int, rng: np.random.Genera
 
     total = np.zeros(n)
     for sigma, width in bands:
-        knots = width / KNOT_S
+        knots = width / MOTION_KNOT_S
         smooth = gaussian_filter1d(rng.standard_normal(n), knots, mode="wrap")
         total += sigma * np.sqrt(2.0 * np.sqrt(np.pi) * knots) * smooth
     return total

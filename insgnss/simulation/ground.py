@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 
 from ..base.errors import UsageError
 from .emulate import flight_along
-from .flights import KNOT_S, SITE, START_TOW, Flight
+from .flights import MOTION_KNOT_S, SITE, START_TOW, Flight
 from .motion import Motion
 from .path import Path, Route
 
 Array = NDArray[np.float64]
 
-_STEP_M = 0.1  # of the timetable
-_ROUND_S = 0.4  # of smoothing
-_BEYOND = round(3.0 / KNOT_S)  # knots past the end, farther than the smoothing reaches
+_TIMETABLE_STEP_M = 0.1  # of the timetable
+_BEND_SMOOTH_S = 0.4  # of smoothing
+_KNOTS_BEYOND = round(3.0 / MOTION_KNOT_S)  # knots past the end, farther than the smoothing reaches
 _REST_MS = 0.3  # below this the road gives the heading
 # of the road: time scale, standard deviations of roll and height
 _SHAKE_S, _SHAKE_ROLL, _SHAKE_M = 0.12, 0.004, 0.0012
@@ -55,8 +55,8 @@ class Gait:
     stop_s: tuple[float, float] = (8.0, 20.0)
 
 
-CAR = Gait(12.0, 1.5, 2.5, (60.0, 250.0), (8.0, 20.0))
-WALKER = Gait(1.35, 0.8, 1.0, (10.0, 40.0), (0.8, 3.0))
+CAR = Gait(12.0, 1.5, 2.5, (60.0, 250.0), (8.0, 20.0))  # in a town (chosen)
+WALKER = Gait(1.35, 0.8, 1.0, (10.0, 40.0), (0.8, 3.0))  # a person who carries the rig (chosen)
 
 
 def drive(
@@ -77,7 +77,7 @@ def drive(
     rng = np.random.default_rng(seed)
     path, s = _journey(gait, minutes, stand_s, rng)
     position, course, moving = _smoothed(path, s)
-    velocity = np.gradient(position, KNOT_S, axis=0)
+    velocity = np.gradient(position, MOTION_KNOT_S, axis=0)
     level = np.hypot(velocity[:, 0], velocity[:, 1])
     yaw = np.where(level > _REST_MS, np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])), course)
     yaw += 2.0 * np.pi * np.round((course - yaw) / (2.0 * np.pi))
@@ -104,7 +104,7 @@ def walk(
     rng = np.random.default_rng(seed)
     path, s = _journey(gait, minutes, stand_s, rng)
     position, course, moving = _smoothed(path, s)
-    step = 2.0 * np.pi * np.cumsum(moving) * KNOT_S * 0.9  # a pair of steps lasts 1.1 s
+    step = 2.0 * np.pi * np.cumsum(moving) * MOTION_KNOT_S * 0.9  # a pair of steps lasts 1.1 s
     position[:, 0] += -np.sin(course) * 0.03 * moving * np.sin(step)
     position[:, 1] += np.cos(course) * 0.03 * moving * np.sin(step)
     position[:, 2] += 0.025 * moving * np.sin(2.0 * step)
@@ -117,7 +117,9 @@ def walk(
 
 def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flight:
     return flight_along(
-        Motion(SITE, start_tow, KNOT_S, np.hstack([position, angles])[:-_BEYOND]), name, 5.0
+        Motion(SITE, start_tow, MOTION_KNOT_S, np.hstack([position, angles])[:-_KNOTS_BEYOND]),
+        name,
+        5.0,
     )
 
 
@@ -145,18 +147,18 @@ def _journey(
         done += straight + 0.5 * np.pi * radius
     path = route.path()
     time, s = _timetable(path, gait, halts)
-    knots = int(np.ceil(60.0 * minutes / KNOT_S)) + 5 + _BEYOND
-    return path, np.interp((np.arange(knots) - 2.0) * KNOT_S - stand_s, time, s)
+    knots = int(np.ceil(60.0 * minutes / MOTION_KNOT_S)) + 5 + _KNOTS_BEYOND
+    return path, np.interp((np.arange(knots) - 2.0) * MOTION_KNOT_S - stand_s, time, s)
 
 
 def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tuple[Array, Array]:
     """Times, with the halts as pauses, and path lengths, from a stand."""
-    s = np.arange(0.0, path.total, _STEP_M)
+    s = np.arange(0.0, path.total, _TIMETABLE_STEP_M)
     k = np.abs(
         path.curvature[np.clip(np.searchsorted(path.s0, s, side="right") - 1, 0, path.s0.size - 1)]
     )
     square = np.minimum(gait.speed_ms**2, gait.across_ms2 / np.maximum(k, 1e-9))
-    stops = np.array([round(distance / _STEP_M) for distance, _ in halts], dtype=np.int64)
+    stops = np.array([round(distance / _TIMETABLE_STEP_M) for distance, _ in halts], dtype=np.int64)
     square[[0, *stops]] = 0.0
     slope = 2.0 * gait.along_ms2 * s
     square = np.minimum.accumulate(square - slope) + slope
@@ -176,10 +178,12 @@ def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
 
     position, course = path.pose_at(s)
     base = position[0].copy()
-    width = _ROUND_S / KNOT_S
+    width = _BEND_SMOOTH_S / MOTION_KNOT_S
     position = base + gaussian_filter1d(position - base, width, axis=0, mode="nearest")
     course = course[0] + gaussian_filter1d(np.unwrap(course) - course[0], width, mode="nearest")
-    moving = gaussian_filter1d((np.gradient(s, KNOT_S) > 0.2).astype(float), width, mode="nearest")
+    moving = gaussian_filter1d(
+        (np.gradient(s, MOTION_KNOT_S) > 0.2).astype(float), width, mode="nearest"
+    )
     return position, course, moving
 
 
@@ -187,7 +191,7 @@ def _swing(n: int, width_s: float, rng: np.random.Generator) -> Array:
     """(n,) smooth noise of unit standard deviation."""
     from scipy.ndimage import gaussian_filter1d
 
-    knots = width_s / KNOT_S
+    knots = width_s / MOTION_KNOT_S
     return np.sqrt(2.0 * np.sqrt(np.pi) * knots) * gaussian_filter1d(
         rng.standard_normal(n), knots, mode="wrap"
     )

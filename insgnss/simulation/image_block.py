@@ -37,12 +37,14 @@ Rows = NDArray[np.int64]
 
 PAPER_FREE = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
 LEADING = ("f", "cx", "cy")
-GROSS_PX = (10.0, 100.0)
+GROSS_PX = (10.0, 100.0)  # least and largest gross error (chosen)
 _STREAM = 2  # of the seed of a data set; 1 is its files'
-_WAVES, _WAVE_M = 4, (300.0, 900.0)
-_BORDER_PX = 4.0  # of the format in which nothing is measured
+_WAVES, _WAVE_M = 4, (300.0, 900.0)  # of the terrain (B.1): how many, shortest, longest (chosen)
+_FORMAT_BORDER_PX = 4.0  # of the format in which nothing is measured
 _AROUND = 0.6  # heights above ground from the nadir within which points are drawn
-_ROUNDS, _TARGET_RAYS, _TARGET_DRAWS = 200, 3, 40
+_ROUNDS = 200  # draws of tie points, after which images hardly overlap (chosen)
+_TARGET_RAYS = 3  # least images of a target: two do not show a gross error
+_TARGET_DRAWS = 40  # places drawn for each target, of which those far from each other stay (chosen)
 
 
 def _digicam(name: str, free: tuple[str, ...], **values: float) -> BrownCamera:
@@ -350,13 +352,13 @@ def under_images(
 def seen_points(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -> Visible:
     """Return where points appear within the format."""
     images, points, pixels = [], [], []
-    high = np.array([camera.width, camera.height]) - _BORDER_PX
+    high = np.array([camera.width, camera.height]) - _FORMAT_BORDER_PX
     each = enumerate(zip(eo.position_m, eo.C_mc, strict=True))
     for i, (centre, C_mc) in through(list(each)):
         q = (position - centre) @ C_mc
         ahead = np.flatnonzero(q[:, 2] > np.abs(q[:, :2]).max(axis=1))
         uv = pixels_of(camera, q[ahead, :2] / q[ahead, 2:])
-        inside = ((uv > _BORDER_PX) & (uv < high)).all(axis=1)
+        inside = ((uv > _FORMAT_BORDER_PX) & (uv < high)).all(axis=1)
         points.append(ahead[inside])
         pixels.append(uv[inside])
         images.append(np.full(len(points[-1]), i))
@@ -433,5 +435,5 @@ def _displacements(uv: Array, camera: BrownCamera, rng: np.random.Generator) -> 
     length, way = rng.uniform(*GROSS_PX, len(uv)), rng.uniform(0.0, 2.0 * np.pi, len(uv))
     step = length[:, None] * np.column_stack([np.cos(way), np.sin(way)])
     moved = uv + step
-    high = np.array([camera.width, camera.height]) - _BORDER_PX
-    return np.where((moved < _BORDER_PX) | (moved > high), -step, step)
+    high = np.array([camera.width, camera.height]) - _FORMAT_BORDER_PX
+    return np.where((moved < _FORMAT_BORDER_PX) | (moved > high), -step, step)

@@ -28,11 +28,12 @@ from .path import Path, Pose, Route, advance
 Array = NDArray[np.float64]
 Line = tuple[Pose, float, float]  # start, height above ground m, length m
 
-_STEP_M = 0.5  # of the speed profile
+_PROFILE_STEP_M = 0.5  # of the speed profile
 _ACCELERATION = 5.0  # m/s^2 along the path
+# take-off and landing on the ground, the approach, and the way before and after lines (chosen)
 _GROUND_RUN_M, _APPROACH_M, _LEAD_IN_M = 12.0, 220.0, 120.0
-# of the path beyond both ends of an airborne record; longer than the motion's smoothing reaches
 _COUNTED = 0.6  # of the time of a layout: by then the number of lines is found
+# of the path beyond both ends of an airborne record; longer than the motion's smoothing reaches
 _MARGIN_S = 5.0
 # a trimmed flight: lines that stay, and the least part of their length
 _FEWEST_LINES, _SHORTEST = 4, 0.25
@@ -332,7 +333,7 @@ def _level_lines(
 
 def _timetable(path: Path, plan: FlightPlan, at_rest: bool) -> tuple[Array, Array]:
     """Path lengths and times; the path is left and reached at rest or at full speed."""
-    s = np.linspace(0.0, path.total, int(np.ceil(path.total / _STEP_M)) + 1)
+    s = np.linspace(0.0, path.total, int(np.ceil(path.total / _PROFILE_STEP_M)) + 1)
     square = plan.ground_speed(path.pose_at(s)[1]) ** 2
     if at_rest:
         square[0] = square[-1] = 0.0

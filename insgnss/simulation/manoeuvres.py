@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import UsageError
 from .emulate import flight_along
-from .flights import _G, KNOT_S, SETTLE_S, SITE, START_TOW, Flight, _coordinated, _gusts
+from .flights import _G, MOTION_KNOT_S, SETTLE_S, SITE, START_TOW, Flight, _coordinated, _gusts
 from .motion import Motion
 
 Array = NDArray[np.float64]
@@ -27,11 +27,11 @@ Array = NDArray[np.float64]
 STYLES = ("sideways", "backward", "hover")
 _NOSE = {"sideways": 0.5 * np.pi, "backward": np.pi}  # against the course
 _DRAG = 0.3  # 1/s
-_HEIGHT_M = 60.0
-_ROUND_S = 0.8  # of smoothing
+_FLYING_HEIGHT_M = 60.0  # above the site (chosen)
+_LEG_SMOOTH_S = 0.8  # of smoothing
 _LEG_S, _PAUSE_S = (8.0, 16.0), (2.0, 5.0)  # shortest, longest, of a leg and of what lies between
 _HOVER_S = (50.0, 70.0)  # between two legs of the one that hovers
-_WANDER = ((0.15, 2.5),)  # m, s: how it holds its place
+_HOVER_WANDER = ((0.15, 2.5),)  # m, s: how it holds its place
 
 
 def circles(
@@ -61,7 +61,7 @@ def circles(
     wind = wind_ms * np.array([np.cos(towards), np.sin(towards), 0.0])
     ring = radius * np.stack([np.cos(phase), np.sin(phase)], axis=-1)
     gust = [_gusts(bands, time.size, rng) for bands in (((0.4, 3.0),),) * 2 + (((0.3, 3.0),),)]
-    position = np.column_stack([ring, np.full(time.size, -_HEIGHT_M)]) + time[:, None] * wind
+    position = np.column_stack([ring, np.full(time.size, -_FLYING_HEIGHT_M)]) + time[:, None] * wind
     position += np.stack(gust, axis=-1)
     ahead = np.stack([-np.sin(phase), np.cos(phase), np.zeros(time.size)], axis=-1) * sense
     angles = _coordinated(position, ahead, wind) + np.stack(_shaking(time.size, rng), axis=-1)
@@ -104,7 +104,7 @@ def multirotor(
     k, leg = 0, style != "hover"
     while k < time.size:
         pause = _HOVER_S if style == "hover" else _PAUSE_S
-        last = k + round(rng.uniform(*(_LEG_S if leg else pause)) / KNOT_S)
+        last = k + round(rng.uniform(*(_LEG_S if leg else pause)) / MOTION_KNOT_S)
         if leg:
             velocity[k:last] = speed_ms * np.array([np.cos(course), np.sin(course), 0.0])
             velocity[k:last, 2] = rng.uniform(-0.5, 0.5)
@@ -115,11 +115,11 @@ def multirotor(
             heading += (target - heading + np.pi) % (2.0 * np.pi) - np.pi
         nose[k if leg else (k + last) // 2 : last] = heading
         k, leg = last, not leg
-    rounded = _ROUND_S / KNOT_S
+    rounded = _LEG_SMOOTH_S / MOTION_KNOT_S
     velocity = gaussian_filter1d(velocity, rounded, axis=0, mode="nearest")
-    position = np.cumsum(velocity, axis=0) * KNOT_S
-    position += np.stack([_gusts(_WANDER, time.size, rng) for _ in range(3)], axis=-1)
-    position[:, 2] -= _HEIGHT_M
+    position = np.cumsum(velocity, axis=0) * MOTION_KNOT_S
+    position += np.stack([_gusts(_HOVER_WANDER, time.size, rng) for _ in range(3)], axis=-1)
+    position[:, 2] -= _FLYING_HEIGHT_M
     towards = rng.uniform(0.0, 2.0 * np.pi)
     wind = wind_ms * np.array([np.cos(towards), np.sin(towards), 0.0])
     yaw = nose[0] + gaussian_filter1d(nose - nose[0], 1.5 * rounded, mode="nearest")
@@ -129,8 +129,8 @@ def multirotor(
 
 def _leaning(position: Array, yaw: Array, wind: Array) -> Array:
     """(n, 3) roll, pitch, yaw whose body axis -z is the thrust (V.2)."""
-    velocity = np.gradient(position, KNOT_S, axis=0)
-    thrust = np.gradient(velocity, KNOT_S, axis=0) + _DRAG * (velocity - wind)
+    velocity = np.gradient(position, MOTION_KNOT_S, axis=0)
+    thrust = np.gradient(velocity, MOTION_KNOT_S, axis=0) + _DRAG * (velocity - wind)
     thrust[:, 2] -= _G
     c, s = np.cos(yaw), np.sin(yaw)
     along, across = c * thrust[:, 0] + s * thrust[:, 1], c * thrust[:, 1] - s * thrust[:, 0]
@@ -149,12 +149,12 @@ def _clock(minutes: float) -> Array:
     """Seconds of the control points, of which some lie beyond the record's ends."""
     if not minutes > 0.5:
         raise UsageError(f"{minutes} minutes; give more than half a minute")
-    reach = round(SETTLE_S / KNOT_S)
-    n = int(np.ceil(60.0 * minutes / KNOT_S)) + 5 + 2 * reach
-    return np.asarray((np.arange(n) - 2.0 - reach) * KNOT_S, dtype=np.float64)
+    reach = round(SETTLE_S / MOTION_KNOT_S)
+    n = int(np.ceil(60.0 * minutes / MOTION_KNOT_S)) + 5 + 2 * reach
+    return np.asarray((np.arange(n) - 2.0 - reach) * MOTION_KNOT_S, dtype=np.float64)
 
 
 def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flight:
-    reach = round(SETTLE_S / KNOT_S)
+    reach = round(SETTLE_S / MOTION_KNOT_S)
     control = np.hstack([position, angles])[reach:-reach]
-    return flight_along(Motion(SITE, start_tow, KNOT_S, control), name, 5.0)
+    return flight_along(Motion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)

@@ -43,8 +43,8 @@ from ..geodesy.rotation import rotation_from_rpy
 from ..records import QUANTITIES, ImuSamples, Quantity
 from ._kernels import integrate_signals, sample_signals
 
-PIECE = 100_000  # intervals that are integrated at once
-MARGIN = 0.1  # of a piece of the path: from its ends, where rounding decides
+PIECE_INTERVALS = 100_000  # intervals that are integrated at once
+PIECE_MARGIN = 0.1  # of a piece of the path: from its ends, where rounding decides
 
 Array = NDArray[np.float64]
 
@@ -253,7 +253,7 @@ class Motion:
 
 
 def pieces(elapsed: Array, spacing: float) -> list[tuple[int, int]]:
-    """Return first and end of the intervals between instants in pieces of some `PIECE` each.
+    """Return first and end of the intervals between instants in pieces of `PIECE_INTERVALS` or so.
 
     A piece begins well within a piece of the path, where rounding leaves no doubt which of its
     polynomials holds: so the integrals are those of one piece, to the last bit.
@@ -271,8 +271,8 @@ def pieces(elapsed: Array, spacing: float) -> list[tuple[int, int]]:
         They follow each other from 0 to n; one where instants lie between no two ends.
     """
     n, within = elapsed.size - 1, elapsed / spacing % 1.0
-    safe = np.flatnonzero((within[:n] > MARGIN) & (within[:n] < 1.0 - MARGIN))
-    index = np.searchsorted(safe, np.arange(PIECE, n, PIECE))
+    safe = np.flatnonzero((within[:n] > PIECE_MARGIN) & (within[:n] < 1.0 - PIECE_MARGIN))
+    index = np.searchsorted(safe, np.arange(PIECE_INTERVALS, n, PIECE_INTERVALS))
     cuts = np.unique(safe[index[index < safe.size]])
     edges = [0, *cuts.tolist(), n]
     return list(pairwise(edges)) if n else []

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 JOURNEYS = {"car": drive, "walk": walk}
-JOURNEY_MIN = 5.0
+JOURNEY_MIN = 5.0  # of a car or a walk without --minutes (chosen)
 PATH_SHARE = 0.25  # of the time that a simulation takes
-EXACT_M, EXACT_S = 1e-3, 5e-5  # what flight files state of a lever arm and stamps that are exact
+# what flight files state of a lever arm and stamps that are exact
+EXACT_LEVER_ARM_M, EXACT_STAMP_S = 1e-3, 5e-5
 FLIGHTS = (*PLANS, *JOURNEYS)
 
 
@@ -82,7 +83,7 @@ class SimulatedFlight:
         rig = self.rig
         vectors = (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight)
         antenna_m, imu_m, camera_from_body, boresight = (np.array(x) for x in vectors)
-        return Mounting(antenna_m, imu_m, camera_from_body, boresight, EXACT_M)
+        return Mounting(antenna_m, imu_m, camera_from_body, boresight, EXACT_LEVER_ARM_M)
 
     def __repr__(self) -> str:
         """Return the recordings in one line."""

@@ -40,9 +40,10 @@ from .motion import Motion
 
 Array = NDArray[np.float64]
 
-MOVES_MS = 1.0
+MOVES_MS = 1.0  # speed above which vibration is added to white noise (chosen)
+# T and B of paper 000
 _PAPER_T = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
-_PAPER_B = (
+_PAPER_B = (  # as printed, to six digits
     (0.999909, 0.008952, 0.010018),
     (-0.009067, 0.999893, 0.011465),
     (-0.009914, -0.011555, 0.999884),

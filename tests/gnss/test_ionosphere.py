@@ -514,7 +514,7 @@ def test_the_displacement_of_a_least_squares_position_goes_away(tmp_path, monkey
     some. The shell that is simulated is put where the model has it: one 50 km lower adds half a
     millimetre, which the standard deviation is for.
     """
-    monkeypatch.setattr(raw_air, "SHELL_M", SHELL_M)
+    monkeypatch.setattr(raw_air, "SHELL_HEIGHT_M", SHELL_M)
     rover, base, navigation, fixes, raw = simulated(tmp_path, 5, **WITHOUT)
     found, sky = found_in(rover, base, navigation, fixes, raw)
     place = np.array(raw.base_position_m)

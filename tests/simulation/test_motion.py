@@ -300,7 +300,7 @@ def test_integrals_in_pieces_are_those_of_one_piece_to_the_last_bit(rate_hz, mon
     """Oracle: the same motion integrated in one call of the kernel."""
     flown = lively(spacing=0.1, pieces=300)
     whole = flown.imu(rate_hz, lever_b=(0.1, 0.2, 0.3))
-    monkeypatch.setattr(motion_module, "PIECE", 700)
+    monkeypatch.setattr(motion_module, "PIECE_INTERVALS", 700)
     elapsed = np.arange(whole.time.size + 1) / rate_hz
     assert len(motion_module.pieces(elapsed, flown.spacing)) > 3
     again = flown.imu(rate_hz, lever_b=(0.1, 0.2, 0.3))

@@ -21,7 +21,12 @@ from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.phase.troposphere import Atmosphere
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.records import CameraEvents
-from insgnss.simulation.raw_gnss.atmosphere import RADIUS_M, Ionosphere, Troposphere, Weather
+from insgnss.simulation.raw_gnss.atmosphere import (
+    MEAN_EARTH_RADIUS_M,
+    Ionosphere,
+    Troposphere,
+    Weather,
+)
 from insgnss.simulation.raw_gnss.errors import (
     LARGEST_RESTART,
     LARGEST_SLIP,
@@ -457,11 +462,13 @@ def test_one_seed_is_one_recording(flight, exact):
 def test_delay_of_the_troposphere_is_the_integral_along_the_ray(elevation_deg, height):
     """Oracle: scipy's quad along the straight line itself; and the table between its points."""
     air = Troposphere(Weather(), 516.0)
-    sine, start = np.sin(np.radians(elevation_deg)), RADIUS_M + height
+    sine, start = np.sin(np.radians(elevation_deg)), MEAN_EARTH_RADIUS_M + height
 
     def along(s):
         return 1e-6 * float(
-            air.refractivity(np.sqrt(start**2 + 2.0 * start * s * sine + s**2) - RADIUS_M)
+            air.refractivity(
+                np.sqrt(start**2 + 2.0 * start * s * sine + s**2) - MEAN_EARTH_RADIUS_M
+            )
         )
 
     end = -start * sine + np.sqrt((start * sine) ** 2 + 8e4 * (2.0 * start + 8e4))

@@ -33,10 +33,10 @@ from ..moments.theory import Sampling, gauss_markov_haar, haar_variance
 from ..processes.composition import Composition
 from ._search import nonnegative
 
-SHORTEST = 0.02  # samples; exp(-50) is left of the correlation from one sample to the next
+SHORTEST_SAMPLES = 0.02  # samples; exp(-50) is left of the correlation from one sample to the next
 # lengths of the longest recording; within it the process is a random walk to a part in a hundred
 # thousand
-LONGEST = 1e5
+LONGEST_LENGTHS = 1e5
 # relative distance within which a time is that of a bound: rounding of exp(log T) is 1e-14, no
 # curve tells so much
 EDGE = 1e-6

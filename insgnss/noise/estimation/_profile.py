@@ -33,13 +33,13 @@ import numpy as np
 from ...navigation.noise_model.model import AxisNoise
 from ...records import Array
 from ..moments.theory import gauss_markov_haar, haar_variance
-from ._matching import LONGEST, SHORTEST, Group, pooled
+from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, Group, pooled
 from .gmwm import Fit, objective
 
 RISE_95, RISE_99 = 3.841459, 6.634897  # 95 and 99 % of chi-square of one degree of freedom
 _NO_END = 100.0  # w of (L.1) beyond which a density has no end: 1e43 times the scatter
-_BEYOND = 3.0  # lengths of the longest recording where (L.2) turns from logarithm to linear
-_ENOUGH = 1e-3  # of Q, by which a profile's value may be too large
+_LINEAR_BEYOND = 3.0  # lengths of the longest recording where (L.2) turns from logarithm to linear
+_PROFILE_EXCESS = 1e-3  # of Q, by which a profile's value may be too large
 _HIT = 0.04  # of the rise, about 1 % of its limit
 # of (L.2), within which a time is at its edge: 300 times the rounding of a logarithm, and 3e-8 of
 # the longest time
@@ -66,8 +66,11 @@ class Local:
             if name in self.composition.linear
         }
         length = max(c.samples / c.rate_hz for c in fitted.curves)
-        self.b = 1.0 / (_BEYOND * length)
-        shortest, longest = SHORTEST / max(c.rate_hz for c in self.groups), LONGEST * length
+        self.b = 1.0 / (_LINEAR_BEYOND * length)
+        shortest, longest = (
+            SHORTEST_SAMPLES / max(c.rate_hz for c in self.groups),
+            LONGEST_LENGTHS * length,
+        )
         self.ends = (0.0, math.inf)  # what the edges of a correlation time mean
         if fitted.times_s is not None:
             shortest, longest = self.ends = fitted.times_s[0], min(longest, fitted.times_s[1])
@@ -163,7 +166,7 @@ class Local:
         return r, -np.concatenate([root @ a for root, a in zip(self.roots, D, strict=True)])
 
     def minimise(
-        self, x: Array, fixed: int | None = None, enough: float = _ENOUGH
+        self, x: Array, fixed: int | None = None, enough: float = _PROFILE_EXCESS
     ) -> tuple[Array, float]:
         """Minimum of Q near x, to `enough`, with coordinate `fixed` held.
 

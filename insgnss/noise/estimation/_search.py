@@ -27,7 +27,7 @@ _GRADIENT = 1e-14  # of |y|; below, a variance of zero may stay so
 _STRIDE = 6.0  # candidates, half a decade: longest step of a descent
 # of Q, gain of a step after which a descent ends; Newton's method on the exact columns does the
 # rest
-_ENOUGH = 1e-9
+_LEAST_GAIN = 1e-9
 
 
 @njit(cache=True)
@@ -338,6 +338,6 @@ def settle(positions: Array, linear: Array, D: Array, slope: Array, y: Array) ->
         for k in range(K):
             positions[k] = trial[k]
         damping = max(0.1 * damping, 1e-9)
-        if gain <= _ENOUGH * value:
+        if gain <= _LEAST_GAIN * value:
             break
     return value

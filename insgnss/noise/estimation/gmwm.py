@@ -26,7 +26,7 @@ from ...navigation.noise_model.model import AxisNoise
 from ...records import Array, WaveletVariance
 from ..moments.theory import Sampling, haar_variance
 from ..processes.composition import TIME, Composition
-from ._matching import LONGEST, SHORTEST, Moments, Solution, pooled
+from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, Moments, Solution, pooled
 from ._minimum import minimum
 
 
@@ -201,8 +201,8 @@ def _admissible(
     times_s: tuple[float, float] | None, curves: tuple[WaveletVariance, ...]
 ) -> tuple[float, float]:
     """Bounds of the correlation times, s."""
-    low = SHORTEST / max(c.rate_hz for c in curves)
-    high = LONGEST * max(c.samples / c.rate_hz for c in curves)
+    low = SHORTEST_SAMPLES / max(c.rate_hz for c in curves)
+    high = LONGEST_LENGTHS * max(c.samples / c.rate_hz for c in curves)
     if times_s is None:
         return low, high
     shortest, longest = float(times_s[0]), float(times_s[1])

@@ -59,7 +59,8 @@ from .gmwm import Fit, fit, interval_weights, objective
 from .goodness import goodness_of_fit, p_text
 from .inference import covariances, efficient, inverse
 
-_STEP = 1e-4  # of the coordinates, for second derivatives
+_DERIVATIVE_STEP = 1e-4  # of the coordinates, for second derivatives
+# of H over that of the first order (chosen): a flat fit has no endless optimism
 _LEAST_CURVATURE = 0.5
 _WITHIN = 2.0  # of WIC
 _SIGNIFICANCE = 0.05  # p-value
@@ -332,9 +333,9 @@ def closed_optimism(fitted: Fit, linear: Linearised) -> float:
     H = A.copy()
     for column, i in enumerate(inside):
         step = np.zeros(linear.x.size)
-        step[i] = _STEP
+        step[i] = _DERIVATIVE_STEP
         ahead, behind = (linear.local.derivative(linear.x + s)[:, inside] for s in (step, -step))
-        H[:, column] -= (ahead - behind).T @ gap / (2.0 * _STEP)
+        H[:, column] -= (ahead - behind).T @ gap / (2.0 * _DERIVATIVE_STEP)
     size = np.sqrt(np.diag(A))
     L = np.linalg.cholesky(A / np.outer(size, size) + 1e-12 * np.eye(size.size))
     scaled = np.linalg.solve(L, np.linalg.solve(L, 0.5 * (H + H.T) / np.outer(size, size)).T)

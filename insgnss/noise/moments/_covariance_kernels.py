@@ -15,7 +15,7 @@ DIRECT = 16  # lags of the innermost panels, which are summed one by one
 _HALF_NODES = np.array(
     [0.1834346424956498, 0.525532409916329, 0.7966664774136267, 0.9602898564975363]
 )  # Gauss-Legendre, 8 nodes
-_NODES = 8
+_NODES = 8  # of the rule: twice `_HALF_NODES`
 
 
 @njit(cache=True)

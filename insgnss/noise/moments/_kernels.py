@@ -11,7 +11,7 @@ import numpy as np
 from ...base.compilation import njit
 
 # samples whose differences are formed for all averaging factors before the next are touched
-BLOCK = 4096
+BLOCK_SAMPLES = 4096
 LANES = 128  # partial sums
 
 
@@ -23,9 +23,9 @@ def copy_sum(x, out):
     same = True
     whole = 0.0
     out[0] = 0.0
-    for start in range(0, n, BLOCK):
+    for start in range(0, n, BLOCK_SAMPLES):
         partial = 0.0
-        for i in range(start, min(start + BLOCK, n)):
+        for i in range(start, min(start + BLOCK_SAMPLES, n)):
             v = x[i]
             out[i + 1] = v
             partial += v
@@ -56,9 +56,9 @@ def second_difference_power(s, m, stride, power):
     lanes = np.empty(LANES)
     last = s.size - 2 * m
     power[:] = 0.0
-    for start in range(0, s.size, BLOCK):
+    for start in range(0, s.size, BLOCK_SAMPLES):
         for k in range(m.size):
-            stop = min(start + BLOCK, last[k])
+            stop = min(start + BLOCK_SAMPLES, last[k])
             if stop <= start:
                 continue
             step = stride[k]

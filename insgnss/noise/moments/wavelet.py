@@ -67,8 +67,8 @@ __all__ = [
 Array = NDArray[np.float64]
 Decomposition = Literal["modwt", "dwt"]
 
-_THREADS = 2
-_EFFICIENCIES = (0.2, 0.99)
+_THREADS = 2  # most at once (chosen)
+_EFFICIENCIES = (0.2, 0.99)  # for which the constant c is searched: near 1 c has no bound
 _SAMPLE = 10_000  # coefficients that the search for the robust solution starts with
 
 

@@ -45,7 +45,7 @@ from ...base.errors import DataError, InputError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE, normal_gravity
 from ...geodesy.rotation import rotation_from_vector, skew
-from ...navigation.align.turn_on import LEAST_SIGMA
+from ...navigation.align.turn_on import GRAVITY_SIGMA, LEAST_SIGMA
 from ...navigation.prepare.calibration import LOWER
 from ...navigation.prepare.gaps import LACKING, nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
@@ -54,13 +54,12 @@ from ...records.states import State
 from .groups import Group, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
 
-POSITIONS = 9
+FEWEST_POSITIONS = 9  # as many equations (P.1) as unknowns
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
-LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
-DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
-# m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
-GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02
-LONGEST_TURN_S = 60.0
+LEAST_TURN_RAD = 1e-6  # rad, of a turn's interpolation between samples
+DISTINCT_RAD = np.radians(15.0)  # positions whose vertical differs by less are one
+ANYWHERE_SIGMA = 0.02  # m/s^2: 9.80665 misses latitude and height
+LONGEST_TURN_S = 60.0  # beyond, the gyro's drift and scale outweigh what a turn tells (chosen)
 AXES = "xyz"
 SCALES = tuple(State("scale_factor", c) for c in AXES)
 ACCEL_STATES = (
@@ -122,15 +121,16 @@ def calibrate_multi_position(
     Raises
     ------
     DataError
-        For fewer than `POSITIONS` positions, and for an outcome beyond what a calibration may be.
+        For fewer than `FEWEST_POSITIONS` positions, and for an outcome beyond what a calibration
+        may be.
     """
     periods = stationary_periods(imu)
     positions = distinct_positions(periods)
-    if positions < POSITIONS:
+    if positions < FEWEST_POSITIONS:
         raise DataError(
             f"{imu.source or 'IMU'}: {positions} positions found in {len(periods)} stationary"
-            f" periods, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
-            " edges up and down"
+            f" periods, {FEWEST_POSITIONS} needed; rest the sensor for 5 s and more in each, faces"
+            " and edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
     accel = calibrate_accelerometers(periods, gravity, sigma)
@@ -153,7 +153,7 @@ def calibrate_multi_position(
 
 
 def distinct_positions(periods: StationaryPeriods) -> int:
-    """Count the positions whose verticals differ by `DISTINCT` and more.
+    """Count the positions whose verticals differ by `DISTINCT_RAD` and more.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def distinct_positions(periods: StationaryPeriods) -> int:
     """
     seen: list[Array] = []
     for u in _unit(periods.accel_mean):
-        if all(u @ other < np.cos(DISTINCT) for other in seen):
+        if all(u @ other < np.cos(DISTINCT_RAD) for other in seen):
             seen.append(u)
     return len(seen)
 
@@ -395,7 +395,7 @@ def _turn_covariance(
             by_period[row, :, period] = matrix * noise[period] / STANDARD_GRAVITY
             by_parameter[row] += matrix @ effect[period]
     A, D = by_period.reshape(2 * len(turns), -1), by_parameter.reshape(2 * len(turns), -1)
-    white = np.repeat([turn.sigma**2 + LEAST_TURN**2 for turn in turns], 2)
+    white = np.repeat([turn.sigma**2 + LEAST_TURN_RAD**2 for turn in turns], 2)
     return np.asarray(np.diag(white) + A @ A.T + D @ accel.covariance @ D.T, dtype=np.float64)
 
 

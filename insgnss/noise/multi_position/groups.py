@@ -15,8 +15,8 @@ from ...base.errors import DataError
 from ...geodesy.least_squares import Equations, NormalEquations
 from ...records import Array
 
-CONFIDENCE = 0.99
-ROUNDS = 6
+FACTOR_CONFIDENCE = 0.99  # of chi-square, above which a group's covariance was too small
+FACTOR_ROUNDS = 6  # most solutions with new factors (chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
         return np.concatenate([group.whitened(factors)[column] for group in linearised(q)])
 
     q, factor, wanted = np.zeros(prior.size), dict[str, float](), dict.fromkeys(groups, 1.0)
-    for _ in range(ROUNDS):
+    for _ in range(FACTOR_ROUNDS):
         inflate, wanted = wanted, dict.fromkeys(groups, 1.0)
         solution = least_squares(
             lambda q, factors: -white(q, factors, 0),
@@ -118,7 +118,7 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
             free = own.e.size - group.determined
             square = NormalEquations([own]).square()
             factor[name] = square / free if free > 0 else 1.0
-            if free > 0 and square > chi2.ppf(CONFIDENCE, free):
+            if free > 0 and square > chi2.ppf(FACTOR_CONFIDENCE, free):
                 wanted[name] = factor[name]
         if all(abs(np.sqrt(wanted[name] / inflate[name]) - 1.0) < 0.01 for name in groups):
             break

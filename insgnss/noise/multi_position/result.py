@@ -32,7 +32,7 @@ SHOWN = {
     "": (1e6, "ppm"),
     "rad": (1e3, "mrad"),
 }
-NAMED = 0.3  # least component of a blind direction that is named
+NAMED_COMPONENT = 0.3  # least component of a blind direction that is named
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ def blind_directions(states: Sequence[State], covariance: Array) -> tuple[str, .
         parts = [
             f"{'+' if vector[i] > 0 else '-'} {states[i]}"
             for i in np.argsort(-size_of, kind="stable")
-            if abs(vector[i]) > NAMED
+            if abs(vector[i]) > NAMED_COMPONENT
         ]
         out.append(f"{' '.join(parts).removeprefix('+ ')} ({np.sqrt(value):.1f} times the usual)")
     return tuple(out)

@@ -24,7 +24,7 @@ from ...base.errors import UsageError
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...records import Array
 
-MOST_GAUSS_MARKOV = 5
+MOST_GAUSS_MARKOV = 5  # of one axis (chosen)
 GAUSS_MARKOV, TIME, DRIVING = "gauss_markov", "correlation_time", "driving_noise"
 _LINEAR = {"QN": "quantization", "WN": "white_noise", "RW": "random_walk", "DR": "drift"}
 _ALIASES = {name: name for name in ("QN", "WN", "GM", "RW", "DR")} | {"AR1": "GM", "AR(1)": "GM"}

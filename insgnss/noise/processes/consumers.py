@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 from ...base import __version__
 from ...base.errors import UsageError
+from ...base.units import STANDARD_GRAVITY
 from ...navigation.noise_model.model import NoiseModel
 from .random_walk import CLUSTER_S, RandomWalk, random_walk_of
-
-GRAVITY = 9.80665  # m/s^2, what VINS asks for beside the noise
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def _vins(walk: RandomWalk, sensor: Sensor) -> list[str]:
         f"gyr_n: {_number(walk.gyro_white * white)}  # rad/s a sample",
         f"acc_w: {_number(walk.accel_walk * drive)}  # m/s^3 a sample",
         f"gyr_w: {_number(walk.gyro_walk * drive)}  # rad/s^2 a sample",
-        f"g_norm: {GRAVITY}",
+        f"g_norm: {STANDARD_GRAVITY}",
     ]
 
 

@@ -31,8 +31,8 @@ import numpy as np
 from ...base.errors import DataError, UsageError
 from ...navigation.noise_model.model import AxisNoise, NoiseModel
 
-CLUSTER_S = 10.0
-TURN = 1.8926  # T / tau at which (W.4) is largest
+CLUSTER_S = 10.0  # T by default (chosen), see above: --set cluster changes it
+PEAK_RATIO = 1.8926  # T / tau at which (W.4) is largest
 _SERIES = 1e-2  # T / tau below which (W.4) is summed as a power series
 
 
@@ -102,7 +102,7 @@ def white_and_walk(axis: AxisNoise, cluster_s: float) -> tuple[float, float]:
     for process in axis.gauss_markov:
         x = T / process.correlation_time_s
         variance = process.sigma**2 * gauss_markov_allan(x)
-        if x < TURN:
+        if x < PEAK_RATIO:
             walk += 3.0 * variance / T
         else:
             white += T * variance

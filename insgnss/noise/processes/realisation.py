@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 # of u; there ten levels of the continued fraction are exact to rounding, and beyond, the difference
 # is
 _FRACTION_BELOW = 2.0
-_BLOCK = 1 << 14  # samples drawn at a time; they stay in the cache
+_BLOCK_SAMPLES = 1 << 14  # samples drawn at a time; they stay in the cache
 
 
 def gauss_markov_step(T: float, q: float, dt: float) -> tuple[float, float]:
@@ -162,9 +162,9 @@ def _normals(out: Array, rng: np.random.Generator) -> Iterator[tuple[Array, Arra
     """Consecutive views of `out`, each with a buffer of as many standard normal numbers, in the
     order of one long draw.
     """
-    buffer = np.empty(min(_BLOCK, out.size))
-    for first in range(0, out.size, _BLOCK):
-        block = out[first : first + _BLOCK]
+    buffer = np.empty(min(_BLOCK_SAMPLES, out.size))
+    for first in range(0, out.size, _BLOCK_SAMPLES):
+        block = out[first : first + _BLOCK_SAMPLES]
         yield block, rng.standard_normal(out=buffer[: block.size])
 
 

@@ -21,7 +21,7 @@ from ..estimation.inference import covariances, infer, second_step
 from ..moments.theory import haar_variance, haar_variance_parts
 from ..processes.composition import MOST_GAUSS_MARKOV, Composition
 from .options import FAMILY, TuneOptions, chosen_levels
-from .products.words import FITS
+from .products.words import FITS_P
 from .recordings import AXES, StaticRecording
 from .result import Tuned
 from .usable import usable_axis
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 
 LEAST_DRAWS = 100  # of bootstrapped intervals
-MISFIT = 0.001  # p-value below which the second step is not trusted
-# of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
-DRAWS, DOUBTFUL = 40, 1e-6
+MISFIT_P = 0.001  # p-value below which the second step is not trusted
+# of a bootstrap of near-stationarity, made where its p-value by theory is between this and `FITS_P`
+DRAWS, DOUBTFUL_P = 40, 1e-6
 # of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
-CLOSE, MANY = 0.05, 50.0
+CLOSE, MANY_LENGTHS = 0.05, 50.0
 WHITE_SCALES = 2  # at which white noise must be most of what remains
 LAST_START = 12  # level up to which fine scales may be left out on advice
 
@@ -139,7 +139,7 @@ def tune_axes(
         stationarity = near_stationarity(
             kept, recordings=groups, draws=options.bootstrap, seed=options.seed
         )
-        if not options.bootstrap and DOUBTFUL < stationarity.p_value < FITS:
+        if not options.bootstrap and DOUBTFUL_P < stationarity.p_value < FITS_P:
             stationarity = near_stationarity(
                 kept, recordings=groups, draws=DRAWS, seed=options.seed
             )
@@ -242,7 +242,7 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
             None,
         )
     goodness = _j_test(second)
-    if _tested(goodness) and goodness.p_value < MISFIT:
+    if _tested(goodness) and goodness.p_value < MISFIT_P:
         return (
             first,
             "weights of the intervals kept: efficient ones would trust a model that does not fit",
@@ -269,7 +269,7 @@ def _finer_scales(
     model_option : option that names the model, where it was chosen of several: another might be
         chosen with other levels.
     """
-    if not _tested(goodness) or goodness.p_value >= FITS or options.levels is not None:
+    if not _tested(goodness) or goodness.p_value >= FITS_P or options.levels is not None:
         return ()
     name, close = str(first.composition), ""
     if long := _slow_misfit(first, misfits):
@@ -290,7 +290,7 @@ def _finer_scales(
                 f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option}"
                 " leaves the finer scales out"
             )
-        if (p := _tested_p(coarser, options)) >= FITS:
+        if (p := _tested_p(coarser, options)) >= FITS_P:
             fits = f"from scale {scale} on {name} fits (p = {p:.2g}): {option}"
             return (
                 (close, fits)
@@ -378,7 +378,7 @@ def _tested_p(fitted: Fit, options: TuneOptions) -> float:
     """
     test = _j_test(fitted)
     if (
-        _tested(test) and test.p_value >= MISFIT
+        _tested(test) and test.p_value >= MISFIT_P
     ):  # the efficient test is the better and the dearer one
         kept, _, goodness = _kept(fitted, options)
         test = goodness or _j_test(kept)
@@ -392,7 +392,7 @@ def _farthest(fitted: Fit) -> float:
     """
     off = [0.0]
     for curve, modelled in zip(fitted.curves, fitted.modelled, strict=True):
-        many = curve.count > MANY * 2.0**curve.level
+        many = curve.count > MANY_LENGTHS * 2.0**curve.level
         off += np.abs(np.sqrt(modelled[many] / curve.variance[many]) - 1.0).tolist()
     return max(off)
 

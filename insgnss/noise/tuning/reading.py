@@ -25,10 +25,10 @@ from .options import TuneOptions
 from .some_channels import columns_by_names, fields_of_some, read_some
 
 PLAIN = ("tow", *GYRO, *ACCEL)
-HEAD = 1 << 13
+FILE_HEAD_BYTES = 1 << 13  # of a file, which hold its header and its first rows (chosen)
 SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog", "rosbag")
 LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
-USUAL_HZ = (20.0, 20e3)
+USUAL_RANGE_HZ = (20.0, 20e3)  # of an IMU: a time unit that leads into it is proposed
 _WORDS = (
     (
         r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
@@ -193,14 +193,14 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
     span = float(imu.time[-1] - imu.time[0]) / 3600.0
     message = (
         f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has"
-        f" {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
+        f" {USUAL_RANGE_HZ[0]:g} to {USUAL_RANGE_HZ[1]:g} Hz"
     )
     if options.rate_hz is not None:
         raise InputError(f"{message}; give --rate in samples a second")
     likely = [
         unit
         for unit, factor in TIME_FACTORS.items()
-        if unit != "s" and USUAL_HZ[0] <= rate / factor <= USUAL_HZ[1]
+        if unit != "s" and USUAL_RANGE_HZ[0] <= rate / factor <= USUAL_RANGE_HZ[1]
     ]
     if likely and options.time_unit is None:
         advice = (

@@ -21,13 +21,13 @@ from ...navigation.prepare.static_recording import Disturbance, StaticSpan, stat
 from ...records import Array, Finding, Question, WaveletVariance
 from ..moments.wavelet import wavelet_variances
 from .options import TuneOptions
-from .reading import HEAD, own_words, read_samples
+from .reading import FILE_HEAD_BYTES, own_words, read_samples
 from .some_channels import chosen_channels
 
 Progress = Callable[[str], None]
 
 SENSORS, AXES = ("gyro", "accel"), ("x", "y", "z")
-BLOCKS = 128
+TREND_BLOCKS = 128  # equal parts (chosen): the shortest warm-up, 1/100 of a recording, shows
 POOLING = "pooling"  # name of the check that recordings are alike
 
 
@@ -41,7 +41,7 @@ class StaticRecording:
         File, digest, samples and rate.
     curves : mapping of (str, int) to WaveletVariance
         Wavelet variance (X^2) by sensor and axis, 0 to 2.
-    blocks : mapping of str to ndarray (BLOCKS, 3), or None
+    blocks : mapping of str to ndarray (TREND_BLOCKS, 3), or None
         Means of equal parts in time by sensor; None where only variances are known.
     begin_s, length_s : float
         Begin and length of the part that was used, s.
@@ -152,7 +152,7 @@ def _variances(
 
 def holds_variances(path: Path) -> bool:
     """Tell whether a file holds variances, JSON or a table over scales, instead of samples."""
-    head = first_bytes(path, HEAD)
+    head = first_bytes(path, FILE_HEAD_BYTES)
     start = head.lstrip()[:1]
     return start in (b"{", b"[") or (
         start != b"\x93"
@@ -162,7 +162,7 @@ def holds_variances(path: Path) -> bool:
 
 def _published(path: Path, options: TuneOptions) -> StaticRecording:
     """Return the curves of a file of published variances."""
-    head = read_bytes(path)[:HEAD]
+    head = read_bytes(path)[:FILE_HEAD_BYTES]
     if re.match(rb'\s*\{\s*"recordings":', head):
         raise InputError(
             f"{path}: is the table that insgnss tune wrote beside a noise model; give the"
@@ -216,6 +216,6 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
 
 
 def _block_means(values: Array) -> Array:
-    """Return the means (BLOCKS, 3) of equal parts."""
-    size = len(values) // BLOCKS
-    return np.asarray(values[: size * BLOCKS].reshape(BLOCKS, size, 3).mean(axis=1))
+    """Return the means (TREND_BLOCKS, 3) of equal parts."""
+    size = len(values) // TREND_BLOCKS
+    return np.asarray(values[: size * TREND_BLOCKS].reshape(TREND_BLOCKS, size, 3).mean(axis=1))

@@ -17,7 +17,7 @@ from ..moments.theory import haar_variance_parts
 from .fits import Tuned
 from .options import TuneOptions
 from .products.table import duration, interval, symbol, unit_text, value_text
-from .products.words import FITS, goodness_p, sensor_words, sentences, trends
+from .products.words import FITS_P, goodness_p, sensor_words, sentences, trends
 from .recordings import AXES, SENSORS, StaticRecording
 
 if TYPE_CHECKING:
@@ -92,11 +92,11 @@ class TuneResult:
         if not tested:
             good = "every axis has a model; none has so many scales that it could be tested"
         doubtful = []
-        if misfits := [t.name for t in tested if goodness_p(t) < FITS]:
+        if misfits := [t.name for t in tested if goodness_p(t) < FITS_P]:
             doubtful.append(
                 f"the J test contradicts {len(misfits)} of {len(tested)} models"
-                f" ({', '.join(misfits)}; by chance one in {1.0 / FITS:.0f} does); below it is said"
-                " by how much of the deviation"
+                f" ({', '.join(misfits)}; by chance one in {1.0 / FITS_P:.0f} does); below it is"
+                " said by how much of the deviation"
             )
         if self.model is None:
             doubtful.append("no noise model was written: a sensor or an axis is missing")

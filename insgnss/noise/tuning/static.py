@@ -27,7 +27,8 @@ from .turn_on import turn_on_bias
 
 Progress = Callable[[str], None]
 
-APART, FINEST = 3.0, 3  # of the noise of recordings that cannot be of one IMU, over so many scales
+# of the noise of recordings that cannot be of one IMU, over so many scales
+OTHER_IMU_RATIO, FINEST_SCALES = 3.0, 3
 
 
 def tune_static(
@@ -97,8 +98,8 @@ def _same(recordings: Sequence[StaticRecording]) -> None:
 
 
 def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
-    """DataError where the noise of a recording at its finest scales is `APART` times that of the
-    others, or a part of it as small.
+    """DataError where the noise of a recording at its finest scales is `OTHER_IMU_RATIO` times that
+    of the others, or a part of it as small.
 
     Compared is the root of wavelet variance times scale, which is the density where noise is white,
     whatever the rate.
@@ -108,7 +109,7 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
     for sensor, k in recordings[0].curves:
         curves = [r.curves[sensor, k] for r in recordings]
         levels = chosen_levels(options.levels, max(int(curve.level[-1]) for curve in curves))
-        fine = [np.isin(c.level, levels or c.level).nonzero()[0][:FINEST] for c in curves]
+        fine = [np.isin(c.level, levels or c.level).nonzero()[0][:FINEST_SCALES] for c in curves]
         if not all(index.size for index in fine):
             continue
         size = np.array(
@@ -119,7 +120,7 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
         )
         apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]
         i = int(np.argmax(apart)) if size.size == 2 else int(np.argmax(np.abs(apart)))
-        if abs(apart[i]) > np.log(APART):
+        if abs(apart[i]) > np.log(OTHER_IMU_RATIO):
             factor, others = (
                 float(np.exp(apart[i])),
                 "the others" if size.size > 2 else recordings[1 - i].name,

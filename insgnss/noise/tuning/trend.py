@@ -25,9 +25,11 @@ import numpy as np
 from ...navigation.noise_model.model import AxisNoise
 from ...records import Array
 
-REPLICATES, SHARE = 2000, 0.002
-FASTEST, SLOWEST, SHAPES = 0.01, 1.0 / 3.0, 12
-RIDGE = 1e-9  # of the mean variance: a model without white noise makes V nearly singular
+REPLICATES = 2000  # draws (chosen): four of them reach a chance of 0.002
+WARM_UP_CHANCE = 0.002  # below which a trend is named: one in five hundred
+# shortest and longest time constant tried, of the recording, and how many (chosen)
+FASTEST_SHARE, SLOWEST_SHARE, SHAPES = 0.01, 1.0 / 3.0, 12
+WHITE_RIDGE = 1e-9  # of the mean variance: a model without white noise makes V nearly singular
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Trend:
     @property
     def is_there(self) -> bool:
         """Whether noise alone hardly makes it."""
-        return self.by_chance < SHARE
+        return self.by_chance < WARM_UP_CHANCE
 
 
 def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Generator) -> Trend:
@@ -78,7 +80,7 @@ def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Gen
     K = blocks.size
     times, shapes = _shapes(K, length_s)
     V = covariance_of_means(noise, K, length_s / K)
-    L = np.linalg.cholesky(V + RIDGE * np.mean(np.diag(V)) * np.eye(K))
+    L = np.linalg.cholesky(V + WHITE_RIDGE * np.mean(np.diag(V)) * np.eye(K))
     white = np.linalg.solve(L, np.column_stack([np.ones(K), blocks - blocks.mean(), shapes.T]))
     one = white[:, 0] / np.linalg.norm(white[:, 0])
     x, s = white[:, 1], white[:, 2:]
@@ -125,7 +127,7 @@ def covariance_of_means(noise: AxisNoise, K: int, D: float) -> Array:
 
 def _shapes(K: int, length_s: float) -> tuple[Array, Array]:
     """Times (m,) s and shapes (m, K)."""
-    times = length_s * np.geomspace(FASTEST, SLOWEST, SHAPES)
+    times = length_s * np.geomspace(FASTEST_SHARE, SLOWEST_SHARE, SHAPES)
     t = (np.arange(K) + 0.5) * (length_s / K)
     return np.append(times, np.inf), np.vstack([np.exp(-t / times[:, None]), t / length_s])
 

@@ -17,9 +17,9 @@ from ...geodesy.earth import EARTH_RATE
 from ...records import Array
 from .recordings import StaticRecording
 
-GRAVITY_SIGMA = 0.015
-DEG_H, MG = np.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY
-SEES_EARTH = 0.1
+GRAVITY_SPREAD = 0.015  # m/s^2, by which gravity varies over the Earth: no bias below it shows
+DEG_PER_H, MILLI_G = np.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY  # rad/s, m/s^2
+SEES_EARTH = 0.1  # of the Earth's rate, within which |mean rate| is it (chosen): 1.5 deg/h of bias
 
 
 def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -53,16 +53,16 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
     rates = np.linalg.norm(gyro, axis=1)
     if (np.abs(rates / EARTH_RATE - 1.0) < SEES_EARTH).all():
         bias = float(np.sqrt(np.mean((rates - EARTH_RATE) ** 2)))
-        how = f"what |mean rate| is off the Earth's {EARTH_RATE / DEG_H:.2f} deg/h"
+        how = f"what |mean rate| is off the Earth's {EARTH_RATE / DEG_PER_H:.2f} deg/h"
     else:
         bias = float(np.sqrt(np.mean(gyro**2)))
-        how = f"rms of the means, the Earth's rotation included{_spread(gyro, DEG_H, 'deg/h')}"
+        how = f"rms of the means, the Earth's rotation included{_spread(gyro, DEG_PER_H, 'deg/h')}"
     excess = float(np.sqrt(np.mean((np.linalg.norm(accel, axis=1) - STANDARD_GRAVITY) ** 2)))
-    force = max(excess, GRAVITY_SIGMA)
-    seen = f"along the vertical, the only direction that rest shows{_spread(accel, MG, 'mg')}"
+    force = max(excess, GRAVITY_SPREAD)
+    seen = f"along the vertical, the only direction that rest shows{_spread(accel, MILLI_G, 'mg')}"
     notes = (
-        f"gyro turn_on_bias {bias / DEG_H:.3g} deg/h: {how}",
-        f"accel turn_on_bias {force / MG:.3g} mg: {seen}",
+        f"gyro turn_on_bias {bias / DEG_PER_H:.3g} deg/h: {how}",
+        f"accel turn_on_bias {force / MILLI_G:.3g} mg: {seen}",
     )
     return {"gyro": bias, "accel": force}, notes
 

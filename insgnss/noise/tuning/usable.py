@@ -37,7 +37,7 @@ Errors = dict[str, float]
 WHITE_BELOW = 0.1
 # of the variance: six digits of the file, and a correlation time at the end of its range, of which
 # a random walk differs by a hundred thousandth
-ROUNDING = 1e-3
+FILE_ROUNDING = 1e-3
 
 
 def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
@@ -141,7 +141,7 @@ def departures(axis: AxisNoise, fit: Fit) -> tuple[Departure, ...]:
     """Return the scales at which the wavelet variance of a model leaves the fit's confidence.
 
     That is the relative width of the 95 % interval of the wavelet variance at the scale, and never
-    less than `ROUNDING`.
+    less than `FILE_ROUNDING`.
 
     Parameters
     ----------
@@ -160,8 +160,8 @@ def departures(axis: AxisNoise, fit: Fit) -> tuple[Departure, ...]:
         fitted, written = (
             haar_variance(a, curve.level, curve.rate_hz, fit.sampling) for a in (fit.axis, axis)
         )
-        low = np.minimum(curve.low / curve.variance, 1.0 - ROUNDING)
-        high = np.maximum(curve.high / curve.variance, 1.0 + ROUNDING)
+        low = np.minimum(curve.low / curve.variance, 1.0 - FILE_ROUNDING)
+        high = np.maximum(curve.high / curve.variance, 1.0 + FILE_ROUNDING)
         ratio = np.divide(written, fitted, out=np.ones_like(written), where=fitted > 0.0)
         for k in np.flatnonzero((ratio < low) | (ratio > high)):
             scale = float(curve.scale_s[k])

@@ -14,9 +14,12 @@ from .normals import Linearised, Problem, assembled, corrections, cost, factoris
 from .start import directions, intersected
 from .unknowns import POINT, Unknowns
 
+# damping of Levenberg and Marquardt (chosen): the first where a place on the way is singular; below
+# the second it is none, beyond the third a step moves nothing and the block does not converge
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-9, 1e10
 RAISED, LOWERED = 3.0, 0.2  # a refused step after another raises twice as much (Nielsen 1999)
-MOST_STEPS, MOST_ROUNDS = 60, 4
+MOST_STEPS = 60  # of the iteration (chosen): a block that needs more does not converge
+MOST_VALIDITY_ROUNDS = 4  # until the same rays are in front of their cameras (chosen)
 CONVERGED_STEP = 1e-3  # standard deviations, of any unknown
 CONVERGED_COST = 1e-9  # of the cost, by a refused step
 
@@ -91,7 +94,7 @@ def adjusted(
             " of position and attitude; give them, or four points with coordinates that it sees"
         )
     steps, costs = 0, []
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MOST_VALIDITY_ROUNDS):
         active = valid(problem, values)
         result = _iterated(problem.with_active(active), values, steps, progress)
         steps, values = result.iterations, result.values

@@ -18,7 +18,7 @@ SMALLEST_EIGENVALUE = 1e-14
 """Of the normal matrix with unit diagonal. Without datum, or without scale, rounding leaves some
 1e-16; a strip of 60 images that hangs on three control points in a line has 1e-13, a good block
 1e-5."""
-MANY = 100
+SPARSE_UNKNOWNS = 100
 """Unknowns of a group from which on its Jacobian is taken for sparse."""
 POSE_NAMES = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")
 
@@ -251,7 +251,7 @@ def assembled(
 
 def _normal(P: Array, J: Array, e: Array) -> tuple[Array, Array]:
     """Return J^T P J and J^T P e of a group."""
-    if J.shape[1] < MANY:
+    if J.shape[1] < SPARSE_UNKNOWNS:
         weighted = P @ J
         return J.T @ weighted, weighted.T @ e
     from scipy.sparse import csr_array

@@ -17,7 +17,7 @@ from .envelope import Envelope, dense, envelope_of
 
 Rows = NDArray[np.int64]
 
-FEW = 100
+DENSE_IMAGES = 100
 """Images up to which a matrix is dense: nothing is gained."""
 
 
@@ -44,7 +44,7 @@ def arranged(
     """
     n = len(block.images)
     best, position = dense(size), np.arange(n)
-    if n <= FEW:
+    if n <= DENSE_IMAGES:
         return position, best
     least = np.inf
     first, second = _pairs(block, together)

@@ -32,18 +32,21 @@ from .unknowns import POINT, POSE, Unknowns
 
 LIMIT_W = 4.0
 """Of a thousand good observations one in fifteen is rejected by it."""
-HUBER = 2.0
-FAR = 12.0
+HUBER = 2.0  # units of the robust scale, from which on Huber's weights fall (chosen)
+FAR_UNITS = 12.0
 """Units of the robust scale beyond which an observation does not start: seven standard deviations,
 as residuals are smaller than errors."""
-ROBUST_ROUNDS, MOST_REJECTIONS = 6, 20
-FEW_REDUNDANT, LEAST_REDUNDANCY = 0.1, 0.1
+# most of Huber's adjustments (chosen); they end earlier where weights change by 5 %
+ROBUST_ROUNDS = 6
+MOST_REJECTIONS = 20  # most rounds of tests (chosen); each rejects one observation of every point
+FEW_REDUNDANT, LEAST_REDUNDANCY_NUMBER = 0.1, 0.1
 """Share of redundant observations below which redundancy numbers scale the residuals, and which of
 these numbers still say something."""
 MEDIAN_LENGTH = 1.1774  # of two standard normal components
 MEDIAN_LENGTH_3 = 1.5382  # of three
 MEDIAN_SIZE = 0.6745  # of one
-MOST_OF_CONTROL, LEAST_CONTROL = 1.0 / 3.0, 3
+MOST_OF_CONTROL = 1.0 / 3.0  # share of ground control that may be rejected: most of it is right
+LEAST_CONTROL = 3  # ground control points that stay where they alone give the block its datum
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +196,7 @@ def _robust(
     # which of a point's coordinates and its rays are wrong, their tests decide
     doubtful = np.zeros(len(problem.block.points), dtype=bool)
     doubtful[[groups[k].keys[0][1] for k in np.flatnonzero(off_groups > 1.0)]] = True
-    active &= ~((off > FAR * unit) & ~doubtful[_point_of_rays(problem)])
+    active &= ~((off > FAR_UNITS * unit) & ~doubtful[_point_of_rays(problem)])
     active &= ~left_alone(problem, active)
     return replace(problem, rays=given, groups=groups), values, active
 
@@ -268,7 +271,7 @@ def _lengths(result: Adjusted, given: collinearity.Rays) -> tuple[Array, float]:
     errors = off
     if _few_redundant(result.problem):  # residuals say little of errors
         r = precision_of(result).redundancy[result.problem.order].mean(axis=1)
-        part_of &= r > LEAST_REDUNDANCY
+        part_of &= r > LEAST_REDUNDANCY_NUMBER
         errors = off / np.sqrt(np.where(part_of, r, 1.0))
     unit = float(np.median(errors[part_of])) / MEDIAN_LENGTH if part_of.any() else 1.0
     return np.maximum(off, 1e-12), max(unit, 1e-12)

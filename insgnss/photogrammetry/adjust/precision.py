@@ -11,12 +11,12 @@ from .adjustment import Adjusted, residuals_px
 from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
-from .normals import MANY, Problem, assembled, columns_of, factorised, unknown_name
+from .normals import SPARSE_UNKNOWNS, Problem, assembled, columns_of, factorised, unknown_name
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 NONCENTRALITY = 4.13
 """Of Baarda's test with 0.1 % false alarms and 80 % power."""
-TOO_CORRELATED = 0.9
+TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to separate (chosen)
 COMMON = ("height", "rotation about y", "rotation about x")
 """Motions that all images of a camera may have in common: mean Z of their projection centres (m),
 and mean rotation about the axes of the camera (rad): roll and pitch where y looks back or ahead."""
@@ -417,7 +417,7 @@ def tested(
 
 def _explained(J: Array, Q: Array) -> Array:
     """Return J Q J^T."""
-    if J.shape[1] < MANY:
+    if J.shape[1] < SPARSE_UNKNOWNS:
         return J @ Q @ J.T
     from scipy.sparse import csr_array
 

@@ -23,12 +23,13 @@ from .normals import Problem
 from .precision import IMAGE, Component, Precision, image_components, precision_of
 from .unknowns import Unknowns
 
+# of a component from one (chosen): 0.5 % of a standard deviation
 ENOUGH_CHANGE = 0.01
-MOST_ROUNDS = 20
+MOST_REWEIGHTINGS = 20  # adjustments until the components settle (chosen)
 UNCERTAIN = 0.3
 """Relative standard deviation of a factor above which weights stay as they are."""
-LARGEST_CHANGE = 100.0
-SIGNIFICANT, WORTH_SAYING = 3.0, 1.3
+LARGEST_CHANGE = 100.0  # of a variance in one round, either way (chosen): no weight runs away
+NAMED_SIGMAS, NAMED_FACTOR = 3.0, 1.3
 """Standard deviations, and factor of the variance either way, from which on a kind is named."""
 
 
@@ -65,8 +66,8 @@ class Factor:
         """Whether the errors are certainly not those stated."""
         if not self.reweighted:
             return False
-        far = abs(self.factor - 1.0) > SIGNIFICANT * self.sigma
-        return far and not 1.0 / WORTH_SAYING < self.factor < WORTH_SAYING
+        far = abs(self.factor - 1.0) > NAMED_SIGMAS * self.sigma
+        return far and not 1.0 / NAMED_FACTOR < self.factor < NAMED_FACTOR
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ class Reweighted:
         if not self.converged:
             out.append(
                 f"variance components have not settled to {100 * ENOUGH_CHANGE:.0f} % in"
-                f" {MOST_ROUNDS} rounds; take the factors as a rough sign"
+                f" {MOST_REWEIGHTINGS} rounds; take the factors as a rough sign"
             )
         return out
 
@@ -147,7 +148,7 @@ def reweighted(
     product: dict[str, float] = {}
     trusted: set[str] | None = None
     of_images = image_components(problem.block)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MOST_REWEIGHTINGS):
         current = with_factors(problem, product)
         result = adjusted(current, values)
         point = np.where(np.isnan(result.values.point), values.point, result.values.point)

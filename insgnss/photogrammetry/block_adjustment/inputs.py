@@ -28,9 +28,9 @@ from .vehicle.places import Vehicle, vehicle_of
 USUAL_FREE = ("f", "cx", "cy")
 FEWEST_POINTS = 4
 """Of an image without aerial control: three orient it, and then nothing tells whether they do."""
-SHORTEST, LONGEST = 0.1, 50.0  # camera constants, of the longer side of the image
-MANY_SINGLE = 0.5
-FAR_M = 100e3
+SHORTEST_CONSTANT, LONGEST_CONSTANT = 0.1, 50.0  # camera constants, of the longer side of the image
+SINGLE_SHARE = 0.5  # of the points measured in one image alone: names that differ by image (chosen)
+FAR_GROUND_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
 
 
@@ -213,7 +213,7 @@ def refuse_field_of_view(camera: BrownCamera) -> None:
         Its field of view cannot be.
     """
     f, size = camera.of("f"), max(camera.width, camera.height)
-    if not SHORTEST * size < f < LONGEST * size:
+    if not SHORTEST_CONSTANT * size < f < LONGEST_CONSTANT * size:
         angle = 2.0 * np.degrees(np.arctan(0.5 * size / f))
         raise InputError(
             f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images"
@@ -229,7 +229,7 @@ def _seen_once(block: ImageBlock, moving: Sequence[str]) -> list[str]:
     own = set(moving)
     rays[[name in own for name in block.points]] = 0
     single = int((rays == 1).sum())
-    if single < MANY_SINGLE * (rays > 0).sum():
+    if single < SINGLE_SHARE * (rays > 0).sum():
         return []
     return [
         f"{single} of {int((rays > 0).sum())} points are measured once, in one image alone, and"
@@ -338,7 +338,7 @@ def ground_in_plane(
     away = np.linalg.norm(
         ground.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0), axis=1
     )
-    if (away > FAR_M).any():
+    if (away > FAR_GROUND_M).any():
         k = int(np.argmax(away))
         x, y, z = ground.position_m[k]
         if crs is None:
@@ -364,7 +364,7 @@ def _near_if_exchanged(
     except InsgnssError:
         return False
     away = other.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
-    return bool((np.linalg.norm(away, axis=1) < FAR_M).all())
+    return bool((np.linalg.norm(away, axis=1) < FAR_GROUND_M).all())
 
 
 def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:

@@ -17,6 +17,7 @@ from ...records.states import State
 from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.outliers import LIMIT_W
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.relative import DATUM
@@ -27,22 +28,26 @@ from .trials import Trial, shift_of_check_points, trials
 from .vehicle.verdict import AXES as OF_VEHICLE
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
-OUTSIDE, WORSE = 0.9995, 1.2
-GROSS_W = 4.0
+# of chi-square, either side: one component in a thousand lies outside by chance
+BOUND_CHANCE = 0.9995
+WORSE_FACTOR = 1.2  # of a standard deviation, from which on a contradiction matters (chosen)
+# rms of the residuals that repeat by place (px), and their mean square over its variance (chosen)
 PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
-MANY_REJECTED = 0.05
-MOST_OF_IMAGE, USUAL_REJECTED, CHANCE = 0.3, 0.02, 1e-5
-DISCONNECTED = 8.0  # times the share of ground control, for its rank
+MANY_REJECTED = 0.05  # share of all image observations, beyond which it is reported (chosen)
+# shares rejected, of an image that is named and of usual ones; chance of it in a block (chosen)
+MOST_OF_IMAGE, USUAL_REJECTED, IMAGE_CHANCE = 0.3, 0.02, 1e-5
+DISCONNECTED_GROUND = 8.0  # times the share of ground control, for its rank
 TOO_LARGE = 5.0
 """Times its standard deviations of a contradiction, beyond which no orientation is written."""
 CHECKS = "check points"
-ALIKE = 0.8  # of the gain of the best explanation, from which on another one is named beside it
+# of the gain of the best explanation, from which on another one is named beside it
+RIVAL_GAIN = 0.8
 HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
-SIGNIFICANT = 3.0
-STRONG = 0.95  # of a correlation that is worth a sentence
+SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
+STRONG_CORRELATION = 0.95  # of a correlation that is worth a sentence
 AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)} | OF_VEHICLE
 
 
@@ -148,7 +153,7 @@ def _bounds(redundancy: float) -> tuple[float, float]:
     """Return the two-sided 99.9 % bounds of a variance component."""
     from scipy.stats import chi2
 
-    low, high = chi2.ppf((1.0 - OUTSIDE, OUTSIDE), redundancy) / redundancy
+    low, high = chi2.ppf((1.0 - BOUND_CHANCE, BOUND_CHANCE), redundancy) / redundancy
     return float(low), float(high)
 
 
@@ -173,14 +178,14 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Finding]:
         low, high = _bounds(c["redundancy"])
         v = c["variance"]
         times = float(np.sqrt(v))
-        if v > max(high, WORSE**2):
+        if v > max(high, WORSE_FACTOR**2):
             yield ranked(
                 c["name"],
                 times,
                 f"{c['name']} contradicts the rest: its residuals are {times:.1f} times what its"
                 f" standard deviations allow (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
             )
-        elif v < min(low, 1.0 / WORSE**2):
+        elif v < min(low, 1.0 / WORSE_FACTOR**2):
             yield ranked(
                 c["name"],
                 0.5,
@@ -236,7 +241,7 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Finding]:
         return
     _, high = _bounds(degrees)
     mean = together["normalised_square"] / degrees
-    if mean > max(high, WORSE**2):
+    if mean > max(high, WORSE_FACTOR**2):
         worst = max(
             (c for c in figures["check_points"] if "difference_m" in c),
             key=lambda c: c["normalised_square"],
@@ -257,7 +262,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
     if alone:
         yield ranked(
             GROUND,
-            DISCONNECTED * len(alone) / len(control) + 1.0,
+            DISCONNECTED_GROUND * len(alone) / len(control) + 1.0,
             f"{len(alone)} of {len(control)} ground control points do not fit the rest, and all of"
             f" their image observations were left out: {some(alone)}",
         )
@@ -279,7 +284,7 @@ def _images(solved: Solved) -> Iterator[Finding]:
     share = missing / np.maximum(total, 1)
     usual = max(USUAL_REJECTED, 2.0 * float((shared & ~active).sum() / max(1, shared.sum())))
     chance = binom.sf(missing - 1, total, min(usual, 0.5))
-    beyond = np.flatnonzero((share > MOST_OF_IMAGE) & (chance < CHANCE / n))
+    beyond = np.flatnonzero((share > MOST_OF_IMAGE) & (chance < IMAGE_CHANCE / n))
     if beyond.size:
         worst = int(beyond[np.argmax(share[beyond])])
         more = f", and such a share in {beyond.size - 1} more" if beyond.size > 1 else ""
@@ -303,10 +308,10 @@ def _lever_arm(solved: Solved) -> Iterator[Finding]:
     off = float(np.linalg.norm(turn @ lever - lever))
     cov = solved.inputs.eo.cov
     sigma = float(np.sqrt(np.median(np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / 3.0))
-    if off > SIGNIFICANT * sigma:
+    if off > SIGNIFICANT_SIGMAS * sigma:
         yield ranked(
             BORESIGHT,
-            off / (SIGNIFICANT * sigma),
+            off / (SIGNIFICANT_SIGMAS * sigma),
             f"the bore-sight that the flight was processed with turned the lever arm of"
             f" {np.linalg.norm(lever):.2f} m to the antenna: projection centres are off by"
             f" {lengths([1e3 * off])} ({off / sigma:.0f} sigma)",
@@ -378,7 +383,7 @@ def _explained(
         )
     best = good[0]
     words = f"{best.name} of {shown(best)} explains it: {advice(best)}"
-    others = {t.name: t for t in good if t.name != best.name and t.gain > ALIKE * best.gain}
+    others = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
     alike = others.values()
     words += "".join(
         f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike
@@ -420,7 +425,7 @@ def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
         residual = lengths([1e3 * x for x in point["residual_m"]])
         yield ranked(
             GROUND,
-            max(1.0, point["w"] / GROSS_W),
+            max(1.0, point["w"] / LIMIT_W),
             f"ground control point {point['point']} does not fit and was left out: {residual}"
             f" (east, north, up), {point['w']:.1f} sigma",
             "check its coordinates and its image measurements",
@@ -442,7 +447,7 @@ def _rejected(figures: Mapping[str, Any]) -> Iterator[Finding]:
 def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
     for name, own in figures["mounting"].items():
         value, sigma = np.array(own["value"]), np.array(own["sigma"])
-        if (np.abs(value) > SIGNIFICANT * sigma).any():
+        if (np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any():
             factor, unit = screen_unit(own["unit"])
             words = " / ".join(f"{factor * v:+.3g}" for v in value)
             yield ranked(
@@ -458,7 +463,7 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """The strongest pair of each remedy; coefficients of one polynomial are no finding."""
     seen: set[str] = set()
     for pair in figures["correlations"]:
-        strong = abs(pair["correlation"]) > STRONG
+        strong = abs(pair["correlation"]) > STRONG_CORRELATION
         if not strong or pair["remedy"] in seen or pair["remedy"] == NORMAL:
             continue
         seen.add(pair["remedy"])
@@ -490,7 +495,7 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 continue
             moved = own["value"] - own["first"]
             unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
-            sure = abs(own["value"]) > SIGNIFICANT * own["sigma"]
+            sure = abs(own["value"]) > SIGNIFICANT_SIGMAS * own["sigma"]
             verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
             yield (
                 f"{name} of {camera['name']}",

@@ -15,7 +15,7 @@ from ...report.verdict import Verdict, worst_of
 from .judgement import Judgement
 from .solve import Solved
 
-STRONG = 0.9  # a correlation that stands out
+MARKED_CORRELATION = 0.9  # a correlation that stands out
 MODES = {
     "iso": "integrated sensor orientation",
     "indirect": "indirect: without aerial control",
@@ -277,7 +277,7 @@ def _correlations(camera: Mapping[str, Any]) -> Section:
     rows = [
         (
             name,
-            *(strong(f"{x:+.2f}", abs(x) > STRONG) for x in rho[i][:i]),
+            *(strong(f"{x:+.2f}", abs(x) > MARKED_CORRELATION) for x in rho[i][:i]),
             *[""] * (len(names) - i),
         )
         for i, name in enumerate(names)

@@ -8,8 +8,8 @@ from ...records.block import Array
 from ..adjust.adjustment import residuals_px
 from .solve import Solved
 
-CELLS = (12, 9)
-FEWEST = 8  # observations of a cell
+CELLS = (12, 9)  # of the format, about square for 4:3 (chosen)
+FEWEST_OF_CELL = 8  # observations of a cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def patterns(solved: Solved) -> tuple[Pattern, ...]:
         number = cell[:, 0] * CELLS[1] + cell[:, 1]
         size = CELLS[0] * CELLS[1]
         count = np.bincount(number, minlength=size)
-        good = count >= FEWEST
+        good = count >= FEWEST_OF_CELL
         mean, var = np.zeros((size, 2)), np.zeros((size, 2))
         for k in range(2):
             own = np.maximum(r[mine, k], 0.0) * seen.sigma_px[mine, k] ** 2

@@ -18,7 +18,7 @@ from ...geodesy.similarity import similarity
 from ...records.block import Array, ImageBlock
 from ..adjust.start import directions, intersected
 
-FEWEST = 3
+FEWEST_COMMON = 3  # images, or ground points: fewer leave a similarity (S.1) a rotation
 
 
 def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
@@ -42,16 +42,16 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
         return block
     common = own & block.oriented
     fitted = None
-    if common.sum() >= FEWEST:
+    if common.sum() >= FEWEST_COMMON:
         R = nearest_rotation(np.einsum("nij,nkj->ik", block.C_mc[common], C[common]))
         fitted = similarity(position[common], block.position_m[common], R)
-    elif len(block.control) >= FEWEST:
+    elif len(block.control) >= FEWEST_COMMON:
         seen = block.observations
         X = intersected(position, C, directions(block), seen.image, seen.point, len(block.points))[
             block.control.point
         ]
         good = np.isfinite(X).all(axis=1)
-        if good.sum() >= FEWEST:
+        if good.sum() >= FEWEST_COMMON:
             fitted = similarity(X[good], block.control.position_m[good])
     if fitted is None:
         return block

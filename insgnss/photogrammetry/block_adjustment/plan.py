@@ -46,10 +46,10 @@ from .page import ground_of, input_paths
 from .solve import Solved, plainly, set_up
 
 DOCUMENT, PAGE = "plan.json", "plan.html"
-SEED = 14
-WORTH = 0.8  # of the largest sigma, from which on a control point is worth its survey
-TARGET_PX = 0.3
-FLAT = Terrain(0.0, np.zeros(1), np.zeros((2, 1)), np.zeros(1))
+SEED = 14  # of the tie points drawn, so that a plan gives the same numbers again (any)
+WORTH_RATIO = 0.8  # of the largest sigma, from which on a control point is worth its survey
+TARGET_PX = 0.3  # largest sigma of a target's image observation (chosen)
+FLAT = Terrain(0.0, np.zeros(1), np.zeros((2, 1)), np.zeros(1))  # one wave without amplitude
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Plan:
                 )
         if self.best is not None:
             where, before, after, image = self.best
-            gain = "would help most" if after < WORTH * before else "would help little, even"
+            gain = "would help most" if after < WORTH_RATIO * before else "would help little, even"
             yield (
                 f"one more ground control point {gain} at E {where[0]:.0f}, N {where[1]:.0f} m"
                 f" (near {image}): largest height sigma of points in three images"
@@ -244,7 +244,7 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
 
 def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
     """Write document and page, both or none."""
-    where = plan.best[0] if plan.best and plan.best[2] < WORTH * plan.best[1] else None
+    where = plan.best[0] if plan.best and plan.best[2] < WORTH_RATIO * plan.best[1] else None
     chart = precision_map(plan.figures, ground_of(plan.solved), where)
     with together() as staging:
         into = staging.tree(out)

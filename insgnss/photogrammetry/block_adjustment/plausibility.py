@@ -32,12 +32,14 @@ from .readings import (
 )
 from .vehicle.rays import refuse_elsewhere
 
-FEWEST_IMAGES, FEWEST_OF_IMAGE = 3, 8
-APART = 0.02  # of the longer side: rays that are farther apart than this do not meet
-DOUBTFUL = 0.008  # the same, where another reading makes them meet
-SIGMAS, FEW_SIGMAS = 5.0, 2.0  # of the attitudes, where they are that poor
-MOST_IMAGES = 6
-WORSE = 10.0  # misclosure of rays over the stated sigma of pixels, from which that is doubted
+FEWEST_IMAGES = 3  # with rays, or ground points with one: below, nothing is asked of their fit
+FEWEST_OF_IMAGE = 8  # rays of an image, below which their median is not judged (chosen)
+NOT_MEETING_SHARE = 0.02  # of the longer side: rays that are farther apart than this do not meet
+DOUBTFUL_SHARE = 0.008  # the same, where another reading makes them meet
+ATTITUDE_SIGMAS, FEW_ATTITUDE_SIGMAS = 5.0, 2.0  # of the attitudes, where they are that poor
+MOST_NAMED_IMAGES = 6  # beyond, the cause lies in the block, not in single images (chosen)
+# misclosure of rays over the stated sigma of pixels, from which that is doubted
+WORSE_MISCLOSURE = 10.0
 OFF_M = 5.0  # least distance of ground points that is asked about
 PIXEL = 0.1  # what image observations of a right block leave
 
@@ -67,12 +69,12 @@ def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
     size = max(max(camera.width, camera.height) for camera in inputs.block.cameras)
     apart, turn = few.fitted()
     sigma = float(np.median(_sigma_px(inputs, whole)))
-    doubtful = max(DOUBTFUL * size, FEW_SIGMAS * sigma)
+    doubtful = max(DOUBTFUL_SHARE * size, FEW_ATTITUDE_SIGMAS * sigma)
     if failed or apart > doubtful:
-        limit = np.inf if failed else max(APART * size, SIGMAS * sigma)
+        limit = np.inf if failed else max(NOT_MEETING_SHARE * size, ATTITUDE_SIGMAS * sigma)
         _refuse_readings(inputs, few, apart, (doubtful, limit))
     whole = replace(whole, C=whole.C @ rotation_from_vector(turn))
-    _refuse_images(inputs, whole, apart, 0.0 if failed else APART * size)
+    _refuse_images(inputs, whole, apart, 0.0 if failed else NOT_MEETING_SHARE * size)
     _refuse_ground(inputs, whole, apart)
     _refuse_vehicle(inputs, turn)
 
@@ -100,7 +102,7 @@ def worse_than_stated(inputs: Inputs) -> str:
     sigma = float(np.median(few.f * np.sqrt(angle)))
     stated = float(np.median(inputs.block.observations.sigma_px[few.row]))
     apart, _ = few.fitted()
-    if not apart >= max(WORSE * stated, FEW_SIGMAS * sigma):
+    if not apart >= max(WORSE_MISCLOSURE * stated, FEW_ATTITUDE_SIGMAS * sigma):
         return ""
     return (
         f"; rays of a point pass {apart:.1f} px from each other, where image observations are"
@@ -170,10 +172,10 @@ def _refuse_readings(
 def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -> None:
     """Refuse a block some images of which do not fit, and name them."""
     names = inputs.block.images
-    limit = np.maximum(max(least, 10.0 * apart), SIGMAS * _sigma_px(inputs, whole))
+    limit = np.maximum(max(least, 10.0 * apart), ATTITUDE_SIGMAS * _sigma_px(inputs, whole))
     n, out = len(names), list[tuple[int, float]]()
     rest = whole
-    while len(out) <= MOST_IMAGES:
+    while len(out) <= MOST_NAMED_IMAGES:
         count = np.bincount(rest.point)
         rest = rest.rows(count[rest.point] >= 2)
         off = np.linalg.norm(rest.residuals(), axis=1)
@@ -190,7 +192,7 @@ def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -
             break
         out.append((worst, float(medians[worst])))
         rest = rest.rows(rest.image != worst)
-    if not out or len(out) > MOST_IMAGES or len(out) > 0.2 * n:
+    if not out or len(out) > MOST_NAMED_IMAGES or len(out) > 0.2 * n:
         return
     some = sorted(i for i, _ in out)
     words = " and ".join(names[i] for i in some)

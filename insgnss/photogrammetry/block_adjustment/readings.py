@@ -23,9 +23,10 @@ from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
 from .inputs import Inputs
 
-FEWEST_RAYS = 60
-MOST_RAYS = 500
-STEPS, FEW_STEPS, LONGEST_STEP = 10, 3, 0.2
+FEWEST_RAYS = 60  # below which no reading is judged (chosen): three or four unknowns are fitted
+MOST_RAYS = 500  # of one reading (chosen): dozens of readings are fitted
+# steps of a fit, and after how many a hopeless one is given up; longest step (rad, s) (chosen)
+MOST_READING_STEPS, FEW_STEPS, LONGEST_READING_STEP = 10, 3, 0.2
 OWN_AXES = ("its x axis", "its y axis", "its z axis")
 FAR_OFF = 1e6  # pixels, of a point behind its camera
 Rows = NDArray[np.int64]
@@ -108,7 +109,7 @@ class Reading:
         e = self.residuals()
         best = _median(e)
         damping = 0.0
-        for step_number in range(STEPS):
+        for step_number in range(MOST_READING_STEPS):
             if step_number >= FEW_STEPS and best > hopeless:
                 break
             J = np.stack(
@@ -122,7 +123,7 @@ class Reading:
             if not np.linalg.cond(N) < 1e12:
                 break
             step = -np.linalg.solve(N * (1.0 + damping * np.eye(n)), g)
-            step *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(step)), 1e-12))
+            step *= min(1.0, LONGEST_READING_STEP / max(float(np.linalg.norm(step)), 1e-12))
             ahead = self.residuals(change + step)
             if not (after := _median(ahead)) < best:
                 if damping > 10.0:

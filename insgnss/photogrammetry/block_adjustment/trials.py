@@ -43,8 +43,9 @@ from .vehicle.verdict import remedy as what_to_do
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 DATUM: Key = ("shift of ground control", 0)
-CHANCE, SHARE = 0.9999, 1.0 / 3.0
-CONVERGED_VARIANCE = 9.0
+GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
+GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
+CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas the trial is wrong
 ALMOST_ALL = 0.8  # of what is too much in check points
 CHECK_SHIFT = "shift of check points"
 USUAL = ("f", "cx", "cy")
@@ -188,7 +189,7 @@ def shift_of_check_points(solved: Solved) -> Trial | None:
     value, cov = checks.shift()
     gain = float(value @ np.linalg.solve(cov, value))
     excess = checks.normalised_square - checks.difference_m.size
-    enough = gain > max(chi2.ppf(CHANCE, 3), ALMOST_ALL * excess)
+    enough = gain > max(chi2.ppf(GAIN_CHANCE, 3), ALMOST_ALL * excess)
     sigma = np.sqrt(np.diagonal(cov))
     return Trial(CHECK_SHIFT, gain, 3, value, sigma, "m", bool(enough), "ground.crs")
 
@@ -348,8 +349,8 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
     sigma = np.sqrt(np.diagonal(cov))
     if reconnects:
         gain = float(value @ np.linalg.solve(cov, value))
-        excess = 0.0 if len(_without_rays(again.problem)) < SHARE * len(alone) else np.inf
-    enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)
+        excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
+    enough = gain > max(chi2.ppf(GAIN_CHANCE, value.size), GAIN_SHARE * excess)
     return Trial(
         remedy.name,
         float(gain),

@@ -7,6 +7,7 @@ from ...geodesy.rotation import is_rotation
 from ...records import Array
 
 SIGNIFICANCE = 0.01  # of global tests, and of an outlier test over all setups
+MOST_ITERATIONS = 30  # of Gauss and Newton (chosen): from first values in closed form a few do
 
 
 def refuse_other_shapes(record: object, **shapes: tuple[int, ...]) -> None:

@@ -9,11 +9,12 @@ import numpy as np
 from ...records import Array
 
 STRAIGHT = 0.94  # cosine of the turn between neighbouring legs: 20 deg
-STEP = 2.0  # times the median distance of neighbours: within a strip
-ALIKE = 0.9  # length of the mean direction in camera axes: the camera looks the same way in flight
-FEWEST = 8
-SIGNIFICANT = 3.0  # of a correlation, over 1 / sqrt(n)
-MOST = 0.98
+STEP_RATIO = 2.0  # times the median distance of neighbours: within a strip
+# length of the mean direction in camera axes: the camera looks the same way in flight
+LOOKS_ALIKE = 0.9
+FEWEST_COURSES = 8  # images on straight legs, for a mean direction (chosen)
+SIGNIFICANT_CORRELATION = 3.0  # of a correlation, over 1 / sqrt(n)
+MOST_CORRELATION = 0.98  # of neighbours: 1 would leave one observation of all (chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,16 +108,16 @@ def flight_direction(position: Array, C_mc: Array, time: Array | None) -> Flight
     for k in range(1, len(order) - 1):
         a, b = step[k - 1], step[k]
         both = length[k - 1] * length[k]
-        if not 0.0 < max(length[k - 1], length[k]) <= STEP * usual or a @ b < STRAIGHT * both:
+        if not 0.0 < max(length[k - 1], length[k]) <= STEP_RATIO * usual or a @ b < STRAIGHT * both:
             continue
         course[order[k]] = (a + b) / np.linalg.norm(a + b)
         if time is not None and (dt := time[order[k + 1]] - time[order[k - 1]]) > 0.0:
             speeds.append(float(np.linalg.norm(a + b)) / dt)
     use = np.isfinite(course[:, 0])
-    if use.sum() < FEWEST:
+    if use.sum() < FEWEST_COURSES:
         return None
     seen = np.einsum("nji,nj->ni", C_mc[use], course[use]).mean(axis=0)
-    if (size := float(np.linalg.norm(seen))) < ALIKE:
+    if (size := float(np.linalg.norm(seen))) < LOOKS_ALIKE:
         return None
     azimuth = np.degrees(np.arctan2(course[:, 0], course[:, 1])) % 360.0
     speed = float(np.median(speeds)) if speeds else None
@@ -140,4 +141,6 @@ def neighbour_correlation(residual: Array) -> Array:
     e = residual - residual.mean(axis=0)
     size = (e**2).sum(axis=0)
     rho = np.where(size > 0.0, (e[1:] * e[:-1]).sum(axis=0) / np.maximum(size, 1e-300), 0.0)
-    return np.where(rho * np.sqrt(n) > SIGNIFICANT, np.minimum(rho, MOST), 0.0)
+    return np.where(
+        rho * np.sqrt(n) > SIGNIFICANT_CORRELATION, np.minimum(rho, MOST_CORRELATION), 0.0
+    )

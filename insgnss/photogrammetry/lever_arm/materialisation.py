@@ -43,13 +43,13 @@ from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
-from .checks import factor_limit, refuse_other_shapes
+from .checks import MOST_ITERATIONS, factor_limit, refuse_other_shapes
 from .tripod import weighted_mean
 
-MISFIT_M, MISFIT_SIGMA = 0.005, 10.0  # residuals of both: other targets, not small covariances
-ITERATIONS = 30
-CONVERGED = 1e-10  # squared step over its variance
-FEWEST = 3
+# residuals of both: other targets, not small covariances
+MISFIT_TARGETS_M, MISFIT_SIGMA = 0.005, 10.0
+CONVERGED_TARGETS = 1e-10  # squared step over its variance
+FEWEST_TARGETS = 3  # of a frame: two leave the rotation about their line
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ class Targets:
     def __post_init__(self) -> None:
         n = len(self.position)
         refuse_other_shapes(self, position=(n, 3), cov=(n, 3, 3))
-        if n < FEWEST:
-            raise DataError(f"{n} targets; a frame needs {FEWEST} that stand on no line")
+        if n < FEWEST_TARGETS:
+            raise DataError(f"{n} targets; a frame needs {FEWEST_TARGETS} that stand on no line")
         if not (np.linalg.eigvalsh(self.cov)[:, 0] > 0.0).all():
             raise DataError("a target's covariance is not positive definite")
 
@@ -268,7 +268,7 @@ def intersected_target(
     def move(dx: Array) -> None:
         P[:] += dx
 
-    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    normals, _ = adjusted(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
     return P, normals.cov, normals.square() / (2 * n - 3)
 
 
@@ -324,10 +324,11 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
         if len(session.targets.position) != n:
             raise DataError(f"session {k} has {len(session.targets.position)} targets, not {n}")
         R, position, cov, residual = _rigid(session, first.targets)
-        if (rms := float(np.sqrt((residual**2).mean()))) > MISFIT_M:
+        if (rms := float(np.sqrt((residual**2).mean()))) > MISFIT_TARGETS_M:
             raise DataError(
                 f"targets of session {k} miss those of the first by {1e3 * rms:.1f} mm rms (limit"
-                f" {1e3 * MISFIT_M:g} mm): another order, a target that moved or a mirrored frame"
+                f" {1e3 * MISFIT_TARGETS_M:g} mm): another order, a target that moved or a mirrored"
+                " frame"
             )
         points.append(first.targets.position + residual)
         covs.append(R @ session.targets.cov @ R.T)
@@ -368,7 +369,7 @@ def _rigid(session: ReceiverSession, target: Targets) -> tuple[Array, Array, Arr
         nonlocal A, R
         A, R = A + dx[:3], rotation_from_vector(dx[3:]) @ R
 
-    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    normals, _ = adjusted(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
     d = (X.position - session.antenna_m) @ R.T
     return R, A, normals.cov[:3, :3], A + d - target.position
 
@@ -427,7 +428,7 @@ def materialised_lever_arm(
         T1, R1, s = T1 + dx[:3], rotation_from_vector(dx[3:6]) @ R1, s * float(np.exp(dx[6]))
         arm, R2 = arm + dx[7:10], rotation_from_vector(dx[10:]) @ R2
 
-    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    normals, _ = adjusted(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
     residual, dof = normals.groups[0].e, 3 * N - 13
     factor = normals.square() / dof
     limit = factor_limit(dof)
@@ -437,10 +438,10 @@ def materialised_lever_arm(
             " the block has the wrong sign, or two are exchanged"
         )
     rms = float(np.sqrt((residual**2).mean()))
-    if rms > MISFIT_M and factor > MISFIT_SIGMA**2:
+    if rms > MISFIT_TARGETS_M and factor > MISFIT_SIGMA**2:
         raise DataError(
-            f"targets miss each other by {1e3 * rms:.1f} mm rms (limit {1e3 * MISFIT_M:g} mm),"
-            f" {np.sqrt(factor):.0f} times their covariances: another order, a sensor that was"
+            f"targets miss each other by {1e3 * rms:.1f} mm rms (limit {1e3 * MISFIT_TARGETS_M:g} "
+            f" mm), {np.sqrt(factor):.0f} times their covariances: another order, a sensor that was"
             " taken apart or a mirrored frame"
         )
     J = np.concatenate([-np.eye(3), skew(arm)], axis=1)

@@ -45,18 +45,20 @@ from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inver
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
-from .checks import factor_limit, refuse_no_rotation, refuse_other_shapes
+from .checks import MOST_ITERATIONS, factor_limit, refuse_no_rotation, refuse_other_shapes
 
-CORRELATED = 0.95  # with the translation: above, a component is not determined
+CORRELATED_WITH_SHIFT = 0.95  # with the translation: above, a component is not determined
 RULER_M = 0.05  # standard error of a lever arm measured on the aircraft by hand
 PRIOR_M = 100.0  # no lever arm is longer
-LONGEST_M = 5.0  # of a lever arm on an aircraft that maps: more are other images' positions
+# of a lever arm on an aircraft that maps: more are other images' positions
+LONGEST_LEVER_ARM_M = 5.0
 UPWARDS = 0.5  # vertical part of the mean viewing direction: 30 deg above the horizon
-MISFIT_M, MISFIT_SIGMA = 0.5, 10.0  # residuals of both: other data, not too small covariances
-ITERATIONS = 30
-CONVERGED = 1e-8  # squared step over its variance
-ONE_HEADING = 0.97  # length of the mean of unit vectors: spread of some 14 deg
-T, TURN, SCALE, ARM = slice(0, 3), slice(3, 6), 6, slice(7, 10)
+# residuals of both: other data, not too small covariances
+MISFIT_ANTENNA_M, MISFIT_SIGMA = 0.5, 10.0
+CONVERGED_SIMILARITY = 1e-8  # squared step over its variance
+ONE_HEADING_LENGTH = 0.97  # length of the mean of unit vectors: spread of some 14 deg
+# columns of the ten unknowns: T, rotation, log of the scale, lever arm (E.1)
+SHIFT_AT, TURN_AT, SCALE_AT, ARM_AT = slice(0, 3), slice(3, 6), 6, slice(7, 10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +166,12 @@ class SimilarityLeverArm:
     @property
     def sigma_m(self) -> Array:
         """The standard errors (3,) of the lever arm, m."""
-        return np.sqrt(np.diag(self.cov)[ARM])
+        return np.sqrt(np.diag(self.cov)[ARM_AT])
 
     @property
     def determined(self) -> NDArray[np.bool_]:
         """Whether the flight determines each component (3,)."""
-        return (self.translation_correlation <= CORRELATED) & (self.sigma_m <= RULER_M)
+        return (self.translation_correlation <= CORRELATED_WITH_SHIFT) & (self.sigma_m <= RULER_M)
 
     def verdict(self, axis: int) -> str:
         """Return one component's value, or why there is none and what would give it.
@@ -192,16 +194,16 @@ class SimilarityLeverArm:
                 f" vertical translation {self.vertical_correlation[axis]:+.2f})"
             )
         why = (
-            f"correlation with the translation {rho:.3f}, limit {CORRELATED:g}"
-            if rho > CORRELATED
+            f"correlation with the translation {rho:.3f}, limit {CORRELATED_WITH_SHIFT:g}"
+            if rho > CORRELATED_WITH_SHIFT
             else f"limit {RULER_M:g} m"
         )
         rms = float(np.sqrt((self.residual_m**2).mean()))
-        if rho <= CORRELATED and rms > RULER_M:
+        if rho <= CORRELATED_WITH_SHIFT and rms > RULER_M:
             cure = f"antenna positions scatter by {rms:.2f} m; solve them with carrier phases (PPK)"
         elif abs(self.vertical[axis]) > 0.7:
             cure = f"the camera tilted by {self.tilt_deg:.1f} deg rms; tilt it more"
-        elif self.heading_length > ONE_HEADING:
+        elif self.heading_length > ONE_HEADING_LENGTH:
             cure = "all images have one heading; fly opposite or perpendicular strips"
         else:
             cure = "fly more strips of opposite heading"
@@ -258,7 +260,7 @@ def similarity_lever_arm(
         )
     system = _System(poses, ground)
     normals, converged = adjusted(
-        system.linearised, system.move, CONVERGED, ITERATIONS, redundancy=dof
+        system.linearised, system.move, CONVERGED_SIMILARITY, MOST_ITERATIONS, redundancy=dof
     )
     cov, R = normals.cov, system.R
     solution = NormalEquations(system.linearised())
@@ -272,7 +274,7 @@ def similarity_lever_arm(
         system.arm,
         cov * (factor if factor > limit else 1.0),
         Similarity(system.T - system.s * R @ system.origin, R, system.s),
-        cov[ARM, 2] / np.sqrt(np.diag(cov)[ARM] * cov[2, 2]),
+        cov[ARM_AT, 2] / np.sqrt(np.diag(cov)[ARM_AT] * cov[2, 2]),
         np.array([_multiple_correlation(cov, 7 + j) for j in range(3)]),
         residual[:n],
         residual[n:],
@@ -285,8 +287,8 @@ def similarity_lever_arm(
     _plausible(result, C[:, :, 2].mean(axis=0))
     if not converged:
         raise DataError(
-            f"similarity and lever arm did not converge in {ITERATIONS} steps; do poses and antenna"
-            " positions belong to the same images?"
+            f"similarity and lever arm did not converge in {MOST_ITERATIONS} steps; do poses and"
+            " antenna positions belong to the same images?"
         )
     return result
 
@@ -318,11 +320,11 @@ class _System:
         turn = self.s * self.R
         d = (self.source - self.origin) @ turn.T
         rows = np.zeros((k, 3, 10))
-        rows[:, :, T], rows[:, :, SCALE] = np.eye(3), d
+        rows[:, :, SHIFT_AT], rows[:, :, SCALE_AT] = np.eye(3), d
         C = rotation_from_vector(self.psi) @ self.poses.C_rc
-        rows[:n, :, ARM] = self.R @ C
-        d = d + rows[:, :, ARM] @ self.arm
-        rows[:, :, TURN] = -skew(d)
+        rows[:n, :, ARM_AT] = self.R @ C
+        d = d + rows[:, :, ARM_AT] @ self.arm
+        rows[:, :, TURN_AT] = -skew(d)
         by_attitude = -self.R @ skew(C @ self.arm)
         J = np.concatenate([np.broadcast_to(turn, (n, 3, 3)), by_attitude], axis=2)
         images = self.poses.antenna_cov + J @ self.poses.pose_cov @ J.transpose(0, 2, 1)
@@ -342,26 +344,26 @@ class _System:
 
     def move(self, dx: Array) -> None:
         """Move the values, and the attitudes by what is left (Gauss-Helmert)."""
-        self.T, self.R = self.T + dx[T], rotation_from_vector(dx[TURN]) @ self.R
-        self.s *= float(np.exp(np.clip(dx[SCALE], -1.0, 1.0)))
-        self.arm = self.arm + dx[ARM]
+        self.T, self.R = self.T + dx[SHIFT_AT], rotation_from_vector(dx[TURN_AT]) @ self.R
+        self.s *= float(np.exp(np.clip(dx[SCALE_AT], -1.0, 1.0)))
+        self.arm = self.arm + dx[ARM_AT]
         left = self.observed.residual(dx)[: len(self.gain)]
         self.psi = np.einsum("kij,kj->ki", self.gain, left)
 
 
 def _multiple_correlation(cov: Array, index: int) -> float:
     """Return the multiple correlation of an unknown with the translation."""
-    own, cross = cov[index, index], cov[index, T]
-    explained = float(cross @ np.linalg.solve(cov[T, T], cross)) / own
+    own, cross = cov[index, index], cov[index, SHIFT_AT]
+    explained = float(cross @ np.linalg.solve(cov[SHIFT_AT, SHIFT_AT], cross)) / own
     return float(np.sqrt(min(max(explained, 0.0), 1.0)))
 
 
 def _plausible(result: SimilarityLeverArm, viewing: Array) -> None:
     """Refuse what no flight is."""
     rms = float(np.sqrt((result.residual_m**2).mean()))
-    if rms > MISFIT_M and result.variance_factor > MISFIT_SIGMA**2:
+    if rms > MISFIT_ANTENNA_M and result.variance_factor > MISFIT_SIGMA**2:
         raise DataError(
-            f"antenna positions miss the poses by {rms:.2f} m rms (limit {MISFIT_M:g} m),"
+            f"antenna positions miss the poses by {rms:.2f} m rms (limit {MISFIT_ANTENNA_M:g} m),"
             f" {np.sqrt(result.variance_factor):.0f} times their covariances: poses of other"
             " images or another flight, event times in UTC, or a frame that is not Cartesian"
         )
@@ -371,11 +373,11 @@ def _plausible(result: SimilarityLeverArm, viewing: Array) -> None:
             " one frame is mirrored or not east-north-up (a flight that does look up needs a ground"
             " point)"
         )
-    beyond = np.abs(result.lever_arm_m) - 3.0 * result.sigma_m > LONGEST_M
+    beyond = np.abs(result.lever_arm_m) - 3.0 * result.sigma_m > LONGEST_LEVER_ARM_M
     if beyond.any():
         axis = int(np.argmax(beyond))
         raise DataError(
             f"the lever arm comes out as {result.lever_arm_m[axis]:+.1f} m along camera"
-            f" {'xyz'[axis]} (limit {LONGEST_M:g} m): images and antenna positions are shifted by"
-            " one or more, or their times are off"
+            f" {'xyz'[axis]} (limit {LONGEST_LEVER_ARM_M:g} m): images and antenna positions are"
+            " shifted by one or more, or their times are off"
         )

@@ -29,8 +29,8 @@ from ..lever_arm.flight_direction import (
     neighbour_correlation,
 )
 from ..lever_arm.similarity import (
-    ARM,
-    LONGEST_M,
+    ARM_AT,
+    LONGEST_LEVER_ARM_M,
     RULER_M,
     FlightPoses,
     GroundPoints,
@@ -235,7 +235,7 @@ def _other_readings(
     if len(ground.model):
         each = f"each of {antenna} and the ground points"
         candidates += suspected(each, of_positions(units=False, rows=False), of_survey)
-    return advice(explain((poses, ground), candidates, misfit, 0.1 * LONGEST_M))
+    return advice(explain((poses, ground), candidates, misfit, 0.1 * LONGEST_LEVER_ARM_M))
 
 
 def _refuse_attitudes(
@@ -286,7 +286,7 @@ def _with_correlation(
     up = np.abs(result.vertical) > 0.7
     each = np.ones(10)
     each[:3] = horizontal, horizontal, vertical
-    each[ARM] = np.where(up, vertical, horizontal)
+    each[ARM_AT] = np.where(up, vertical, horizontal)
     root = np.sqrt(each)
     notes += (
         "residuals of neighbouring images are alike (correlations east, north, up "
@@ -299,7 +299,7 @@ def _with_correlation(
 
 def _of_direction(result: SimilarityLeverArm, direction: FlightDirection) -> str:
     """Say what a lever arm along the flight direction may be besides."""
-    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
+    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
     along, across = direction.split_rms(result.residual_m)
     text = (
         f"along the flight direction (camera {direction.words}) the lever arm is {value:+.3f} +-"
@@ -342,7 +342,7 @@ def _reasons(result: SimilarityLeverArm, direction: FlightDirection | None) -> d
     }
     if direction is None:
         return reasons
-    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
+    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
     along, across = direction.split_rms(result.residual_m)
     stamps = along > STAMPS * across and along**2 - across**2 > RULER_M**2
     long = abs(value) - 3.0 * sigma > LONG_M
@@ -388,7 +388,7 @@ def _calibrated(
     return of_lever_arm(
         "similarity",
         "Lever arm in flight",
-        (result.lever_arm_m, result.cov[ARM, ARM]),
+        (result.lever_arm_m, result.cov[ARM_AT, ARM_AT]),
         ", ".join(each) if reasons else "",
         components,
         (headline, *(f"{name} {word}: {text}" for name, word, text in components)),
@@ -415,7 +415,7 @@ def _document(
         "inputs": inputs,
     }
     if direction is not None:
-        value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
+        value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
         along, across = direction.split_rms(result.residual_m)
         document["along_flight_direction"] = {
             "lever_arm_m": value,

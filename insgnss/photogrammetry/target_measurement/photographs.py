@@ -13,7 +13,8 @@ from ...base.inputs import opened
 from ...io.formats.blocks.joined import matched
 
 ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
-LARGEST_PX = 400_000_000  # pixels of a photograph; beyond, a damaged header is more likely
+# pixels of a photograph; beyond, a damaged header is more likely
+LARGEST_PHOTOGRAPH_PX = 400_000_000
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def _refuse_size(
     path: Path, has: tuple[int, int], wanted: tuple[int, int] | None, orientation: int
 ) -> None:
     """Refuse a photograph of another size than the camera."""
-    if has[0] * has[1] > LARGEST_PX:
+    if has[0] * has[1] > LARGEST_PHOTOGRAPH_PX:
         raise InputError.in_file(path, f"{has[0]} x {has[1]} pixels cannot be")
     if wanted is None or tuple(has) == tuple(wanted):
         return

@@ -34,10 +34,10 @@ from .windows import Window, windows_of
 
 DOCUMENT = "targets.json"
 ANOTHER = "another place by --out"  # for products that would overwrite an input
-FEW = 0.2
+FEW_MEASURED = 0.2
 """Share of the targets below which it is likelier that files do not belong together than that the
 others are covered: of a survey's targets four of five are there."""
-OTHER_SIZE = 0.02
+OTHER_SIZE_SHARE = 0.02
 """Least difference of the targets from the size that was given that is told, of it."""
 JUDGED = 5
 """Windows below which a share says nothing."""
@@ -361,7 +361,7 @@ def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
         return []
     given = inputs.request.target.size_m
     fitting = given / float(np.median(np.sqrt(areas)))
-    if abs(fitting / given - 1.0) < OTHER_SIZE:
+    if abs(fitting / given - 1.0) < OTHER_SIZE_SHARE:
         return []
     return [
         f"targets look {fitting / given:.3f} times as large as --size {given:g}: {fitting:.4g} m"
@@ -383,7 +383,7 @@ def _kind(reason: str) -> str:
 def _refusal(figures: dict[str, Any], trial: str = "") -> DataError | None:
     """Why so few targets are no answer, with what finds them; None of enough."""
     measured, n = figures["measured"], figures["windows"]
-    if measured and (n < JUDGED or measured >= FEW * n):
+    if measured and (n < JUDGED or measured >= FEW_MEASURED * n):
         return None
     reasons = figures["rejected_by"]
     most = ", ".join(f"{count} with {reason}" for reason, count in list(reasons.items())[:2])

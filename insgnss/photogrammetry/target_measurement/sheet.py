@@ -12,7 +12,7 @@ from .inputs import Inputs
 from .windows import Window
 
 PAGE = "targets.html"
-MOST = 3000
+MOST_WINDOWS = 3000
 """Windows on a page; beyond, those that stand are thinned out evenly, those rejected never."""
 READING = (
     "yellow: where the point is expected, with the ellipse of three standard deviations. Green"
@@ -41,7 +41,7 @@ def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Sectio
         All windows.
     """
     good = [w for w in windows if w.measurement.accepted]
-    room = max(MOST - (len(windows) - len(good)), 200)
+    room = max(MOST_WINDOWS - (len(windows) - len(good)), 200)
     keep = set(np.linspace(0, len(good) - 1, min(room, len(good))).astype(int).tolist())
     shown = {id(w) for k, w in enumerate(good) if k in keep}
     words: list[str] = [Marked(READING, "text")]

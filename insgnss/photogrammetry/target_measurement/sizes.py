@@ -17,7 +17,7 @@ from ...records.block import Array
 from .inputs import Inputs
 from .windows import Window
 
-LEVEL = 1e-6
+LEVEL_SINE = 1e-6
 """Of the sine of the tilt below which every diameter is parallel to the image."""
 
 
@@ -66,4 +66,4 @@ def _across(axis: Array) -> Array:
     """Return the level direction that is parallel to the image; east of an image that is level."""
     e = np.array([-axis[1], axis[0], 0.0])
     sine = float(np.linalg.norm(e))
-    return e / sine if sine > LEVEL else np.array([1.0, 0.0, 0.0])
+    return e / sine if sine > LEVEL_SINE else np.array([1.0, 0.0, 0.0])

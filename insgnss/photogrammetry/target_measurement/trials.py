@@ -13,11 +13,11 @@ from .photographs import Photographs
 from .request import Target
 from .windows import windows_of
 
-FACTORS = (0.5, 2.0 / 3.0, 1.5, 2.0)  # of the size: wrong by less, targets are found
+SIZE_FACTORS = (0.5, 2.0 / 3.0, 1.5, 2.0)  # of the size: wrong by less, targets are found
 WIDER_PX = 10.0, 30.0  # the second: half a degree of bore-sight that was not estimated, at 3500 px
-SAMPLE = 6
+SAMPLE_WINDOWS = 6
 """Windows that are tried, of as many images as there are."""
-MOST = 0.5
+ADVICE_SHARE = 0.5
 """Share of them that must be found for an advice."""
 
 
@@ -45,7 +45,7 @@ def advice(
     seen = inputs.predictions
     taken = np.array([photographs.files[i] is not None for i in seen.image])
     rows = np.flatnonzero(seen.visible & taken)
-    rows = rows[np.unique(np.linspace(0, rows.size - 1, SAMPLE).astype(int))]
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, SAMPLE_WINDOWS).astype(int))]
     plain = replace(rules, clear=-1.0)  # no shadow is looked for
     for words, target, wider_px in _trials(inputs.request.target):
         progress(f"trying {words}")
@@ -59,7 +59,7 @@ def advice(
         except InputError:  # a target that cannot be, such as bars wider than long
             continue
         measured = sum(w.measurement.accepted for w in windows)
-        if measured > MOST * rows.size:
+        if measured > ADVICE_SHARE * rows.size:
             return f"with {words} {measured} of {rows.size} that were tried are found"
     return ""
 
@@ -71,7 +71,7 @@ def _trials(target: Target) -> Iterator[tuple[str, Target, float]]:
     if target.kind in ("disc", "cross", "ring"):
         words = "without --dark" if target.dark else "--dark"
         yield words, replace(target, dark=not target.dark), 0.0
-    for factor in FACTORS:
+    for factor in SIZE_FACTORS:
         size = float(f"{factor * target.size_m:.3g}")
         arm = None if target.arm_m is None else factor * target.arm_m
         yield f"--size {size:g}", replace(target, size_m=size, arm_m=arm), 0.0

@@ -17,7 +17,7 @@ from .photographs import Photographs, read_grey
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-SHOWN_SIGMAS = 3.0
+SHOWN_SIGMAS = 3.0  # of the prediction, in a window of the contact sheet: its ellipse is drawn
 SHOWN_PX = (24, 60)  # least and largest half of a window on the contact sheet
 
 

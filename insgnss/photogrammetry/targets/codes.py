@@ -11,7 +11,7 @@ from .matching import SHADE
 Array = NDArray[np.float64]
 
 SAMPLES = 16  # of the azimuth, in a segment
-_WIDTH = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the ring, where it is sampled: its rims are blurred
+_RING_SHARES = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the ring, where it is sampled: its rims are blurred
 _LIT = 0.1  # of the brighter of disc and gap: a darker gap tells nothing of the light on it
 LEAST_CLEAR = 0.25
 """Least distance of a segment from the middle of dark and bright, of the contrast: blur or dirt has
@@ -105,9 +105,9 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
 
     azimuth = 2.0 * np.pi * np.arange(ring.bits * SAMPLES) / (ring.bits * SAMPLES)
     own = float(np.median(grey_at(np.array([0.0, 0.3]), azimuth)))
-    beside = grey_at(1.0 + (ring.inner - 1.0) * np.array(_WIDTH), azimuth)
+    beside = grey_at(1.0 + (ring.inner - 1.0) * np.array(_RING_SHARES), azimuth)
     gap = float(np.median(beside))
-    around = grey_at(ring.inner + (ring.outer - ring.inner) * np.array(_WIDTH), azimuth)
+    around = grey_at(ring.inner + (ring.outer - ring.inner) * np.array(_RING_SHARES), azimuth)
     if not np.isfinite(around).all() or not abs(own - gap) > 1e-9:
         return None
     if gap > _LIT * max(own, gap):  # the gap tells the light of each azimuth: rims of shadows

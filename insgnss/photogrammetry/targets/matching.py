@@ -9,17 +9,19 @@ from .template import Template
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 25
-CONVERGED_PX = 1e-3
-HUBER = 2.0
+MOST_MATCHING_STEPS = 25  # beyond which a matching does not converge (chosen)
+CONVERGED_PX = 1e-3  # step of the centre that ends a matching (chosen)
+HUBER = 2.0  # sigmas of grey values, from which on Huber's weights fall (chosen)
 CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of shadows, stains)
 _NOISE = 0.3  # largest share of white errors that a correlation is freed from: 3 sigma of contrast
 _BY_CHANCE = 3.0  # of the mean square of two normal errors: 95 % are below
-_BLUR_PX = (0.25, 3.0)
+_BLUR_PX = (0.25, 3.0)  # of a pixel's own aperture; beyond, a target is blurred away (chosen)
 SHADE = (0.15, 0.9)
 """Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
-_LINES = (24, 1.0)  # directions, and step of the distances in pixels, of the rims that are tried
+# directions, and step of the distances in pixels, of the rims that are tried
+_RIM_TRIALS = 24, 1.0
 _SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
+# columns of the unknowns of (GT.2): centre, deformation, log of the blur, radiometry, shadow
 _C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
 
 
@@ -263,9 +265,9 @@ def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> A
     lit = np.ones(len(x))
     radiometry = _design(x, template, state, max(template.reach_px, 1.0), lit)[0]
     best, out = np.inf, np.array([0.5, 0.0, 0.0])
-    for angle in np.arange(_LINES[0]) * 2.0 * np.pi / _LINES[0]:
+    for angle in np.arange(_RIM_TRIALS[0]) * 2.0 * np.pi / _RIM_TRIALS[0]:
         along = (x - state.origin) @ np.array([np.cos(angle), np.sin(angle)])
-        for rim in np.arange(along.min() + 2.0, along.max() - 2.0, _LINES[1]):
+        for rim in np.arange(along.min() + 2.0, along.max() - 2.0, _RIM_TRIALS[1]):
             shadow = np.array([0.5, angle, rim])
             light = _light(x, _State(state.c, state.M, state.s, state.origin, shadow))[0]
             A = light[:, None] * radiometry[:, [0, 3]]
@@ -293,7 +295,7 @@ def _iterated(
     unknowns = _RADIOMETRY.stop if state.shadow is None else _SHADOW.stop
     prior, reach = _prior(template, free)[:unknowns, :unknowns], max(template.reach_px, 1.0)
     w, converged = np.ones(len(x)), False
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_MATCHING_STEPS):
         light, by_shadow = _light(x, state)
         radiometry, by = _design(x, template, state, reach, light)
         root = np.sqrt(w)

@@ -15,7 +15,7 @@ Rows = NDArray[np.int64]
 
 VISIBILITY = ("visible", "outside the format", "beyond the fold", "behind the camera")
 """What `Predictions.visibility` counts."""
-_STEP = 1e-5  # of directions: truncation and rounding of the derivative below 1e-6 px
+_DIRECTION_STEP = 1e-5  # of directions: truncation and rounding of the derivative below 1e-6 px
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +163,9 @@ def _one(
 
 def _slope(camera: BrownCamera, xy: Array) -> Array:
     """(n, 2, 2) derivative of pixels by directions."""
-    steps = _STEP * np.eye(2)
+    steps = _DIRECTION_STEP * np.eye(2)
     sides = [pixels_of(camera, xy + s) - pixels_of(camera, xy - s) for s in steps]
-    return np.stack(sides, axis=2) / (2.0 * _STEP)
+    return np.stack(sides, axis=2) / (2.0 * _DIRECTION_STEP)
 
 
 def _by_interior(camera: BrownCamera, cov: InteriorCovariance | None, xy: Array) -> Array:

@@ -11,8 +11,9 @@ from .signals import Signal
 Array = NDArray[np.float64]
 
 OVERSAMPLING = 5  # points in a pixel, odd, so that the mean over a pixel lies in its middle
-LEVEL = 0.1  # of the logarithm of the blur: between levels the template is linear to 1e-3 of it
-_BORDER_PX = 6.0  # about the signal, so that what the matching moves stays on the grid
+# of the logarithm of the blur: between levels the template is linear to 1e-3 of it
+LEVEL_LOG_BLUR = 0.1
+_SIGNAL_BORDER_PX = 6.0  # about the signal, so that what the matching moves stays on the grid
 EDGE_PX = 1.2  # at the rim of the signal where blur mixes it with what is about it
 
 
@@ -72,7 +73,7 @@ class Template:
         """Pixels right and down of a grid of `OVERSAMPLING` points in a pixel, symmetric about the
         centre and without a point in it.
         """
-        half = int(np.ceil((self.reach_px + _BORDER_PX) * OVERSAMPLING))
+        half = int(np.ceil((self.reach_px + _SIGNAL_BORDER_PX) * OVERSAMPLING))
         cells = (np.arange(2 * half) - half + 0.5) / OVERSAMPLING
         u, v = np.meshgrid(cells, cells)
         return u, v
@@ -125,7 +126,7 @@ class Template:
 
     @cached_property
     def _levels(self) -> dict[int, "Sampled"]:
-        """Blurred templates by `LEVEL` steps of the logarithm of their blur."""
+        """Blurred templates by `LEVEL_LOG_BLUR` steps of the logarithm of their blur."""
         return {}
 
     def at(self, d: Array, log_blur: float) -> tuple[Array, Array, Array, Array]:
@@ -145,14 +146,14 @@ class Template:
         value, du, dv, ds : ndarray, (n,)
             The value, and its derivatives by both coordinates, 1/px, and by `log_blur`.
         """
-        low = int(np.floor(log_blur / LEVEL))
+        low = int(np.floor(log_blur / LEVEL_LOG_BLUR))
         for level in (low, low + 1):
             if level not in self._levels:
-                self._levels[level] = self.blurred(float(np.exp(level * LEVEL)))
-        share = log_blur / LEVEL - low
+                self._levels[level] = self.blurred(float(np.exp(level * LEVEL_LOG_BLUR)))
+        share = log_blur / LEVEL_LOG_BLUR - low
         a, b = (self._levels[level].at(d) for level in (low, low + 1))
         value, du, dv = ((1.0 - share) * x + share * y for x, y in zip(a, b, strict=True))
-        return value, du, dv, (b[0] - a[0]) / LEVEL
+        return value, du, dv, (b[0] - a[0]) / LEVEL_LOG_BLUR
 
     def blurred(self, sigma_px: float) -> "Sampled":
         """Return the template as a camera that blurs would see it.

@@ -45,16 +45,17 @@ from ...io.options.schema import option
 
 Array = NDArray[np.float64]
 
-RADIUS_M = 6.371e6
-LAPSE, TROPOPAUSE_M = 6.5e-3, 1.1e4
-AIR = 287.053  # J/(kg K), stated here too: what is simulated borrows nothing from what corrects it
-VAPOUR_SCALE_M = 2000.0
+MEAN_EARTH_RADIUS_M = 6.371e6  # mean radius of the Earth, R of (A.2) and (A.3)
+LAPSE, TROPOPAUSE_M = 6.5e-3, 1.1e4  # K/m up to this height: the standard atmosphere
+# J/(kg K), stated here too: what is simulated borrows nothing from what corrects it
+GAS_CONSTANT_AIR = 287.053
+VAPOUR_SCALE_M = 2000.0  # over which vapour pressure falls by a factor of e
 LAYERS = 0.0, 0.15, 0.4, 1.0  # of the way from the antenna to the tropopause, whose bend is an edge
-HIGH_LAYERS_M = (2e4, 4e4, 8e4)
-NODES = 12  # of a layer
-SHELL_M = 3.5e5
+HIGH_LAYERS_M = (2e4, 4e4, 8e4)  # tops of the layers above the tropopause (chosen)
+LAYER_NODES = 12  # of a layer
+SHELL_HEIGHT_M = 3.5e5  # of the ionosphere (IS-GPS-200: 350 km)
 WAVE_LENGTH_M, WAVE_PERIOD_S = 1.5e5, 900.0  # of a travelling disturbance
-LOWEST_DEG = 2.0
+LOWEST_TABLED_DEG = 2.0  # lowest elevation of (A.2)
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,8 @@ class Troposphere:
         T = ground - LAPSE * (low - self.height)
         P = (
             self.weather.pressure_hpa
-            * (T / ground) ** (GRAVITY / (AIR * LAPSE))
-            * np.exp(-GRAVITY * (height - low) / (AIR * T))
+            * (T / ground) ** (GRAVITY / (GAS_CONSTANT_AIR * LAPSE))
+            * np.exp(-GRAVITY * (height - low) / (GAS_CONSTANT_AIR * T))
         )
         e = self.weather.vapour_pressure_hpa * np.exp(-(height - self.height) / VAPOUR_SCALE_M)
         return np.asarray(77.6890 * (P - e) / T + 71.2952 * e / T + 375463.0 * e / T**2)
@@ -112,8 +113,8 @@ class Troposphere:
         height, elevation = np.broadcast_arrays(
             np.asarray(height, dtype=np.float64), np.asarray(elevation, dtype=np.float64)
         )
-        x, w = np.polynomial.legendre.leggauss(NODES)
-        start, low = RADIUS_M + height, TROPOPAUSE_M - height
+        x, w = np.polynomial.legendre.leggauss(LAYER_NODES)
+        start, low = MEAN_EARTH_RADIUS_M + height, TROPOPAUSE_M - height
         edges = [*(share * low for share in LAYERS), *(top - height for top in HIGH_LAYERS_M)]
         total = np.zeros(height.shape)
         for bottom, top in pairwise(edges):
@@ -133,7 +134,9 @@ class Troposphere:
         from scipy.interpolate import RectBivariateSpline
 
         heights = np.linspace(lowest - 1.0, highest + 1.0, 8)
-        elevations = np.linspace(max(lowest_elevation, np.radians(LOWEST_DEG)), 0.5 * np.pi, 400)
+        elevations = np.linspace(
+            max(lowest_elevation, np.radians(LOWEST_TABLED_DEG)), 0.5 * np.pi, 400
+        )
         delay = self.slant_delay(heights[:, None], elevations[None, :])
         return RectBivariateSpline(heights, elevations, delay * np.sin(elevations), kx=3, ky=3)
 
@@ -163,7 +166,11 @@ class Ionosphere:
         """
         lat, lon, height = (x[:, None] for x in receiver)
         # sine of the zenith angle at the shell
-        low = (RADIUS_M + height) * np.cos(elevation) / (RADIUS_M + SHELL_M)
+        low = (
+            (MEAN_EARTH_RADIUS_M + height)
+            * np.cos(elevation)
+            / (MEAN_EARTH_RADIUS_M + SHELL_HEIGHT_M)
+        )
         away = 0.5 * np.pi - elevation - np.arcsin(low)
         pierced_lat = np.arcsin(
             np.sin(lat) * np.cos(away) + np.cos(lat) * np.sin(away) * np.cos(azimuth)
@@ -187,4 +194,6 @@ class Ionosphere:
         """Places on the shell, north and east of the site in its tangent plane, m."""
         phi, apart = self.site[0], lon - self.site[1]
         north = np.sin(lat) * np.cos(phi) - np.cos(lat) * np.sin(phi) * np.cos(apart)
-        return (RADIUS_M + SHELL_M) * north, (RADIUS_M + SHELL_M) * np.cos(lat) * np.sin(apart)
+        return (MEAN_EARTH_RADIUS_M + SHELL_HEIGHT_M) * north, (
+            MEAN_EARTH_RADIUS_M + SHELL_HEIGHT_M
+        ) * np.cos(lat) * np.sin(apart)

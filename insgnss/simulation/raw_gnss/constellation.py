@@ -61,37 +61,13 @@ from ...gnss.satellites.constants import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
 
-GPS_SPACING_S, GLONASS_SPACING_S = 7200.0, 1800.0
-GPS_PER_PLANE = (5, 5, 5, 5, 5, 6)
-GPS_AXIS_M, GLONASS_AXIS_M = 26.5597e6, 25.5082e6
-GLONASS_CHANNELS = (
-    1,
-    -4,
-    5,
-    6,
-    1,
-    -4,
-    5,
-    6,
-    -2,
-    -7,
-    0,
-    -1,
-    -2,
-    -7,
-    0,
-    -1,
-    4,
-    -3,
-    3,
-    2,
-    4,
-    -3,
-    3,
-    2,
-)
+GPS_SPACING_S, GLONASS_SPACING_S = 7200.0, 1800.0  # of messages: every two hours, half an hour
+GPS_PER_PLANE = (5, 5, 5, 5, 5, 6)  # satellites in each plane, 31 in all
+GPS_AXIS_M, GLONASS_AXIS_M = 26.5597e6, 25.5082e6  # semi-major: 1/2 and 8/17 of a sidereal day
+# of the 24 slots, as the system has them: satellites opposite each other share a frequency
+GLONASS_CHANNELS = (*2 * (1, -4, 5, 6), *2 * (-2, -7, 0, -1), *2 * (4, -3, 3, 2))
 LUNISOLAR_STEP = 2.0**-30 * 1e3  # m/s^2, of the message
-LONGEST_S = 86400.0
+LONGEST_SPAN_S = 86400.0  # of one constellation (chosen): a day
 
 
 def constellation(
@@ -117,10 +93,10 @@ def constellation(
             f"constellation of systems {systems!r}, seed {seed}; systems are of G (GPS) and R"
             " (GLONASS), the seed 0 or more"
         )
-    if not 0.0 <= end_tow - start_tow <= LONGEST_S:
+    if not 0.0 <= end_tow - start_tow <= LONGEST_SPAN_S:
         raise UsageError(
-            f"constellation from {start_tow} to {end_tow} s; give a span of at most {LONGEST_S:.0f}"
-            " s, its start first"
+            f"constellation from {start_tow} to {end_tow} s; give a span of at most"
+            f" {LONGEST_SPAN_S:.0f} s, its start first"
         )
     gps, glonass = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     satellite: list[str] = []

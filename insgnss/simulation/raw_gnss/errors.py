@@ -33,8 +33,8 @@ Index = NDArray[np.int64]
 
 PHASE_WALK = 1e-10  # s/sqrt(s): of a temperature-compensated crystal, 1e-10 over a second
 FREQUENCY_WALK = 2e-11  # 1/sqrt(s)
-LOST_ON_L2_ALONE = 0.3
-LARGEST_SLIP = 1000
+LOST_ON_L2_ALONE = 0.3  # share of the losses of lock (chosen)
+LARGEST_SLIP = 1000  # cycles
 LARGEST_RESTART = 100_000  # cycles by which an ambiguity differs when a satellite is found again
 
 

@@ -29,10 +29,11 @@ from ...gnss.satellites.orbits import satellite_states
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LIGHT, EARTH_RATE = 299792458.0, 7.2921151467e-5
+# m/s, rad/s (IS-GPS-200), stated here too: what is simulated borrows nothing from what corrects it
+LIGHT, WGS84_EARTH_RATE = 299792458.0, 7.2921151467e-5
 FLIGHT_S = 0.075  # of a signal, about
-GRID_S = 60.0  # of the times at which the sky is searched
-MARGIN_DEG = 1.0
+SKY_GRID_S = 60.0  # of the times at which the sky is searched
+MASK_MARGIN_DEG = 1.0  # a satellite moves by half a degree between the times of the search
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ def satellites_in_view(
             for code in codes
         ]
     )
-    grid = np.linspace(*span, 2 + int((span[1] - span[0]) / GRID_S))
+    grid = np.linspace(*span, 2 + int((span[1] - span[0]) / SKY_GRID_S))
     states = satellite_states(
         navigation,
         np.tile(codes, grid.size),
@@ -125,7 +126,7 @@ def satellites_in_view(
     lat, lon, _ = ecef_to_geodetic(position)
     away = states.position.reshape(grid.size, codes.size, 3) - position
     sine = -(away @ rotation_en(lat, lon)[:, 2]) / np.linalg.norm(away, axis=2)
-    seen = sine.max(axis=0) > np.sin(np.radians(mask_deg - MARGIN_DEG))
+    seen = sine.max(axis=0) > np.sin(np.radians(mask_deg - MASK_MARGIN_DEG))
     error = error_m * rng.standard_normal((int(seen.sum()), 4))
     return Satellites(
         navigation,
@@ -158,7 +159,7 @@ def signal_paths(antenna: Antenna, satellites: Satellites) -> Paths:
     away = _turned(position, tau) - antenna.position[:, None, :]
     distance = np.linalg.norm(away, axis=2)
     u = away / distance[:, :, None]
-    spin = np.array([0.0, 0.0, EARTH_RATE])
+    spin = np.array([0.0, 0.0, WGS84_EARTH_RATE])
     satellite_rate = np.einsum("nsi,nsi->ns", u, _turned(moved + np.cross(spin, position), tau))
     antenna_rate = np.einsum("nsi,ni->ns", u, antenna.velocity + np.cross(spin, antenna.position))
     lat, lon, _ = ecef_to_geodetic(antenna.position)
@@ -176,6 +177,6 @@ def signal_paths(antenna: Antenna, satellites: Satellites) -> Paths:
 
 def _turned(vector: Array, tau: Array) -> Array:
     """Rz(w tau) of vectors (n, s, 3): from the Earth's axes of emission into those of reception."""
-    sin, cos = np.sin(EARTH_RATE * tau), np.cos(EARTH_RATE * tau)
+    sin, cos = np.sin(WGS84_EARTH_RATE * tau), np.cos(WGS84_EARTH_RATE * tau)
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=-1)

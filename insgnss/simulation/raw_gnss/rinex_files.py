@@ -37,9 +37,9 @@ File = str | os.PathLike[str]
 
 VERSION = "2.11"
 # of an observation; observations a line; satellites a line of the epoch
-COLUMNS, PER_LINE, NAMES_PER_LINE = 16, 5, 12
-LARGEST, SMALLEST = 9_999_999_999_999, -999_999_999_999  # thousandths that F14.3 holds
-TICKS_PER_S, DAY_S = 10_000_000, 86400  # resolution of the stamps
+OBSERVATION_COLUMNS, PER_LINE, NAMES_PER_LINE = 16, 5, 12
+LARGEST_MILLI, SMALLEST_MILLI = 9_999_999_999_999, -999_999_999_999  # thousandths that F14.3 holds
+TICKS_PER_S, WHOLE_DAY_S = 10_000_000, 86400  # resolution of the stamps
 URA_M, FIT_INTERVAL_H = 2.0, 4.0  # accuracy and validity that the messages claim
 _CHUNK = 256  # epochs formatted at once
 _EPOCH_DAY = np.datetime64(GPS_EPOCH.date(), "D")
@@ -222,7 +222,7 @@ def _ticks(time: Array) -> NDArray[np.int64]:
 
 def _stamps(gps_week: int, time: Array) -> list[str]:
     """Columns 1 to 26 of the line of an epoch or event at `time` (n,), s of the week."""
-    day, rest = np.divmod(_ticks(time), DAY_S * TICKS_PER_S)
+    day, rest = np.divmod(_ticks(time), WHOLE_DAY_S * TICKS_PER_S)
     date = (_EPOCH_DAY + (7 * gps_week + day)).astype(object).tolist()
     minute, second = np.divmod(rest, 60 * TICKS_PER_S)
     return [
@@ -259,7 +259,7 @@ def _rows(path: File, table: ObservationTable, chunk: slice) -> NDArray[np.uint8
     values, k = table.values[chunk], len(table.types)
     there = np.isfinite(values)
     number = np.rint(np.where(there, values, 0.0) * 1e3)
-    if (beyond := (number > LARGEST) | (number < SMALLEST)).any():
+    if (beyond := (number > LARGEST_MILLI) | (number < SMALLEST_MILLI)).any():
         row, column = np.argwhere(beyond)[0]
         epoch, name = table.epoch[chunk][row], table.types[column]
         entry = (
@@ -270,7 +270,7 @@ def _rows(path: File, table: ObservationTable, chunk: slice) -> NDArray[np.uint8
             f"{path}: {entry} is beyond the 14 columns of RINEX 2.11; take whole cycles off the"
             " phases"
         )
-    letters = np.full((len(values), k, COLUMNS), ord(" "), dtype=np.uint8)
+    letters = np.full((len(values), k, OBSERVATION_COLUMNS), ord(" "), dtype=np.uint8)
     _put_numbers(letters, number.astype(np.int64))
     lock = table.loss_of_lock[chunk]
     letters[:, :, 14] = np.where(lock > 0, ord("0") + lock, ord(" "))
@@ -361,7 +361,7 @@ def _glonass_message(navigation: Navigation, k: int) -> str:
     """Message `k` of the table, four lines."""
     message = navigation.table[k]
     when = calendar_from_gps(navigation.gps_week, message[TOC], "utc")
-    frame = (3600 * when.hour + 60 * when.minute + when.second - 900) % DAY_S
+    frame = (3600 * when.hour + 60 * when.minute + when.second - 900) % WHOLE_DAY_S
     state = message[STATE : STATE + 9].reshape(3, 3) * 1e-3  # position, velocity, acceleration
     numbers = [float(message[AF0]), float(message[AF1]), float(frame)]
     for axis, last in enumerate((0.0, float(navigation.channel[k]), 0.0)):

@@ -46,15 +46,17 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SIGNALS = ("C1", "P2", "L1", "L2", "D1", "D2", "S1", "S2")
-GPS_HZ = (1575.42e6, 1227.60e6)
+GPS_HZ = (1575.42e6, 1227.60e6)  # L1, L2 (IS-GPS-200)
+# L1, L2 of channel 0 and from one channel to the next (GLONASS ICD)
 GLONASS_HZ, GLONASS_STEP_HZ = (1602.0e6, 1246.0e6), (0.5625e6, 0.4375e6)
 BASE_MARGIN_S = 5.0  # of the base's record beyond the rover's
 # in the antenna's plane, more at its zenith, less on L2, noise
 STRENGTH_DBHZ = 30.0, 20.0, 6.0, 0.7
-FEWEST = 5
-CHANNELS = 14
-LOWEST_DEG = 3.0
-SHELL_REACH_M = 1.5e6
+FEWEST_EPOCHS = 5  # of a recording (chosen)
+FEWEST_ABOVE_MASKS = 5  # above the masks at any epoch: four give a position, one more a check
+GLONASS_CHANNEL_COUNT = 14  # -7 to 6
+LOWEST_STRENGTH_DEG = 3.0  # elevation below which noise and delays are those at it (chosen)
+SHELL_REACH_M = 1.5e6  # from the site to where rays of 6 deg pierce the ionosphere
 
 
 @dataclass(frozen=True)
@@ -289,10 +291,10 @@ def _rover(flight: Flight, rig: Rig, options: RawGnssOptions, rng: np.random.Gen
         np.floor(motion.end * options.rate_hz + 1e-6),
     )
     stamp = np.arange(first, last + 1.0) / options.rate_hz
-    if stamp.size < FEWEST:
+    if stamp.size < FEWEST_EPOCHS:
         raise UsageError(
-            f"raw GNSS: {stamp.size} epochs at {options.rate_hz:g} Hz (limit {FEWEST}); raise"
-            " rate_hz or fly longer"
+            f"raw GNSS: {stamp.size} epochs at {options.rate_hz:g} Hz (limit {FEWEST_EPOCHS});"
+            " raise rate_hz or fly longer"
         )
     offset, rate = _clock(stamp.size, 1.0 / options.rate_hz, options, rng)
     keep = (stamp - offset >= motion.start) & (stamp - offset <= motion.end)
@@ -395,11 +397,11 @@ def _observe(
     visible = paths.elevation > np.radians(options.elevation_mask_deg)
     visible &= paths.antenna_sine > np.sin(np.radians(options.antenna_mask_deg))
     count = visible.sum(axis=1)
-    if (count < FEWEST).any():
+    if (count < FEWEST_ABOVE_MASKS).any():
         least = int(np.argmin(count))
         shortage = (
             f"{count[least]} satellites above the masks at {antenna.time[least]:.1f} s (limit"
-            f" {FEWEST})"
+            f" {FEWEST_ABOVE_MASKS})"
         )
         raise UsageError(f"raw GNSS: {shortage}; lower a mask")
     locks = track(
@@ -445,7 +447,7 @@ def _values(
     """(n, s, 8) values of `SIGNALS` by (R.1) to (R.3)."""
     (rng, own), options, interval = rngs, scene.options, 1.0 / receiver.rate_hz
     troposphere, ionosphere = _air(antenna, scene, paths)
-    sine = np.sin(np.maximum(paths.elevation, np.radians(LOWEST_DEG)))
+    sine = np.sin(np.maximum(paths.elevation, np.radians(LOWEST_STRENGTH_DEG)))
     common = paths.distance + LIGHT * antenna.clock_s[:, None] - paths.clock + troposphere
     rate, own_rate = (
         paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT),
@@ -465,7 +467,7 @@ def _values(
             hardware
             + glonass
             * options.glonass_code_bias_m
-            * own.standard_normal(CHANNELS)[channel + CHANNELS // 2]
+            * own.standard_normal(GLONASS_CHANNEL_COUNT)[channel + GLONASS_CHANNEL_COUNT // 2]
         )
         fraction = (
             own.uniform(0.0, 1.0, 2)[glonass.astype(int)]
@@ -506,7 +508,7 @@ def _values(
 def _air(antenna: Antenna, scene: _Scene, paths: Paths) -> tuple[Array, Array]:
     """Delays (n, s) m of the troposphere, and of the ionosphere on the code of L1."""
     lat, lon, height = ecef_to_geodetic(antenna.position)
-    low = np.radians(LOWEST_DEG)
+    low = np.radians(LOWEST_STRENGTH_DEG)
     elevation = np.maximum(paths.elevation, low)
     table = scene.troposphere.table(float(height.min()), float(height.max()), low)
     troposphere = table(

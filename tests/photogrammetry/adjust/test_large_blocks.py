@@ -69,7 +69,7 @@ def both(block, groups, blocks, monkeypatch):
     """The problem with its envelope, and with a dense matrix."""
     sparse = problem_of(block, groups, blocks)
     with monkeypatch.context() as patch:
-        patch.setattr(ordering, "FEW", 10**9)
+        patch.setattr(ordering, "DENSE_IMAGES", 10**9)
         whole = problem_of(block, groups, blocks)
     assert whole.layout.envelope.window == 0
     assert sparse.layout.envelope.window == 6 * len(block.images)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-EPOCH_HZ = 2.0  # of the output grid, which nobody looks at
+OUTPUT_HZ = 2.0  # of the output grid, which nobody looks at
 NEARER = 2.0  # standard deviations of the mean NIS by which it may be further from one
 
 
@@ -141,7 +141,7 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     recording = _read(flight)
     # its noise is what is looked for: nothing else may take a share of it
     flight = replace(flight, filter=replace(flight.filter, adaptive_noise="off"))
-    light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
+    light = replace(flight, output=replace(flight.output, trajectory_hz=OUTPUT_HZ))
     solved, gaps = solve_segments(light, recording, progress)
     parts = [piece for segment in solved for piece in _moving(segment, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)

@@ -9,7 +9,7 @@ from ....report.charts.chart import Chart
 if TYPE_CHECKING:
     from .result import FlightTuning
 
-LINES_SHOWN = 4
+LINES_SHOWN = 4  # strongest lines of a channel marked in its panel (chosen)
 
 
 def spectra(tuning: "FlightTuning") -> tuple[Chart, ...]:

@@ -2,9 +2,9 @@
 to a filter.
 
 Straight, level segments at constant speed are found from the smoothed trajectory; the mean
-periodogram of their samples (Welch 1967, Hann windows of `WINDOW_S`, half overlapping, a line taken
-off each) is given as a root density in the convention of the noise model: two-sided, so that white
-noise q of the model is a level line at q,
+periodogram of their samples (Welch 1967, Hann windows of `WELCH_WINDOW_S`, half overlapping, a
+line taken off each) is given as a root density in the convention of the noise model: two-sided, so
+that white noise q of the model is a level line at q,
 
     q(f) = sqrt(S(f) / 2),  S one-sided, the integral of S over 0 to rate/2 being the variance (W.1)
 
@@ -37,16 +37,17 @@ from ....navigation.prepare.gaps import nominal_interval
 from ....records import Array, ImuSamples
 from ....records.states import CHANNELS
 
-WINDOW_S, SHORTEST_S = 4.0, 8.0
-GRID_S, SMOOTH_S = 0.5, 2.0  # of the course and speed that show straight flight
+WELCH_WINDOW_S = 4.0  # of a periodogram: 0.25 Hz between its frequencies
+SHORTEST_SEGMENT_S = 8.0  # of straight flight: three windows that overlap by half
+COURSE_GRID_S, COURSE_SMOOTH_S = 0.5, 2.0  # of the course and speed that show straight flight
 # turn; climb and change of speed a second over speed; speed
-STRAIGHT_RAD_S, LEVEL, STEADY, MOVING_MS = np.radians(5.0), 0.2, 0.1, 1.0
+STRAIGHT_RAD_S, LEVEL_SLOPE, STEADY_SPEED, MOVING_MS = np.radians(5.0), 0.2, 0.1, 1.0
 # above the vehicle's motion; of the rate, below what filters of sensors cut
 LOWEST_HZ, HIGHEST = 2.0, 0.25
 # that a bin of a level floor is taken for a line; of power, to a floor that is not level
-LINE_CHANCE, LEAST_RATIO = 1e-6, 3.0
+LINE_CHANCE, LINE_POWER_RATIO = 1e-6, 3.0
 # of a line's power, to that beside it; of the power of octaves that are level
-PEAK, EVEN = 2.0, 0.2
+PEAK, EVEN_POWER = 2.0, 0.2
 
 
 @dataclass(frozen=True)
@@ -136,13 +137,13 @@ def straight_segments(solution: Solution) -> Array:
     Returns
     -------
     ndarray, (k, 2)
-        Begin and end of segments of `SHORTEST_S` and longer, s.
+        Begin and end of segments of `SHORTEST_SEGMENT_S` and longer, s.
     """
     time, v = solution.time, solution.nav[:, VEL]
-    if time[-1] - time[0] < SHORTEST_S:
+    if time[-1] - time[0] < SHORTEST_SEGMENT_S:
         return np.zeros((0, 2))
-    grid = np.arange(time[0], time[-1], GRID_S)
-    width = round(SMOOTH_S / GRID_S)
+    grid = np.arange(time[0], time[-1], COURSE_GRID_S)
+    width = round(COURSE_SMOOTH_S / COURSE_GRID_S)
     kernel = np.ones(width) / width
     mean = np.column_stack(
         [np.convolve(np.interp(grid, time, c), kernel, mode="same") for c in v.T]
@@ -151,16 +152,16 @@ def straight_segments(solution: Solution) -> Array:
     course = np.unwrap(np.arctan2(mean[:, 1], mean[:, 0]))
     good = speed > MOVING_MS
     safe = np.maximum(speed, MOVING_MS)
-    good &= np.abs(np.gradient(course, GRID_S)) < STRAIGHT_RAD_S
-    good &= (np.abs(mean[:, 2]) < LEVEL * safe) & (
-        np.abs(np.gradient(speed, GRID_S)) < STEADY * safe
+    good &= np.abs(np.gradient(course, COURSE_GRID_S)) < STRAIGHT_RAD_S
+    good &= (np.abs(mean[:, 2]) < LEVEL_SLOPE * safe) & (
+        np.abs(np.gradient(speed, COURSE_GRID_S)) < STEADY_SPEED * safe
     )
     good[:width] = good[-width:] = False
     edge = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int64), [0]]))).reshape(-1, 2)
     segments = (
         np.column_stack([grid[edge[:, 0]], grid[edge[:, 1] - 1]]) if edge.size else np.zeros((0, 2))
     )
-    return segments[segments[:, 1] - segments[:, 0] >= SHORTEST_S]
+    return segments[segments[:, 1] - segments[:, 0] >= SHORTEST_SEGMENT_S]
 
 
 def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> StraightFlight | None:
@@ -183,7 +184,7 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     from scipy.signal import get_window
 
     dt = nominal_interval(imu.time)
-    n = round(WINDOW_S / dt)
+    n = round(WELCH_WINDOW_S / dt)
     window = get_window("hann", n)
     power, windows, used = np.zeros((6, n // 2 + 1)), 0, []
     for begin, end in segments:
@@ -265,7 +266,7 @@ def _line_ratio(freedom: float) -> float:
     """Ratio to the floor that a bin of a level spectrum exceeds with the chance `LINE_CHANCE`."""
     from scipy.special import chdtri
 
-    return max(LEAST_RATIO, float(chdtri(freedom, LINE_CHANCE)) / freedom)
+    return max(LINE_POWER_RATIO, float(chdtri(freedom, LINE_CHANCE)) / freedom)
 
 
 def _spread(above: np.ndarray) -> np.ndarray:
@@ -316,7 +317,7 @@ def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, 
     )
     level, begin = np.full(6, np.nan), np.full(6, np.nan)
     for c, own in enumerate(means.T):
-        count = int(np.argmax(np.append(np.abs(own / own[0] - 1.0) > EVEN, True)))
+        count = int(np.argmax(np.append(np.abs(own / own[0] - 1.0) > EVEN_POWER, True)))
         if count > 1:
             level[c], begin[c] = (
                 S[c, (frequency >= edges[count]) & (frequency < highest)].mean(),

@@ -24,11 +24,11 @@ NAMES = {
     "fixes.velocity": "sigma of the velocities",
     "fixes.correlated": "time-correlated error of the positions",
 }
-DOUBTFUL = 0.1  # chance below which a longer flight is proposed
+LONGER_FLIGHT_CHANCE = 0.1  # chance below which a longer flight is proposed
 WANTED = 0.05  # standard error of a factor that a longer flight is proposed for
-MANY_LINES = 6
+MANY_LINES = 6  # spectral lines in a table; the number of the others is given (chosen)
 # white noise over its limit by the spectrum, less so many standard errors
-TOO_MUCH, SURE = 1.2, 2.0
+TOO_MUCH, SURE_SIGMAS = 1.2, 2.0
 Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is reported
 
@@ -190,7 +190,7 @@ def beyond_spectrum(
         ratio = _mean(white / straight.upper_limit[triad])
         for name in {f"{sensor}.white_noise", "white_noise"} & set(noise.names):
             log_sigma = float(noise.log_sigma[noise.names.index(name)])
-            if log_sigma > 0.0 and ratio * np.exp(-SURE * log_sigma) > TOO_MUCH:
+            if log_sigma > 0.0 and ratio * np.exp(-SURE_SIGMAS * log_sigma) > TOO_MUCH:
                 out.append((name, ratio))
     return out
 
@@ -204,7 +204,7 @@ def longer_flight(noise: "InFlightNoise") -> list[str]:
 
     from ....navigation.innovations.innovation_noise import SIGNIFICANT
 
-    if noise.chance > DOUBTFUL:
+    if noise.chance > LONGER_FLIGHT_CHANCE:
         return []
     minutes = np.ceil(noise.duration_s / 60.0 * float(chdtri(noise.free, SIGNIFICANT)) / noise.gain)
     return [f"if the factors are as estimated, {minutes:.0f} min of such a flight show it"]

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from ...estimation.selection import Candidate
     from ..fits import Tuned
 
-FITS = 0.05  # p-value from which on a model fits
-MOST_RANKED = 5
+FITS_P = 0.05  # p-value from which on a model fits
+MOST_RANKED = 5  # models of the ranking that a comment lists (chosen)
 WARM = 3.0  # time constants until a sensor is warm
 SETTLES = 1.0 / 6.0  # of the recording's length: a decay that is slower is called a drift
-SAME = 1e-6  # relative, of objectives
+SAME_OBJECTIVE = 1e-6  # relative, of objectives
 
 
 def sensor_words(
@@ -34,7 +34,7 @@ def sensor_words(
 ) -> tuple[str, str]:
     """The verdict on a sensor in a few words, and what it is of."""
     sensor = tuned[0].sensor
-    off = [t for t in tuned if goodness_p(t) < FITS]
+    off = [t for t in tuned if goodness_p(t) < FITS_P]
     models = ", ".join(dict.fromkeys(str(t.kept.composition) for t in tuned))
     if not off:
         title = f"{models} fits"
@@ -111,7 +111,7 @@ def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     matters.
     """
     p, g = goodness_p(t), t.goodness
-    if not p < FITS:
+    if not p < FITS_P:
         return
     off = []
     for i, level in t.inference.goodness.misfits:
@@ -203,7 +203,7 @@ def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
     """Whether a model is a smaller one with processes of no strength."""
     Q, size = candidate.fit.objective, candidate.composition.size
     return bool(candidate.fit.at_bound) and any(
-        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME) for o in others
+        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME_OBJECTIVE) for o in others
     )
 
 

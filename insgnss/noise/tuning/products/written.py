@@ -16,10 +16,10 @@ from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
 from ..targets import check_target, make_directory, refuse_others
 from ..usable import envelope, rounded_axis
-from .words import FITS, goodness_p, misfit, verdict
+from .words import FITS_P, goodness_p, misfit, verdict
 
 DEFAULT = Path("imu_noise.toml")
-WORST_OF_SIX = FITS / 6.0  # p-value below which a misfit goes into the file: one by chance
+WORST_OF_SIX = FITS_P / 6.0  # p-value below which a misfit goes into the file: one by chance
 
 
 def planned(out: Path | None, force: bool, measured: Sequence[Path]) -> Path:

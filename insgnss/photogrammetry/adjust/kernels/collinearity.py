@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-INTERIOR = 11
+N_INTERIOR = 11
 """Parameters of interior orientation: f cx cy b1 b2 k1 k2 k3 k4 p1 p2."""
 
 

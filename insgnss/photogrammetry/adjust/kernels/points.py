@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....base.compilation import njit
-from .collinearity import INTERIOR, Array, Rays, Rows, image_jacobian, image_residual
+from .collinearity import N_INTERIOR, Array, Rays, Rows, image_jacobian, image_residual
 
 
 @njit(cache=True)
@@ -97,7 +97,7 @@ def scratch_for(rays: Rays, n_cameras: int) -> Scratch:
         np.empty(rows, dtype=np.int64),
         np.full(n_cameras, -1, dtype=np.int64),
         np.empty(10),
-        np.empty((2, INTERIOR)),
+        np.empty((2, N_INTERIOR)),
         np.empty((3, 3)),
         np.empty((3, 3)),
         np.empty(3),

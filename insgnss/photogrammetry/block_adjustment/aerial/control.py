@@ -40,7 +40,7 @@ from ..inputs import Inputs
 from .relative import Strip, breaks, relative_groups
 
 MOUNTING = "mounting"
-LONGEST_CHAIN = 200
+LONGEST_CHAIN_IMAGES = 200  # of one group (chosen): its dense covariance is 1200 x 1200, 12 MB
 RELATIVE = ("Ap/Ra", "Rp/Ra", "Rp")
 Rows = NDArray[np.int64]
 
@@ -273,4 +273,6 @@ def _lines(eo: ExteriorOrientation) -> Iterator[Rows]:
     """Return the rows of the images of each flight line, of a long one in pieces."""
     number = breaks(eo, GAP_S)
     for rows in np.split(np.arange(len(eo)), np.flatnonzero(np.diff(number)) + 1):
-        yield from (rows[k : k + LONGEST_CHAIN] for k in range(0, rows.size, LONGEST_CHAIN))
+        yield from (
+            rows[k : k + LONGEST_CHAIN_IMAGES] for k in range(0, rows.size, LONGEST_CHAIN_IMAGES)
+        )

@@ -25,14 +25,16 @@ from .track import along_course
 
 Rows = NDArray[np.int64]
 
-LEAST_M, SIGMAS = 1.5, 5.0
-FEWEST = 4
-RANGE_S, SHORT_S, STEP_S = 60.0, 3.0, 0.25
+LEAST_MISS_M = 1.5  # less between rays and vehicle is left to the adjustment (chosen)
+MISS_SIGMAS = 5.0  # of the attitudes on the ground, and of the size, that chance may explain
+FEWEST_SIGHTINGS = 4  # of the target, below which medians say nothing (chosen)
+# searched times either way: before the adjustment (leap seconds and clocks), after it; first step
+RANGE_S, SHORT_RANGE_S, SEARCH_STEP_S = 60.0, 3.0, 0.25
 FINER_S = (0.1, 0.02, 0.005)  # steps in which a time is searched: a vehicle moves centimetres
-FLOOR_M = 0.3  # what rays of right poses leave of a place on the ground
-OTHER_SIZE = 0.2
+MEETING_FLOOR_M = 0.3  # what rays of right poses leave of a place on the ground
+OTHER_TARGET_SIZE = 0.2
 """Of a size: heights above ground are known better than that before any adjustment."""
-FAR_M = 20.0
+FAR_VEHICLE_M = 20.0
 """Nearer than this an adjustment converges, and tells clock, lever arm and base apart."""
 
 
@@ -61,7 +63,7 @@ def refuse_elsewhere(
     oriented = np.isfinite(position_m[image]).all(axis=1)
     oriented &= np.isfinite(C_mc[image]).all(axis=(1, 2))
     own = np.flatnonzero(oriented)
-    if own.size < FEWEST:
+    if own.size < FEWEST_SIGHTINGS:
         return
     image, vehicle = image[own], vehicle.rows(own)
     direction = _directions(block, image, uv[own], C_mc)
@@ -74,7 +76,7 @@ def refuse_elsewhere(
     _refuse_sizes(vehicle, block, image, np.einsum("ni,ni->n", stated - centre, C_mc[image, :, 2]))
     met = centre + depth[:, None] * direction
     off = (met - stated)[:, :2]
-    limit = max(LEAST_M, SIGMAS * float(np.median(sigma_rad[image] * depth)))
+    limit = max(LEAST_MISS_M, MISS_SIGMAS * float(np.median(sigma_rad[image] * depth)))
     size = _middle(off)
     if size <= limit:
         return
@@ -82,13 +84,13 @@ def refuse_elsewhere(
         f"the vehicle is not where images see its target: {size:.1f} m beside it in the middle of"
         f" {own.size} images, {np.linalg.norm(off[0]):.1f} m in {vehicle.images[0]}"
     )
-    explanation = explain(off, _readings(vehicle, met, off), _middle, floor=FLOOR_M)
+    explanation = explain(off, _readings(vehicle, met, off), _middle, floor=MEETING_FLOOR_M)
     if explanation is None:
         raise DataError(
             f"{text}; neither another time nor a constant shift brings it there:"
             f" {vehicle.options.file} is of another drive, or images are joined with other ones"
         )
-    if explanation.alike and size < FAR_M:
+    if explanation.alike and size < FAR_VEHICLE_M:
         return  # the adjustment tells them apart
     raise DataError(f"{text}, and {explanation.left:.1f} m {explanation.clauses()}")
 
@@ -97,11 +99,11 @@ def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array
     """Refuse apparent sizes of the target that its diameter cannot have (J.22)."""
     options = vehicle.options
     own = np.isfinite(vehicle.size_px)
-    if options.size_m is None or own.sum() < FEWEST:
+    if options.size_m is None or own.sum() < FEWEST_SIGHTINGS:
         return
     f = np.array([camera.of("f") for camera in block.cameras])[block.camera[image]]
     times = float(np.median(vehicle.size_px[own] * depth[own] / (f[own] * options.size_m)))
-    limit = max(OTHER_SIZE, SIGMAS * options.size_sigma_m / options.size_m)
+    limit = max(OTHER_TARGET_SIZE, MISS_SIGMAS * options.size_sigma_m / options.size_m)
     if abs(times - 1.0) > limit:
         raise DataError(
             f"{options.sizes}: the target appears {times:.3g} times as large as vehicle.size_m ="
@@ -169,11 +171,11 @@ def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, flo
 
     def apart(seconds: float) -> float:
         moved, within = track.at(vehicle.time + seconds, longest)
-        if within.sum() < max(FEWEST, len(within) // 3):
+        if within.sum() < max(FEWEST_SIGHTINGS, len(within) // 3):
             return np.inf
         return _middle((met - moved.position_m)[within, :2])
 
-    return best_shift(apart, range_s, STEP_S, *FINER_S)
+    return best_shift(apart, range_s, SEARCH_STEP_S, *FINER_S)
 
 
 def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tuple[float, Vehicle]:
@@ -201,7 +203,7 @@ def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tupl
     centre = values.position[image]
     depth = (vehicle.exposures.position_m[:, 2] - centre[:, 2]) / direction[:, 2]
     met = centre + depth[:, None] * direction
-    best = _best_time(vehicle, met, SHORT_S)
+    best = _best_time(vehicle, met, SHORT_RANGE_S)
     if best is None:
         return 0.0, vehicle
     moved, within = vehicle.track.at(vehicle.time + best[0], np.inf)

@@ -120,8 +120,12 @@ class Track:
         first, last = after - 1, after
         h = self.time[last] - self.time[first]
         u = (time - self.time[first]) / h
-        at_row = (np.abs(u * h) < SAME_S) | (np.abs((1.0 - u) * h) < SAME_S)
-        within = (u > -SAME_S / h) & (u < 1.0 + SAME_S / h) & ((h <= longest_s) | at_row)
+        at_row = (np.abs(u * h) < SAME_TRACK_STAMP_S) | (np.abs((1.0 - u) * h) < SAME_TRACK_STAMP_S)
+        within = (
+            (u > -SAME_TRACK_STAMP_S / h)
+            & (u < 1.0 + SAME_TRACK_STAMP_S / h)
+            & ((h <= longest_s) | at_row)
+        )
         s, hs = u[:, None], h[:, None]
         x, v = self.position_m, self.velocity
         a, b = x[first], x[last]
@@ -169,7 +173,7 @@ class Track:
         return np.asarray(P.reshape(3 * n, 3 * n))
 
 
-SAME_S = 1e-4
+SAME_TRACK_STAMP_S = 1e-4
 """Stamps that differ by less are those of one instant: a vehicle at 20 m/s moves by 2 mm."""
 
 

@@ -27,7 +27,9 @@ from .places import Vehicle
 
 MANY_LEFT_OUT = 0.1
 """Of the measurements of the target: gross errors of a good detector are below 2 %."""
-DISCONNECTED = 10.0  # times the share that was left out, for its rank: before ground control
+# times the share that was left out, for its rank: before ground control
+DISCONNECTED_VEHICLE = 10.0
+# within which exchanged axes explain a lever arm: sigmas of it, and m to which it was measured
 FRAME_SIGMAS, FRAME_M = 4.0, 0.05
 MISTAKES: dict[tuple[tuple[int, ...], tuple[float, ...]], str] = {  # by order and signs
     ((1, 0, 2), (1.0, 1.0, 1.0)): "forward and right were exchanged",
@@ -156,7 +158,7 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
     share = k / n
     text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {named}"
     if k > 1 and share > MANY_LEFT_OUT:
-        yield ranked(KINEMATIC, DISCONNECTED * share + 1.0, text)
+        yield ranked(KINEMATIC, DISCONNECTED_VEHICLE * share + 1.0, text)
     else:
         yield ranked(
             KINEMATIC, 0.6, text, "see these images: another target, a shadow, a wrong name"
