@@ -102,7 +102,7 @@ def run_document(
     return Document(
         f"{name}: insgnss report",
         summary["headline"],
-        run_verdict(summary),
+        run_verdict(summary)._replace(phrase="Why"),  # the headline begins with the phrase
         tuple(_sections(summary, shown, with_images)),
         files=files,
         heading=name,
@@ -124,6 +124,7 @@ def _sections(
     if with_images:
         yield sections.images(s)
     yield sections.flight_lines(s)
+    yield sections.hidden(s)
     if moving:
         yield sections.fixes_by_line(s)
     yield sections.key_numbers(s)

@@ -40,13 +40,26 @@ def three(values: Sequence[float | None] | None, form: str) -> str:
 
 
 def limits(s: Summary) -> Section:
-    """Remarks on the flight, the most important first, each with what would help."""
-    listed = [ranked(x["topic"], x["rank"], x["text"], x["help"]) for x in s["limits"]]
+    """Remarks on the flight but for the reasons of the verdict, the most important first."""
+    reasons = s["use"]["reasons"]
+    listed = [
+        ranked(x["topic"], x["rank"], x["text"], x["help"])
+        for x in s["limits"]
+        if x["topic"] not in s["use"]["topics"] and not any(x["text"] in r for r in reasons)
+    ]
     usable = s["use"]["verdict"] == USE
     first = [Marked(NO_MATTER, "soft")] if usable and listed else []
     matter = [] if usable else [x for x in listed if x.rank >= 1.0][:MOST_SENTENCES]
     others = limited(x for x in listed if x not in matter)
     return Section("Remarks", [*first, *limited(matter)], more=others)
+
+
+def hidden(s: Summary) -> Section:
+    """Return what no data of the flight can reveal."""
+    caption = "no flight shows these errors, and no sigma holds them"
+    rows = [(x["name"], x["effect"], x["help"]) for x in s["hidden_errors"]]
+    head = ("Error", "what it does", "how to exclude it")
+    return _captioned("What no flight can show", caption, Table(rows, head))
 
 
 def images(s: Summary) -> Section:

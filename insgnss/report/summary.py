@@ -17,6 +17,7 @@ from ..records import Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
+from .rules.hidden import hidden
 from .rules.use import Places, stated_need, use
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
@@ -82,6 +83,10 @@ def run_summary(
     figures = plain(figures)
     ranked = limits(figures)
     figures["use"] = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
+    figures["hidden_errors"] = [
+        {"name": error.name, "effect": error.found, "help": error.advice}
+        for error in hidden(figures)
+    ]
     said = {
         "headline": f"{figures['use']['sentence']}: {headline(figures)}",
         "verdict": verdict(ranked),

@@ -69,9 +69,10 @@ def _why(judged: Mapping[str, Any]) -> str:
     metres = lengths([1e3 * x for x in judged["need_m"]])
     angles = " / ".join(f"{x:.2g}" for x in judged["need_deg"])
     measure = (
-        "as the flight file states it"
+        "which the flight file needs"
         if judged["measure"] == STATED
-        else "what this receiver and this IMU give where all is well; output.need_m states another"
+        else "as good as this receiver and this IMU are on such a flight; output.need_m states"
+        " another need"
     )
     known = f"every image is known to {metres} and {angles} deg (east, north, up) or better"
-    return f"{known}: {measure}"
+    return f"{known}, {measure}"

@@ -152,17 +152,19 @@ def test_page_says_what_a_surveyor_asks(diagnostics, eo, summary) -> None:
 
 def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> None:
     """Oracle: by hand; the section comes before all others, in the order of the ranks, remarks
-    behind the line that opens them.
+    behind the line that opens them; the heading is the reason of the verdict and no remark.
     """
     checks = tuple(Check(f"rate {k}", "one <i>", "two", "note", "look there") for k in range(4))
     s = summary(diagnostics(2.0, checks=checks), eo(0.31))
     whole = "".join(page(s, []))
     text = Reader(whole).text
     assert re.findall(r"<h2[^>]*>([^<]*)", whole)[0] == "Remarks"
-    places = [text.index(limit["text"][1:]) for limit in s["limits"]]
+    remarks = [limit["text"][1:] for limit in s["limits"] if limit["topic"] != "heading"]
+    places = [text.index(remark) for remark in remarks]
+    assert len(remarks) == len(s["limits"]) - 1
     assert places == sorted(places)
     assert text.index("of less weight") < text.index("one <i>")
-    assert "Make a turn or a figure of eight before the first line." in text
+    assert text.count("make a turn or a figure of eight before the first line.") == 1
 
 
 def test_lines_and_constants_have_their_tables(block, summary) -> None:
