@@ -106,6 +106,7 @@ def run_document(
         tuple(_sections(summary, shown, with_images)),
         files=files,
         heading=name,
+        about=sections.about(summary),
     )
 
 
@@ -125,6 +126,7 @@ def _sections(
         yield sections.images(s)
     yield sections.flight_lines(s)
     yield sections.hidden(s)
+    yield sections.settings(s)
     if moving:
         yield sections.fixes_by_line(s)
     yield sections.key_numbers(s)

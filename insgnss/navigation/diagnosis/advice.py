@@ -172,11 +172,11 @@ def unseen(
             text = f"{state} below {_millimetres(size)} mm"
             errors.append((size, text, "the lever arm moves the positions by as much"))
     if TIME_OFFSET.group not in constants.requested:
-        late = SEEN * alone.get(TIME_OFFSET, np.inf)
-        text = f"{TIME_OFFSET} below {1e3 * late:.2g} ms"
-        along = f"the offset moves them by up to {_millimetres(late * speed)} mm along track"
+        offset = SEEN * alone.get(TIME_OFFSET, np.inf)
+        text = f"{TIME_OFFSET} below {1e3 * offset:.2g} ms"
+        along = f"the offset moves them by up to {_millimetres(offset * speed)} mm along track"
         shared = "the offset moves no image, whose exposures have the same clock"
-        errors.append((0.0, text, shared) if events_with_fixes else (late * speed, text, along))
+        errors.append((0.0, text, shared) if events_with_fixes else (offset * speed, text, along))
     if not errors:
         return None
     hidden = [error for error in errors if error[0] > limit]

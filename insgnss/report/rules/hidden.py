@@ -4,10 +4,9 @@ They are listed once per report, and are no reason against the use of any image.
 """
 
 import math
+import statistics
 from collections.abc import Iterator
 from typing import Any
-
-import numpy as np
 
 from ...base.findings import Finding
 from .wording import Figures, degrees, millimetres
@@ -76,7 +75,7 @@ def _of_images(f: Figures) -> Iterator[Finding]:
             f'calibrate it on control points; accept = ["{BORESIGHT}"] says that it is right',
         )
     apart = [x["length_m"] / (x["images"] - 1) for x in f["lines"] if x["images"] > 1]
-    size = f" ({np.median(apart):.0f} m along the line)" if apart else ""
+    size = f" ({statistics.median(apart):.0f} m along the line)" if apart else ""
     yield _note(
         "events shifted by one",
         "one missing event or image gives every later image the pose of its neighbour" + size,
