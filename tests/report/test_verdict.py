@@ -117,6 +117,27 @@ def test_weakest_line_of_a_good_flight_is_not_said(block) -> None:
     assert s["verdict"] == [NOTHING_STANDS_OUT]
 
 
+@pytest.mark.parametrize(("axis", "name"), [(5, "heading"), (3, "tilt")])
+def test_the_worst_image_is_named_with_its_angle(diagnostics, eo, axis, name) -> None:
+    """Oracle: by hand; 0.5 deg about up or east at the eighth image, 0.02 deg at the others."""
+    images = eo()
+    cov = images.cov.copy()
+    cov[7, axis, axis] = np.radians(0.5) ** 2
+    text = said(run(diagnostics(), dataclasses.replace(images, cov=cov)), "image")["text"]
+    assert text.startswith(f"the {name} of image 8008.tif at 09:00:")
+    assert text.endswith("is known to 0.5 deg, to 0.02 deg in the median")
+
+
+def test_steps_of_rejected_fixes_are_not_said_twice(diagnostics, eo) -> None:
+    """Oracle: definition; the check of their speed is left out where the gate rejected fixes."""
+    check = Check("GNSS speed", "24 steps over 100 m/s", "none", "note")
+    used = np.arange(1200) % 20 != 0
+    for rows, times in ((used, 0), (used | True, 1)):
+        s = run(diagnostics(used=rows, checks=(check,)), eo())
+        assert sum("24 steps" in limit["text"] for limit in s["limits"]) == times
+        assert any("rejected by the gate" in limit["text"] for limit in s["limits"]) != times
+
+
 def test_outage_names_its_images_and_sigmas(diagnostics, eo) -> None:
     """Oracle: by hand; no fix from 50 to 95 s, images at events within, sigmas of 0.6 m there."""
     d = diagnostics()

@@ -283,7 +283,7 @@ def _lever_arm(
 def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> str:
     """Say which places of the antenna, and of the IMU where images depend on it, would be it.
 
-    The flight sees the antenna from the IMU alone, so that both explain it alike.
+    The flight measures only the vector between them, so that both explain it alike.
     """
     off = mounting.C_cb @ value
     antenna, imu = (
@@ -295,9 +295,8 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
         return f"mounting.antenna_m = {antenna} would be it, with {how_well}"
     return (
         f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would be it, with {how_well}:"
-        " the flight sees the antenna from the IMU alone and does not tell which of both is wrong,"
-        f" and the images of one are {float(np.linalg.norm(value)):.3f} m off those of the other;"
-        " measure both before you take either"
+        " the flight measures only the vector from IMU to antenna; if imu_m is the wrong one, all"
+        f" images move by {float(np.linalg.norm(value)):.3f} m; measure both before you change one"
     )
 
 

@@ -332,6 +332,7 @@ def checks(f: Figures) -> Iterator[Finding]:
         f["outages"]
     )
     covered += ["fixes minus solution", UNSEEN] + ["IMU gaps"] * bool(f["imu_gaps"])
+    covered += ["GNSS speed"] * any(rejected(f))
     for check in f["checks"]:
         made_up = f["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (

@@ -128,6 +128,8 @@ def worst_image(f: Figures) -> Iterator[Finding]:
         worst, median = e[key]["worst"], e[key]["median"]
         ratio = max(worst["sigma"]) / max(median)
         if ratio > WORST_IMAGE_RATIO and worst["image"] != e["first_image"]:
+            if name == "attitude":
+                name = "heading" if worst["sigma"][2] > tilt(worst["sigma"]) else "tilt"
             text = (
                 f"the {name} of image {worst['image']} at {at_time(f, worst['time_s'])} is known to"
                 f" {form(max(worst['sigma']))}, to {form(max(median))} in the median"
