@@ -158,7 +158,7 @@ class Section:
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
         if self.more:
-            rest = _listed(self.more)
+            rest = f'<div class="soft">{_listed(self.more)}</div>\n'
             many = len(self.more) > FEW
             inside += folded(f"and {len(self.more)} of less weight", rest) if many else rest
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""

@@ -14,6 +14,7 @@ from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
 from .fixes import judged
+from .use import USE
 from .wording import Figures, degrees, lengths, tilt
 
 MOST_SENTENCES = 8
@@ -65,7 +66,8 @@ def headline(figures: Figures) -> str:
         f"{subject}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
         f" {degrees(tilt(attitude))}, heading {degrees(attitude[2])}"
     )
-    if images is not None and (beyond := images["far_worse"])["count"]:
+    usable = figures["use"]["verdict"] == USE  # else the verdict counts the weak ones
+    if usable and images is not None and (beyond := images["far_worse"])["count"]:
         text += (
             f"; {_images(beyond['count'])} with more than {beyond['times']:g} times the median, up"
             f" to {lengths(claim['position_mm']['max'])}"
