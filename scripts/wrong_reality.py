@@ -54,7 +54,7 @@ VERDICTS = ("covered", "culprit", "told", "silent", "refused wrongly", "tracebac
 BAD = VERDICTS[3:]
 
 GENERAL = (  # words that say that the sigmas do not hold
-    r"larger than they say|contradict|overconfident|disagree|do not describe|lost the fixes"
+    r"scatter more than|contradict|disagree|do not describe|lost the fixes"
     r"|rejected by the gate|were rejected|time-correlated|are too small"
 )
 UNSEEN = "unseen constants"
@@ -154,7 +154,7 @@ def misused(result: insgnss.ProcessResult, error: np.ndarray, z: np.ndarray) -> 
 
 def said(check: Any) -> str:
     """The words of a check; of what a flight could not see those alone that it would not show."""
-    found = check.found.partition("it would not show ")[2] or check.found
+    found = check.found.partition("would not reveal errors of ")[2] or check.found
     return f"{check.name}: {found}"
 
 

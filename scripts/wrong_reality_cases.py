@@ -22,7 +22,7 @@ NOISE, SIGMAS = "IMU noise:", "GNSS sigmas:|: the GNSS sigmas are too small"
 CORRELATED, LOST = "time-correlated", "rejected by the gate|lost the fixes|were rejected"
 SCALE = {"gyro": r"gyro( \w+)? scale factor", "accel": r"accel(erometer)?( \w+)? scale factor"}
 MISALIGNED = {"gyro": r"gyro (\w+ from|misal)", "accel": r"accel(erometer)? (\w+ from|misal)"}
-VELOCITY = r"velocity innovations|velocities \(|velocities were|fixes\.velocity"
+VELOCITY = r"velocities scatter|velocities \(|velocities were|fixes\.velocity"
 
 
 def radii(lat: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -289,7 +289,7 @@ CASES = (
     ),
     Case("outliers of 1 m, 1 %", outliers(0.01, 1.0), LOST, True),
     Case("outliers of 20 m, 5 %", outliers(0.05, 20.0), LOST, True),
-    Case("outage of 30 s", outage, "no used fix", True),
+    Case("outage of 30 s", outage, "no GNSS position was used", True),
     Case("fixes of 1.5 m", harmless=True, simulated=(("gnss_sigma_m", (1.5, 1.5, 3.0)),)),
     Case("fixes at 1 Hz", harmless=True, simulated=(("gnss_rate_hz", 1.0),)),
     Case("velocities as they should be", harmless=True, simulated=VELOCITIES),

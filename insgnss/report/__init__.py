@@ -21,6 +21,9 @@ Where to look
         and `artists.py`, `insgnss figures` by `files.py` there
     the table of images and its flags: `image_table.py`, shown by `Table` in `assets/report.js`
     the verdict, its colour and its reason: `verdict.py`; of a flight `rules/use.py`
+    what no flight can show, listed once: `rules/hidden.py`
+    what prints: sections that are `brief` and the map, all else is the appendix (`Document.html`,
+        `@media print` of `assets/report.css`); `insgnss report`: `printed.py`
     satellites, ratio, age, PDOP of fixes: `fix_series` in `charts/gnss.py`; line by line
         `line_fixes.py`
     the sentence on fixes minus solution: `residuals` of `rules/fixes.py`

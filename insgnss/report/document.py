@@ -40,6 +40,7 @@ LEAST_WIDTH = 40  # least characters of the last column: 40, because narrower on
 MOST_ROWS = 20  # most rows of a table that is not folded: 20, because more fill a screen
 FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
 Shown = Literal["both", "page", "terminal"]
+APPENDIX = "appendix"  # class of what a page prints only where asked for, and the box that asks
 MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 PLAIN = str.maketrans({"±": "+-", "–": "-"})  # consoles of all encodings have these
 
@@ -140,12 +141,15 @@ class Section:
         Whether the terminal, the page or both show it.
     more : sequence of str
         Sentences of less weight, which the page folds away where they are many.
+    brief : bool
+        Whether it is in the summary that a page prints; the rest is its appendix.
     """
 
     title: str
     parts: Iterable["str | Table | Drawing"] = ()
     on: Shown = "both"
     more: Sequence[str] = ()
+    brief: bool = False
 
     def html(self) -> str:
         """Return the section of the page."""
@@ -154,7 +158,7 @@ class Section:
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
         if self.more:
-            rest = _listed(self.more)
+            rest = f'<div class="soft">{_listed(self.more)}</div>\n'
             many = len(self.more) > FEW
             inside += folded(f"and {len(self.more)} of less weight", rest) if many else rest
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
@@ -199,6 +203,8 @@ class Document:
         What to do with it: the last line on the terminal.
     heading : str
         Heading of the page where it is not the title.
+    about : str
+        What stands below the heading: whose it is and when; without full stop.
     """
 
     title: str
@@ -212,6 +218,7 @@ class Document:
     files: Sequence[object] = ()
     next: str = ""
     heading: str = ""
+    about: str = ""
 
     def text(self) -> str:
         """Return the text for the terminal."""
@@ -242,9 +249,15 @@ class Document:
         """
         shown = [s for s in self.sections if isinstance(s, Chart) or s.on != "terminal"]
         first, *rest = self._made_from() if made_from is None else made_from
-        listed = (*shown, first)
-        body = "".join(charted(s) if isinstance(s, Chart) else s.html() for s in listed)
-        origin = "".join(section.html() for section in rest)
+        whole = not any(isinstance(s, Section) and s.brief for s in shown)
+
+        def placed(s: Section | Chart) -> str:
+            html = charted(s) if isinstance(s, Chart) else s.html()
+            brief = whole or (s.map if isinstance(s, Chart) else s.brief)
+            return html if brief or not html else f'<div class="{APPENDIX}">\n{html}</div>\n'
+
+        body = "".join(map(placed, (*shown, first)))
+        origin = "".join(map(placed, rest))
         word, why, _ = self.verdict
         blocks = (embedded(name, script_safe(block)) for name, block in data.items())
         reason = f"<strong>{escape(self.verdict.shown)}</strong>: {escape(why)}."
@@ -252,8 +265,14 @@ class Document:
             self.title,
             self.headline,
             word,
-            (f'<p class="reason {word}">{reason}</p>\n', with_contents(body), origin, *blocks),
+            (
+                f'<p class="reason {word}">{reason}</p>\n',
+                with_contents(body, "" if whole else APPENDIX),
+                origin,
+                *blocks,
+            ),
             self.heading,
+            self.about,
             [s for s in shown if isinstance(s, Chart)],
             twin_sha256,
         )

@@ -25,6 +25,7 @@ def whole_page(
     mood: str,
     body: Iterable[str],
     heading: str = "",
+    about: str = "",
     charts: Sequence[Chart] = (),
     report_sha256: str = "",
 ) -> Iterator[str]:
@@ -35,7 +36,7 @@ def whole_page(
     title, headline : texts without HTML; the headline without full stop.
     mood : "good", "doubtful" or "bad".
     body : HTML below the headline.
-    heading : above the headline, by default the title.
+    heading, about : above the headline, by default the title and nothing below it.
     charts : what `charted` has places for in the body; the page draws them itself.
     report_sha256 : SHA-256 of the text of report.json of the same run, for `insgnss figures`.
     """
@@ -47,9 +48,9 @@ def whole_page(
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         f"<style>\n{style or asset('report.css')}\n</style>\n</head>\n<body>\n<main>\n"
     )
-    yield (
-        f'<h1>{escape(heading or title)}</h1>\n<p class="headline {mood}">{escape(headline)}.</p>\n'
-    )
+    yield f"<h1>{escape(heading or title)}</h1>\n"
+    yield f'<p class="soft about">{escape(sentence(about))}</p>\n' if about else ""
+    yield f'<p class="headline {mood}">{escape(headline)}.</p>\n'
     yield from body
     yield "</main>\n"
     if charts:
@@ -83,10 +84,11 @@ def charted(chart: Chart) -> str:
     )
 
 
-def with_contents(body: str) -> str:
+def with_contents(body: str, appendix: str = "") -> str:
     """Return a body with a list of contents before it, and an id at each heading.
 
-    A figure is listed by its name, which is shorter than its title.
+    A figure is listed by its name, which is shorter than its title. The list ends with the box
+    `appendix` that asks for this part in print, where there is one.
     """
     entries = []
 
@@ -98,6 +100,10 @@ def with_contents(body: str) -> str:
         return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'
 
     body = re.sub(r'(<figure id="([^"]*)"[^>]*>\n)?<h2>(.*?)</h2>', placed, body)
+    if appendix:
+        entries.append(
+            f'<label><input type="checkbox" id="{appendix}"> print the {appendix} as well</label>'
+        )
     return f'<nav class="contents" aria-label="contents">{"".join(entries)}</nav>\n{body}'
 
 

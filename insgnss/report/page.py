@@ -102,10 +102,11 @@ def run_document(
     return Document(
         f"{name}: insgnss report",
         summary["headline"],
-        run_verdict(summary),
+        run_verdict(summary)._replace(phrase="Why"),  # the headline begins with the phrase
         tuple(_sections(summary, shown, with_images)),
         files=files,
         heading=name,
+        about=sections.about(summary),
     )
 
 
@@ -124,6 +125,8 @@ def _sections(
     if with_images:
         yield sections.images(s)
     yield sections.flight_lines(s)
+    yield sections.hidden(s)
+    yield sections.settings(s)
     if moving:
         yield sections.fixes_by_line(s)
     yield sections.key_numbers(s)

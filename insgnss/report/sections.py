@@ -1,9 +1,11 @@
 """The sections of the document of a run, each from the figures that report.json holds."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from ..base.findings import Finding, ranked
+from ..geodesy.gpstime import calendar_from_gps
 from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
@@ -29,6 +31,15 @@ FIXED = (
     " (decimetres)"
 )
 
+SETTINGS = {  # keys of the summary by table: what decides the result, on half a printed page
+    "imu": ("file", "noise", "axes"),
+    "gnss": ("file", "sigma_m", "datum", "epoch", "undulation_m", "time_offset_s"),
+    "camera": ("events", "time_offset_s"),
+    "mounting": ("antenna_m", "antenna_sigma_m", "imu_m"),
+    "tangent_plane": ("lat_deg", "lon_deg", "height_m"),
+    "output": ("need", "need_m", "need_deg", "crs", "geoid", "formats"),
+}
+
 NO_MATTER = "these change no image beyond the accuracy that is needed"
 
 
@@ -40,13 +51,62 @@ def three(values: Sequence[float | None] | None, form: str) -> str:
 
 
 def limits(s: Summary) -> Section:
-    """Remarks on the flight, the most important first, each with what would help."""
-    listed = [ranked(x["topic"], x["rank"], x["text"], x["help"]) for x in s["limits"]]
+    """Remarks on the flight but for the reasons of the verdict, the most important first."""
+    reasons = s["use"]["reasons"]
+    listed = [
+        ranked(x["topic"], x["rank"], x["text"], x["help"])
+        for x in s["limits"]
+        if x["topic"] not in s["use"]["topics"] and not any(x["text"] in r for r in reasons)
+    ]
     usable = s["use"]["verdict"] == USE
     first = [Marked(NO_MATTER, "soft")] if usable and listed else []
     matter = [] if usable else [x for x in listed if x.rank >= 1.0][:MOST_SENTENCES]
     others = limited(x for x in listed if x not in matter)
-    return Section("Remarks", [*first, *limited(matter)], more=others)
+    return Section("Remarks", [*first, *limited(matter)], more=others, brief=True)
+
+
+def hidden(s: Summary) -> Section:
+    """Return what no data of the flight can reveal."""
+    caption = "no flight shows these errors, and no sigma holds them"
+    rows = [(x["name"], x["effect"], x["help"]) for x in s["hidden_errors"]]
+    head = ("Error", "what it does", "how to exclude it")
+    return _captioned("What no flight can show", caption, Table(rows, head), brief=True)
+
+
+def about(s: Summary) -> str:
+    """Return whose flight it is, with what and when it was flown and processed."""
+    output, span, week = s["flight"].get("output") or {}, s["span"], s["span"]["gps_week"]
+    included = s["flight"].get("included") or ()
+    equipment = output.get("equipment") or ", ".join(Path(file).stem for file in included[:1])
+    parts = [
+        f"{name} {text}"
+        for name, text in (("operator", output.get("operator")), ("equipment", equipment))
+        if text
+    ]
+    if week is not None:
+        begin, end = (calendar_from_gps(week, span[key]) for key in ("start_tow_s", "end_tow_s"))
+        parts.append(f"flown {begin:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S} UTC")
+    done = [s["run"][key] for key in ("date (UTC)",) if key in s["run"]]
+    parts += [f"processed {date} UTC" for date in done]
+    return "; ".join(parts)
+
+
+def settings(s: Summary) -> Section:
+    """Return the keys of the flight file that decide the result, and the versions."""
+    tables = {
+        name: {key: x for key in keys if (x := (s["flight"].get(name) or {}).get(key))}
+        for name, keys in SETTINGS.items()
+    } | {"versions": s["versions"]}
+    rows = [
+        (name, Marked("; ".join(f"{key} {_plain(x)}" for key, x in table.items()), "code"))
+        for name, table in tables.items()
+        if table
+    ]
+    return Section("Settings and versions", [Table(rows)], "page", brief=True)
+
+
+def _plain(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def images(s: Summary) -> Section:
@@ -98,7 +158,7 @@ def flight_lines(s: Summary) -> Section:
         "median standard deviations on each straight line, numbered as in the figures; the largest,"
         " where one is, is in bold"
     )
-    return _captioned("Line by line", caption, Table(rows, head, True, "lines"))
+    return _captioned("Line by line", caption, Table(rows, head, True, "lines"), brief=True)
 
 
 def _with_largest(values: Sequence[float], form: Callable[[float], str]) -> list[str]:
@@ -364,6 +424,7 @@ def made_from(s: Summary) -> Iterator[Section]:
     yield pairs("Time taken", {step: f"{t:.2f} s" for step, t in s["timings_s"].items()})
 
 
-def _captioned(title: str, caption: str, table: Table) -> Section:
+def _captioned(title: str, caption: str, table: Table, brief: bool = False) -> Section:
     """Return a section of a table below what it shows; empty without rows."""
-    return Section(title, [Marked(caption, "soft"), table] if table.rows else [], "page")
+    parts: list[str | Table] = [Marked(caption, "soft"), table] if table.rows else []
+    return Section(title, parts, "page", brief=brief)

@@ -17,6 +17,7 @@ from ..records import Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
+from .rules.hidden import hidden
 from .rules.needs import stated_need
 from .rules.use import Places, use
 from .rules.verdict import headline, limits, verdict
@@ -84,6 +85,10 @@ def run_summary(
     ranked = limits(figures)
     judged = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
     figures["use"] = plain(judged)
+    figures["hidden_errors"] = [
+        {"name": error.name, "effect": error.found, "help": error.advice}
+        for error in hidden(figures)
+    ]
     first = {
         "headline": f"{figures['use']['sentence']}: {headline(figures)}",
         "verdict": verdict(ranked),

@@ -1014,7 +1014,7 @@ def test_an_outage_is_bridged_and_told(data, capsys):
     _rows(GNSS, lambda t: (t < 60.0) | (t >= 63.0))(data)
     report = _processed(capsys, data)
     assert report["longest_outage"]["length_s"] == pytest.approx(3.1, abs=0.01)
-    assert any("no used fix for 3.1 s" in sentence for sentence in report["verdict"])
+    assert any("no GNSS position was used for 3.1 s" in sentence for sentence in report["verdict"])
 
 
 def test_a_missing_sample_is_bridged_and_told(data, capsys):

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -157,3 +158,30 @@ def test_what_is_no_page_is_refused(page, tmp_path, capsys) -> None:
         (".", "directory"),
     ):
         assert words in refusal(capsys, 3, tmp_path / name, "-q"), name
+
+
+def test_a_page_without_a_browser_or_over_a_file_is_not_printed(
+    page, capsys, monkeypatch, tmp_path
+) -> None:
+    """Oracle: definition; one line that says what to do, wrong use, and nothing is overwritten."""
+    (tmp_path / "report.pdf").write_text("mine")
+    assert main(["report", str(page), "-q"]) == 2
+    assert "overwrite with --force" in capsys.readouterr().err
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["report", str(page), "-q", "--force"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "is on the path; install one, or print" in line
+    assert (tmp_path / "report.pdf").read_text() == "mine"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell script stands for the browser")
+def test_a_browser_that_does_not_print_is_said(page, capsys, monkeypatch, tmp_path) -> None:
+    """Oracle: definition; its last line is in ours, and there is no file."""
+    fake = tmp_path / "chromium"
+    fake.write_text("#!/bin/sh\necho no display >&2\nexit 1\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["report", str(page), "-q"]) == 3
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "did not print it (no display); print it from a browser" in line
+    assert not (tmp_path / "report.pdf").exists()

@@ -152,17 +152,19 @@ def test_page_says_what_a_surveyor_asks(diagnostics, eo, summary) -> None:
 
 def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> None:
     """Oracle: by hand; the section comes before all others, in the order of the ranks, remarks
-    behind the line that opens them.
+    behind the line that opens them; the heading is the reason of the verdict and no remark.
     """
     checks = tuple(Check(f"rate {k}", "one <i>", "two", "note", "look there") for k in range(4))
     s = summary(diagnostics(2.0, checks=checks), eo(0.31))
     whole = "".join(page(s, []))
     text = Reader(whole).text
     assert re.findall(r"<h2[^>]*>([^<]*)", whole)[0] == "Remarks"
-    places = [text.index(limit["text"][1:]) for limit in s["limits"]]
+    remarks = [limit["text"][1:] for limit in s["limits"] if limit["topic"] != "heading"]
+    places = [text.index(remark) for remark in remarks]
+    assert len(remarks) == len(s["limits"]) - 1
     assert places == sorted(places)
     assert text.index("of less weight") < text.index("one <i>")
-    assert "Make a turn or a figure of eight before the first line." in text
+    assert text.count("make a turn or a figure of eight before the first line.") == 1
 
 
 def test_lines_and_constants_have_their_tables(block, summary) -> None:
@@ -282,3 +284,23 @@ def test_fixes_minus_solution_are_listed_and_the_odd_ones_marked(diagnostics, eo
     assert re.findall('class="contradiction">([^<]*)<', section) == ["400 mm ± 20.0 mm"]
     assert 'class="headline doubtful"' in text
     assert "Fixes minus solution" not in "".join(page(summary(diagnostics(), eo()), ()))
+
+
+def test_the_summary_says_whose_flight_it_is_and_the_rest_is_the_appendix(
+    diagnostics, eo, summary
+) -> None:
+    """Oracle: by hand; TOW 205200 s of GPS week 2008 is 3 July 2018, 08:59:42 UTC; what prints
+    beside the appendix is what a surveyor hands over.
+    """
+    output = {"operator": "A. <b>", "equipment": None, "formats": ["metashape"], "crs": None}
+    s = summary(diagnostics(), eo(), output=output, included=["../wing3.toml"])
+    whole = "".join(page(s, []))
+    about = "Operator A. &lt;b&gt;; equipment wing3; flown 2018-07-03 08:59:42 to 09:01:41 UTC"
+    assert f'<p class="soft about">{about}' in whole
+    brief, appendix = whole.split('<div class="appendix">', 1)
+    for text, titles in (
+        (brief, {"What no flight can show", "Settings and versions"}),
+        (appendix, {"Key numbers", "Gaps", "Versions", "Inputs (SHA-256)"}),
+    ):
+        assert titles <= set(re.findall(r"<h2[^>]*>([^<]*)", text))
+    assert "formats metashape" in brief

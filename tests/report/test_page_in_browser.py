@@ -19,6 +19,7 @@ from insgnss.records.series import ConstantSeries
 from insgnss.records.states import OF_LEVER_ARM, TIME_OFFSET
 from insgnss.report.charts.gnss import fix_series
 from insgnss.report.page import write_report
+from insgnss.report.printed import print_page
 
 START = 205200.0
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -402,6 +403,7 @@ def test_it_prints_whole(opened: Opened) -> None:
     """
     pdfium = pytest.importorskip("pypdfium2", reason="pypdfium2 is not installed")
     page = opened()
+    page.check("#appendix")
     headings = ["".join(h.inner_text().split()) for h in page.query_selector_all("h2")]
     document = pdfium.PdfDocument(io.BytesIO(page.pdf(format="A4", print_background=True)))
     whole, coloured = "", 0
@@ -424,3 +426,24 @@ def test_it_prints_whole(opened: Opened) -> None:
     assert "8030.tif" in whole
     assert coloured >= 4
     assert page.evaluate("document.documentElement.classList.contains('printing')") is False
+
+
+@pytest.mark.slow
+def test_the_summary_prints_on_two_pages_and_the_appendix_where_asked_for(
+    browser: Any, page_file: Path, tmp_path: Path
+) -> None:
+    """Oracle: PDFium, what it reads; verdict, map and settings are there, the checks in the
+    appendix alone.
+    """
+    pdfium = pytest.importorskip("pypdfium2", reason="pypdfium2 is not installed")
+    read = {}
+    for appendix in (False, True):
+        pdf = print_page(page_file, tmp_path / f"{appendix}.pdf", appendix).file
+        sheets = list(pdfium.PdfDocument(pdf.read_bytes()))
+        read[appendix] = len(sheets), "".join(x.get_textpage().get_text_range() for x in sheets)
+    for _, text in read.values():
+        for heading in ("Use it", "Where the flight went", "What no flight can show", "Settings"):
+            assert heading in text
+    assert read[False][0] <= 2 < read[True][0]
+    assert "Gaps" in read[True][1]
+    assert "Gaps" not in read[False][1]

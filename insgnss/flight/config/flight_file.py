@@ -208,6 +208,15 @@ class Output:
         low=1e-3,
         high=1e4,
     )
+    operator: str | None = option(
+        None, "who answers for the flight, in the summary of the report", form="text"
+    )
+    equipment: str | None = option(
+        None,
+        "aircraft, IMU, receiver and camera, in the summary of the report",
+        form="text",
+        usual="the name of the included file",
+    )
     need: str | None = option(
         None,
         'accuracy that the images are wanted with: "control" (no ground control: 30, 30, 50 mm and'

@@ -155,9 +155,9 @@ def unseen(
     Returns
     -------
     Finding or None
-        A note where an error could stay unseen (`SEEN` sigmas of what the flight tells) that moves
-        positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; None where all
-        of them are estimated in any case.
+        A note of the errors that could stay unseen (`SEEN` sigmas of what the flight tells) and
+        move positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; of all that
+        could where none moves them so far. None where all of them are estimated in any case.
     """
     alone = constants.known_to()
     speed = rms_speed(solution)
@@ -165,31 +165,24 @@ def unseen(
         axis=1
     )
     limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
-    parts, hidden = [], []
+    errors: list[tuple[float, str, str]] = []  # m, the error, what it does
     if LEVER_ARM not in (*constants.requested, *constants.exact):
-        sigmas = [alone.get(state, np.inf) for state in OF_LEVER_ARM]
-        each = " / ".join(_millimetres(sigma) for sigma in sigmas)
-        parts.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
-        hidden += [
-            f"{state} below {_millimetres(SEEN * sigma)} mm"
-            for state, sigma in zip(OF_LEVER_ARM, sigmas, strict=True)
-            if SEEN * sigma > limit
-        ]
+        for state in OF_LEVER_ARM:
+            size = SEEN * alone.get(state, np.inf)
+            text = f"{state} below {_millimetres(size)} mm"
+            errors.append((size, text, "the lever arm moves the positions by as much"))
     if TIME_OFFSET.group not in constants.requested:
-        sigma = alone.get(TIME_OFFSET, np.inf)
-        cost = (
-            "which moves no exposure: the same clock stamps them"
-            if events_with_fixes
-            else f"{_millimetres(sigma * speed)} mm along track"
-        )
-        parts.append(f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({cost})")
-        if SEEN * sigma * speed > limit and not events_with_fixes:
-            hidden.append(f"{TIME_OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
-    if not parts:
+        offset = SEEN * alone.get(TIME_OFFSET, np.inf)
+        text = f"{TIME_OFFSET} below {1e3 * offset:.2g} ms"
+        along = f"the offset moves them by up to {_millimetres(offset * speed)} mm along track"
+        shared = "the offset moves no image, whose exposures have the same clock"
+        errors.append((0.0, text, shared) if events_with_fixes else (offset * speed, text, along))
+    if not errors:
         return None
-    text = f"this flight tells {' and '.join(parts)}"
-    if hidden:
-        text += f"; it would not show errors of {', '.join(hidden)}"
+    hidden = [error for error in errors if error[0] > limit]
+    _, names, effects = zip(*(hidden or errors), strict=True)
+    moved = ", ".join(dict.fromkeys(effects))
+    text = f"this flight would not reveal errors of {', '.join(names)}: {moved}"
     return Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen").note(
         text,
         Step(
@@ -290,7 +283,7 @@ def _lever_arm(
 def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> str:
     """Say which places of the antenna, and of the IMU where images depend on it, would be it.
 
-    The flight sees the antenna from the IMU alone, so that both explain it alike.
+    The flight measures only the vector between them, so that both explain it alike.
     """
     off = mounting.C_cb @ value
     antenna, imu = (
@@ -302,9 +295,8 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
         return f"mounting.antenna_m = {antenna} would be it, with {how_well}"
     return (
         f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would be it, with {how_well}:"
-        " the flight sees the antenna from the IMU alone and does not tell which of both is wrong,"
-        f" and the images of one are {float(np.linalg.norm(value)):.3f} m off those of the other;"
-        " measure both before you take either"
+        " the flight measures only the vector from IMU to antenna; if imu_m is the wrong one, all"
+        f" images move by {float(np.linalg.norm(value)):.3f} m; measure both before you change one"
     )
 
 

@@ -11,6 +11,7 @@ from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...records.states import OF_LEVER_ARM
 from ...records.verdicts import REMARK
+from .hidden import BORESIGHT, known_boresight
 from .wording import Figures, degrees, millimetres, tilt
 
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
@@ -25,9 +26,7 @@ USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of th
 # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
 NEGLIGIBLE_ARM_M = 0.02
 EITHER_WRONG = "the place of the images is in doubt"
-BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
-BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
-LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight, from which on it is more than a remark
+LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight: beyond it, its signs are worth a look
 EARTH_RATE_DEG_H = 15.041
 
 
@@ -106,13 +105,13 @@ def heights(f: Figures) -> Iterator[Finding]:
     sigma = f["innovations"]["median_sigma_mm"]
     of_fixes = sigma is not None and sigma[2] > OF_FIXES * ratio * max(sigma[:2])
     text = (
-        f"heights: {ratio:.1f} x the horizontal sigmas ({millimetres(down)} against"
-        f" {millimetres(max(north, east))})"
+        f"heights are known to {millimetres(down)}, {ratio:.1f} times as uncertain as east and"
+        f" north ({millimetres(max(north, east))})"
     )
     why, help_ = "the lever arm or the IMU weakens them", "look at the antenna's lever arm down"
     if of_fixes:
         why, help_ = (
-            "the fixes are that much weaker there, all satellites being above",
+            "the GNSS heights are that much weaker, all satellites being above",
             "let a control point or two carry the heights",
         )
     yield ranked("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
@@ -125,21 +124,21 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
     median = (f["exposures"] or f["trajectory"])["attitude_deg"]["median"]
     if median[2] > GOOD_HEADING_DEG:
         times = (
-            f"{median[2] / tilt(median):.1f} times that of tilt"
+            f"{median[2] / tilt(median):.1f} times the sigma of tilt"
             if tilt(median) > 0.0
             else "tilt being known"
         )
         text = (
-            f"heading sigma {degrees(median[2])} in the median, {times}: only changes of horizontal"
-            " velocity show it to this IMU"
+            f"heading is known to {degrees(median[2])} in the median of the images, {times},"
+            " because with this IMU only changes of horizontal velocity show it"
         )
         help_ = "make sharper and more frequent turns, or use a better gyro or two antennas"
         yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
         text = (
-            f"tilt sigma {degrees(tilt(median))} in the median, as a level accelerometer's bias of"
-            f" {same:.2g} mg makes it"
+            f"tilt is known to {degrees(tilt(median))} in the median, as much as a level"
+            f" accelerometer's bias of {same:.2g} mg tilts the images"
         )
         text += f"; these biases are known to {accel:.2g} mg at the end"
         yield ranked(
@@ -151,39 +150,30 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
 
 
 def boresight(f: Figures) -> Iterator[Finding]:
-    """Yield a bore-sight that turns the heading of the images by more than its sigma.
+    """Yield a large bore-sight that turns the heading of the images by more than its sigma.
 
     Nothing in a flight shows whether its signs are right; it is one number that a person can check.
-    One that a calibration found has no signs to be mistaken, and one that is accepted was checked.
+    One that a calibration found has no signs to be mistaken, and one that is accepted was checked;
+    of one of ordinary size `hidden` says what an error of it does.
     """
     turn = f["boresight_heading_deg"]
-    if turn is None or f["exposures"] is None or _known_boresight(f["flight"]):
+    if turn is None or f["exposures"] is None or known_boresight(f["flight"]):
         return
     sigma = f["exposures"]["attitude_deg"]["median"][2]
-    if abs(turn) <= sigma:
+    if abs(turn) <= max(sigma, LARGE_TURN_DEG):
         return
     text = (
-        f"the bore-sight entered turns the heading of the images by {turn:+.2f} deg ="
-        f" {abs(turn) / sigma:.1f} sigma, which no data of this flight can tell: check its signs"
+        f"the bore-sight turns the heading of the images by {turn:+.2f} deg ="
+        f" {abs(turn) / sigma:.1f} sigma; with the wrong signs all images are turned by twice that,"
+        " and no data of this flight can reveal it"
     )
-    rank = abs(turn) / LARGE_TURN_DEG
     yield ranked(
         BORESIGHT,
-        rank,
+        abs(turn) / LARGE_TURN_DEG,
         text,
-        f'see mounting.boresight, or calibrate it on control points; accept = ["{BORESIGHT}"] in'
-        " the flight file says that they are right",
+        "check the signs of mounting.boresight, or calibrate it on control points;"
+        f' accept = ["{BORESIGHT}"] in the flight file says that they are right',
     )
-
-
-def _known_boresight(flight: Figures) -> bool:
-    """Tell whether a flight file took its bore-sight from a calibration, or accepts it."""
-    sources = flight.get("mounting_files") or ()
-    calibrated = any(
-        BORESIGHT_KEY in source["keys"] and source["made"]["boresight_cov"] is not None
-        for source in sources
-    )
-    return calibrated or BORESIGHT in (flight.get("accept") or ())
 
 
 def gyro_bias(f: Figures) -> Iterator[Finding]:
@@ -194,8 +184,8 @@ def gyro_bias(f: Figures) -> Iterator[Finding]:
         return
     of_minute = degrees(sigma[worst] * MINUTE_S / 3600.0)
     text = (
-        f"gyro bias {f['biases']['axes'][worst]} known to {sigma[worst]:.0f} deg/h only at the end,"
-        f" {of_minute} a minute"
+        f"the gyro bias {f['biases']['axes'][worst]} is known to {sigma[worst]:.0f} deg/h only at"
+        f" the end: where GNSS is missing, the images turn by {of_minute} a minute"
     )
     yield ranked(
         "gyro bias",
@@ -214,8 +204,8 @@ def arm_states(f: Figures) -> dict[str, Figures]:
 def lever_arm(f: Figures) -> Iterator[Finding]:
     """Yield a lever arm that was estimated far from what the mounting states.
 
-    The flight sees the antenna from the IMU alone: whether the place of the one or of the other is
-    wrong, it cannot tell, and the images stand with that of the IMU. Who states a sigma that holds
+    The flight measures only the vector from IMU to antenna: which of both places is wrong, it
+    cannot determine, and the images move with that of the IMU. Who states a sigma that holds
     the departure says that it is the antenna's.
     """
     arm = arm_states(f)
@@ -239,7 +229,7 @@ def lever_arm(f: Figures) -> Iterator[Finding]:
     text = (
         f"{EITHER_WRONG}: the lever arm from the IMU to the antenna came out"
         f" {math.hypot(*value):.3f} m = {max(beyond):.0f} sigma from what the mounting states, and"
-        " the flight does not tell whether imu_m or antenna_m is wrong; where it is imu_m, all"
+        " the flight cannot determine whether imu_m or antenna_m is wrong; if it is imu_m, all"
         " images are off by as much"
     )
     help_ = (
@@ -264,7 +254,8 @@ def _in_camera(mounting: Figures, vector: Sequence[float]) -> list[float]:
 def states(f: Figures) -> Iterator[Finding]:
     """Yield what became of the constants that the flight was to estimate.
 
-    Those that it does not determine come first, then the values of the others.
+    Those that it does not determine come first, then the values of the others; of those that the
+    flight file does not ask for the check that adopted them has the values.
     """
     typical = max(f["trajectory"]["position_mm"]["median"])
     of_imu, estimated, of_antenna = [], [], False
@@ -275,9 +266,9 @@ def states(f: Figures) -> Iterator[Finding]:
             of_imu.append(state["name"])
         elif not state["observed"]:
             text = (
-                f"{state['name']} is not observed: sigma {state['sigma'] * factor:.2g} {unit} of"
-                f" {state['prior'] * factor:.2g} {unit} before the flight,"
-                f" {millimetres(1e3 * state['moves_m'])} of position"
+                f"the flight does not determine the {state['name']}: sigma"
+                f" {state['sigma'] * factor:.2g} {unit} of {state['prior'] * factor:.2g} {unit}"
+                f" before it, which moves positions by {millimetres(1e3 * state['moves_m'])}"
             )
             help_ = (
                 "fly changes of speed"
@@ -286,7 +277,7 @@ def states(f: Figures) -> Iterator[Finding]:
             )
             rank = max(1.0, 1e3 * state["moves_m"] / typical) if state["requested"] else REMARK
             yield ranked("constants", rank, text, help_)
-        elif abs(state["value"]) > SIGNIFICANT * state["sigma"]:
+        elif state["requested"] and abs(state["value"]) > SIGNIFICANT * state["sigma"]:
             of_antenna = of_antenna or state["name"] in of_arm
             estimated.append(
                 f"{state['name']} {state['value'] * factor:+.3g} +- {state['sigma'] * factor:.2g}"
@@ -296,10 +287,10 @@ def states(f: Figures) -> Iterator[Finding]:
         yield ranked(
             "constants",
             REMARK,
-            "estimated from the flight, beside what the flight file has:"
+            "the flight file's values were corrected from the flight by"
             f" {some(estimated, MOST_NAMED)}",
-            "it sees the antenna from the IMU alone: where imu_m is wrong instead, the images are"
-            " off by as much; measure both"
+            "the flight measures only the vector from IMU to antenna: if imu_m is wrong instead,"
+            " the images are off by as much; measure both"
             if of_antenna and not any(lever_arm(f))
             else "",
         )
@@ -307,6 +298,6 @@ def states(f: Figures) -> Iterator[Finding]:
         yield ranked(
             "constants",
             REMARK,
-            f"not observed by this flight: {some(of_imu, MOST_NAMED)}",
-            "they may as well not be estimated",
+            f"the flight cannot determine {some(of_imu, MOST_NAMED)}; no image suffers from it",
+            "leave them out of [filter]",
         )

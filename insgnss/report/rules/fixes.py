@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...records.verdicts import ADOPTED, CHECKS, REMARK
-from .wording import AXES, Figures, lengths, millimetres, span
+from .hidden import UNSEEN
+from .wording import AXES, Figures, at_time, lengths, millimetres, span
 
 TRUST = 2.0
 NIS_MATTERS = (0.64, 1.56)  # mean NIS per degree of freedom: sigmas off by more than a quarter
@@ -49,11 +50,12 @@ def residuals(f: Figures) -> Iterator[Finding]:
         return
     worst, beyond, pieces = r["worst"], r["beyond"], len(r["pieces"])
     text = (
-        f"fixes minus solution: {millimetres(worst['mean_mm'])} {worst['axis']} in the mean of"
-        f" {span(worst['begin_s'], worst['end_s'])}, {worst['sigmas']:.1f} times what the sigmas of"
-        f" both allow it (limit {r['limit']:.1f}; beyond it {beyond} of {pieces} pieces)"
+        f"the trajectory is {millimetres(worst['mean_mm'])} {worst['axis']} off its own GNSS"
+        f" positions in the mean of {span(f, worst['begin_s'], worst['end_s'])}, and so are the"
+        f" images; {worst['sigmas']:.1f} times what the sigmas allow (limit {r['limit']:.1f};"
+        f" beyond it {beyond} of {pieces} pieces)"
     )
-    help_ = "do not rely on positions or sigmas there before it is known why"
+    help_ = "find the cause before positions or sigmas there are used"
     yield ranked("residuals", UNSUPPORTED + worst["sigmas"], text, help_)
 
 
@@ -77,18 +79,21 @@ def rejected(f: Figures) -> Iterator[Finding]:
         withheld = f["counts"]["fixes_withheld"] if total == "fixes" else 0
         n, out = f["counts"].get(total, 0), f["counts"].get(key, 0) - withheld
         if n and out == n:
-            text = f"all {n} {total} were rejected: they contradict the inertial data"
+            text = (
+                f"all {n} {total} were rejected, because they contradict the inertial data: nothing"
+                " supports the images"
+            )
             yield ranked("rejected", UNSUPPORTED, text, "check clock, axes and lever arm")
         elif n and out > REJECTED_MATTERS * n:
             some.append(f"{out} of {n} {total} ({100 * out / n:.1f} %)")
             most = max(most, out / n)
     if some:
         text = (
-            f"{' and '.join(some)} were rejected by the gate: their sigmas do not describe their"
-            " errors"
+            f"{' and '.join(some)} were rejected by the gate and support no image: their sigmas do"
+            " not describe their errors"
         )
         help_ = (
-            "see the crosses in the figures; take the receiver's own sigma of each fix where it"
+            "look at the crosses in the figures; take the receiver's own sigma of each fix where it"
             " gives one"
         )
         yield ranked("rejected", most / REJECTED_MATTERS, text, help_)
@@ -98,11 +103,11 @@ def covariance_resets(f: Figures) -> Iterator[Finding]:
     """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
-        instants = some((f"{time:.1f} s" for time in times), 5)
+        instants = some((at_time(f, time) for time in times), 5)
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
-            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants}): only"
-            " later fixes support it there"
+            f"the filter lost the fixes, its covariance was reset {count} ({instants}): only later"
+            " fixes support the images there"
         )
         yield ranked(
             "covariance resets",
@@ -116,7 +121,10 @@ def barometer(f: Figures) -> Iterator[Finding]:
     """Yield heights of a barometer that do not agree with their sigmas."""
     c = f["consistency"].get("barometer")
     if c is not None and judged(c) == "overconfident":
-        text = f"heights of the barometer: innovations are {c['size']:.2f} times their sigmas"
+        text = (
+            f"the barometer's heights scatter {c['size']:.2f} times as much as their sigmas say;"
+            " the heights of the images may be off by more than theirs"
+        )
         help_ = "raise barometer.sigma_m, or barometer.bias_walk where they wander"
         yield ranked("barometer", REMARK, text, help_)
 
@@ -130,11 +138,14 @@ def nis(f: Figures) -> Iterator[Finding]:
         numbers = "NIS {:.2f} per degree of freedom, 99 % bounds {:.3f} to {:.3f}".format(
             c["mean_per_dof"], *c["bounds_99"]
         )
-        text = f"{quantity} innovations are {c['size']:.2f} times what their sigmas say ({numbers})"
+        text = (
+            f"the GNSS {_plural(quantity)} scatter {c['size']:.2f} times as much as their sigmas"
+            f" say ({numbers})"
+        )
         if c["verdict"] == "overconfident":
             why = (
-                "the sigmas of GNSS or IMU, and so those of the images, are too small, or the lever"
-                " arm or a clock is wrong"
+                "the sigmas of the images are too small by up to as much, or the lever arm or a"
+                " clock is wrong"
             )
             help_ = (
                 f"check lever arm and clock, then raise the sigmas of the {_plural(quantity)} or"
@@ -143,15 +154,13 @@ def nis(f: Figures) -> Iterator[Finding]:
             yield ranked(
                 "innovations",
                 TRUST * c["mean_per_dof"] / NIS_MATTERS[1],
-                f"overconfident: {text}; {why}",
+                f"{text}; {why}",
                 help_,
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
             rank = UNSUPPORTED if c["size"] < OTHER_UNIT else rank
-            yield ranked(
-                "innovations", rank, *_why_conservative(f, quantity, f"conservative: {text}")
-            )
+            yield ranked("innovations", rank, *_why_conservative(f, quantity, text))
 
 
 def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
@@ -165,11 +174,11 @@ def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
         return f"{text}; time-correlated errors do not show in them", ""
     key = "sigma_m" if quantity == "position" else "sigma_velocity_mps"
     help_ = f"set a smaller gnss.{key}, to make use of what the {_plural(quantity)} are worth"
-    return f"{text}; the sigmas of GNSS or IMU are too large", help_
+    return f"{text}; the images are better than their sigmas", help_
 
 
 def _plural(quantity: str) -> str:
-    return "fixes" if quantity == "position" else "velocities"
+    return "positions" if quantity == "position" else "velocities"
 
 
 def whiteness(f: Figures) -> Iterator[Finding]:
@@ -179,7 +188,10 @@ def whiteness(f: Figures) -> Iterator[Finding]:
         return
     for axis, mean, rms in zip(AXES, i["mean_mm"], i["rms_mm"], strict=True):
         if abs(mean) > max(MEAN_MATTERS, i["lag1_bound_99"]) * rms:
-            text = f"innovations {axis} have a mean of {millimetres(mean)} (rms {millimetres(rms)})"
+            text = (
+                f"the GNSS positions are {millimetres(mean)} {axis} off their prediction in the"
+                f" mean (rms {millimetres(rms)}), and the images may be off by as much"
+            )
             yield ranked(
                 "mean",
                 TRUST * abs(mean) / rms / MEAN_MATTERS,
@@ -195,13 +207,10 @@ def whiteness(f: Figures) -> Iterator[Finding]:
         beyond = [(lag, axis) for lag, axis in determined if sign * lag > bound]
         if not beyond:
             continue
-        axes, lags = (
-            ", ".join(x)
-            for x in ([axis for _, axis in beyond], [f"{lag:+.2f}" for lag, _ in beyond])
-        )
+        listed = ", ".join(f"{lag:+.2f} {axis}" for lag, axis in beyond)
         text = (
-            f"innovations {axes} correlate {lags} with those of the fix before (99 % bound"
-            f" {i['lag1_bound_99']:.2f})"
+            f"the errors of a GNSS position correlate with those of the one before by {listed}"
+            f" (99 % bound {i['lag1_bound_99']:.2f})"
         )
         yield ranked(
             "correlation",
@@ -212,18 +221,20 @@ def whiteness(f: Figures) -> Iterator[Finding]:
 
 def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
     if sign < 0:
-        return f"{text}: the GNSS sigmas are too small", "raise the sigmas of the fixes"
+        text += ": the GNSS sigmas are too small, and so are those of the images"
+        return text, "raise the sigmas of the fixes"
     if f["time_correlated_errors"]:
         return (
-            f"{text}: errors of GNSS are time-correlated by more than their estimate explains",
-            "",
+            f"{text}: they are time-correlated by more than their estimate explains, and the"
+            " sigmas of the images are too small",
+            "trust the images relative to each other more than their sigmas",
         )
     help_ = (
         'set gnss.gm_sigma = "auto" to estimate them; where that gave up, take the sigmas as'
         " relative ones"
     )
     return (
-        f"{text}: errors of GNSS are time-correlated, which the smoothed sigmas do not know",
+        f"{text}: they are time-correlated, which the sigmas of the images do not hold",
         help_,
     )
 
@@ -240,8 +251,11 @@ def separation(f: Figures) -> Iterator[Finding]:
             "the IMU noise model or the GNSS sigmas are too small, or the lever arm or a clock is"
             " wrong"
         )
-        text = f"forward and backward disagree by, in sigmas (rms), {listed}: {why}"
-        yield ranked("separation", TRUST * by_size[0][0], text, "see in its figure where")
+        text = (
+            f"forward and backward disagree by, in sigmas (rms), {listed}: the sigmas of the images"
+            f" are too small by up to as much, because {why}"
+        )
+        yield ranked("separation", TRUST * by_size[0][0], text, "look in its figure where")
 
 
 def separation_once(f: Figures) -> Iterator[Finding]:
@@ -251,8 +265,9 @@ def separation_once(f: Figures) -> Iterator[Finding]:
         return
     text = (
         f"forward and backward disagree by {largest['sigmas']:.1f} sigmas in {largest['state']}"
-        f" {largest['axis']} at TOW {largest['time_s']:.1f} s, and agree on the whole: the fixes or"
-        " the IMU drifted about then, for seconds or minutes, by more than the sigmas there hold"
+        f" {largest['axis']} at {at_time(f, largest['time_s'])}, and agree on the whole: the fixes"
+        " or the IMU drifted about then, for seconds or minutes, and the images by more than their"
+        " sigmas hold"
     )
     help_ = "look at the quality of the fixes there, and at the IMU's temperature"
     yield ranked("separation", TRUST * largest["sigmas"] / SEPARATION_ONCE, text, help_)
@@ -270,7 +285,7 @@ def separation_below(f: Figures) -> Iterator[Finding]:
         listed = ", ".join(text for _, text in sorted(below, reverse=True))
         text = (
             f"forward and backward agree far better than their sigmas say, in sigmas (rms) {listed}"
-            " (1 is honest): the sigmas are too wide, and so are those of the result"
+            " (1 is honest): the images are better than their sigmas"
         )
         help_ = (
             "look for sigmas of the fixes or a noise model of the IMU that are larger than they"
@@ -316,7 +331,8 @@ def checks(f: Figures) -> Iterator[Finding]:
     covered = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
         f["outages"]
     )
-    covered += ["fixes minus solution"]
+    covered += ["fixes minus solution", UNSEEN] + ["IMU gaps"] * bool(f["imu_gaps"])
+    covered += ["GNSS speed"] * any(rejected(f))
     for check in f["checks"]:
         made_up = f["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (

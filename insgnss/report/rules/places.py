@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from ...base.findings import Finding, ranked
 from ...records.verdicts import REMARK
-from .wording import Figures, degrees, image_range, millimetres, span, tilt
+from .wording import Figures, at_time, degrees, image_range, millimetres, no_fix, span, tilt
 
 # of a sigma over the median
 FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = 1.5, 1.5, 3.0, 2.0
@@ -24,9 +24,9 @@ def attitude(f: Figures) -> Iterator[Finding]:
     """
     for name in ("heading", "tilt"):
         line = _weakest(f, f"{name}_deg")
-        if line is not None and (name == "heading" or _ratio(f, line, f"{name}_deg") > 1.0):
+        if line is not None and _ratio(f, line, f"{name}_deg") > 1.0:
             yield from _on_line(f, line, name, f"{name}_deg", degrees)
-        if line is None or _ratio(f, line, f"{name}_deg") <= 1.0:
+        else:
             yield from _first_image(f, name)
 
 
@@ -54,29 +54,27 @@ def _on_line(
 ) -> Iterator[Finding]:
     median = _median([other[key] for other in f["lines"]])
     images = f", {image_range(line)}" if line["images"] else ""
-    where = f"line {line['line']} ({span(line['start_s'], line['end_s'])}{images})"
+    where = f"line {line['line']} ({span(f, line['start_s'], line['end_s'])}{images})"
     reason, help_ = why(f, line)
-    text = f"{name} sigma {form(line[key])} on {where}, {form(median)} in the median of the lines"
-    rank = _ratio(f, line, key)
-    yield (
-        ranked(name, rank, f"{text}: {reason}", help_)
-        if rank > 1.0
-        else ranked(name, rank, f"weakest line: {text}")
+    text = (
+        f"{'position' if name == 'horizontal' else name} is known to {form(line[key])} on {where},"
+        f" to {form(median)} in the median of the lines: {reason}"
     )
+    yield ranked(name, _ratio(f, line, key), text, help_)
 
 
 def why(f: Figures, line: Figures) -> tuple[str, str]:
     """Why a line is weak, and what would help."""
     outage = _outage_on(f, line)
     if outage is not None:
-        return (
-            f"no used fix for {outage['length_s']:.1f} s from TOW {outage['time_s']:.1f} s on",
-            "repeat the line",
-        )
+        return no_fix(f, outage), "repeat the line"
     if line["turned_before_deg"] < TURN_DEG:
-        return "no turn before it", f"make a turn or a figure of eight before line {line['line']}"
+        return (
+            "no turn came before it",
+            f"make a turn or a figure of eight before line {line['line']}",
+        )
     if line["turned_after_deg"] < TURN_DEG:
-        return "no turn after it", f"make a turn or a figure of eight after line {line['line']}"
+        return "no turn followed it", f"make a turn or a figure of eight after line {line['line']}"
     before = f"although the heading turned over {line['turned_before_deg']:.0f} deg before it"
     return before, "make faster turns close to the line"
 
@@ -99,24 +97,23 @@ def _first_image(f: Figures, name: str) -> Iterator[Finding]:
     sigma, usual = (first[2], median[2]) if name == "heading" else (tilt(first), tilt(median))
     if sigma <= FIRST_IMAGE_RATIO * usual:
         return
-    turn = e["heading_range_before_first_deg"]
-    turned = f"although the heading turned over {turn:.0f} deg before it"
-    why = (
-        "too little flight before it"
-        if name == "tilt"
-        else "no turn before it"
-        if turn < TURN_DEG
-        else turned
-    )
+    why, help_ = why_first(f, name)
     text = (
-        f"{name} sigma {degrees(sigma)} at the first image, {degrees(usual)} in the median: {why}"
+        f"{name} is known to {degrees(sigma)} at the first image, to {degrees(usual)} in the"
+        f" median: {why}"
     )
-    yield ranked(
-        name,
-        sigma / usual / FIRST_IMAGE_RATIO,
-        text,
-        "make a turn or a figure of eight before the first line",
-    )
+    yield ranked(name, sigma / usual / FIRST_IMAGE_RATIO, text, help_)
+
+
+def why_first(f: Figures, name: str) -> tuple[str, str]:
+    """Why heading or tilt of the first image is weak, and what would help."""
+    turn = f["exposures"]["heading_range_before_first_deg"]
+    why = f"although the heading turned over {turn:.0f} deg before it"
+    if name == "tilt":
+        why = "too little was flown before it"
+    elif turn < TURN_DEG:
+        why = "no turn came before it"
+    return why, "make a turn or a figure of eight before the first line"
 
 
 def worst_image(f: Figures) -> Iterator[Finding]:
@@ -131,10 +128,11 @@ def worst_image(f: Figures) -> Iterator[Finding]:
         worst, median = e[key]["worst"], e[key]["median"]
         ratio = max(worst["sigma"]) / max(median)
         if ratio > WORST_IMAGE_RATIO and worst["image"] != e["first_image"]:
-            sigmas = f"{form(max(worst['sigma']))} against {form(max(median))} in the median"
+            if name == "attitude":
+                name = "heading" if worst["sigma"][2] > tilt(worst["sigma"]) else "tilt"
             text = (
-                f"worst {name} at image {worst['image']} (TOW {worst['time_s']:.1f} s): sigma"
-                f" {sigmas}"
+                f"the {name} of image {worst['image']} at {at_time(f, worst['time_s'])} is known to"
+                f" {form(max(worst['sigma']))}, to {form(max(median))} in the median"
             )
             yield ranked(
                 "image",
@@ -151,10 +149,10 @@ def outage(f: Figures) -> Iterator[Finding]:
     worst = max(f["outages"], key=lambda o: (float(o["horizontal_mm"]), float(o["length_s"])))
     median = max(f["trajectory"]["position_mm"]["median"][:2])
     grown = (
-        f"smoothed sigmas reach {millimetres(worst['horizontal_mm'])} horizontally,"
-        f" {millimetres(worst['down_mm'])} down there"
+        f"positions are known to {millimetres(worst['horizontal_mm'])} horizontally and"
+        f" {millimetres(worst['down_mm'])} in height there"
     )
-    text = f"no used fix for {worst['length_s']:.1f} s from TOW {worst['time_s']:.1f} s on"
+    text = no_fix(f, worst)
     if worst["rejected"]:
         text += f" ({worst['rejected']} were rejected)"
     if worst["images"]:
@@ -172,8 +170,8 @@ def segments(f: Figures) -> Iterator[Finding]:
     if len(spans) > 1:
         missing_s = sum(after[0] - before[1] for before, after in itertools.pairwise(spans))
         text = (
-            f"the flight falls into {len(spans)} segments that know nothing of each other"
-            f" ({missing_s:.0f} s between them without solution)"
+            f"the flight falls into {len(spans)} segments that are solved one by one, and for"
+            f" {missing_s:.0f} s between them no image is oriented"
         )
         yield ranked("segments", float(len(spans)), text, "find why the IMU's recording breaks off")
 
@@ -188,8 +186,12 @@ def gaps(f: Figures) -> Iterator[Finding]:
             if len(bridged) == 1
             else f"{len(bridged)} gaps of the IMU were bridged, the longest"
         )
-        text = f"{counted} of {longest['length_s']:.3f} s at TOW {longest['time_s']:.1f} s"
-        yield ranked("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, "")
+        text = (
+            f"{counted} of {longest['length_s']:.3f} s at {at_time(f, longest['time_s'])}; the"
+            " sigmas of the images hold it"
+        )
+        help_ = "check the logger: each gap weakens the images after it"
+        yield ranked("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, help_)
 
 
 def _median(x: Sequence[float]) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import accuracy, fixes, places
-from .wording import Figures, at_time, degrees, millimetres
+from .wording import Figures, at_time, degrees, millimetres, no_fix, span
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -55,6 +55,8 @@ class Inflation:
     ----------
     text, help : str
         What is the case, and what to do about it.
+    topic : str
+        Of the rule that says the same of the whole flight.
     position, attitude : float or ndarray
         k of the positions east, north, up and of the rotations.
     moves_m : float or ndarray
@@ -64,7 +66,8 @@ class Inflation:
     """
 
     text: str
-    help: str = ""
+    help: str
+    topic: str
     position: "float | Array" = 1.0
     attitude: float = 1.0
     moves_m: "float | Array" = 0.0
@@ -129,7 +132,8 @@ def use(
     -------
     dict
         `verdict` ("use", "except", "no"), `sentence`, `images` (names of those not to be used),
-        `reasons`, `largest_m` and `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg`
+        `reasons`, `topics` (of the limits that say the same as the reasons), `largest_m` and
+        `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg`
         and `measure` (where the needs are from).
     """
     usual = _usual_need(f, judged)
@@ -139,7 +143,9 @@ def use(
     needed = np.hstack(needs)
     sigma = np.hstack([judged.position_m, judged.attitude_deg])
     insufficient = _beyond(sigma, needed)
-    reasons = list(_insufficient(f, judged, sigma, needed))
+    weakest = list(_insufficient(f, judged, sigma, needed))
+    topics = [topic for _, same in weakest for topic in same]
+    reasons = [text for text, _ in weakest]
     inflations = list(_inflations(f))
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
     for inflation in inflations:
@@ -152,6 +158,7 @@ def use(
         k, d = _enlarged(inflation, judged)
         if (concerned & _beyond(np.hypot(k * sigma, d), needed) & ~insufficient).any():
             reasons.append(f"{inflation.text} ({judged.listed(concerned)}); {inflation.help}")
+            topics.append(inflation.topic)
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
     return {
@@ -159,6 +166,7 @@ def use(
         "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
         "images": [name for name, out in zip(judged.names, beyond, strict=False) if out],
         "reasons": [*against, *reasons],
+        "topics": list(dict.fromkeys(topics)),
         "largest_m": enlarged[:, :3].max(axis=0).tolist(),
         "largest_deg": enlarged[:, 3:].max(axis=0).tolist(),
         "need_m": needs[0].tolist(),
@@ -205,7 +213,7 @@ def _against(f: Figures) -> Iterator[str]:
         if check["verdict"] == "contradiction":
             advice = f"; {check['advice']}" if check["advice"] else ""
             yield (
-                f"the check of {check['name']} contradicts the input: {check['found']} (expected:"
+                f"the data contradict the flight file, {check['name']}: {check['found']} (expected:"
                 f" {check['expected']}){advice}"
             )
         elif check["verdict"] == "note" and check["name"] == OPEN:
@@ -229,6 +237,7 @@ def _inflations(f: Figures) -> Iterator[Inflation]:
             yield Inflation(
                 text,
                 "check lever arm and clocks, then raise the sigmas of the fixes",
+                "innovations",
                 k if quantity == "position" else 1.0,
                 k,
             )
@@ -241,8 +250,9 @@ def _inflations(f: Figures) -> Iterator[Inflation]:
         if off.any():
             yield Inflation(
                 f"the trajectory stands off its own GNSS positions by {millimetres(off.max())} in"
-                f" the mean of {_span(f, piece['begin_s'], piece['end_s'])}",
-                "find out what happened there before these images are used",
+                f" the mean of {span(f, piece['begin_s'], piece['end_s'])}",
+                "find the cause before these images are used",
+                "residuals",
                 moves_m=1e-3 * off[[1, 0, 2]],
                 span=(piece["begin_s"], piece["end_s"]),
             )
@@ -250,16 +260,17 @@ def _inflations(f: Figures) -> Iterator[Inflation]:
         yield Inflation(
             f"the filter lost the GNSS positions before {at_time(f, time)} and began anew there",
             "look at the GNSS positions before this time: jumps are the receiver's",
+            "covariance resets",
             moves_m=FAR,
             span=(time - RESET_S, time + RESET_S),
         )
-    if any(accuracy.lever_arm(f)):
+    for finding in accuracy.lever_arm(f):
         arm = {axis: abs(state["value"]) for axis, state in accuracy.arm_states(f).items()}
         level = math.hypot(arm.get("forward", 0.0), arm.get("right", 0.0))
         yield Inflation(
-            "the lever arm from the IMU to the antenna is not what the mounting states, and the"
-            " flight cannot determine whether imu_m or antenna_m is wrong",
-            "measure both; mounting.antenna_sigma_m says how well the antenna's place is known",
+            finding.found,
+            finding.advice,
+            finding.name,
             moves_m=np.array([level, level, arm.get("down", 0.0)]),
         )
 
@@ -277,6 +288,7 @@ def _separations(f: Figures) -> Iterator[Inflation]:
             f"the solutions forward and backward in time disagree by {max(k.values()):.1f} times"
             " what their sigmas say",
             "check the IMU's noise model, the sigmas of the fixes, lever arm and clocks",
+            "separation",
             k["position"],
             max(k["attitude"], k["velocity"]),
         )
@@ -288,6 +300,7 @@ def _separations(f: Figures) -> Iterator[Inflation]:
             f"the solutions forward and backward in time disagree by {largest['sigmas']:.1f} sigmas"
             f" in {largest['state']} at {at_time(f, largest['time_s'])}",
             "look at the quality of the fixes there, and at the IMU's temperature",
+            "separation",
             once if largest["state"] == "position" else 1.0,
             once if largest["state"] != "position" else 1.0,
             span=(largest["time_s"] - AROUND_S, largest["time_s"] + AROUND_S),
@@ -310,6 +323,7 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
             f"the GNSS positions stand off their prediction by {millimetres(off.max())} in the mean"
             " of the whole flight",
             "look for an error of lever arm, clock or datum",
+            "mean",
             moves_m=1e-3 * off[[1, 0, 2]],
         )
     lags = np.array([lag or 0.0 for lag in i["lag1"]])
@@ -320,12 +334,18 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
             f"errors of the GNSS positions stay from one to the next (correlation"
             f" {lags.max():.2f}), which the sigmas of the images do not hold",
             'gnss.gm_sigma = "auto" estimates them',
+            "correlation",
             k[[1, 0, 2]],
         )
 
 
-def _insufficient(f: Figures, judged: Places, sigma: Array, needed: Array) -> Iterator[str]:
-    """Yield where the images are beyond their need by the result's own sigmas, and why."""
+def _insufficient(
+    f: Figures, judged: Places, sigma: Array, needed: Array
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield where the images are beyond their need by the result's own sigmas, and why.
+
+    The topics are those of the limits that say the same.
+    """
     beyond = _beyond(sigma, needed)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
@@ -338,15 +358,16 @@ def _insufficient(f: Figures, judged: Places, sigma: Array, needed: Array) -> It
         row, column = np.unravel_index(int(worst.argmax()), worst.shape)
         if column < 3:
             size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))
-            quantity = f"position {AXES[column]}"
+            quantity, topics = f"position {AXES[column]}", ["horizontal", "image"]
         else:
             size, most = degrees(sigma[row, column]), degrees(needed[column])
             quantity = "heading" if column == 5 else "tilt"
+            topics = [quantity, "image"]
         why, help_ = _cause(f, float(judged.time[begin]), float(judged.time[end - 1]), column)
-        yield (
-            f"{quantity} is known to {size} only, needed are {most}, in {judged.listed(rows)}"
-            f"{why}{help_}"
-        )
+        if any(no_fix(f, outage) in why for outage in f["outages"]):
+            topics.append("outage")
+        text = f"{quantity} is known to {size} only, needed are {most}, in {judged.listed(rows)}"
+        yield f"{text}{why}{help_}", topics
 
 
 def _cause(f: Figures, begin: float, end: float, column: np.intp) -> tuple[str, str]:
@@ -355,15 +376,13 @@ def _cause(f: Figures, begin: float, end: float, column: np.intp) -> tuple[str, 
     outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]
     if outages:
         o = max(outages, key=lambda outage: float(outage["length_s"]))
-        since = at_time(f, o["time_s"])
-        why = f": no GNSS position was used for {o['length_s']:.1f} s from {since} on"
-        return why, "; repeat these images, or give them their sigmas in the adjustment"
+        help_ = "; repeat these images, or give them their sigmas in the adjustment"
+        return f": {no_fix(f, o)}", help_
     lines = [line for line in f["lines"] if line["start_s"] <= end and line["end_s"] >= begin]
     if column == 5 and len(lines) == 1:
         why, help_ = places.why(f, lines[0])
         return f": {why}", f"; {help_}"
+    if column > 2 and f["exposures"] is not None and begin <= f["exposures"]["first_time_s"]:
+        why, help_ = places.why_first(f, "heading" if column == 5 else "tilt")
+        return f": {why}", f"; {help_}"
     return "", "; give them their sigmas in the adjustment"
-
-
-def _span(f: Figures, begin: float, end: float) -> str:
-    return f"{at_time(f, begin)} to {at_time(f, end)}"

@@ -14,16 +14,13 @@ from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
 from .fixes import judged
+from .use import USE
 from .wording import Figures, degrees, lengths, tilt
 
 MOST_SENTENCES = 8
 NOTHING_STANDS_OUT = (
-    "nothing stands out: innovations, forward/backward separation and the sigmas of all images are"
-    " those of a good flight"
-)
-NOTHING_IN_THE_DATA = (
-    "the data show nothing that is odd: innovations, forward/backward separation and the sigmas of"
-    " all images are those of a good flight; they cannot tell the bore-sight"
+    "nothing stands out: the GNSS positions and the solutions forward and backward in time agree"
+    " within their sigmas, and no image is much less accurate than the others"
 )
 
 Rule = Callable[[Figures], Iterator[Finding]]
@@ -60,7 +57,7 @@ ON_THE_REST: tuple[Rule, ...] = (
 
 
 def headline(figures: Figures) -> str:
-    """One line: what accuracy the run claims, and whether its innovations support the claim."""
+    """One line: what accuracy the run claims, and whether its fixes support the claim."""
     images, fixes = figures["exposures"], figures["counts"]
     claim = figures["trajectory"] if images is None else images
     position, attitude = lengths(claim["position_mm"]["median"]), claim["attitude_deg"]["median"]
@@ -69,7 +66,8 @@ def headline(figures: Figures) -> str:
         f"{subject}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
         f" {degrees(tilt(attitude))}, heading {degrees(attitude[2])}"
     )
-    if images is not None and (beyond := images["far_worse"])["count"]:
+    usable = figures["use"]["verdict"] == USE  # else the verdict counts the weak ones
+    if usable and images is not None and (beyond := images["far_worse"])["count"]:
         text += (
             f"; {_images(beyond['count'])} with more than {beyond['times']:g} times the median, up"
             f" to {lengths(claim['position_mm']['max'])}"
@@ -77,12 +75,14 @@ def headline(figures: Figures) -> str:
     if figures["standing"]:
         return f"{text}; the sensor stands at a given place, no fixes support them"
     support = {
-        "consistent": "the innovations agree with them",
-        "overconfident": "the innovations are larger than they say",
-        "conservative": "the innovations are smaller than they say",
-        "unknown": "no fix supports them",
+        "consistent": "fit",
+        "overconfident": "scatter more than",
+        "conservative": "scatter less than",
+        "unknown": "do not support",
     }[judged(figures["consistency"]["position"])]
-    return f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
+    n, used = fixes["fixes"], fixes["fixes_used"]
+    which = f"all {n} GNSS positions" if used == n else f"the {used} GNSS positions used of {n}"
+    return f"{text}; {which} {support} their stated accuracies"
 
 
 def _images(count: int) -> str:
@@ -103,10 +103,7 @@ def verdict(ranked: Sequence[Finding]) -> list[str]:
     Where none of them is more than a remark, one that says so stands before them.
     """
     sentences = [limit.sentence for limit in ranked[:MOST_SENTENCES]]
-    if stands_out(ranked):
-        return sentences
-    turned = any(limit.name == rules_accuracy.BORESIGHT for limit in ranked)
-    return [NOTHING_IN_THE_DATA if turned else NOTHING_STANDS_OUT, *sentences]
+    return sentences if stands_out(ranked) else [NOTHING_STANDS_OUT, *sentences]
 
 
 def stands_out(ranked: Sequence[Finding]) -> bool:

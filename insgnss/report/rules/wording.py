@@ -35,17 +35,28 @@ def degrees(x: float) -> str:
     return f"{x:.2g} deg" if abs(x) < 10 else f"{x:.0f} deg"
 
 
-def span(start: float, end: float) -> str:
-    """A piece of the flight by its time of week."""
-    return f"TOW {start:.1f} to {end:.1f} s"
+def span(f: Figures, start: float, end: float) -> str:
+    """Return a piece of the flight as `at_time` has its ends."""
+    if f["span"]["gps_week"] is None:
+        return f"TOW {start:.1f} to {end:.1f} s"
+    return f"{_clock(f, start)} to {_clock(f, end)} UTC (TOW {start:.1f} to {end:.1f} s)"
 
 
 def at_time(f: Figures, tow: float) -> str:
     """Return an instant as clock time and time of week; without a week as the latter alone."""
-    week = f["span"]["gps_week"]
-    if week is None:
+    if f["span"]["gps_week"] is None:
         return f"TOW {tow:.1f} s"
-    return f"{calendar_from_gps(week, tow):%H:%M:%S} UTC (TOW {tow:.1f} s)"
+    return f"{_clock(f, tow)} UTC (TOW {tow:.1f} s)"
+
+
+def _clock(f: Figures, tow: float) -> str:
+    return f"{calendar_from_gps(f['span']['gps_week'], tow):%H:%M:%S}"
+
+
+def no_fix(f: Figures, outage: Figures) -> str:
+    """Return how long and since when no GNSS position was used, as a clause."""
+    since = at_time(f, outage["time_s"])
+    return f"no GNSS position was used for {outage['length_s']:.1f} s from {since} on"
 
 
 def tilt(attitude: Sequence[float]) -> float:

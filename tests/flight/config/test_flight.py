@@ -258,6 +258,8 @@ def test_resolved_flight_is_json_with_every_default(load):
         "directory": "02_Processed/GPS-INS",
         "formats": ["eo_local_plane", "metashape"],
         "trajectory_hz": 10.0,
+        "operator": None,
+        "equipment": None,
         "need": None,
         "need_m": None,
         "need_deg": None,

@@ -1,0 +1,47 @@
+"""The verb `report`: a page as a PDF to hand over."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
+from .console import Progress
+from .verb import Verb, show_result
+
+EXAMPLE = """  insgnss report results/02_Processed/GPS-INS/report.json
+  insgnss report report.html --pdf ign8.pdf --appendix"""
+
+
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    source: Path = argument(
+        ...,
+        "a page that insgnss wrote (report.html, adjust.html, ...), or the JSON beside it",
+        cli="PAGE",
+    )
+    pdf: Path | None = argument(
+        None, "where the PDF goes", usual="PAGE with the ending .pdf", metavar="FILE"
+    )
+    appendix: bool = argument(False, "print what is not in the summary as well")
+    force: bool = argument(False, "overwrite an existing file")
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ..report.printed import print_page
+
+    progress("printing")
+    result = print_page(options.source, options.pdf, options.appendix, options.force)
+    return show_result(options, progress, result)
+
+
+VERB = Verb(
+    "report",
+    "a page of insgnss as PDF: the summary to hand over, with its appendix where asked for",
+    EXAMPLE,
+    (Request,),
+    run,
+)

@@ -1,0 +1,102 @@
+"""Errors that no data of a flight can reveal, and what each would do to its images.
+
+They are listed once per report, and are no reason against the use of any image.
+"""
+
+import math
+import statistics
+from collections.abc import Iterator
+from typing import Any
+
+from ...base.findings import Finding
+from .wording import Figures, degrees, millimetres
+
+PER_M = 100.0  # distance to the ground, m, at which an error of attitude is given in mm as well
+BORESIGHT_DEG = 0.1  # a bore-sight error whose effect is shown, deg: of an uncalibrated camera
+# deflection of the vertical, arcsec: usual in hills; in high mountains it is three times as large
+DEFLECTION_ARCSEC = 10.0
+UNDULATION_M = 107.0  # largest height of the geoid above or below the ellipsoid, m (EGM2008)
+DATUMS_M = 0.8  # ITRF2020 against ETRS89 in Europe, m: 35 years of 2.4 cm since 1989
+BORESIGHT = "bore-sight"  # topic, and check that `accept` of a flight file takes
+BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
+UNSEEN = "unseen constants"  # check that says how large an error of lever arm or stamps stays so
+
+
+def hidden(f: Figures) -> list[Finding]:
+    """Return the errors that the flight's data cannot reveal, each with its effect and remedy."""
+    return [] if f["standing"] else [*_of_positions(f), *_of_images(f)]
+
+
+def _of_positions(f: Figures) -> Iterator[Finding]:
+    moved = "the images" if f["exposures"] else "the trajectory"
+    yield _note(
+        "base coordinates and datum",
+        f"an error of the base station's coordinates shifts {moved} by the same vector; ITRF in the"
+        f" place of ETRS89 is {DATUMS_M:g} m in Europe",
+        "check coordinates, datum and epoch of the base, and one ground point",
+    )
+    undulation = (f["flight"].get("gnss") or {}).get("undulation_m")
+    stated = "none" if undulation is None else f"{undulation:g} m"
+    yield _note(
+        "heights above the geoid",
+        "heights above sea level that are taken for ellipsoidal ones shift the heights of"
+        f" {moved} by the geoid undulation, up to {UNDULATION_M:.0f} m",
+        "compare one height with a ground point; gnss.undulation_m states the undulation (now"
+        f" {stated})",
+    )
+    constants = [c["found"] for c in f["checks"] if c["name"] == UNSEEN]
+    yield _note(
+        "antenna phase centre and GNSS time stamps",
+        constants[0]
+        if constants
+        else f"an error within the sigma of the lever arm shifts {moved} by as much",
+        "measure the lever arm to the phase centre that the GNSS engine uses;"
+        " mounting.antenna_sigma_m and gnss.time_sigma_s state how well both are known",
+    )
+    tilt = DEFLECTION_ARCSEC / 3600.0
+    yield _note(
+        "deflection of the vertical",
+        f"a plumb line that is not normal to the ellipsoid tilts {moved} by as much:"
+        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(tilt)}",
+        "do nothing where this is below the accuracy that is needed; else adjust with ground"
+        " control",
+    )
+
+
+def _of_images(f: Figures) -> Iterator[Finding]:
+    if f["exposures"] is None:
+        return
+    if not known_boresight(f["flight"]):
+        turn = f["boresight_heading_deg"]
+        stated = f"; the one stated turns the heading by {turn:+.2f} deg" if turn else ""
+        yield _note(
+            BORESIGHT,
+            f"an error turns every image by as much: {_turned(BORESIGHT_DEG)}{stated}",
+            f'calibrate it on control points; accept = ["{BORESIGHT}"] says that it is right',
+        )
+    apart = [x["length_m"] / (x["images"] - 1) for x in f["lines"] if x["images"] > 1]
+    size = f" ({statistics.median(apart):.0f} m along the line)" if apart else ""
+    yield _note(
+        "events shifted by one",
+        "one missing event or image gives every later image the pose of its neighbour" + size,
+        "compare the numbers of events and images, and the first and last image with the map",
+    )
+
+
+def _turned(angle_deg: float) -> str:
+    moved = 1e3 * PER_M * math.radians(angle_deg)
+    return f"{degrees(angle_deg)} or {millimetres(moved)} on the ground {PER_M:.0f} m away"
+
+
+def known_boresight(flight: Figures) -> bool:
+    """Tell whether a flight file took its bore-sight from a calibration, or accepts it."""
+    sources: Any = flight.get("mounting_files") or ()
+    calibrated = any(
+        BORESIGHT_KEY in source["keys"] and source["made"]["boresight_cov"] is not None
+        for source in sources
+    )
+    return calibrated or BORESIGHT in (flight.get("accept") or ())
+
+
+def _note(name: str, effect: str, remedy: str) -> Finding:
+    return Finding(name, effect, verdict="note", remedy=remedy)
