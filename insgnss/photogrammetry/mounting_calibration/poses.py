@@ -17,7 +17,7 @@ from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
 from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
-from ...io.formats.blocks.metashape_block import read_metashape_references
+from ...io.formats.blocks.metashape_chunk import read_metashape_references
 from ...io.formats.blocks.pose_table import (
     NamedPositions,
     is_pose_table,
