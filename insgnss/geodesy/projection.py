@@ -41,6 +41,7 @@ from .crs import (
     above,
     crs_of,
     geoid_transformer,
+    is_projected,
     not_metric,
     source_crs,
     transformed,
@@ -96,7 +97,7 @@ class MapProjection:
         self._looked: set[tuple[float, ...]] = set()
         self.crs = crs_of(definition)
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
-        if not self.horizontal.is_projected:
+        if not is_projected(self.horizontal):
             raise UsageError(
                 f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}"
             )

@@ -204,7 +204,7 @@ def tangent_frame(path: object, x: Array, plane: TangentPlane | None) -> Coordin
     if plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
         raise InputError.in_file(
             path,
-            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
-            " EPSG:2056",
+            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, such"
+            " as --crs EPSG:2056",
         )
     return CoordinateFrame(TANGENT, plane)

@@ -158,7 +158,7 @@ def chunk_poses(of: Chunk, images: Sequence[Element], notes: list[str]) -> Chunk
                 cov[k] = A @ _numbers(of.source, element, 9, description).reshape(3, 3) @ A.T
     if apart := int(np.isnan(position[posed, 0]).sum()):
         notes.append(f"{apart} poses left out: they stand in components that are not connected")
-    return ChunkPoses(position, C_mc, *covariances, local)
+    return ChunkPoses(position, C_mc, covariances[0], covariances[1], local)
 
 
 def _camera_transforms(of: Chunk, images: Sequence[Element]) -> dict[int, tuple[Array, str | None]]:

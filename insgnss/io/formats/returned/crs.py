@@ -5,11 +5,13 @@ from math import isnan
 from typing import Any
 
 from ....base.errors import InputError
+from ....geodesy.crs import is_projected
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ..text.layout import shown
 from ..text.numbers import finite
 from ..text.text import Source
 
+WGS84 = "World Geodetic System 1984"  # name of its datum, an ensemble as well
 LOCAL = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
 
 
@@ -31,7 +33,8 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
     kind : str
         Of `records.framed.KINDS`, empty of a local one.
     crs : str
-        Code or well-known text of a projected CRS, else empty.
+        Code or well-known text of a projected CRS, and of a geographic one that is not WGS 84;
+        else empty.
 
     Raises
     ------
@@ -49,13 +52,32 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
         raise InputError.at_line(
             path, None, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
         ) from None
+    return kind_of_crs(crs)
+
+
+def kind_of_crs(crs: Any) -> tuple[str, str]:
+    """Return the kind of frame of a CRS, and the CRS in words, as `kind_of_wkt` does.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        Perhaps with a vertical part, or bound to another datum by TOWGS84.
+
+    Returns
+    -------
+    kind, crs : str
+        As there.
+    """
     parts = [_unbound(piece) for piece in (crs.sub_crs_list or [crs])]
-    if not parts[0].is_projected:
-        return (GEOCENTRIC if parts[0].is_geocentric else GEOGRAPHIC), ""
+    if parts[0].is_geocentric:
+        return GEOCENTRIC, ""
+    kind = PROJECTED if is_projected(parts[0]) else GEOGRAPHIC
+    if kind == GEOGRAPHIC and len(parts) == 1 and WGS84 in parts[0].datum.name:
+        return GEOGRAPHIC, ""
     codes = [piece.to_authority() for piece in parts]
     if all(code is not None and code[0] == "EPSG" for code in codes):
-        return PROJECTED, "EPSG:" + "+".join(str(code[1]) for code in codes)
-    return PROJECTED, str(parts[0].to_wkt() if len(parts) == 1 else text)
+        return kind, "EPSG:" + "+".join(str(code[1]) for code in codes)
+    return kind, str(parts[0].to_wkt() if len(parts) == 1 else crs.to_wkt())
 
 
 def _unbound(crs: Any) -> Any:
