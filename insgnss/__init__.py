@@ -18,7 +18,8 @@ Run
     `predict_targets` and `measure_targets`: ground points in photographs, where a `Target` lies.
 Read
     `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_poses`,
-    `read_trajectory`, `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`, `read_mounting`.
+    `read_trajectory`, `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`,
+    `read_mounting`.
 Records
     `ImuSamples`, `GnssFixes`, `CameraEvents`, `BarometerHeights`, `Trajectory`,
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.crs import crs_of, geodetic_from_geographic
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
-from ...geodesy.projection import MapProjection
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import read_returned_poses
@@ -35,11 +34,6 @@ HEIGHTS_M = -500.0, 15e3  # heights above the ellipsoid of a camera (m): Dead Se
 OFF_EQUATOR_M = 2e4
 DEGREES = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
 STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no flight is 1 m wide
-FAR_DEG = 5.0  # beyond the area of a CRS (deg): zones are used up to some degrees outside theirs
-
-
-class FarError(InputError):
-    """Coordinates in the CRS that the caller names lie far from its area."""
 
 
 class Framed(NamedTuple):
@@ -79,6 +73,8 @@ def placed_poses(given: ReturnedPoses, framed: Framed, path: Path, form: str) ->
 
     Raises
     ------
+    FarError
+        They lie far from the area of their CRS.
     InputError
         The CRS does not reach them.
     """
@@ -112,10 +108,8 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
 
     Raises
     ------
-    FarError
-        Coordinates far from the area of the caller's CRS.
     InputError
-        Large coordinates whose frame nobody names.
+        Large coordinates whose frame nobody names, or no longitude and latitude.
     """
     kind, crs, x = given.kind, given.crs, given.position
     if kind in ("", PROJECTED):
@@ -126,7 +120,8 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
     if kind == TANGENT and given.origin:
         return Framed(CoordinateFrame(TANGENT, TangentPlane(*given.origin)), x)
     if kind == PROJECTED:
-        return _projected(x, hints.projected(crs), path)
+        projection = hints.projected(crs)
+        return Framed(CoordinateFrame(PROJECTED, projection=projection), x * projection.unit_m)
     if kind == GEOGRAPHIC:
         degrees = (
             x if given.kind != GEOGRAPHIC else np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
@@ -137,38 +132,6 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
     if hints.plane is not None:
         return Framed(CoordinateFrame(TANGENT, hints.plane), x)
     return _recognised(x, path)
-
-
-def _projected(x: Array, projection: MapProjection, path: Path) -> Framed:
-    frame, x = CoordinateFrame(PROJECTED, projection=projection), x * projection.unit_m
-    try:
-        lat, lon, _, _ = frame.resolved(x, path)
-        reached = True
-    except InputError as error:
-        if "exchanged" in str(error):
-            raise
-        reached = False
-    if reached:
-        far = _degrees_outside(projection, np.degrees(lat), np.degrees(lon))
-        local = far > 0.0 and float(np.abs(x[:, :2]).max()) < PLANE_M
-        if not (local or far > FAR_DEG):
-            return Framed(frame, x)
-    where = f"{x[0, 0] / projection.unit_m[0]:.3f} {x[0, 1] / projection.unit_m[0]:.3f}"
-    raise FarError(
-        f"{path}: coordinates such as {where} lie outside the area of {projection.name}; give their"
-        " own CRS, or what was subtracted from them, --shift (compare: --coordinate-shift)"
-    )
-
-
-def _degrees_outside(projection: MapProjection, lat: Array, lon: Array) -> float:
-    """Return how far, deg, the points lie outside the area of a CRS; 0 where it names none."""
-    area = projection.horizontal.area_of_use
-    if area is None:
-        return 0.0
-    width = (area.east - area.west) % 360.0 or 360.0
-    east = (lon - area.west) % 360.0
-    beyond = np.where(east > width, np.minimum(east - width, 360.0 - east), 0.0)
-    return float(np.median(np.maximum(beyond, np.maximum(area.south - lat, lat - area.north))))
 
 
 def _geographic(degrees: Array, crs: str, hints: Hints, path: Path) -> Array:
@@ -198,8 +161,8 @@ def _recognised(x: Array, path: Path) -> Framed:
     angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
     height = float(np.median(np.abs(x[:, 2])))
     if angles and 0.0 < extent < DEGREES and height > STEEP * extent:
-        note = f"{path.name} names no CRS; its plan coordinates are taken as degrees: the block"
-        note += f" were {extent:.4f} m wide otherwise, {height:.0f} m high"
+        note = f"{path.name} names no CRS; X and Y are taken as degrees: as metres the flight would"
+        note += f" be {extent:.4f} m long at a height of {height:.0f} m"
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
         return Framed(CoordinateFrame(GEOGRAPHIC), x, note)
     return Framed(None, x)

@@ -150,13 +150,13 @@ def calibrate_mounting(
             flight.path, "no [camera]; a mounting needs the events of the exposures"
         )
     assumptions = assumptions or Assumptions(frame="auto")
+    # before the flight is processed, which takes minutes
+    hints = Hints(crs=assumptions.crs, geoid=assumptions.geoid, shift=assumptions.shift)
+    read = None if isinstance(poses, BlockPoses) else read_camera_poses(poses, hints)
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
     given: BlockPoses | None = poses if isinstance(poses, BlockPoses) else None
-    # before the flight is processed, which takes minutes
-    hints = Hints(crs=assumptions.crs, geoid=assumptions.geoid, shift=assumptions.shift)
-    read = None if isinstance(poses, BlockPoses) else read_camera_poses(poses, hints)
     for number in range(ROUNDS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:

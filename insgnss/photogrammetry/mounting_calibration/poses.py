@@ -34,9 +34,9 @@ from ...records.block import BrownCamera
 from ...records.framed import GEOCENTRIC
 from ...records.rows import rows_of
 from ..comparison.hints import Hints, turned
-from ..comparison.poses import Poses
+from ..comparison.poses import FarError, Poses
 from ..comparison.reading import read_poses, sniff_poses
-from ..comparison.returned import FarError, framed_coordinates, placed_poses
+from ..comparison.returned import framed_coordinates, placed_poses
 from .options import PlaceOptions, PoseSigma
 
 
@@ -223,18 +223,19 @@ def read_camera_poses(
 def _returned(path: Path, form: str, hints: Hints, chunk: str | None, only: bool) -> CameraPoses:
     """Return the poses of a file of another program; in their own axes without a frame."""
     given = read_returned_poses(path, form, chunk)
-    try:
-        framed = framed_coordinates(given, hints, path)
-    except FarError:
-        if only or hints.shift is not None:
-            raise
-        framed = framed_coordinates(given, replace(hints, crs=None), path)
+    framed = framed_coordinates(given, hints, path)
 
     def block() -> MeasuredBlock:
         return read_measured_block(path, chunk=chunk)
 
     if framed.frame is not None and framed.frame.kind != GEOCENTRIC:
-        return replace(_on_the_earth(path, placed_poses(given, framed, path, form)), load=block)
+        try:
+            poses = placed_poses(given, framed, path, form)
+        except FarError:
+            if only or given.kind or hints.shift is not None:
+                raise
+            return _returned(path, form, replace(hints, crs=None), chunk, only)
+        return replace(_on_the_earth(path, poses), load=block)
     cov = _joint_cov(given.cov_position, given.cov_attitude)
     frame = "own" if framed.frame is None else "geocentric"
     notes = (*given.notes, framed.note) if framed.note else given.notes

@@ -177,11 +177,11 @@ def _camera_transforms(of: Chunk, images: Sequence[Element]) -> dict[int, tuple[
         if master is None or sensor is None or master.find("transform") is None:
             continue
         on_rig = np.eye(4)
-        for key, place in (("rotation", np.s_[:3, :3]), ("location", np.s_[:3, 3])):
+        for key, block in (("rotation", np.s_[:3, :3]), ("location", np.s_[:3, 3])):
             if (element := sensor.find(key)) is not None:
-                size = on_rig[place].size
+                size = on_rig[block].size
                 values = _numbers(of.source, element, size, f"{key} of {sensor.get('label')}")
-                on_rig[place] = values.reshape(on_rig[place].shape)
+                on_rig[block] = values.reshape(on_rig[block].shape)
         T = _camera_to_chunk(of.source, master) @ on_rig
         transforms[k] = T, image.get("component_id", master.get("component_id"))
     return transforms
@@ -254,6 +254,7 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
 
 
 def text_of(element: Element | None) -> str:
+    """Return the text of an element, empty where it is missing."""
     return "" if element is None or element.text is None else element.text.strip()
 
 
