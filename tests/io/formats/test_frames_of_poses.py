@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from ba_scene import D, block, framed
+from ba_scene import D, block, enu_axes, framed
+from block_scene import numbers
 from pyproj import CRS, Transformer
 from test_returned_poses import colmap, ign_opk, joined, metashape_opk_text, micmac, opk_deg
 
@@ -105,12 +106,20 @@ def test_a_geographic_crs_of_another_datum_is_transformed(tmp_path: Path) -> Non
 
 def test_large_coordinates_without_a_crs_are_asked_for(tmp_path: Path) -> None:
     """Oracle: norms of 6.6e6 m in Lambert-93, whose points lie 300 km above or below the ellipsoid
-    as geocentric ones; a northing at the equator, whose height would be one of a geocentric point.
+    as geocentric ones; a northing at the equator, whose height would be one of a geocentric point; geocentric feet.
     """
     path = ign_opk(in_map(block(), "EPSG:2154"), tmp_path)
     for read in (insgnss.read_poses, read_camera_poses):
         with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
             read(path)
+    path = micmac(framed(block(), "geocentric"), tmp_path)
+    for file in path.glob("Orientation-*"):  # in feet
+        head, tail = file.read_text().split("<Centre>")
+        x, tail = tail.split("</Centre>")
+        feet = " ".join(repr(float(v) / 0.3048) for v in x.split())
+        file.write_text(f"{head}<Centre>{feet}</Centre>{tail}")
+    with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
+        insgnss.read_poses(path)
     text = "NOM X Y Z O P K CAMERA\na 300000 6371100 120 0 0 0 c\nb 300010 6371100 120 0 0 0 c\n"
     (tmp_path / "a.OPK").write_text(text)
     with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
@@ -123,8 +132,6 @@ def test_a_mounting_asks_before_the_flight_is_processed(tmp_path: Path) -> None:
     flight = SimpleNamespace(camera="a camera", path=tmp_path)
     with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
         calibrate_mounting(flight, path)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="lie outside the area of EPSG:2056"):
-        calibrate_mounting(flight, path, Assumptions(crs="EPSG:2056"))  # type: ignore[arg-type]
 
 
 def test_a_shift_that_was_lost_is_asked_for(tmp_path: Path) -> None:
@@ -148,9 +155,48 @@ def test_a_shift_that_was_lost_is_asked_for(tmp_path: Path) -> None:
     assert isinstance(got.plane, TangentPlane)
 
 
+@pytest.mark.slow  # PROJ looks for grids there
 def test_another_zone_or_unit_is_asked_for(tmp_path: Path) -> None:
-    """Oracle: LV95 coordinates lie in the Atlantic as those of Lambert-93, or as feet."""
+    """Oracle: LV95 coordinates lie in the Atlantic as those of Lambert-93."""
     path = metashape_opk_text(framed(block(), "EPSG:2056"), tmp_path)
-    for wrong in ("EPSG:2154", "EPSG:2249", "EPSG:28355", "EPSG:4326"):
+    for wrong in ("EPSG:2154", "EPSG:4326"):
         with pytest.raises(InputError, match=r"lie outside the area|no longitude and latitude"):
             insgnss.read_poses(path, crs=wrong)
+    flight = SimpleNamespace(camera="a camera", path=tmp_path)
+    with pytest.raises(InputError, match="lie outside the area of EPSG:2154"):
+        calibrate_mounting(flight, path, Assumptions(crs="EPSG:2154"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("crs", ["EPSG:2056", "EPSG:2154", "EPSG:4150"])
+def test_a_chunk_of_another_ellipsoid_is_where_its_texts_are(tmp_path: Path, crs: str) -> None:
+    """Oracle: the coordinates that Metashape shows: the transforms have them as points of the
+    CRS's own ellipsoid, by pyproj's cart; Bessel's and that of WGS 84 lie 800 m apart.
+    """
+    eo, system = block(), CRS(crs)
+    size = f"+a={system.ellipsoid.semi_major_metre} +rf={system.ellipsoid.inverse_flattening}"
+    cart = Transformer.from_pipeline(
+        f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart {size}"
+    )
+    truth = framed(eo, "geographic")
+    bessel = CRS("EPSG:4150").to_3d()
+    lon, lat, h = Transformer.from_crs("EPSG:4979", bessel, always_xy=True).transform(
+        *np.degrees(truth.coordinates[:, :2].T), truth.coordinates[:, 2]
+    )
+    if crs == "EPSG:2154":
+        lon, lat = np.degrees(truth.coordinates[:, :2].T)
+    height = truth.coordinates[:, 2] if crs != "EPSG:4150" else h
+    rows = ""
+    for k, name in enumerate(eo.images):
+        T = np.eye(4)
+        T[:3, :3] = enu_axes(lat[k], lon[k]) @ truth.C_Ec[k]
+        T[:3, 3] = cart.transform(lon[k], lat[k], height[k])
+        rows += f'<camera id="{k}" label="{name}"><transform>{numbers(T)}</transform></camera>'
+    same = "<rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0</translation>"
+    wkt = system.to_wkt("WKT1_GDAL").replace("\n", "")
+    (tmp_path / "a.xml").write_text(
+        f'<document version="2.0.0"><chunk label="c"><cameras>{rows}</cameras><transform>{same}'
+        f"</transform><reference>{wkt}</reference></chunk></document>"
+    )
+    metres, degrees = differ(eo, tmp_path / "a.xml")
+    assert metres < 1e-3
+    assert degrees < 2e-3  # seconds of arc between the verticals of two ellipsoids

@@ -43,8 +43,7 @@ class ReturnedPoses:
     notes : tuple of str
         What was left out or taken on trust.
     cov_position, cov_attitude : ndarray, (n, 3, 3), or None
-        In the axes of the frame, in its unit of length squared and rad^2; None where an image has
-        none.
+        In the axes of the frame, m^2 and rad^2; None where an image has none.
     """
 
     images: tuple[str, ...]

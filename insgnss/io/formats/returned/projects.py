@@ -30,7 +30,7 @@ from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml
-from .crs import kind_of_definition
+from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
 
 DIRECTIONS = {
@@ -242,7 +242,8 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
     Returns
     -------
     ReturnedPoses
-        Geocentric; in the axes of the chunk where it has no CRS. With the covariances of the file
+        Geocentric, or in the CRS of the chunk where that is of another ellipsoid; in axes of the
+        chunk where it has no CRS. With the covariances of the file
         where all images have them.
 
     Raises
@@ -255,13 +256,19 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
     images, _ = of.images(notes)
     poses = chunk_poses(of, images, notes)
     rows = np.flatnonzero(np.isfinite(poses.position[:, 0]))
+    names = image_names([images[k].get("label") or "" for k in rows], path)
+    position, C = poses.position[rows], poses.C_mc[rows]
     covs = [P[rows] for P in (poses.cov_position, poses.cov_attitude)]
+    kind, crs = GEOCENTRIC if on_globe(of, poses.local) else "", ""
+    if kind and (other := of_other_ellipsoid(of.crs(), position, path)) is not None:
+        kind, crs, position, R = other
+        C, covs = R @ C, [R @ P @ R.swapaxes(1, 2) for P in covs]
     return ReturnedPoses(
-        image_names([images[k].get("label") or "" for k in rows], path),
-        poses.position[rows],
-        poses.C_mc[rows],
-        GEOCENTRIC if on_globe(of, poses.local) else "",
-        "",
+        names,
+        position,
+        C,
+        kind,
+        crs,
         (),
         False,
         "",
