@@ -105,8 +105,8 @@ def test_a_geographic_crs_of_another_datum_is_transformed(tmp_path: Path) -> Non
 
 
 def test_large_coordinates_without_a_crs_are_asked_for(tmp_path: Path) -> None:
-    """Oracle: norms of 6.6e6 m in Lambert-93, whose points lie 300 km above or below the ellipsoid
-    as geocentric ones; a northing at the equator, whose height would be one of a geocentric point; geocentric feet.
+    """Oracle: norms of 6.6e6 m in Lambert-93, whose points lie 300 km off as geocentric
+    ones; geocentric feet; a northing at the equator, where that height would be one of a camera.
     """
     path = ign_opk(in_map(block(), "EPSG:2154"), tmp_path)
     for read in (insgnss.read_poses, read_camera_poses):
