@@ -17,8 +17,9 @@ Run
     arms, bore-sight and camera delay with verdicts.
     `predict_targets` and `measure_targets`: ground points in photographs, where a `Target` lies.
 Read
-    `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_trajectory`,
-    `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`, `read_mounting`.
+    `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_poses`,
+    `read_trajectory`, `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`,
+    `read_mounting`.
 Records
     `ImuSamples`, `GnssFixes`, `CameraEvents`, `BarometerHeights`, `Trajectory`,
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
@@ -76,7 +77,7 @@ if _TYPE_CHECKING:
     )
     from .api.estimation import estimate
     from .api.products import compare, export, figures, ppk, relative_control
-    from .api.readers import read_eo, read_trajectory
+    from .api.readers import read_eo, read_poses, read_trajectory
     from .api.targets import measure_targets, predict_targets
     from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
     from .base.errors import DataError, InputError, InsgnssError, UsageError
@@ -126,7 +127,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     ),
     "api.estimation": ("estimate",),
     "api.products": ("compare", "export", "figures", "ppk", "relative_control"),
-    "api.readers": ("read_eo", "read_trajectory"),
+    "api.readers": ("read_eo", "read_poses", "read_trajectory"),
     "api.targets": ("measure_targets", "predict_targets"),
     "api.verbs": ("adjust_block", "calibrate_imu", "inspect", "process", "simulate", "tune"),
     "io.options.camera_options": ("CameraInput", "CameraMounting"),
@@ -219,6 +220,7 @@ __all__ = [
     "read_gnss",
     "read_imu",
     "read_mounting",
+    "read_poses",
     "read_trajectory",
     "relative_control",
     "simulate",

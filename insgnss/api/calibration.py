@@ -94,6 +94,8 @@ def calibrate_similarity(
     pose_sigma: tuple[float, float] = (0.01, 0.01),
     antenna_sigma_m: tuple[float, float] | None = None,
     crs: str | None = None,
+    geoid: Source | None = None,
+    shift: tuple[float, float, float] | None = None,
     photo: Source | None = None,
     date: str = "",
 ) -> "CalibratedMounting":
@@ -110,7 +112,9 @@ def calibrate_similarity(
     force : whether to overwrite a file that was made from other inputs.
     pose_sigma : m and deg, of poses whose file has no standard deviations.
     antenna_sigma_m : horizontal and vertical, in the place of the table's.
-    crs : of antenna positions and ground points, where they stand in one.
+    crs : of poses, antenna positions and ground points whose files do not name it.
+    geoid : grid of geoid heights, for `crs`.
+    shift : what was subtracted from the coordinates of the poses, in the unit of their CRS.
     photo : an image of the camera, which names it.
     date : of the data, ISO.
 
@@ -135,6 +139,8 @@ def calibrate_similarity(
         points=_path(points),
         camera=_path(camera),
         crs=crs,
+        geoid=_path(geoid),
+        shift=shift,
         photo=_path(photo),
         date=date,
     )
@@ -214,6 +220,9 @@ def calibrate_mounting(
     lever_arm_sigma_m: float = 0.3,
     imu_sigma_m: float = 0.3,
     pose_sigma: tuple[float, float] = (0.03, 0.01),
+    crs: str | None = None,
+    geoid: Source | None = None,
+    shift: tuple[float, float, float] | None = None,
     photo: Source | None = None,
     date: str | None = None,
 ) -> "CalibratedMounting":
@@ -232,6 +241,9 @@ def calibrate_mounting(
     imu_sigma_m : of the IMU's lever arm from the camera, as the flight file has it.
     pose_sigma : m and deg, what the block's camera calibration moves poses by, all alike in
         camera axes, where they have no covariances.
+    crs : of poses whose file does not name it.
+    geoid : grid of geoid heights, for `crs`.
+    shift : what was subtracted from the coordinates of the poses, in the unit of their CRS.
     photo : an image of the camera, which names it.
     date : of the data, ISO; by default that of the flight.
 
@@ -258,6 +270,9 @@ def calibrate_mounting(
         lever_arm_sigma_m=lever_arm_sigma_m,
         imu_sigma_m=imu_sigma_m,
         pose_sigma=pose_sigma,
+        crs=crs,
+        geoid=_path(geoid),
+        shift=shift,
         photo=_path(photo),
         date=date or "",
     )

@@ -122,6 +122,7 @@ def compare(
     geoid: Source | None = None,
     gps_week: int | None = None,
     time_shift_s: float = 0.0,
+    coordinate_shift: tuple[float, float, float] | None = None,
 ) -> "Comparison":
     """Compare two orientations or trajectories, and say which convention explains a difference.
 
@@ -132,10 +133,11 @@ def compare(
     undulation_a_m, undulation_b_m : geoid above the ellipsoid, to be added to heights of positions
         of GNSS that are above the geoid.
     origin : latitude deg, longitude deg, height m of a tangent plane whose file does not say it.
-    crs : of projected coordinates, such as "EPSG:2056".
+    crs : of coordinates whose file does not name it, such as "EPSG:2056".
     geoid : grid of geoid heights, for projected heights above sea level.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
+    coordinate_shift : what was subtracted from projected coordinates, in their unit.
 
     Returns
     -------
@@ -160,6 +162,7 @@ def compare(
         gps_week=gps_week,
         geoid=None if geoid is None else Path(geoid),
         time_shift_s=time_shift_s,
+        coordinate_shift=coordinate_shift,
     )
 
 

@@ -2,11 +2,15 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base.errors import InputError
 from ..records import Array, ExteriorOrientation, Trajectory
+
+if TYPE_CHECKING:
+    from ..photogrammetry.comparison.poses import Poses
 
 
 def read_eo(path: str | os.PathLike[str]) -> ExteriorOrientation:
@@ -28,6 +32,46 @@ def read_eo(path: str | os.PathLike[str]) -> ExteriorOrientation:
 
     file = Path(path)
     return read_eo_json(file / "eo.json" if file.is_dir() else file)
+
+
+def read_poses(
+    path: str | os.PathLike[str],
+    form: str | None = None,
+    *,
+    crs: str | None = None,
+    shift: tuple[float, float, float] | None = None,
+    origin: tuple[float, float, float] | None = None,
+    geoid: str | os.PathLike[str] | None = None,
+    gps_week: int | None = None,
+) -> "Poses":
+    """Read poses of any program, as `compare` and the calibrations do.
+
+    Parameters
+    ----------
+    path : the file or directory: Metashape, Pix4D, COLMAP, OpenSfM, MicMac, Bentley, Inpho, eo.json
+        and what else `insgnss compare` reads.
+    form : its format, where it does not show it.
+    crs : of coordinates whose file does not name it, and in the place of a projected one.
+    shift : what was subtracted from projected coordinates, in their unit.
+    origin : latitude deg, longitude deg, height m of a tangent plane whose file does not say it.
+    geoid : grid of geoid heights, for heights above sea level.
+    gps_week : of files with the time of week only.
+
+    Returns
+    -------
+    Latitudes, longitudes and heights of the images, attitudes against true north, covariances where
+    the file has them.
+
+    Raises
+    ------
+    InputError : the file is missing or damaged, or nobody names the frame of its coordinates.
+    UsageError : the format or the CRS is unknown.
+    """
+    from ..photogrammetry.comparison.hints import Hints
+    from ..photogrammetry.comparison.reading import read_poses as read
+
+    grid = None if geoid is None else Path(geoid)
+    return read(Path(path), form, Hints(origin, crs, gps_week, grid, shift=shift))
 
 
 def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -> Trajectory:

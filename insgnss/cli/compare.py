@@ -22,7 +22,8 @@ FORMS = (
     *("eo_json", "eo_local_plane", "metashape", "metashape_opk", "pix4d_matic", "pix4d_mapper"),
     *("realitycapture", "inpho_ascii", "tum", "generic_ascii", "trajectory_csv", "sbet", "gnss"),
     *("odyn", "metashape_xml", "metashape_opk_text", "metashape_reference", "pix4d_external"),
-    *("pix4d_camera", "colmap", "opensfm", "micmac_xml", "bentley", "inpho_prj"),
+    *("pix4d_camera", "colmap", "opensfm", "micmac_xml", "bentley"),
+    *("inpho_prj", "ign_opk"),
 )  # those of `photogrammetry.comparison.reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differences.html
   insgnss compare trajectory.sbet reference.pos --week 2008"""
@@ -49,7 +50,15 @@ class Request(Checked):
         kind="place",
         metavar="LAT,LON,H",
     )
-    crs: str | None = argument(None, "of projected coordinates, such as EPSG:2056", metavar="CRS")
+    crs: str | None = argument(
+        None, "of coordinates whose file does not name it, such as EPSG:2056", metavar="CRS"
+    )
+    coordinate_shift: tuple[float, float, float] | None = argument(
+        None,
+        "what was subtracted from projected coordinates, in their unit",
+        kind="pair",
+        metavar="E,N,H",
+    )
     geoid: Path | None = argument(
         None, "grid of geoid heights, for projected heights above sea level", metavar="GRID"
     )
@@ -82,6 +91,7 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         gps_week=given.week,
         geoid=given.geoid,
         time_shift_s=given.shift,
+        coordinate_shift=given.coordinate_shift,
     )
     files: dict[Path, Content] = {}
     if given.figure is not None:

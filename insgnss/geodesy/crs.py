@@ -116,6 +116,22 @@ def geodetic_from_geographic(
     return lat, lon, h if geoid is None else h + undulation(geoid, lat, lon)
 
 
+def is_projected(crs: Any) -> bool:
+    """Whether a CRS is a projected one, or derived from one by a site's own shift and turn.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        Without vertical part.
+
+    Returns
+    -------
+    bool
+        Whether it counts in the plane of a map.
+    """
+    return bool(crs.is_projected) or crs.type_name == "Derived Projected CRS"
+
+
 def is_geographic(definition: str) -> bool:
     """Whether a CRS counts longitude and latitude.
 

@@ -41,6 +41,7 @@ from .crs import (
     above,
     crs_of,
     geoid_transformer,
+    is_projected,
     not_metric,
     source_crs,
     transformed,
@@ -96,7 +97,7 @@ class MapProjection:
         self._looked: set[tuple[float, ...]] = set()
         self.crs = crs_of(definition)
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
-        if not self.horizontal.is_projected:
+        if not is_projected(self.horizontal):
             raise UsageError(
                 f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}"
             )
@@ -381,6 +382,28 @@ class MapProjection:
         return int(
             np.count_nonzero(east | (np.degrees(lat) < area.south) | (np.degrees(lat) > area.north))
         )
+
+    def degrees_outside(self, lat: Array, lon: Array) -> float:
+        """Return how far the points lie outside the area for which the CRS is made.
+
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude, rad.
+
+        Returns
+        -------
+        float
+            Degrees of longitude or latitude, the median of the points; 0 where the registry names
+            no area.
+        """
+        area = self.horizontal.area_of_use
+        if area is None or not lat.size:
+            return 0.0
+        width = (area.east - area.west) % 360.0 or 360.0
+        lat, east = np.degrees(lat), (np.degrees(lon) - area.west) % 360.0
+        beyond = np.where(east > width, np.minimum(east - width, 360.0 - east), 0.0)
+        return float(np.median(np.maximum(beyond, np.maximum(area.south - lat, lat - area.north))))
 
     def operation(self) -> tuple[str, float]:
         """Return the datum transformation that was last used.

@@ -39,6 +39,7 @@ def compare_files(
     gps_week: int | None = None,
     geoid: Path | None = None,
     time_shift_s: float = 0.0,
+    coordinate_shift: Origin | None = None,
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
@@ -50,9 +51,10 @@ def compare_files(
         geoid.
     origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
         not give it; without it that of the other file is taken, and noted.
-    crs, geoid : of projected coordinates.
+    crs, geoid : of coordinates whose file does not name it, and in the place of a projected one.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
+    coordinate_shift : what was subtracted from projected coordinates, in their unit.
 
     Raises
     ------
@@ -63,7 +65,7 @@ def compare_files(
     DataError
         Where nothing tells which poses belong together.
     """
-    hints = Hints(origin, crs, gps_week, geoid)
+    hints = Hints(origin, crs, gps_week, geoid, shift=coordinate_shift)
     read, notes = _read_both(
         ((a, form_a), (b, form_b)),
         tuple(replace(hints, undulation_m=height) for height in undulation_m),

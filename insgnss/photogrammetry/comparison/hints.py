@@ -25,10 +25,11 @@ HEAD = 16384
 class Hints:
     """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m.
 
-    CRS of projected coordinates; GPS week; geoid grid.
+    CRS of coordinates; GPS week; geoid grid.
 
     Parameters
     ----------
+    shift : what was subtracted from the coordinates, in the unit of the CRS.
     undulation_m : of the geoid, to be added to heights of positions of GNSS.
     datum, epoch : of the positions from which a projected CRS was reached; None: WGS 84.
     """
@@ -40,6 +41,7 @@ class Hints:
     undulation_m: float | None = None
     datum: str | None = None
     epoch: float | None = None
+    shift: Origin | None = None
 
     @property
     def plane(self) -> TangentPlane | None:

@@ -24,6 +24,11 @@ class NoOriginError(InputError):
     """A file of coordinates in a tangent plane does not say where its origin is."""
 
 
+class FarError(InputError):
+    """Projected coordinates lie far from the area of their CRS."""
+
+
+FAR_DEG = 3.0  # beyond the area of a CRS (deg): a zone is used in half of its neighbour at most
 PLANE_M = 1e5  # largest coordinate in a tangent plane (m): beyond, it is of a projected CRS
 BY_ROW = (
     *("images", "lat", "lon", "height", "time", "C_Ex", "velocity"),
@@ -148,9 +153,21 @@ class CoordinateFrame:
                 )
             try:
                 lat, lon, h = self.projection.inverse(x)
-                return lat, lon, h, self.projection.axes(lat, lon, h)
+                axes = self.projection.axes(lat, lon, h)
             except InputError as error:
-                raise InputError(f"{path}: {error}{self._exchanged(x)}") from None
+                if exchanged := self._exchanged(x):
+                    raise InputError(f"{path}: {error}{exchanged}") from None
+                raise FarError(f"{path}: {error}") from None
+            far = self.projection.degrees_outside(lat, lon)
+            local = far > 0.0 and float(np.abs(x[:, :2]).max()) < PLANE_M
+            if (far > FAR_DEG or local) and not self._exchanged(x):  # which compare explains
+                e, n = x[0, :2] / self.projection.unit_m[:2]
+                raise FarError(
+                    f"{path}: coordinates such as {e:.3f} {n:.3f} lie outside the area of"
+                    f" {self.projection.name}; give their own CRS, or what was subtracted from"
+                    " them, --shift (compare: --coordinate-shift)"
+                )
+            return lat, lon, h, axes
         if self.plane is None:
             problem = (
                 "has coordinates of a tangent plane without its origin; give latitude, longitude"
@@ -204,7 +221,7 @@ def tangent_frame(path: object, x: Array, plane: TangentPlane | None) -> Coordin
     if plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
         raise InputError.in_file(
             path,
-            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
-            " EPSG:2056",
+            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, such"
+            " as --crs EPSG:2056",
         )
     return CoordinateFrame(TANGENT, plane)

@@ -1,20 +1,57 @@
 """Poses that a bundle adjustment gave back, in the frame that its file, or the caller, names.
 
-A file that names no frame (COLMAP, MicMac, Inpho, Metashape's omega phi kappa) stands in the CRS
-that the caller names, else in a tangent plane: that of the caller or of the other file.
+The frame is, in this order, that which the file names (a caller's CRS stands in for a projected
+one, such as with heights), that of the caller, and what the values themselves can only be:
+
+    geocentric     heights above the ellipsoid are those of aircraft, points off the equator
+    geographic     plan coordinates fit into 0.1 unit and are angles, heights are far larger
+    one's own      small coordinates: a tangent plane, or axes of no place
+
+Large coordinates without a CRS are refused, and coordinates in a CRS that lie far from its area.
 """
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...geodesy.crs import is_geographic
-from ...geodesy.frames import TangentPlane
+from ...base.errors import InputError
+from ...geodesy.crs import crs_of, geodetic_from_geographic
+from ...geodesy.frames import TangentPlane, ecef_to_geodetic
+from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import read_returned_poses
-from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from .hints import Hints
-from .poses import CoordinateFrame, Poses, tangent_frame
+from .poses import PLANE_M, CoordinateFrame, Poses, tangent_frame
+
+Array = NDArray[np.float64]
+
+HEIGHTS_M = -500.0, 15e3  # heights above the ellipsoid of a camera (m): Dead Sea to a jet's ceiling
+# least |z| of a geocentric point (m): nearer to the equator, z is as small as a height in a map's
+# coordinates, and 6.4e6 m may be a northing
+OFF_EQUATOR_M = 2e4
+DEGREES = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
+STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no flight is 1 m wide
+
+
+class Framed(NamedTuple):
+    """Coordinates, and the frame that they stand in.
+
+    Parameters
+    ----------
+    frame : CoordinateFrame or None
+        None: of axes of their own, for all that anybody knows.
+    x : ndarray, (n, 3)
+        m, or longitude, latitude, rad, height, m.
+    note : str
+        How the frame was recognised, empty where it is named.
+    """
+
+    frame: CoordinateFrame | None
+    x: Array
+    note: str = ""
 
 
 def read_adjusted_poses(form: str, path: Path, hints: Hints) -> Poses:
@@ -26,36 +63,106 @@ def read_adjusted_poses(form: str, path: Path, hints: Hints) -> Poses:
         With file and line; where nothing tells the frame of large coordinates.
     """
     given = read_returned_poses(path, form)
-    frame = _frame(given, hints, path)
-    x = given.position
-    if frame.kind == PROJECTED and frame.projection is not None:
-        x = x * frame.projection.unit_m
-    elif frame.kind == GEOGRAPHIC and given.kind != GEOGRAPHIC:
-        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
-    return frame.poses(
+    framed = framed_coordinates(given, hints, path)
+    frame = framed.frame or tangent_frame(path, framed.x, None)
+    return placed_poses(given, framed._replace(frame=frame), path, form)
+
+
+def placed_poses(given: ReturnedPoses, framed: Framed, path: Path, form: str) -> Poses:
+    """Poses of a frame on the Earth.
+
+    Raises
+    ------
+    FarError
+        They lie far from the area of their CRS.
+    InputError
+        The CRS does not reach them.
+    """
+    assert framed.frame is not None
+    return framed.frame.poses(
         path,
         form,
-        x,
+        framed.x,
         given.C,
-        given.true_north,
+        given.true_north and framed.frame.kind in (PROJECTED, GEOGRAPHIC),
+        given.cov_position,
+        given.cov_attitude,
         images=given.images,
         angle_set=given.angle_set,
         angles=given.angles,
-        notes=given.notes,
+        notes=(*given.notes, framed.note) if framed.note else given.notes,
     )
 
 
-def _frame(given: ReturnedPoses, hints: Hints, path: Path) -> CoordinateFrame:
-    """Frame as the file says it, else as the caller does."""
-    if given.kind == PROJECTED:
-        own = hints.projection if hints.crs is not None else hints.projected(given.crs)
-        return CoordinateFrame(PROJECTED, projection=own)
-    if given.kind == TANGENT and given.origin:
-        return CoordinateFrame(TANGENT, TangentPlane(*given.origin))
-    if given.kind:
-        return CoordinateFrame(given.kind)
-    if hints.crs is not None:
-        if is_geographic(hints.crs):
-            return CoordinateFrame(GEOGRAPHIC)
-        return CoordinateFrame(PROJECTED, projection=hints.projection)
-    return tangent_frame(path, given.position, hints.plane)
+def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed:
+    """Return the coordinates of a file in the frame that it or the caller names, or that they tell.
+
+    Parameters
+    ----------
+    given : ReturnedPoses
+        The file.
+    hints : Hints
+        What the caller names.
+    path : Path
+        The file, for the message.
+
+    Raises
+    ------
+    InputError
+        Large coordinates whose frame nobody names, or no longitude and latitude.
+    """
+    kind, crs, x = given.kind, given.crs, given.position
+    if kind in ("", PROJECTED):
+        x = x if hints.shift is None else x + hints.shift
+        if hints.crs is not None:
+            named, words = kind_of_crs(crs_of(hints.crs))
+            kind, crs = named, hints.crs if named == PROJECTED else words
+    if kind == TANGENT and given.origin:
+        return Framed(CoordinateFrame(TANGENT, TangentPlane(*given.origin)), x)
+    if kind == PROJECTED:
+        projection = hints.projected(crs)
+        return Framed(CoordinateFrame(PROJECTED, projection=projection), x * projection.unit_m)
+    if kind == GEOGRAPHIC:
+        degrees = (
+            x if given.kind != GEOGRAPHIC else np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
+        )
+        return Framed(CoordinateFrame(GEOGRAPHIC), _geographic(degrees, crs, hints, path))
+    if kind:
+        return Framed(CoordinateFrame(kind), x)
+    if hints.plane is not None:
+        return Framed(CoordinateFrame(TANGENT, hints.plane), x)
+    return _recognised(x, path)
+
+
+def _geographic(degrees: Array, crs: str, hints: Hints, path: Path) -> Array:
+    """Return longitude, latitude, rad, height, m, of WGS 84 or the datum that is hinted at."""
+    lon, lat = np.abs(degrees[:, :2]).max(axis=0)
+    if lon > 360.0 or lat > 90.0:
+        problem = f"{degrees[0, 0]:.3f} {degrees[0, 1]:.3f} are no longitude and latitude, deg"
+        raise InputError.in_file(path, f"{problem}; give the CRS of these coordinates")
+    if not crs and hints.geoid is None:
+        return np.column_stack([np.radians(degrees[:, :2]), degrees[:, 2]])
+    lat, lon, h = geodetic_from_geographic(
+        crs or "EPSG:4979", degrees, hints.geoid, hints.datum, hints.epoch
+    )
+    return np.column_stack([lon, lat, h])
+
+
+def _recognised(x: Array, path: Path) -> Framed:
+    """Return the frame that coordinates can only be of; none of small ones."""
+    if float(np.linalg.norm(x, axis=1).max()) > PLANE_M:
+        _, _, h = ecef_to_geodetic(x)
+        low, high = HEIGHTS_M
+        if low < h.min() and h.max() < high and float(np.abs(x[:, 2]).min()) > OFF_EQUATOR_M:
+            note = f"{path.name} names no CRS; its coordinates are geocentric by their size"
+            return Framed(CoordinateFrame(GEOCENTRIC), x, note)
+        tangent_frame(path, x, None)
+    extent = float(np.ptp(x[:, :2], axis=0).max())
+    angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
+    height = float(np.median(np.abs(x[:, 2])))
+    if angles and 0.0 < extent < DEGREES and height > STEEP * extent:
+        note = f"{path.name} names no CRS; X and Y are taken as degrees: as metres the flight would"
+        note += f" be {extent:.4f} m long at a height of {height:.0f} m"
+        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
+        return Framed(CoordinateFrame(GEOGRAPHIC), x, note)
+    return Framed(None, x)

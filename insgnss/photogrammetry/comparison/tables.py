@@ -88,11 +88,13 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     table, layout = read_text_table(path), LAYOUTS[form]
     of = _columns(form, table, layout)
     x = _block(table, of, ("x", "y", "z"))
-    head = [field.lower() for field in table.layout.header_fields or ()]
+    head = [field.lower().partition("/")[0] for field in table.layout.header_fields or ()]
     if head and head[of["x"]].startswith(NORTHINGS):
         x = x[:, [1, 0, 2]]
     frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
     unit_m = np.ones(3) if frame.projection is None else frame.projection.unit_m
+    if hints.shift is not None and frame.projection is not None:
+        x = x + hints.shift
     x = x * unit_m
     if frame.kind == "geographic":
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])

@@ -15,20 +15,20 @@ from ...io.formats.blocks.joined import matched
 from ...io.formats.orientation.pose_covariance import FILE, read_pose_covariance
 from ...records import ExteriorOrientation
 from ...records.block import Array
-from .poses import read_camera_poses
+from .poses import CameraPoses
 from .records import BlockPoses, Rows
 
 NEAR_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
 SIZE = 0.5, 2.0  # extent over that of the flight
 
 
-def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
-    """Read the poses of an adjusted block.
+def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> BlockPoses:
+    """Return the poses of an adjusted block beside those of a flight.
 
     Parameters
     ----------
-    path : Path
-        File or directory.
+    given : CameraPoses
+        As `read_camera_poses` returns them.
     eo : ExteriorOrientation
         Whose tangent plane has the axes of what is georeferenced.
 
@@ -42,8 +42,7 @@ def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
     InputError
         With file and line.
     """
-    given = read_camera_poses(path)
-    notes = given.notes
+    path, notes = given.path, given.notes
     if given.frame != "own":
         given = given.in_plane(TangentPlane(*(float(x) for x in eo.origin)))
         georeferenced = True

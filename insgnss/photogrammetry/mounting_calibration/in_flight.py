@@ -28,6 +28,7 @@ from ...geodesy.rotation import (
 from ...io.formats.orientation.mounting_file import DELAY, VECTORS
 from ...records.block import Array
 from ...records.cameras.mounting import Mounting
+from ..comparison.hints import Hints
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
 from .judgement import (
@@ -41,6 +42,7 @@ from .judgement import (
 from .options import Assumptions
 from .plausibility import Path as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
+from .poses import read_camera_poses
 from .records import BlockPoses, FlightPoses, Stated
 from .solution import Solved, solve
 
@@ -148,6 +150,9 @@ def calibrate_mounting(
             flight.path, "no [camera]; a mounting needs the events of the exposures"
         )
     assumptions = assumptions or Assumptions(frame="auto")
+    # before the flight is processed, which takes minutes
+    hints = Hints(crs=assumptions.crs, geoid=assumptions.geoid, shift=assumptions.shift)
+    read = None if isinstance(poses, BlockPoses) else read_camera_poses(poses, hints)
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
@@ -155,8 +160,8 @@ def calibrate_mounting(
     for number in range(ROUNDS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:
-            assert isinstance(poses, Path)
-            given = block_poses(poses, flight_poses.eo)
+            assert read is not None
+            given = block_poses(read, flight_poses.eo)
         if assumptions.frame == "shift" and not given.georeferenced:
             raise UsageError(
                 f"--frame shift: {given.source} stands in axes of its own, with a scale and a turn"

@@ -64,18 +64,37 @@ class PlaceOptions(Checked):
     Parameters
     ----------
     crs : str or None
-        Of tables that are neither geodetic nor in the frame of the poses.
+        Of coordinates on the Earth whose file does not name it: of poses, and of tables that are
+        neither geodetic nor in the frame of the poses.
     geoid : Path or None
         For heights above sea level.
     """
 
     crs: str | None = argument(
         None,
-        "of tables with x y z on the Earth, such as EPSG:2056+5728",
+        "of x y z on the Earth where the file does not name it, such as EPSG:2056+5728",
         usual="local axes",
         metavar="CRS",
     )
     geoid: Path | None = argument(None, "grid of geoid heights, for --crs")
+
+
+@dataclass(frozen=True)
+class FrameOptions(PlaceOptions):
+    """How the coordinates of poses of other programs are to be understood.
+
+    Parameters
+    ----------
+    shift : tuple of float or None
+        What was subtracted from them, in the unit of the CRS.
+    """
+
+    shift: tuple[float, float, float] | None = argument(
+        None,
+        "what was subtracted from the coordinates of the poses, in the unit of their CRS",
+        kind="pair",
+        metavar="E,N,H",
+    )
 
 
 @dataclass(frozen=True)
@@ -118,7 +137,7 @@ class TripodOptions(PoseOptions):
 
 
 @dataclass(frozen=True)
-class SimilarityOptions(PoseOptions):
+class SimilarityOptions(FrameOptions, PoseOptions):
     """What the files of a flight do not say.
 
     Parameters
@@ -203,7 +222,7 @@ class MaterialiseOptions(DataOptions):
 
 
 @dataclass(frozen=True)
-class Assumptions(DataOptions):
+class Assumptions(FrameOptions, DataOptions):
     """What is taken as known before the calibration of a flight's mounting.
 
     Parameters

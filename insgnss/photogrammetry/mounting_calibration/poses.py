@@ -1,8 +1,9 @@
 """Camera poses of any format, and positions that belong to them, in one Cartesian frame."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
 from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
-from ...io.formats.blocks.metashape_block import read_metashape_references
+from ...io.formats.blocks.metashape_chunk import read_metashape_references
 from ...io.formats.blocks.pose_table import (
     NamedPositions,
     is_pose_table,
@@ -25,21 +26,18 @@ from ...io.formats.blocks.pose_table import (
     read_position_table,
 )
 from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recognised
-from ...io.formats.bundle.micmac import read_micmac_xml
 from ...io.formats.detect import head_of
-from ...io.formats.returned.reading import returned_form
+from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array
 from ...records.block import BrownCamera
+from ...records.framed import GEOCENTRIC
 from ...records.rows import rows_of
+from ..comparison.hints import Hints, turned
+from ..comparison.poses import FarError, Poses
+from ..comparison.reading import read_poses, sniff_poses
+from ..comparison.returned import framed_coordinates, placed_poses
 from .options import PlaceOptions, PoseSigma
-
-# formats without the rest of a block
-ONLY_POSES = (
-    *("bentley", "inpho_prj", "pix4d_external", "pix4d_camera"),
-    *("metashape_opk_text", "metashape_reference"),
-)
-GEOCENTRIC_M = 6.0e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +60,8 @@ class CameraPoses:
         "own" axes, "geocentric", or a "plane".
     plane : TangentPlane or None
         That plane.
-    block : MeasuredBlock or None
-        What else the program of the file knows.
+    load : callable, or None
+        Reads what else the program of the file knows, which poses do not need.
     date : str
         Of the exposures, ISO; empty where the file has no week.
     notes : tuple of str
@@ -79,15 +77,23 @@ class CameraPoses:
     cov: Array | None = None
     frame: str = "own"
     plane: TangentPlane | None = None
-    block: MeasuredBlock | None = None
+    load: Callable[[], MeasuredBlock] | None = None
     date: str = ""
     notes: tuple[str, ...] = ()
     opk: Array | None = None
 
+    @cached_property
+    def block(self) -> MeasuredBlock | None:
+        """What else the program of the file knows; refused as the reader of blocks does."""
+        return None if self.load is None else self.load()
+
     @property
     def cameras(self) -> tuple[BrownCamera, ...]:
-        """Cameras that the program of the file knows."""
-        return () if self.block is None else tuple(self.block.cameras)
+        """Cameras that the program of the file knows; none where it has poses alone."""
+        try:
+            return () if self.block is None else tuple(self.block.cameras)
+        except (InputError, UsageError):
+            return ()
 
     def taken(self, rows: NDArray[np.int64]) -> "CameraPoses":
         """Return only these rows."""
@@ -154,7 +160,9 @@ class CameraPoses:
         )
 
 
-def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
+def read_camera_poses(
+    path: Path, hints: Hints | None = None, chunk: str | None = None, only: bool = True
+) -> CameraPoses:
     """Read camera poses of any format.
 
     Parameters
@@ -162,8 +170,13 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
     path : Path
         `eo.json`, a table of poses (`poses.csv` of insgnss adjust), a block of Metashape, COLMAP,
         OpenSfM, BINGO or DBAT, MicMac's Ori- directory, or a file that `insgnss compare` reads.
+    hints : Hints, optional
+        CRS and shift of coordinates whose file does not name them.
     chunk : str, optional
         Of Metashape.
+    only : bool
+        Whether the CRS is of nothing but these poses. Else poses that lie far from its area stand
+        in axes of their own, and the CRS is that of a table beside them.
 
     Returns
     -------
@@ -177,15 +190,13 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
     """
     if not path.exists():
         raise InputError.in_file(path, "does not exist; check the path")
-    if path.is_dir() and any(path.glob("Orientation-*.xml")):
-        images, X, C = read_micmac_xml(path)
-        geocentric = float(np.linalg.norm(X.mean(axis=0))) > GEOCENTRIC_M
-        return CameraPoses(path, images, X, C, frame="geocentric" if geocentric else "own")
+    hints = hints or Hints()
     head = "" if path.is_dir() else decode(head_of(path))
-    if returned_form(path, head) not in ONLY_POSES and is_block(path):
-        return _of_block(path, read_measured_block(path, chunk=chunk) if chunk else None)
-    text = decode(head_of(path)).lstrip()
-    if text.startswith("{") and "exterior orientation" in text.lower():
+    if form := returned_form(path, head):
+        return _returned(path, form, hints, chunk, only)
+    if is_block(path):
+        return _of_block(path)
+    if head.lstrip().startswith("{") and "exterior orientation" in head.lower():
         from ...io.formats.orientation.eo_json import read_one_camera
 
         eo = read_one_camera(path, "a calibration")
@@ -195,8 +206,6 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         return CameraPoses(
             path, eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", plane, date=date
         )
-    from ..comparison.reading import read_poses, sniff_poses
-
     form = sniff_poses(path)
     # a comment of poses.csv speaks of its angles as EO_local-plane.txt does
     if form in ("gnss", "eo_local_plane") and is_pose_table(path):
@@ -208,7 +217,42 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
             "no camera poses are known here; read are eo.json, a table image, x, y, z, omega, phi,"
             " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
         )
-    poses = read_poses(path)
+    return _on_the_earth(path, read_poses(path, hints=hints))
+
+
+def _returned(path: Path, form: str, hints: Hints, chunk: str | None, only: bool) -> CameraPoses:
+    """Return the poses of a file of another program; in their own axes without a frame."""
+    given = read_returned_poses(path, form, chunk)
+    framed = framed_coordinates(given, hints, path)
+
+    def block() -> MeasuredBlock:
+        return read_measured_block(path, chunk=chunk)
+
+    if framed.frame is not None and framed.frame.kind != GEOCENTRIC:
+        try:
+            poses = placed_poses(given, framed, path, form)
+        except FarError:
+            if only or given.kind or hints.shift is not None:
+                raise
+            return _returned(path, form, replace(hints, crs=None), chunk, only)
+        return replace(_on_the_earth(path, poses), load=block)
+    cov = _joint_cov(given.cov_position, given.cov_attitude)
+    frame = "own" if framed.frame is None else "geocentric"
+    notes = (*given.notes, framed.note) if framed.note else given.notes
+    return CameraPoses(path, given.images, framed.x, given.C, cov, frame, notes=notes, load=block)
+
+
+def _joint_cov(position: Array | None, attitude: Array | None) -> Array | None:
+    """Return covariances (n, 6, 6) of positions and attitudes that are not correlated."""
+    if position is None or attitude is None:
+        return None
+    cov = np.zeros((len(position), 6, 6))
+    cov[:, :3, :3], cov[:, 3:, 3:] = position, attitude
+    return cov
+
+
+def _on_the_earth(path: Path, poses: Poses) -> CameraPoses:
+    """Return poses in their tangent plane, else in that at their mean."""
     if poses.C_Ex is None or poses.x != "camera" or not poses.images:
         raise InputError.in_file(
             path, f"{poses.form} has no attitudes of named images; give poses of an adjustment"
@@ -217,18 +261,12 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         *(float(np.mean(v)) for v in (poses.lat, poses.lon, poses.height))
     )
     R = plane.C_em.T @ poses.C_eE
-    cov = None
-    if poses.cov_position is not None and poses.cov_attitude is not None:
-        cov = np.zeros((poses.n, 6, 6))
-        for k, block in enumerate((poses.cov_position, poses.cov_attitude)):
-            own = slice(3 * k, 3 * k + 3)
-            cov[:, own, own] = R @ block @ R.transpose(0, 2, 1)
     return CameraPoses(
         path,
         poses.images,
         plane.position_from_geodetic(poses.lat, poses.lon, poses.height),
         R @ poses.C_Ex,
-        cov,
+        _joint_cov(turned(R, poses.cov_position), turned(R, poses.cov_attitude)),
         "plane",
         plane,
         notes=poses.notes,
@@ -266,9 +304,8 @@ def is_block(path: Path) -> bool:
     return bool(re.search(r"^\s*-99\b", text, re.MULTILINE))
 
 
-def _of_block(path: Path, block: MeasuredBlock | None) -> CameraPoses:
-    if block is None:
-        block = read_measured_block(path, recognised(path))
+def _of_block(path: Path) -> CameraPoses:
+    block = read_measured_block(path, recognised(path))
     rows = np.flatnonzero(block.oriented)
     if not rows.size:
         raise InputError.in_file(path, "no image has a pose; align the images and export")
@@ -278,8 +315,8 @@ def _of_block(path: Path, block: MeasuredBlock | None) -> CameraPoses:
         block.position_m[rows],
         block.C_mc[rows],
         frame="geocentric" if block.geocentric else "own",
-        block=block,
         notes=block.notes,
+        load=lambda: block,
     )
 
 
@@ -357,7 +394,7 @@ def positions_of(
     table : NamedPositions
         The table.
     options : PlaceOptions
-        Its CRS.
+        Its CRS, which latitude and longitude do not need.
     plane : TangentPlane, optional
         By default at the mean.
 
@@ -365,15 +402,8 @@ def positions_of(
     -------
     Positions
         In a tangent plane where they have a place.
-
-    Raises
-    ------
-    UsageError
-        A CRS beside latitude and longitude.
     """
     if table.geodetic:
-        if options.crs is not None:
-            raise UsageError(f"{path}: has latitude and longitude; leave --crs out")
         lat, lon, h = table.position.T
         plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
         cov = table.cov

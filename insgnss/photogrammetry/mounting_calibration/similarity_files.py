@@ -23,6 +23,7 @@ from ...io.formats.blocks.camera_toml import read_camera_toml
 from ...io.formats.blocks.reading import read_measured_block
 from ...records import Array
 from ...report.charts.chart import Chart
+from ..comparison.hints import Hints
 from ..lever_arm.flight_direction import (
     FlightDirection,
     flight_direction,
@@ -94,7 +95,9 @@ def calibrate_similarity(
     InputError
         A file is wrong, or they do not belong together.
     """
-    camera = read_camera_poses(cameras)
+    camera = read_camera_poses(
+        cameras, Hints(crs=options.crs, geoid=options.geoid, shift=options.shift), only=False
+    )
     plane = camera.plane
     fixes = read_positions(antenna, options, plane)
     rows, own, notes = joined(camera.images, fixes.names, cameras, antenna, 1)

@@ -33,10 +33,8 @@ from insgnss.flight.proof.scene import HEIGHT_PX, WIDTH_PX
 from insgnss.io.formats.blocks.bingo import read_bingo
 from insgnss.io.formats.blocks.gcp_list import read_gcp_list
 from insgnss.io.formats.blocks.measured_block import MeasuredBlock, image_points, no_poses
-from insgnss.io.formats.blocks.metashape_block import (
-    read_metashape_block,
-    read_metashape_references,
-)
+from insgnss.io.formats.blocks.metashape_block import read_metashape_block
+from insgnss.io.formats.blocks.metashape_chunk import read_metashape_references
 from insgnss.io.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.io.formats.blocks.reading import FORMATS, read_measured_block, recognised
 from insgnss.records.cameras.camera import pixels_of

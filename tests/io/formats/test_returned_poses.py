@@ -121,6 +121,14 @@ def opensfm(eo: FramedOrientation, path: Path) -> Path:
     return path / "reconstruction.json"
 
 
+def ign_opk(eo: FramedOrientation, path: Path) -> Path:
+    text = "NOM\tX\tY\tZ\tO\tP\tK\tCAMERA\n"
+    for name, x, C in zip(eo.images, eo.coordinates, eo.C_fc, strict=True):
+        text += joined(name.partition(".")[0], *x, *opk_deg(C), "UCE-M3-f120-s06", by="   ")
+    (path / "poses.OPK").write_text(text)
+    return path / "poses.OPK"
+
+
 def metashape_xml(eo: FramedOrientation, path: Path) -> Path:
     """Export cameras, Agisoft XML: transforms into the chunk, the chunk's into ECEF."""
     rows = ""
@@ -184,10 +192,11 @@ CASES: dict[str, tuple[Writer, str, str, str]] = {  # writer, frame, format, kin
     "pix4d_external": (pix4d_external, "EPSG:2056", "pix4d_external", "projected EPSG:2056"),
     "pix4d_camera": (pix4d_camera, "EPSG:2056", "pix4d_camera", "projected EPSG:2056"),
     "opensfm": (opensfm, "tangent plane", "opensfm", "tangent plane "),
-    "micmac": (micmac, "geocentric", "micmac_xml", "geocentric "),
+    "micmac": (micmac, "geocentric", "micmac_xml", " "),
     "micmac local": (micmac, "tangent plane", "micmac_xml", " "),
     "bentley": (bentley, "EPSG:32632", "bentley", "projected EPSG:32632"),
     "bentley geographic": (bentley, "geographic", "bentley", "geographic "),
+    "ign_opk": (ign_opk, "EPSG:2056", "ign_opk", " "),
     "inpho": (inpho, "EPSG:2056", "inpho_prj", " "),
     "colmap": (colmap, "EPSG:2056", "colmap", " "),
     "colmap binary": (colmap_binary, "tangent plane", "colmap", " "),
@@ -314,6 +323,7 @@ PLACES = {  # of a number that is read, in a file of each case
     "metashape_reference": r"(?<=8002\.tif,)(.*,)[^,]*(?=\n)",
     "metashape_reference ypr": r"(?<=8002\.tif\t)(.*\t)[^\t]*(?=\n)",
     "pix4d_external": r"(?<=8001\.tif )[^ ]*",
+    "ign_opk": r"(?<=8001   )[^ ]*",
     "pix4d_camera": r"(?<=\n0\.01 0\.02\n)[^ ]*",
     "micmac": r"(?<=<L2>)[^ ]*",
     "bentley": r"(?<=<M_11>)[^<]*",

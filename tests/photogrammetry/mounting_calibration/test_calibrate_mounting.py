@@ -31,6 +31,7 @@ from insgnss.photogrammetry.block_adjustment.solve import set_up
 from insgnss.photogrammetry.mounting_calibration.block_poses import block_poses
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
 from insgnss.photogrammetry.mounting_calibration.options import Assumptions
+from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses
 from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses
 from insgnss.photogrammetry.mounting_calibration.solution import solve
 from insgnss.report.charts.files import charts_of
@@ -185,7 +186,7 @@ def test_orientations_of_micmac_come_back(tmp_path) -> None:
     order = [names.index(name) for name in eo.images]
     np.testing.assert_allclose(X[order], eo.position_m, atol=1e-4)
     np.testing.assert_allclose(C[order], eo.C_mc, atol=1e-9)
-    block = block_poses(tmp_path / "Ori-Test", eo)
+    block = block_poses(read_camera_poses(tmp_path / "Ori-Test"), eo)
     assert block.georeferenced  # coordinates of the flight's plane
     assert "tangent plane of the flight is taken" in block.notes[0]
 

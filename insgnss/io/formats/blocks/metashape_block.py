@@ -8,53 +8,34 @@ image's centre:
 with D of (J.3), P_1 with r^2 + 2 x^2. A calibration of PhotoScan with f_x, f_y and skew has f =
 f_y, B_1 = f_x - f_y, B_2 = skew, its second tangential coefficient with r^2 + 2 x^2, and c_x, c_y
 from the image's corner; which of the two origins is meant, the values tell: half the image apart.
-
-The transform of a camera takes it (x right, y down, z viewing direction) to the axes of its chunk,
-that of the chunk, X = t + s R x, to geocentric axes, or to the coordinates of a local CRS.
 """
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import near
 from ....records.block import INTERIOR, Array, BrownCamera
 from ..text.layout import shown
-from ..text.numbers import PLAIN, finite, whole
+from ..text.numbers import whole
 from ..text.text import Source
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, positive_sigma
-from .measured_block import MeasuredBlock, file_names, image_points, no_poses
-from .metashape_project import Element, ProjectFile, opened_project, read_ply
+from .measured_block import MeasuredBlock, file_names, image_points
+from .metashape_chunk import (
+    Chunk,
+    chunk_poses,
+    flag,
+    number_of,
+    on_globe,
+    opened_chunk,
+    positive,
+    text_of,
+)
+from .metashape_project import Element, ProjectFile, read_ply
 
-MARKER_M = 0.005  # accuracy of markers where the project states none, as in the program
-CAMERA_M = 10.0  # accuracy of reference coordinates of images, likewise
-FLAGS = {"true": True, "1": True, "false": False, "0": False}
-
-
-@dataclass(frozen=True, eq=False)
-class _Chunk:
-    """A chunk and its first frame, with the files that they stand in."""
-
-    element: Element
-    source: ProjectFile
-    frame: Element | None
-    frame_source: ProjectFile
-
-    def all(self, group: str, kind: str) -> list[Element]:
-        """Elements of a group of the chunk, those inside folders too."""
-        parent = self.element.find(group)
-        return [] if parent is None else list(parent.iter(kind))
-
-    def setting(self, name: str, default: float) -> float:
-        """An accuracy of the chunk's settings."""
-        for element in self.element.findall("./settings/property"):
-            if element.get("name") == name:
-                return _positive(self.source, element.get("value"), f"setting {name}")
-        return default
+MARKER_M = 0.005  # accuracy of markers where the project states none (m)
 
 
 def read_metashape_block(
@@ -87,20 +68,15 @@ def read_metashape_block(
         A `sigma_px` that is not positive.
     """
     positive_sigma(sigma_px, "Metashape")
-    root, source = opened_project(path)
-    of = _chunk(root, source, chunk)
-    enabled = [c for c in of.all("cameras", "camera") if c.get("id") is not None]
-    notes = []
-    if off := [c for c in enabled if not _flag(of.source, c, "enabled")]:
-        notes.append(f"{len(off)} disabled images left out")
-        enabled = [c for c in enabled if c not in off]
+    of = opened_chunk(path, chunk)
+    notes: list[str] = []
+    enabled, disabled = of.images(notes)
     names = file_names([c.get("label") or "" for c in enabled], of.source.path)
     row_by_id = {c.get("id"): k for k, c in enumerate(enabled)}
     cameras, camera = _cameras(of, enabled, notes)
-    crs = _text(of.element.find("reference")) or None
-    position, C_mc, local = _poses(of, enabled, notes)
+    poses = chunk_poses(of, enabled, notes)
     ground, labels = _ground(of, notes)
-    image_row, point, uv = _markers(of, row_by_id, {c.get("id") for c in off}, labels, notes)
+    image_row, point, uv = _markers(of, row_by_id, {c.get("id") for c in disabled}, labels, notes)
     n_markers = len(image_row)
     tied, track, pixels, size = _tie_points(of, row_by_id)
     prefix = "T"
@@ -115,152 +91,22 @@ def read_metashape_block(
         np.concatenate([np.array(uv, dtype=np.float64).reshape(-1, 2), pixels]),
         sigma,
     )
-    on_globe = crs is not None and "LOCAL_CS" not in crs and "ENGCRS" not in crs
     return MeasuredBlock(
         cameras,
         camera,
         measured,
-        position,
-        C_mc,
+        poses.position,
+        poses.C_mc,
         ground,
-        crs,
-        local,
-        geocentric=on_globe and not local,
+        of.crs("marker") or None,
+        poses.local,
+        geocentric=on_globe(of, poses.local),
         notes=(*notes, *repeated),
     )
 
 
-def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[GroundTable, str]:
-    """Read the reference coordinates of images: GNSS positions as they were imported.
-
-    Parameters
-    ----------
-    path : path
-        As of `read_metashape_block`.
-    chunk : str, optional
-        As there.
-
-    Returns
-    -------
-    references : GroundTable
-        By the labels of images, with the accuracies of each or of the settings (10 m without).
-    crs : str
-        Their CRS; empty where the file has none.
-
-    Raises
-    ------
-    InputError
-        As there, or no image has a reference.
-    """
-    root, source = opened_project(path)
-    of = _chunk(root, source, chunk)
-    names, position, sigma = [], [], []
-    default = of.setting("accuracy_cameras", CAMERA_M)
-    for image in of.all("cameras", "camera"):
-        reference = image.find("reference")
-        if image.get("id") is None or reference is None or None in map(reference.get, "xyz"):
-            continue
-        name = image.get("label") or ""
-        names.append(name)
-        position.append(
-            [_number(of.source, reference.get(k), f"reference of {name}: {k}") for k in "xyz"]
-        )
-        given = [reference.get(f"s{k}", reference.get("sxyz")) for k in "xyz"]
-        sigma.append(
-            [
-                default if text is None else _positive(of.source, text, f"accuracy of {name}")
-                for text in given
-            ]
-        )
-    if not names:
-        raise of.source.error("no image has reference coordinates; import them, or give a table")
-    cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3)
-    ground = GroundTable(
-        file_names(names, of.source.path), np.array(position), cov, np.zeros(len(names), dtype=bool)
-    )
-    return ground, _text(of.element.find("reference"))
-
-
-def _text(element: Element | None) -> str:
-    return "" if element is None or element.text is None else element.text.strip()
-
-
-def _number(source: ProjectFile, text: str | None, description: str) -> float:
-    """Return a finite number; the error says of what it is."""
-    value = finite(text)
-    if np.isnan(value):
-        raise source.error(f"{description}: {shown(text)} is no number; {PLAIN}, or export again")
-    return value
-
-
-def _positive(source: ProjectFile, text: str | None, description: str) -> float:
-    """Return a number greater than zero."""
-    value = _number(source, text, description)
-    if value <= 0.0:
-        raise source.error(f"{description}: {value:g}; it must be greater than zero")
-    return value
-
-
-def _flag(source: ProjectFile, element: Element, key: str) -> bool:
-    """Return an attribute that is true or false; true where it is missing."""
-    text = element.get(key, "true")
-    if (value := FLAGS.get(text.lower())) is None:
-        raise source.error(f"<{element.tag}> {key}={shown(text)}; it is true or false")
-    return value
-
-
-def _pixels(source: ProjectFile, element: Element, key: str, name: str) -> int:
-    """Return a side of an image."""
-    value = whole(element.get(key))
-    if value <= 0:
-        problem = f"camera {name}: {key} {shown(element.get(key))} is no whole number of pixels"
-        raise source.error(f"{problem}; export the cameras again")
-    return value
-
-
-def _numbers(source: ProjectFile, element: Element, count: int, description: str) -> Array:
-    words = _text(element).split()
-    if len(words) != count:
-        raise source.error(f"{description}: {len(words)} numbers, {count} must stand there")
-    return np.array([_number(source, word, description) for word in words])
-
-
-def _chunk(root: Element, source: ProjectFile, wanted: str | None) -> _Chunk:
-    """Return the chunk that is asked for, or the only one with cameras or markers."""
-    given = [root] if root.tag == "chunk" else list(root.iter("chunk"))
-    if root.tag not in ("document", "chunk") or not given:
-        raise source.error(
-            "no <document> with a <chunk>; give a .psx, .psz or an exported XML file"
-        )
-    opened = [source.opened(element) for element in given]
-    chunks = [
-        (element.get("label") or outer.get("id") or "", outer.get("id"), element, where)
-        for outer, (element, where) in zip(given, opened, strict=True)
-    ]
-    if wanted is not None:
-        chosen = [row for row in chunks if wanted in row[:2]]
-        if not chosen:
-            raise source.error(f"no chunk {wanted!r}; {near(wanted, [row[0] for row in chunks])}")
-    else:
-        chosen = [row for row in chunks if row[2].find(".//camera") is not None]
-    if len(chosen) != 1:
-        labels = ", ".join(shown(row[0]) for row in chunks)
-        raise source.error(
-            f"{len(chosen)} chunks have images, of {labels}; name one by chunk"
-            if chosen
-            else f"no chunk has images ({labels}); markers without images tell nothing of a block"
-        )
-    _, _, element, where = chosen[0]
-    frames = element.findall("./frames/frame")
-    if len(frames) > 1:
-        raise where.error(f"{len(frames)} frames (a moving object); export the first alone")
-    if not frames:
-        return _Chunk(element, where, None, where)
-    return _Chunk(element, where, *where.opened(frames[0]))
-
-
 def _cameras(
-    of: _Chunk, images: Sequence[Element], notes: list[str]
+    of: Chunk, images: Sequence[Element], notes: list[str]
 ) -> tuple[tuple[BrownCamera, ...], NDArray[np.int64]]:
     """Return the cameras of the images and the row of each; none where the file has no sensors."""
     sensors = {s.get("id"): s for s in of.all("sensors", "sensor")}
@@ -296,7 +142,7 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
         notes.append(f"camera {shown(name)} has no calibration; its nominal focal length is taken")
     else:
         read = {
-            element.tag: _number(source, _text(element), f"camera {name}: {element.tag}")
+            element.tag: number_of(source, text_of(element), f"camera {name}: {element.tag}")
             for element in calibration
             if element.tag in (*INTERIOR, "fx", "fy", "skew", "p3", "p4")
         }
@@ -340,6 +186,15 @@ def _brown(
     return {k: v for k, v in read.items() if k in INTERIOR} | {"cx": centre[0], "cy": centre[1]}
 
 
+def _pixels(source: ProjectFile, element: Element, key: str, name: str) -> int:
+    """Return a side of an image."""
+    value = whole(element.get(key))
+    if value <= 0:
+        problem = f"camera {name}: {key} {shown(element.get(key))} is no whole number of pixels"
+        raise source.error(f"{problem}; export the cameras again")
+    return value
+
+
 def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
     """Return the focal length in pixels that a sensor was built with."""
     given = {p.get("name"): p.get("value") for p in sensor.findall("property")}
@@ -347,70 +202,12 @@ def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
         raise source.error(
             f"camera {shown(name)} has neither calibration nor focal length; align the images first"
         )
-    focal, pixel = (_positive(source, given[k], k) for k in ("focal_length", "pixel_width"))
+    focal, pixel = (positive(source, given[k], k) for k in ("focal_length", "pixel_width"))
     return focal / pixel
 
 
-def _similarity(source: ProjectFile, element: Element | None) -> tuple[Array, Array, float] | None:
-    """Return R (3, 3), t (3,) and s of a transform; None where it is not complete."""
-    transform = None if element is None else element.find("transform")
-    parts = [None if transform is None else transform.find(k) for k in ("rotation", "translation")]
-    if transform is None or parts[0] is None or parts[1] is None:
-        return None
-    scale = transform.find("scale")
-    return (
-        _numbers(source, parts[0], 9, "rotation of the chunk").reshape(3, 3),
-        _numbers(source, parts[1], 3, "translation of the chunk"),
-        1.0 if scale is None else float(_numbers(source, scale, 1, "scale of the chunk")[0]),
-    )
-
-
-def _poses(of: _Chunk, images: Sequence[Element], notes: list[str]) -> tuple[Array, Array, bool]:
-    """Return positions, attitudes, and whether they stand in axes of the chunk's own.
-
-    Components that are not aligned with each other have axes of their own: those without transform
-    are left out where others have one, else all but the largest.
-    """
-    position, C_mc = no_poses(len(images))
-    posed = [k for k, c in enumerate(images) if c.find("transform") is not None]
-    component = [images[k].get("component_id") for k in posed]
-    whole = _similarity(of.source, of.element)
-    own = {c.get("id"): _similarity(of.source, c) for c in of.all("components", "component")}
-    parent = of.element.find("components")
-    active = None if parent is None else parent.get("active_id")
-    similar = {
-        number: own.get(number) or (whole if number in (None, active) or len(own) < 2 else None)
-        for number in dict.fromkeys(component)
-    }
-    local = not any(similar.values())
-    largest = max(dict.fromkeys(component), key=component.count) if component else None
-    for k, number in zip(posed, component, strict=True):
-        T = _camera_to_chunk(of.source, images[k])
-        if local and number == largest:
-            C_mc[k], position[k] = T[:3, :3], T[:3, 3]
-        elif (similarity := similar[number]) is not None:
-            R, t, s = similarity
-            C_mc[k], position[k] = R @ T[:3, :3], t + s * R @ T[:3, 3]
-    if apart := int(np.isnan(position[posed, 0]).sum()):
-        notes.append(f"{apart} poses left out: they stand in components that are not connected")
-    return position, C_mc, local
-
-
-def _camera_to_chunk(source: ProjectFile, image: Element) -> Array:
-    """Return the transform (4, 4) of an image that has one, camera to chunk."""
-    transform = image.find("transform")
-    assert transform is not None
-    description = f"transform of image {image.get('label')}"
-    T = _numbers(source, transform, 16, description).reshape(4, 4)
-    off = max(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max(), np.abs(T[3] - np.eye(4)[3]).max())
-    if off > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:
-        raise source.error(f"{description}: is no rotation; export the cameras again")
-    return T
-
-
-def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str | None, str]]:
+def _ground(of: Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str | None, str]]:
     """Return markers with coordinates, and the labels of all markers by their ids."""
-    default = of.setting("accuracy_markers", MARKER_M)
     labels: dict[str | None, str] = {}
     names, position, sigma, check, flat = [], [], [], [], 0
     for marker in of.all("markers", "marker"):
@@ -426,18 +223,10 @@ def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str 
             continue
         names.append(name)
         position.append(
-            [_number(of.source, reference.get(k), f"marker {name}: {k}") for k in ("x", "y", "z")]
+            [number_of(of.source, reference.get(k), f"marker {name}: {k}") for k in ("x", "y", "z")]
         )
-        both = reference.get("sxyz")
-        plan = reference.get("sxy", both)
-        given = [reference.get("sx", plan), reference.get("sy", plan), reference.get("sz", both)]
-        sigma.append(
-            [
-                default if text is None else _positive(of.source, text, f"marker {name}: accuracy")
-                for text in given
-            ]
-        )
-        check.append(not _flag(of.source, reference, "enabled"))
+        sigma.append(of.accuracies("markers", MARKER_M, reference, f"marker {name}: accuracy"))
+        check.append(not flag(of.source, reference, "enabled"))
     if flat:
         notes.append(f"{flat} markers without height are tie points")
     if not names:
@@ -447,7 +236,7 @@ def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str 
 
 
 def _markers(
-    of: _Chunk,
+    of: Chunk,
     row_by_id: dict[str | None, int],
     disabled: set[str | None],
     labels: dict[str | None, str],
@@ -469,21 +258,21 @@ def _markers(
                     f"marker {shown(labels[number])} is measured in an image of the id {image},"
                     " which is not in the file; export markers with their images"
                 )
-            pinned, valid = (_flag(of.frame_source, location, k) for k in ("pinned", "valid"))
+            pinned, valid = (flag(of.frame_source, location, k) for k in ("pinned", "valid"))
             if not (pinned and valid):
                 loose += 1
                 continue
             description = f"marker {labels[number]} in image id {image}"
             image_row.append(row_by_id[image])
             point.append(labels[number])
-            uv.append([_number(of.frame_source, location.get(k), description) for k in "xy"])
+            uv.append([number_of(of.frame_source, location.get(k), description) for k in "xy"])
     if loose:
         notes.append(f"{loose} projections of markers left out: not placed or confirmed by hand")
     return image_row, point, uv
 
 
 def _tie_points(
-    of: _Chunk, row_by_id: dict[str | None, int]
+    of: Chunk, row_by_id: dict[str | None, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
     """Return image rows, numbers, pixels (n, 2) and sizes of tie points with object coordinates."""
     image_row, track, uv, size = [], [], [], []

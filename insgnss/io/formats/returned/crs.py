@@ -4,12 +4,22 @@ import re
 from math import isnan
 from typing import Any
 
+import numpy as np
+
 from ....base.errors import InputError
+from ....geodesy.crs import is_projected
+from ....geodesy.frames import rotation_em
+from ....geodesy.rotation import rotation_from_opk
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ..text.layout import shown
 from ..text.numbers import finite
 from ..text.text import Source
+from .poses import Array
 
+WGS84_A = 6378137.0  # half the longer axis of the ellipsoids of WGS 84 and GRS 80 (m)
+SAME_AXIS_M = 1.0  # difference up to which an ellipsoid is one of them: the nearest other has 2 m
+STEP_DEG = 1e-5  # northward way over which the direction of north in the map is measured: 1 m
+WGS84 = "World Geodetic System 1984"  # name of its datum, an ensemble as well
 LOCAL = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
 
 
@@ -31,7 +41,8 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
     kind : str
         Of `records.framed.KINDS`, empty of a local one.
     crs : str
-        Code or well-known text of a projected CRS, else empty.
+        Code or well-known text of a projected CRS, and of a geographic one that is not WGS 84;
+        else empty.
 
     Raises
     ------
@@ -49,17 +60,89 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
         raise InputError.at_line(
             path, None, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
         ) from None
+    return kind_of_crs(crs)
+
+
+def kind_of_crs(crs: Any) -> tuple[str, str]:
+    """Return the kind of frame of a CRS, and the CRS in words, as `kind_of_wkt` does.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        Perhaps with a vertical part, or bound to another datum by TOWGS84.
+
+    Returns
+    -------
+    kind, crs : str
+        As there.
+    """
     parts = [_unbound(piece) for piece in (crs.sub_crs_list or [crs])]
-    if not parts[0].is_projected:
-        return (GEOCENTRIC if parts[0].is_geocentric else GEOGRAPHIC), ""
+    if parts[0].is_geocentric:
+        return GEOCENTRIC, ""
+    kind = PROJECTED if is_projected(parts[0]) else GEOGRAPHIC
+    if kind == GEOGRAPHIC and len(parts) == 1 and WGS84 in parts[0].datum.name:
+        return GEOGRAPHIC, ""
     codes = [piece.to_authority() for piece in parts]
     if all(code is not None and code[0] == "EPSG" for code in codes):
-        return PROJECTED, "EPSG:" + "+".join(str(code[1]) for code in codes)
-    return PROJECTED, str(parts[0].to_wkt() if len(parts) == 1 else text)
+        return kind, "EPSG:" + "+".join(str(code[1]) for code in codes)
+    return kind, str(parts[0].to_wkt() if len(parts) == 1 else crs.to_wkt())
 
 
 def _unbound(crs: Any) -> Any:
     return crs.source_crs if crs.is_bound else crs
+
+
+def of_other_ellipsoid(text: str, x: Array, path: Source) -> tuple[str, str, Array, Array] | None:
+    """Return geocentric points of the datum of a CRS as coordinates of that CRS.
+
+    A program without datum shifts has geocentric axes of the ellipsoid that the CRS is of, such as
+    Bessel's: as coordinates of WGS 84 they lie hundreds of metres off.
+
+    Parameters
+    ----------
+    text : str
+        Well-known text of the CRS.
+    x : ndarray, (n, 3)
+        Points, m.
+    path : path
+        The file, for the message.
+
+    Returns
+    -------
+    tuple, or None
+        Kind and CRS as `kind_of_wkt` returns them; coordinates (n, 3) in its unit, or longitude,
+        latitude, rad, height; and rotations (n, 3, 3) of geocentric axes into its axes there. None
+        of the ellipsoids of WGS 84 and GRS 80.
+
+    Raises
+    ------
+    InputError
+        As `kind_of_wkt`.
+    """
+    kind, definition = kind_of_wkt(text, path)
+    if not definition:
+        return None
+    from pyproj import CRS, Transformer
+
+    crs = CRS.from_user_input(definition)
+    ellipsoid: Any = crs.ellipsoid
+    if abs(ellipsoid.semi_major_metre - WGS84_A) < SAME_AXIS_M:
+        return None
+    size = f"+a={ellipsoid.semi_major_metre!r} +rf={ellipsoid.inverse_flattening!r}"
+    degrees = "+step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    to_degrees = Transformer.from_pipeline(f"+proj=pipeline +step +inv +proj=cart {size} {degrees}")
+    lon, lat, h = (np.asarray(v) for v in to_degrees.transform(*x.T))
+    C_Ee = rotation_em(np.radians(lat), np.radians(lon)).swapaxes(1, 2)
+    if kind == GEOGRAPHIC:
+        return kind, definition, np.column_stack([np.radians(lon), np.radians(lat), h]), C_Ee
+    plan = _unbound((crs.sub_crs_list or [crs])[0])
+    to_map = Transformer.from_crs(plan.geodetic_crs, plan, always_xy=True)
+    e, n = to_map.transform(lon, lat)
+    de, dn = (a - b for a, b in zip(to_map.transform(lon, lat + STEP_DEG), (e, n), strict=True))
+    angle, zero = np.arctan2(-de, dn), np.zeros((len(x), 2))
+    C_fE = rotation_from_opk(np.column_stack([zero, angle]))
+    unit_m = plan.axis_info[0].unit_conversion_factor
+    return kind, definition, np.column_stack([e, n, h / unit_m]), C_fE @ C_Ee
 
 
 def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, ...]]:

@@ -30,7 +30,8 @@ class ReturnedPoses:
     kind : str
         Kind of the frame, of `records.framed.KINDS`; empty where the file does not say.
     crs : str
-        CRS of a projected frame, where the file names it.
+        CRS where the file names it: of a projected frame, or a geographic one of another datum
+        than WGS 84.
     origin : tuple of float
         Latitude and longitude, rad, and height, m, of a tangent plane's origin.
     true_north : bool
@@ -41,6 +42,8 @@ class ReturnedPoses:
         These angles, rad.
     notes : tuple of str
         What was left out or taken on trust.
+    cov_position, cov_attitude : ndarray, (n, 3, 3), or None
+        In the axes of the frame, m^2 and rad^2; None where an image has none.
     """
 
     images: tuple[str, ...]
@@ -53,6 +56,8 @@ class ReturnedPoses:
     angle_set: str = ""
     angles: Array | None = None
     notes: tuple[str, ...] = ()
+    cov_position: Array | None = None
+    cov_attitude: Array | None = None
 
 
 def lines_of(path: Source) -> list[str]:

@@ -23,17 +23,16 @@ from ....geodesy.rotation import (
 )
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, TANGENT
 from ..blocks.colmap_model import read_colmap_poses
-from ..blocks.metashape_block import read_metashape_block
+from ..blocks.metashape_chunk import chunk_poses, on_globe, opened_chunk
 from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml
-from .crs import kind_of_definition
+from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
 
-GEOCENTRIC_M = 6.0e6
 DIRECTIONS = {
     "RIGHT": (1.0, 0.0, 0.0),
     "LEFT": (-1.0, 0.0, 0.0),
@@ -219,7 +218,7 @@ def read_micmac(path: Source) -> ReturnedPoses:
     Returns
     -------
     ReturnedPoses
-        Geocentric, or in a Euclidean frame that is not named.
+        In a frame that is not named here.
 
     Raises
     ------
@@ -227,37 +226,56 @@ def read_micmac(path: Source) -> ReturnedPoses:
         As `read_micmac_xml`.
     """
     images, position, C = read_micmac_xml(path)
-    return ReturnedPoses(images, position, C, _kind_by_size(position))
+    return ReturnedPoses(images, position, C)
 
 
-def _kind_by_size(position: Array) -> str:
-    """Return the kind of a Cartesian frame whose coordinates are as long as the Earth's radius."""
-    return GEOCENTRIC if np.linalg.norm(position.mean(axis=0)) > GEOCENTRIC_M else ""
-
-
-def read_metashape_xml(path: Source) -> ReturnedPoses:
+def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
     """Read the cameras of a project of Metashape, or of its exported XML.
 
     Parameters
     ----------
     path : path
-        As of `read_metashape_block`.
+        As of `read_metashape_block`; its tie points are not needed.
+    chunk : str, optional
+        As there.
 
     Returns
     -------
     ReturnedPoses
-        Geocentric; in the axes of the chunk where it has no CRS.
+        Geocentric, or in the CRS of the chunk where that is of another ellipsoid; in axes of the
+        chunk where it has no CRS. With the covariances of the file
+        where all images have them.
 
     Raises
     ------
     InputError
         As `read_metashape_block`, or no image has a pose.
     """
-    block = read_metashape_block(path)
-    rows = np.flatnonzero(block.oriented)
-    names = image_names([block.measured.images[k] for k in rows], path)
-    kind = GEOCENTRIC if block.geocentric else ""
-    return ReturnedPoses(names, block.position_m[rows], block.C_mc[rows], kind, notes=block.notes)
+    notes: list[str] = []
+    of = opened_chunk(path, chunk)
+    images, _ = of.images(notes)
+    poses = chunk_poses(of, images, notes)
+    rows = np.flatnonzero(np.isfinite(poses.position[:, 0]))
+    names = image_names([images[k].get("label") or "" for k in rows], path)
+    position, C = poses.position[rows], poses.C_mc[rows]
+    covs = [P[rows] for P in (poses.cov_position, poses.cov_attitude)]
+    kind, crs = GEOCENTRIC if on_globe(of, poses.local) else "", ""
+    if kind and (other := of_other_ellipsoid(of.crs(), position, path)) is not None:
+        kind, crs, position, R = other
+        C, covs = R @ C, [R @ P @ R.swapaxes(1, 2) for P in covs]
+    return ReturnedPoses(
+        names,
+        position,
+        C,
+        kind,
+        crs,
+        (),
+        False,
+        "",
+        None,
+        tuple(notes),
+        *(P if np.isfinite(P).all() else None for P in covs),
+    )
 
 
 def read_colmap(path: Source) -> ReturnedPoses:
@@ -285,7 +303,7 @@ def read_colmap(path: Source) -> ReturnedPoses:
     file = given / "images.txt" if given.is_dir() else given
     if file.name != "images.txt" or not file.is_file():
         names, position, C = read_colmap_poses(path)
-        return ReturnedPoses(image_names(names, path), position, C, _kind_by_size(position))
+        return ReturnedPoses(image_names(names, path), position, C)
     shift = np.zeros(3)
     named: list[str] = []
     rows: list[list[float]] = []
@@ -313,7 +331,7 @@ def read_colmap(path: Source) -> ReturnedPoses:
     images = image_names(named, file)
     C = rotation_from_quaternion(table[:, :4]).swapaxes(1, 2)
     position = shift - (C @ table[:, 4:, None])[:, :, 0]
-    return ReturnedPoses(images, position, C, _kind_by_size(position))
+    return ReturnedPoses(images, position, C)
 
 
 def read_opensfm(path: Source) -> ReturnedPoses:

@@ -23,15 +23,17 @@ RETURNED: Mapping[str, str] = {
     "micmac_xml": "returned.projects:read_micmac",
     "bentley": "returned.projects:read_bentley",
     "inpho_prj": "returned.projects:read_inpho_prj",
+    "ign_opk": "returned.tables:read_ign_opk",
 }
 """Readers of adjusted poses; each takes a path and returns `ReturnedPoses`."""
 HEADS = {  # first bytes in lower case
     "bentley": r"<blocksexchange\b",
     "metashape_xml": r"\A\s*(<\?xml[^>]*>\s*)?<(document|chunk)\b",
     "metashape_opk_text": r"^#\s*photoid,\s*x,\s*y,\s*z,\s*omega",
-    "metashape_reference": r"\A#\s*coordinatesystem:",
+    "metashape_reference": r"\A#\s*coordinatesystem:|^#?\s*label\b.*\bx/(longitude|easting)",
     "pix4d_camera": r"^camera model m = k \[r\|-rt\] x",
     "pix4d_external": r"\A\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
+    "ign_opk": r"\A\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b",
     "inpho_prj": r"^\s*\$photo\s*$",
     "opensfm": r"\A\s*[\[{].*\"(cameras|shots)\"\s*:",
 }
@@ -74,7 +76,7 @@ def returned_form(path: Source, head: str) -> str:
     return "colmap" if re.fullmatch(rf"({'|'.join(PARTS)})\.(txt|bin)", path.name) else ""
 
 
-def read_returned_poses(path: Source, form: str) -> ReturnedPoses:
+def read_returned_poses(path: Source, form: str, chunk: str | None = None) -> ReturnedPoses:
     """Read the adjusted poses of a file or directory.
 
     Parameters
@@ -83,6 +85,8 @@ def read_returned_poses(path: Source, form: str) -> ReturnedPoses:
         The file or directory.
     form : str
         A key of `RETURNED`.
+    chunk : str, optional
+        Of Metashape, where a project has several.
 
     Returns
     -------
@@ -98,5 +102,8 @@ def read_returned_poses(path: Source, form: str) -> ReturnedPoses:
     """
     if form not in RETURNED:
         raise UsageError(f"format {form!r} of adjusted poses; {near(form, RETURNED)}")
-    poses: ReturnedPoses = function_at(RETURNED[form])(path)
+    if chunk is not None and form != "metashape_xml":
+        raise UsageError(f"chunk {chunk!r} belongs to a project of Metashape; leave it out")
+    chosen = () if chunk is None else (chunk,)
+    poses: ReturnedPoses = function_at(RETURNED[form])(path, *chosen)
     return poses

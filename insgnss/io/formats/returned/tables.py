@@ -7,6 +7,7 @@ metashape_reference    the CRS as WKT, then a table with a header: reference coo
                        with _est behind their names, those of the adjustment
 pix4d_external         imageName X Y Z Omega Phi Kappa; less the offset in <project>_offset.xyz,
                        in the CRS of <project>_wkt.prj
+ign_opk                NOM X Y Z O P K CAMERA of IGN, in a CRS that is not named
 pix4d_camera           ten lines an image: K, distortions, position t, rotation R of the frame
                            to the camera, m = K [R|-Rt] X
 """
@@ -167,7 +168,7 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         rotation_from_ypr(ypr) @ CV_RUB,
         kind,
         crs,
-        true_north=kind == PROJECTED,
+        true_north=kind in ("", PROJECTED),
         angle_set="ypr",
         angles=ypr,
         notes=notes,
@@ -192,21 +193,50 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
     InputError
         A line of another length, with file and line; a damaged file beside it.
     """
-    names, rows = [], []
-    for line, text in enumerate(lines_of(path), start=1):
-        words = text.replace(",", " ").split()
-        if not words or words[0].lower() == "imagename":
-            continue
-        if len(words) != OPK_COLUMNS:
-            raise InputError.at_line(
-                path, line, f"{len(words)} fields, expected {OPK_COLUMNS}: {shown(text)}"
-            )
-        names.append(words[0])
-        rows.append(numbers(words[1:OPK_COLUMNS], path, line))
-    table = np.reshape(rows, (-1, 6))
+    names, table = _name_xyz_opk(path, "imagename", OPK_COLUMNS)
     offset, kind, crs, notes = _beside_pix4d(path, EXTERNAL, table[:, :3])
     table[:, :3] += offset
     return _of_opk(path, names, table, kind, crs, notes)
+
+
+def read_ign_opk(path: Source) -> ReturnedPoses:
+    """Read the orientations of IGN: NOM X Y Z O P K CAMERA.
+
+    Parameters
+    ----------
+    path : path
+        The .OPK.
+
+    Returns
+    -------
+    ReturnedPoses
+        In a frame that the file does not name.
+
+    Raises
+    ------
+    InputError
+        A line of another length, with file and line.
+    """
+    return _of_opk(path, *_name_xyz_opk(path, "nom", OPK_COLUMNS + 1))
+
+
+def _name_xyz_opk(path: Source, first: str, columns: int) -> tuple[list[str], Array]:
+    """Return names and a table (n, 6) of coordinates and omega, phi, kappa, deg.
+
+    The header, which may be missing, begins with `first`.
+    """
+    names, rows = [], []
+    for line, text in enumerate(lines_of(path), start=1):
+        words = text.replace(",", " ").split()
+        if not words or words[0].lower() == first:
+            continue
+        if len(words) != columns:
+            raise InputError.at_line(
+                path, line, f"{len(words)} fields, expected {columns}: {shown(text)}"
+            )
+        names.append(words[0])
+        rows.append(numbers(words[1:OPK_COLUMNS], path, line))
+    return names, np.reshape(rows, (-1, 6))
 
 
 def read_pix4d_camera(path: Source) -> ReturnedPoses:
