@@ -1,4 +1,6 @@
-"""The verb `verify`: a part of a flight by the core and by its reference twin."""
+"""The verb `verify`: a part of a flight by the core and by its reference twin; a file of raw
+observations by the reader and by georinex.
+"""
 
 import argparse
 import math
@@ -9,12 +11,16 @@ from .console import Progress
 from .verb import Verb, positive, show_judged
 
 EXAMPLE = """  insgnss verify ign8/flight.toml
-  insgnss verify ign8 --minutes 1 --start 381600"""
+  insgnss verify ign8 --minutes 1 --start 381600
+  insgnss verify rover.obs"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    flight = "the flight file, or the directory that holds flight.toml"
+    flight = (
+        "the flight file, or the directory that holds flight.toml; or RINEX observations, which are"
+        " compared with georinex value by value"
+    )
     parser.add_argument("flight", type=Path, metavar="FLIGHT", help=flight)
     length = "length of the part (default: 2); the twin takes some ten seconds a minute"
     parser.add_argument("--minutes", type=positive, default=2.0, metavar="M", help=length)
@@ -30,6 +36,11 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     UsageError
         Where `--start` is no number of seconds.
     """
+    if options.flight.is_file() and options.flight.suffix.lower() != ".toml":
+        from ..gnss.rinex.against_georinex import compare_with_georinex
+
+        compared = compare_with_georinex(options.flight, progress)
+        return show_judged(options, progress, compared, options.flight)
     from ..flight.config.load import load_flight
     from ..flight.reference.verify import verify
 
@@ -45,7 +56,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 VERB = Verb(
     "verify",
     "a part of a flight by the core and by a textbook implementation, and their largest difference"
-    " in sigmas",
+    " in sigmas; raw observations by two readers",
     EXAMPLE,
     add_arguments,
     run,
