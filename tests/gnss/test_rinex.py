@@ -775,7 +775,7 @@ def agrees_with_georinex(path):
     assert compared.epochs == compared.their_epochs
     assert compared.total("ours_alone") == 0
     assert compared.flags > 0
-    return compared.total("both")
+    return compared.total("shared")
 
 
 @pytest.mark.slow
@@ -800,7 +800,7 @@ def test_what_two_readers_have_otherwise_is_a_difference(tmp_path, monkeypatch, 
     ):
         monkeypatch.setattr(against_georinex, "read_observations", lambda _, one=one: one)
         compared = compare_with_georinex(path)
-        totals = tuple(compared.total(name) for name in ("both", "different", "theirs_alone"))
+        totals = tuple(compared.total(name) for name in ("shared", "different", "theirs_alone"))
         assert (*totals, compared.different_flags) == counts
         assert main(["verify", str(path)]) == 4
         out, err = capsys.readouterr()

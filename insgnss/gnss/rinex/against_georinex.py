@@ -32,7 +32,7 @@ class SignalComparison:
 
     system: str
     signal: str
-    both: int
+    shared: int
     different: int
     largest: float
     ours_alone: int
@@ -41,7 +41,7 @@ class SignalComparison:
 
 @dataclass(frozen=True)
 class ReaderComparison:
-    """What `compare_with_georinex` found.
+    """Result of `compare_with_georinex`.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class ReaderComparison:
         """Return one sentence with the result."""
         return (
             f"this reader and georinex {'agree' if self.passed else 'DO NOT AGREE'}:"
-            f" {self.total('both')} values of both, {self.total('different')} differ,"
+            f" {self.total('shared')} values of both, {self.total('different')} differ,"
             f" {self.total('theirs_alone')} of georinex alone, {self.total('ours_alone')} of this"
             f" reader alone; {self.different_flags} of {self.flags} flags differ"
         )
@@ -101,7 +101,7 @@ class ReaderComparison:
             [
                 *lines,
                 *(
-                    f"{s.system} {s.signal:4} {s.both:10d} {s.different:8d} {s.largest:11.3e}"
+                    f"{s.system} {s.signal:4} {s.shared:10d} {s.different:8d} {s.largest:11.3e}"
                     f" {s.ours_alone:11d} {s.theirs_alone:15d}"
                     for s in self.signals
                 ),
@@ -131,10 +131,10 @@ def compare_with_georinex(
         Where one of the readers cannot read it, or georinex is not installed.
     """
     progress("read")
-    found = read_observations(path)
+    ours = read_observations(path)
     georinex = library(path, "the other side of the comparison")
     text = load_rinex(path)[0].tobytes().decode("latin-1")
-    text = AS_VERSION_3 + text[len(AS_VERSION_3) :] if found.header.version >= 4.0 else text
+    text = AS_VERSION_3 + text[len(AS_VERSION_3) :] if ours.header.version >= 4.0 else text
     progress("georinex")
     try:
         with quiet():
@@ -144,44 +144,44 @@ def compare_with_georinex(
     except (AssertionError, LookupError, TypeError, ValueError) as error:
         message = f"georinex cannot read it: {' '.join(str(error).split())[:120]}"
         raise InputError.at_line(path, None, f"{message}; insgnss ppk reads it") from None
-    start = int(GPS_EPOCH_UNIX_S + found.gps_week * WEEK_S) * 10**9
-    ours = start + 100 * np.rint(1e7 * found.time).astype(np.int64)
+    start = int(GPS_EPOCH_UNIX_S + ours.gps_week * WEEK_S) * 10**9
+    our_stamps = start + 100 * np.rint(1e7 * ours.time).astype(np.int64)
     stamps = table.time.values.astype("datetime64[ns]").astype(np.int64)
-    place = np.maximum(np.searchsorted(stamps, ours + SAME_EPOCH_NS) - 1, 0)
-    apart = np.abs(stamps[place] - ours)
+    nearest = np.maximum(np.searchsorted(stamps, our_stamps + SAME_EPOCH_NS) - 1, 0)
+    interval = np.abs(stamps[nearest] - our_stamps)
     names = np.array([str(name).replace(" ", "0") for name in table.sv.values])
     column = {name: k for k, name in enumerate(names.tolist())}
-    where = np.array([column.get(name, -1) for name in found.satellite.tolist()])
-    known = (apart < SAME_EPOCH_NS)[found.epoch] & (where >= 0)
-    at = place[found.epoch], where
+    where = np.array([column.get(name, -1) for name in ours.satellite.tolist()])
+    matched = (interval < SAME_EPOCH_NS)[ours.epoch] & (where >= 0)
+    index = nearest[ours.epoch], where
     signals, flags, different_flags = [], 0, 0
-    for system in sorted({name[0] for name in column} | set(found.satellite.astype("U1").tolist())):
-        rows = found.satellite.astype("U1") == system
+    for system in sorted({name[0] for name in column} | set(ours.satellite.astype("U1").tolist())):
+        rows = ours.satellite.astype("U1") == system
         mine = np.char.startswith(names, system)
-        types = found.header.types.get(system if found.header.version >= 3 else "", ())
-        for name, code in zip(types, codes_of(found.header.version, system, types), strict=True):
-            value = found.of(code)
-            there = name in table
-            theirs = np.where(known & there, table[name].values[at] if there else 0.0, 0.0)
+        types = ours.header.types.get(system if ours.header.version >= 3 else "", ())
+        for name, code in zip(types, codes_of(ours.header.version, system, types), strict=True):
+            value = ours.of(code)
+            listed = name in table
+            theirs = np.where(matched & listed, table[name].values[index] if listed else 0.0, 0.0)
             theirs = np.where(theirs == 0.0, np.nan, theirs)
-            one, other = np.isfinite(value) & rows, np.isfinite(theirs) & rows
-            off = np.abs(value - theirs)[one & other]
-            all_of_theirs = np.nan_to_num(table[name].values[:, mine]) if there else np.zeros(1)
+            in_ours, in_theirs = np.isfinite(value) & rows, np.isfinite(theirs) & rows
+            difference = np.abs(value - theirs)[in_ours & in_theirs]
+            all_of_theirs = np.nan_to_num(table[name].values[:, mine]) if listed else np.zeros(1)
             signals.append(
                 SignalComparison(
-                    *(system, name, int(off.size), int(np.count_nonzero(off))),
-                    *(float(off.max(initial=0.0)), int((one & ~other).sum())),
-                    int(np.count_nonzero(all_of_theirs)) - int(off.size),
+                    *(system, name, int(difference.size), int(np.count_nonzero(difference))),
+                    *(float(difference.max(initial=0.0)), int((in_ours & ~in_theirs).sum())),
+                    int(np.count_nonzero(all_of_theirs)) - int(difference.size),
                 )
             )
-            for tail, array in (("lli", found.loss_of_lock), ("ssi", found.strength)):
+            for tail, array in (("lli", ours.loss_of_lock), ("ssi", ours.strength)):
                 if name + tail in table:
-                    theirs = np.nan_to_num(table[name + tail].values[at])[rows & known]
+                    theirs = np.nan_to_num(table[name + tail].values[index])[rows & matched]
                     flags += theirs.size
-                    differs = array[rows & known, found.column(code)] != theirs
+                    differs = array[rows & matched, ours.column(code)] != theirs
                     different_flags += int(np.count_nonzero(differs))
     return ReaderComparison(
-        *(str(path), found.time.size, stamps.size),
-        float(apart[apart < SAME_EPOCH_NS].max(initial=0)) / 1e9,
+        *(str(path), ours.time.size, stamps.size),
+        float(interval[interval < SAME_EPOCH_NS].max(initial=0)) / 1e9,
         *(tuple(signals), flags, different_flags),
     )
