@@ -1,4 +1,6 @@
-"""The verb `verify`: a part of a flight by the core and by its reference twin."""
+"""The verb `verify`: a part of a flight by the core and by its reference twin; a file of raw
+observations by the reader and by georinex.
+"""
 
 import argparse
 from dataclasses import dataclass
@@ -10,7 +12,8 @@ from .console import Progress
 from .verb import Verb, show_judged
 
 EXAMPLE = """  insgnss verify ign8/flight.toml
-  insgnss verify ign8 --minutes 1 --start 381600"""
+  insgnss verify ign8 --minutes 1 --start 381600
+  insgnss verify rover.obs"""
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,10 @@ class Request(Checked):
     """Options of the verb."""
 
     flight: Path = argument(
-        ..., "the flight file, or the directory that holds flight.toml", cli="FLIGHT"
+        ...,
+        "the flight file, or the directory that holds flight.toml; or RINEX observations, which are"
+        " compared with georinex value by value",
+        cli="FLIGHT",
     )
     minutes: float = argument(
         2.0,
@@ -36,6 +42,11 @@ class Request(Checked):
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
+    if options.flight.is_file() and options.flight.suffix.lower() != ".toml":
+        from ..gnss.rinex.against_georinex import compare_with_georinex
+
+        compared = compare_with_georinex(options.flight, progress)
+        return show_judged(options, progress, compared, options.flight)
     from ..flight.config.load import load_flight
     from ..flight.reference.verify import verify
 
@@ -46,7 +57,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 VERB = Verb(
     "verify",
     "a part of a flight by the core and by a textbook implementation, and their largest difference"
-    " in sigmas",
+    " in sigmas; raw observations by two readers",
     EXAMPLE,
     (Request,),
     run,

@@ -156,7 +156,21 @@ def test_a_short_gap_of_the_code_stays_one(tmp_path):
         phase = got.of("L2W")
         assert np.isnan(phase).sum() == (gap if gap == SHORT else 0)
         assert got.loss_of_lock.sum() == (0 if gap == SHORT else 2)
-        assert np.isfinite(got.of("C2W")).all()
+        code = 2.1e7 + np.arange(100.0)
+        code[10 : 10 + gap] = 2.2e7
+        assert_array_equal(got.of("C2W"), code)
+
+
+def test_codes_without_a_phase_are_of_the_first_that_has_one(tmp_path):
+    """Oracle: the fields by hand: no phase on band 2, codes under W and X at first, then X alone."""
+    none = [None] * 3
+
+    def rows(k):
+        return {"G01": [2e7, 1e8, 2.1e7 if k < 20 else None, *none, 2.2e7, *none]}
+
+    got, codes = written(tmp_path, observed(tmp_path, rows))
+    assert (codes, got.signals) == ("G L1C", ("C1C", "L1C", "C2W"))
+    assert_array_equal(got.of("C2W"), np.where(np.arange(40) < 20, 2.1e7, 2.2e7))
 
 
 def test_epochs_of_other_days_than_the_navigation_are_left_out(tmp_path):

@@ -1,8 +1,9 @@
 """Observations and events of RINEX 2 and 3, read as they stand."""
 
 import gzip
+import json
 import re
-import warnings
+from dataclasses import replace
 from datetime import datetime, timedelta
 from fractions import Fraction
 from pathlib import Path
@@ -13,7 +14,10 @@ import written_rinex as w
 from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import InputError
+from insgnss.cli import main
 from insgnss.geodesy.gpstime import gps_from_calendar
+from insgnss.gnss.rinex import against_georinex
+from insgnss.gnss.rinex.against_georinex import compare_with_georinex
 from insgnss.gnss.rinex.header import codes_of, header_of, load_rinex
 from insgnss.gnss.rinex.observations import read_observations
 
@@ -763,57 +767,45 @@ def test_a_cut_compact_file_is_refused(tmp_path):
             reading(tmp_path, data[:cut])
 
 
-def georinex_of(path, found):
-    """Times, and values by the names of the file, on the rows of `found`: (m,) each, as georinex
-    reads them.
-    """
-    georinex = pytest.importorskip("georinex")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of xarray and numpy, on how georinex calls them
-        table = georinex.load(path, useindicators=True)
-    place = (
-        np.searchsorted(
-            table.time.values.astype("datetime64[ns]"), stamps(found) + np.timedelta64(10, "ms")
-        )
-        - 1
-    )
-    column = {str(name).replace(" ", "0"): k for k, name in enumerate(table.sv.values)}
-    rows = place[found.epoch], np.array([column[name] for name in found.satellite])
-    return table, {name: table[name].values[rows] for name in table.data_vars}
-
-
-def stamps(found):
-    start = np.datetime64("1980-01-06", "ns") + np.timedelta64(7 * found.gps_week, "D")
-    return start + (found.time * 1e7).round().astype(np.int64) * np.timedelta64(100, "ns")
-
-
 def agrees_with_georinex(path):
-    """All that both read: values and flags bit by bit, number of epochs and satellites; and number
-    of values.
-    """
-    found = read_observations(path)
-    table, theirs = georinex_of(path, found)
-    assert table.time.size == found.time.size
-    assert set(np.char.replace(table.sv.values.astype(str), " ", "0")) == set(found.satellite)
-    count = 0
-    for system in sorted({name[0] for name in found.satellite}):
-        rows = np.char.startswith(found.satellite, system)
-        types = found.header.types[system if found.header.version >= 3 else ""]
-        for name, code in zip(types, codes_of(found.header.version, system, types), strict=True):
-            mine = found.of(code)[rows]
-            their = theirs[name][rows] if name in theirs else np.full(mine.shape, np.nan)
-            assert_array_equal(
-                mine, np.where(their == 0.0, np.nan, their), err_msg=f"{system} {name}"
-            )
-            count += int(np.isfinite(mine).sum())
-            for tail, array in (("lli", found.loss_of_lock), ("ssi", found.strength)):
-                if name + tail in theirs:
-                    assert_array_equal(
-                        array[rows, found.column(code)],
-                        np.nan_to_num(theirs[name + tail][rows]),
-                        err_msg=name + tail,
-                    )
-    return count
+    """All that both read: values and flags bit by bit, number of epochs; and number of values."""
+    pytest.importorskip("georinex")
+    compared = compare_with_georinex(path)
+    assert compared.passed, compared.summary()
+    assert compared.epochs == compared.their_epochs
+    assert compared.total("ours_alone") == 0
+    assert compared.flags > 0
+    return compared.total("shared")
+
+
+@pytest.mark.slow
+def test_what_two_readers_have_otherwise_is_a_difference(tmp_path, monkeypatch, capsys):
+    """Oracle: a number, a flag and an epoch that were changed behind the back of one reader."""
+    pytest.importorskip("georinex")
+    path = tmp_path / "rover.obs"
+    rows = {"G01": [2e7, (1e8, "1 "), 1.0, 40.0], "R02": [2e7, None]}
+    path.write_text(w.header3(WIDE) + "".join(w.epoch3(at(float(k)), rows) for k in range(3)))
+    assert main(["verify", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["passed"], found["epochs"], found["their_epochs"]) == (True, 3, 3)
+    good = read_observations(path)
+    value, lock = good.values.copy(), good.loss_of_lock.copy()
+    value[2, good.column("L1C")] += 0.001
+    lock[2, good.column("L1C")] = 0
+    first = np.array([True, True, False])
+    for one, counts in (
+        (replace(good, values=value), (15, 1, 0, 0)),
+        (replace(good, loss_of_lock=lock), (15, 0, 0, 1)),
+        (good.only(first), (10, 0, 5, 0)),
+    ):
+        monkeypatch.setattr(against_georinex, "read_observations", lambda _, one=one: one)
+        compared = compare_with_georinex(path)
+        totals = tuple(compared.total(name) for name in ("shared", "different", "theirs_alone"))
+        assert (*totals, compared.different_flags) == counts
+        assert main(["verify", str(path)]) == 4
+        out, err = capsys.readouterr()
+        assert "DO NOT AGREE" in out
+        assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize("three", [False, True])

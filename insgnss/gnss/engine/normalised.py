@@ -95,57 +95,58 @@ def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
     _, satellite = unique_satellites(o.satellite[rows])
     bands = []
     for band, order in ORDER[letter].items():
-        place = {name: k for k, name in enumerate(o.signals) if name[1:2] == band}
+        column_of = {name: k for k, name in enumerate(o.signals) if name[1:2] == band}
         codes = sorted(
-            {name[2] for name in place if len(name) == 3},
+            {name[2] for name in column_of if len(name) == 3},
             key=lambda code: order.find(code) % (len(order) + 1),
         )
         if not codes:
             continue
-        columns = np.array([[place.get(kind + band + c, -1) for c in codes] for kind in KINDS])
+        columns = np.array([[column_of.get(kind + band + c, -1) for c in codes] for kind in KINDS])
         values = np.where(columns < 0, np.nan, o.values[rows][:, columns])  # (m, kinds, codes)
-        there = np.isfinite(values)
-        chosen = _chosen(there[:, PHASE], satellite)
+        finite = np.isfinite(values)
+        chosen = _chosen(finite[:, PHASE], satellite)
         # of each kind the code of the phase, else the first that has a value
-        fitting = there.astype(np.int8)
-        fitting[np.arange(rows.size), :, chosen] *= 2
+        fitting = finite.astype(np.int8)
+        fitting[np.arange(rows.size), :, chosen] *= np.where(chosen < 0, 1, 2)[:, None]
         code = fitting.argmax(axis=2)
         code[:, PHASE] = np.maximum(chosen, 0)
         pick = np.arange(rows.size)[:, None], np.arange(len(KINDS)), code
-        found = values[pick]
-        found[chosen < 0, PHASE] = np.nan
-        if not np.isfinite(found).any():
+        filled = values[pick]
+        filled[chosen < 0, PHASE] = np.nan
+        if not np.isfinite(filled).any():
             continue
         column = columns[pick[1], code]
         lock, strength = (flags[rows[:, None], column] for flags in (o.loss_of_lock, o.strength))
         lock[_changes(chosen, satellite), PHASE] |= LOCK_LOST
         count = np.bincount(chosen[chosen >= 0], minlength=len(codes))
         used = [codes[k] for k in np.argsort(-count, kind="stable") if count[k]]
-        name = band + (used or [codes[int(code[:, 0].max())]])[0]
+        of_codes = np.bincount(code[np.isfinite(filled[:, 0]), 0], minlength=len(codes))
+        name = band + (used or [codes[int(of_codes.argmax())]])[0]
         names = tuple(
             kind + name if some else ""
-            for kind, some in zip(KINDS, np.isfinite(found).any(axis=0), strict=True)
+            for kind, some in zip(KINDS, np.isfinite(filled).any(axis=0), strict=True)
         )
         phases = tuple(f"L{band}{c}" for c in used)
-        bands.append(_Band(names, phases, found, np.where(lock > 0, lock, 0), strength))
+        bands.append(_Band(names, phases, filled, np.where(lock > 0, lock, 0), strength))
     return bands
 
 
-def _chosen(there: NDArray[np.bool_], satellite: Index) -> Index:
-    """Code (m,) of each row's phase, whose codes are `there` (m, codes); -1 for none."""
+def _chosen(phases: NDArray[np.bool_], satellite: Index) -> Index:
+    """Code (m,) of each row's phase, whose codes are `phases` (m, codes); -1 for none."""
     chosen = np.full(satellite.size, -1)
     for number in range(int(satellite.max(initial=-1)) + 1):
         mine = np.flatnonzero(satellite == number)
-        has = there[mine]
+        has = phases[mine]
         count = has.sum(axis=0)
         main = int(np.argmax(count >= MOST * max(int(count.max()), 1)))
         chosen[mine[has[:, main]]] = main
         edges = np.flatnonzero(np.diff(np.pad(~has[:, main], 1).astype(np.int8)))
         for first, behind in zip(edges[::2], edges[1::2], strict=True):
             gap = has[first:behind]
-            other = int(gap.sum(axis=0).argmax())
-            if gap[:, other].sum() > SHORT:
-                chosen[mine[first:behind][gap[:, other]]] = other
+            filler = int(gap.sum(axis=0).argmax())
+            if gap[:, filler].sum() > SHORT:
+                chosen[mine[first:behind][gap[:, filler]]] = filler
     return chosen
 
 
@@ -180,37 +181,42 @@ def _epochs(o: Observations, systems: Mapping[str, tuple[Index, list[_Band]]]) -
         for k, head in zip(epochs.tolist(), heads.tolist(), strict=True):
             second, fraction = divmod(int(ticks[k]), 10_000_000)
             when = (start + second).item()
-            words = f"> {when:%Y %m %d %H %M %S}.{fraction:07d}  {o.flag[k]}{count[k]:3d}\n"
-            text[head, : len(words)] = np.frombuffer(words.encode(), dtype=np.uint8)
-            size[head] = len(words) if count[k] else 0
+            record = f"> {when:%Y %m %d %H %M %S}.{fraction:07d}  {o.flag[k]}{count[k]:3d}\n"
+            text[head, : len(record)] = np.frombuffer(record.encode(), dtype=np.uint8)
+            size[head] = len(record) if count[k] else 0
         for letter, (rows, bands) in systems.items():
             a, b = np.searchsorted(rows, (begin, behind))
-            here = line[rows[a:b] - begin]
+            lines_of = line[rows[a:b] - begin]
             names = np.ascontiguousarray(o.satellite[rows[a:b]], dtype="S3")
-            text[here, :3] = names.view(np.uint8).reshape(-1, 3)
-            text[here, width[letter]], size[here] = ord("\n"), width[letter] + 1
-            place = 3
+            text[lines_of, :3] = names.view(np.uint8).reshape(-1, 3)
+            text[lines_of, width[letter]], size[lines_of] = ord("\n"), width[letter] + 1
+            start_column = 3
             for band in bands:
                 for k in [k for k, name in enumerate(band.names) if name]:
-                    text[here, place : place + 14] = _f14_3(band.values[a:b, k])
-                    for at, flags in ((14, band.lock[a:b, k]), (15, band.strength[a:b, k])):
-                        text[here, place + at] = np.where(flags > 0, flags + ord("0"), ord(" "))
-                    place += 16
+                    text[lines_of, start_column : start_column + 14] = _f14_3(band.values[a:b, k])
+                    for flag_column, flags in (
+                        (14, band.lock[a:b, k]),
+                        (15, band.strength[a:b, k]),
+                    ):
+                        text[lines_of, start_column + flag_column] = np.where(
+                            flags > 0, flags + ord("0"), ord(" ")
+                        )
+                    start_column += 16
         yield text[np.arange(longest + 1) < size[:, None]].tobytes()
 
 
 def _f14_3(x: Array) -> NDArray[np.uint8]:
     """Characters (m, 14) of numbers (m,) with three decimals; blanks for what is none."""
     out = np.full((x.size, 14), ord(" "), dtype=np.uint8)
-    there = np.isfinite(x)
-    rest = np.rint(1e3 * np.abs(np.where(there, x, 0.0))).astype(np.int64)
+    finite = np.isfinite(x)
+    digits = np.rint(1e3 * np.abs(np.where(finite, x, 0.0))).astype(np.int64)
     blanks = np.full(x.size, 9)
-    for place in (13, 12, 11, *range(9, -1, -1)):
-        shown = there & ((rest > 0) | (place >= 9))
-        out[shown, place] = rest[shown] % 10 + ord("0")
-        blanks[shown & (place < 9)] = place
-        rest //= 10
-    out[there, 10] = ord(".")
-    negative = np.flatnonzero(there & (x < 0.0) & (blanks > 0))
+    for column in (13, 12, 11, *range(9, -1, -1)):
+        shown = finite & ((digits > 0) | (column >= 9))
+        out[shown, column] = digits[shown] % 10 + ord("0")
+        blanks[shown & (column < 9)] = column
+        digits //= 10
+    out[finite, 10] = ord(".")
+    negative = np.flatnonzero(finite & (x < 0.0) & (blanks > 0))
     out[negative, blanks[negative] - 1] = ord("-")
     return out

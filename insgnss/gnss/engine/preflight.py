@@ -42,7 +42,7 @@ from ..satellites.frequencies import engine_phases
 FEWEST_SATELLITES = 4
 FEWEST_SHARE = 0.5
 EPHEMERIS_AGE_S = 4 * 3600.0
-DAY_S = 86400.0
+DAY_S = 86400.0  # s, of a day of GPS time
 ELSEWHERE_M, NEAR_M = 20.0, 5.0
 MOVES_M = 15.0
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05

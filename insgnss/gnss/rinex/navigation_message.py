@@ -295,7 +295,7 @@ class _NavigationText:
         is left out, and a channel of GLONASS of 8 bits without sign gets its own.
         """
         row, mended = begin + (k + 1) // 4, ""
-        place = (23 if self.version >= 3.0 else 22) + 19 * ((k + 1) % 4 - 1)
+        column = (23 if self.version >= 3.0 else 22) + 19 * ((k + 1) % 4 - 1)
         if k in SPARE.get(satellite[0], ()) and field.strip() and _value(field) is None:
             self.mended["spare fields that are no number"] += 1
             mended = " " * 19
@@ -305,8 +305,8 @@ class _NavigationText:
                 self.mended["channels of GLONASS that are written as channel + 256"] += 1
                 mended = f"{channel - 256.0:19.12E}"
         if mended:
-            self.lines[row] = f"{self.lines[row]:{place + 19}}"
-            self.lines[row] = self.lines[row][:place] + mended + self.lines[row][place + 19 :]
+            self.lines[row] = f"{self.lines[row]:{column + 19}}"
+            self.lines[row] = self.lines[row][:column] + mended + self.lines[row][column + 19 :]
         return _number(self.path, begin, k, mended or field)
 
 

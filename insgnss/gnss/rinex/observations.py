@@ -398,10 +398,10 @@ class _Reading:
             stamp = f"> {year} {' '.join(f'{int(n):02d}' for n in date)}{float(second):11.7f}"
             return f"{stamp}  {flag}{count:>3}{clock and f'{clock:>21}'}".encode()
 
-        rest = EPOCH_3.sub(line, self.buf[offset:].tobytes())
+        lines = EPOCH_3.sub(line, self.buf[offset:].tobytes())
         if self.header.version < 3 or not moved:
             return False
-        self.buf = np.frombuffer(self.buf[:offset].tobytes() + rest, dtype=np.uint8)
+        self.buf = np.frombuffer(self.buf[:offset].tobytes() + lines, dtype=np.uint8)
         finding = f"{moved} whose numbers do not stand in their columns, read number by number"
         self.notes.append(note("epoch lines", finding, "the columns of RINEX 3"))
         return True

@@ -29,12 +29,13 @@ HALF_S = 3600.0  # of a fit's window (s): 3600, since elements that hold for two
 LEAST_NODES = 7  # positions in a window: 21 coordinates and more for 15 elements
 LARGEST_MISS_M = 1.0  # rms of a fit (m): 1, as broadcast orbits have; beyond it, a manoeuvre
 PASSES = 4  # of Gauss and Newton: 4, the last of which moves a satellite by less than 1 mm
-NO_CLOCK_US = 999999.0
+NO_CLOCK_US = 999999.0  # clocks without a value (us): 999999 and more, as SP3 says
+# BeiDou time behind GPST (s) and weeks before its first: 14, 1356, as it began in 2006
 BEIDOU_LAG_S, BEIDOU_WEEKS = 14.0, 1356
 GPS_WEEKS_OF = {"C": -BEIDOU_WEEKS}
 MU = {"G": 3.986005e14, "J": 3.986005e14, "E": 3.986004418e14, "C": 3.986004418e14}
 EARTH_RATE = 7.2921151467e-5  # rad/s, that of IS-GPS-200, which all but BeiDou take
-BEIDOU_RATE = 7.292115e-5
+BEIDOU_RATE = 7.292115e-5  # rad/s, of the ICD of BeiDou
 SOURCE = {"E": 517.0}  # I/NAV of E1-B with clocks of E1 and E5b
 # elements in the order of a fit, with a step (rad, m, 1) that moves a satellite by metres
 ELEMENTS = {"root_a": 1e-4, "ecc": 1e-7, "m0": 1e-7, "dn": 1e-11, "i0": 1e-7, "idot": 1e-11}
@@ -60,12 +61,12 @@ HEAD = (
 )
 
 
-def library(path: str | Path, what: str) -> ModuleType:
-    """Return georinex; InputError for a file `what` where it is not installed."""
+def library(path: str | Path, kind: str) -> ModuleType:
+    """Return georinex; InputError for a file of this `kind` where it is not installed."""
     try:
         import georinex
     except ImportError:
-        message = f"{what} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}"
+        message = f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}"
         raise InputError.at_line(path, None, message) from None
     return georinex
 
@@ -189,20 +190,20 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
         if near.sum() < LEAST_NODES:
             continue
         rate = BEIDOU_RATE if system == "C" else EARTH_RATE
-        found, miss = _fitted(time[near] - toe, position[near], MU[system], rate)
+        elements, miss = _fitted(time[near] - toe, position[near], MU[system], rate)
         if not miss < LARGEST_MISS_M:
             continue
         week, sow = divmod(toe - (BEIDOU_LAG_S if system == "C" else 0.0), WEEK_S)
-        found["node"] = (found["node"] + rate * sow + np.pi) % (2.0 * np.pi) - np.pi
+        elements["node"] = (elements["node"] + rate * sow + np.pi) % (2.0 * np.pi) - np.pi
         drift, bias = np.polyfit(time[near] - toe, clock[near], 1)
-        found |= {"sow": sow, "week": week + GPS_WEEKS_OF.get(system, 0), "fit": 4.0}
-        found |= {
+        elements |= {"sow": sow, "week": week + GPS_WEEKS_OF.get(system, 0), "fit": 4.0}
+        elements |= {
             "iode": float(len(lines) // 8 % 255),
             "source": SOURCE.get(system, 0.0),
             "sent": sow,
         }
         stamp = calendar_from_gps(int(week), sow, "gpst")
-        values = [bias, drift, 0.0, *(found.get(name, 0.0) for name in MESSAGE.split())]
+        values = [bias, drift, 0.0, *(elements.get(name, 0.0) for name in MESSAGE.split())]
         lines += message_lines(f"{satellite} {stamp:%Y %m %d %H %M %S}", values)
     return lines
 
