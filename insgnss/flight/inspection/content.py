@@ -296,9 +296,7 @@ def _mounting(draft: Draft, camera: bool) -> None:
         )
 
 
-def _filter(
-    draft: Draft, gnss: GnssFixes | None, recognition: "Recognition | None"
-) -> None:
+def _filter(draft: Draft, gnss: GnssFixes | None, recognition: "Recognition | None") -> None:
     sigma = np.inf if recognition is None else recognition.time_offset_sigma_s
     if not sigma < KNOWN_S:
         latency = (

@@ -120,7 +120,7 @@ def _why_not(path: Path) -> str:
     if path.name.lower() in OWN_PRODUCTS:
         return "a product of insgnss"
     text = suffix not in VARIABLES
-    return text and exposures_of(path)[1] or "neither samples of an IMU nor fixes nor exposures"
+    return (text and exposures_of(path)[1]) or "neither samples of an IMU nor fixes nor exposures"
 
 
 def sources_of(path: Path) -> list[Source]:

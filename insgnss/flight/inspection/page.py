@@ -59,7 +59,8 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         f"{result.name}: inspection",
         f"{recognised}{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class",
         worst_of(
-            f"{place}every {other}finding has a confidence of {SURE:g} or more, and no check has a note",
+            f"{place}every {other}finding has a confidence of {SURE:g} or more, and no check has a"
+            " note",
             [text for text, names in doubts.items() if names],
             [] if refusal is None else [str(refusal)],
         ),
