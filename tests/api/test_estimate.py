@@ -2,15 +2,15 @@
 flight that takes objects for files.
 """
 
-from dataclasses import replace
-
 import html
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import insgnss
+from insgnss.records.from_tables import gnss_fixes
 
 SIGMA_M = (0.02, 0.02, 0.03)
 SAME = 1e-9
@@ -482,7 +482,7 @@ def test_frames_as_text_tables_have_them_and_rotations_of_scipy():
     assert insgnss.CameraMounting(boresight=turn).boresight[0] == tuple(turn.as_matrix()[0])
 
 
-def test_a_result_shows_itself_and_is_heard(processed, records, flight, caplog):
+def test_a_result_shows_itself_and_is_heard(processed, flight, caplog):
     """Oracle: the text for the terminal, the charts of the report, the first and last images."""
     assert processed.summary().splitlines()[0] in html.unescape(processed._repr_html_())
     assert len(processed.plot("map").axes) > 0

@@ -139,8 +139,8 @@ def exposures_off_lines(times: Sequence[Array], gnss: GnssFixes) -> list[int]:
     if grid.size < max(200, 5 * width):
         return [time.size for time in times]
     rate, moving = _course_rate(gnss, grid, width)
-    found = [_cells(time, grid, moving) for time in times]
-    return [int(np.sum(~usable | (np.abs(rate[k]) > IN_TURN))) for k, usable in found]
+    located = [_cells(time, grid, moving) for time in times]
+    return [int(np.sum(~usable | (np.abs(rate[k]) > IN_TURN))) for k, usable in located]
 
 
 def _by_chance(

@@ -135,10 +135,10 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
     why = sources[0].why.get("units") or sources[0].why["columns"]
     if unit == "s" or "the header gives" in why:
         return imu
-    found = Question("IMU time", "a column of seconds").note(
+    unit_note = Question("IMU time", "a column of seconds").note(
         f"{unit}: {why}", "--time-unit and --columns say it otherwise"
     )
-    return replace(imu, notes=(*imu.notes, found))
+    return replace(imu, notes=(*imu.notes, unit_note))
 
 
 def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
