@@ -47,10 +47,11 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
     unsure = [f.name for f in result.findings if f.confidence < SURE]
     at_place = [name for name in unsure if name in AXES] if _hovers(result) else []
     unsure = [name for name in unsure if name not in at_place]
-    hovering = (
-        f"it keeps its place, which does not show {', '.join(at_place)}; " if at_place else ""
-    )
-    other = "other " if at_place else ""
+    every = "every finding"
+    if at_place:
+        every = (
+            f"it keeps its place, which does not show {', '.join(at_place)}; every other finding"
+        )
     notes = [check.name for check in result.checks if check.verdict == "note"]
     doubts = {
         f"no motion to compare: {result.unrecognised}": result.unrecognised,
@@ -61,8 +62,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         f"{result.name}: inspection",
         f"{recognised}{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class",
         worst_of(
-            f"{hovering}every {other}finding has a confidence of {SURE:g} or more, and no check has a"
-            " note",
+            f"{every} has a confidence of {SURE:g} or more, and no check has a note",
             [text for text, names in doubts.items() if names],
             [] if refusal is None else [str(refusal)],
         ),
