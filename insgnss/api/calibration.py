@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from ..base.advance import heard
 from ..base.inputs import reading
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def read_mounting(path: Source) -> "MountingFile":
     return read_mounting_file(path)[0]
 
 
+@heard
 @reading()
 def calibrate_tripod(
     poses: Source,
@@ -81,6 +83,7 @@ def calibrate_tripod(
     return result if out is None else written(result, Path(out), force)
 
 
+@heard
 @reading()
 def calibrate_similarity(
     cameras: Source,
@@ -148,6 +151,7 @@ def calibrate_similarity(
     return result if out is None else written(result, Path(out), force)
 
 
+@heard
 @reading()
 def calibrate_materialise(
     camera: Source,
@@ -208,6 +212,7 @@ def _path(source: Source | None) -> Path | None:
     return None if source is None else Path(source)
 
 
+@heard
 @reading()
 def calibrate_mounting(
     flight: "Flight | Source",

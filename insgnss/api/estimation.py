@@ -7,6 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..base.advance import heard, logged
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
 from ..navigation.prepare.clock import NO_WEEK
@@ -45,6 +46,7 @@ SPOKEN = {
 Timed = ImuSamples | GnssFixes | CameraEvents
 
 
+@heard
 def estimate(
     imu: Any,
     gnss: Any,
@@ -63,7 +65,7 @@ def estimate(
     filter_options: "FilterOptions | None" = None,
     trajectory_hz: float | None = 10.0,
     accept: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = logged,
     **changes: Any,
 ) -> "ProcessResult":
     """Estimate trajectory, biases and exterior orientation from arrays; no file is read or written.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ..base.advance import heard, logged
 from ..base.errors import UsageError
 from ..base.inputs import reading
 from ..records import ExteriorOrientation, Trajectory
@@ -108,6 +109,7 @@ def relative_control(
     return relative_of(in_frame(eo, FRAMES["tangent"]), eo, noise, form=form, gap_s=gap_s)
 
 
+@heard
 @reading()
 def compare(
     a: ExteriorOrientation | Trajectory | Source,
@@ -201,6 +203,7 @@ def figures(
     return figure_files(Path(source), form, folder, only, width_mm, force).files
 
 
+@heard
 @reading()
 def ppk(
     rover: Source,
@@ -216,7 +219,7 @@ def ppk(
     ionosphere: bool = True,
     velocity: bool = True,
     out: Source | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = logged,
     **options: Any,
 ) -> "PpkResult":
     """Solve antenna positions with honest covariances from RINEX of rover and base, by RTKLIB.

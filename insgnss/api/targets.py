@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..base.advance import heard, logged
 from ..base.inputs import reading
-from .verbs import Progress, Source, _quiet
+from .verbs import Progress, Source
 
 if TYPE_CHECKING:
     from ..flight.config.block_file import VehicleTable
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from ..photogrammetry.target_measurement.run import MeasurementResult, PredictionResult
 
 
+@heard
 @reading()
 def predict_targets(
     eo: Source,
@@ -23,7 +25,7 @@ def predict_targets(
     geoid: Source | None = None,
     vehicle: "VehicleTable | None" = None,
     write: bool = True,
-    progress: Progress = _quiet,
+    progress: Progress = logged,
 ) -> "PredictionResult":
     """Predict where the images of a flight show its ground points.
 
@@ -58,6 +60,7 @@ def predict_targets(
     return predicted(request, _path(out), progress, write)
 
 
+@heard
 @reading()
 def measure_targets(
     eo: Source,
@@ -73,7 +76,7 @@ def measure_targets(
     vehicle: "VehicleTable | None" = None,
     write: bool = True,
     force: bool = False,
-    progress: Progress = _quiet,
+    progress: Progress = logged,
 ) -> "MeasurementResult":
     """Measure the targets on ground points in the photographs of a flight.
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from ..base.advance import heard, logged
 from ..base.errors import UsageError
 from ..base.inputs import reading
 from ..records import ImuSamples, Quantity
@@ -35,10 +36,7 @@ Progress = Callable[[str], None]
 FLIGHT_FILE = "flight.toml"
 
 
-def _quiet(_: str) -> None:
-    """No progress."""
-
-
+@heard
 @reading()
 def process(
     flight: "Flight | Source",
@@ -46,7 +44,7 @@ def process(
     *,
     write: bool = True,
     force: bool = False,
-    progress: Progress = _quiet,
+    progress: Progress = logged,
 ) -> "ProcessResult":
     """Process a flight: raw data in, exterior orientation, trajectory and report out.
 
@@ -77,6 +75,7 @@ def process(
     return run(flight_file, None if out is None else Path(out), progress, write, force)
 
 
+@heard
 @reading()
 def adjust_block(
     block: "BlockFile | Source",
@@ -86,7 +85,7 @@ def adjust_block(
     control: "ControlKind | None" = None,
     write: bool = True,
     force: bool = False,
-    progress: Progress = _quiet,
+    progress: Progress = logged,
 ) -> "AdjustmentResult":
     """Adjust an image block with its aerial control (integrated sensor orientation).
 
@@ -125,8 +124,9 @@ def adjust_block(
     return adjust(file, None if out is None else Path(out), progress, write, force)
 
 
+@heard
 def inspect(
-    source: "Flight | Source | Sequence[Source]", *, progress: Progress = _quiet
+    source: "Flight | Source | Sequence[Source]", *, progress: Progress = logged
 ) -> "FlightInspection | Inspection | RinexInspection":
     """Say what a recording is, without processing it.
 
@@ -161,6 +161,7 @@ def inspect(
     )
 
 
+@heard
 @reading()
 def tune(
     source: "Flight | Source | Sequence[Source]",
@@ -168,7 +169,7 @@ def tune(
     out: Source | None = None,
     force: bool = False,
     parameters: Sequence[str] | None = None,
-    progress: Progress = _quiet,
+    progress: Progress = logged,
     **options: Any,
 ) -> "TuneResult | FlightTuning | SeveralTuned":
     """Estimate a noise model from static recordings of an IMU, or from the innovations of a flight.
@@ -236,6 +237,7 @@ def tune(
     return tune_static([Path(path) for path in paths], chosen, target, force, progress)
 
 
+@heard
 @reading()
 def calibrate_imu(
     imu: ImuSamples | Source,

@@ -6,18 +6,44 @@ share belongs to the step that was announced last. `insgnss.base.compilation` sa
 what a first run compiles.
 """
 
+import logging
 import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TypeVar
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 Item = TypeVar("Item")
+P = ParamSpec("P")
+T = TypeVar("T")
 Listener = Callable[[float], None]
 MOST_SHARES = 1000  # of a loop, so that quick items stay quick
+LOGGER = logging.getLogger("insgnss")
+"""Hears what a terminal would show, at level INFO; silent until a program sets it up."""
+LOGGER.addHandler(logging.NullHandler())
 _listeners: list[Listener] = []
 _range = [(0.0, 1.0)]
 """What of the step the shares that are said are of: the last is that of the innermost part."""
+
+
+def logged(step: str) -> None:
+    """Log the name of a step: the progress of a run that is given no other."""
+    LOGGER.info(step)
+
+
+def heard(function: Callable[P, T]) -> Callable[P, T]:
+    """Return the function, which logs the text of its result as a terminal would show it."""
+
+    @wraps(function)
+    def with_log(*args: P.args, **kwargs: P.kwargs) -> T:
+        result = function(*args, **kwargs)
+        if LOGGER.isEnabledFor(logging.INFO):
+            for line in getattr(result, "summary", str)().splitlines():
+                LOGGER.info(line)
+        return result
+
+    return with_log
 
 
 @contextmanager

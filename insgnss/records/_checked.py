@@ -23,8 +23,11 @@ def float_array(who: str, value: Any, finest: float = FINEST) -> Array:
     digits that hold the largest of them to `finest` only: a time of week in float32 is off by up to
     30 ms.
 
+    A `Rotation` of scipy is its matrix.
+
     who : what the message calls it.
     """
+    value = value.as_matrix() if hasattr(value, "as_matrix") else value
     try:
         given = value if hasattr(value, "dtype") else np.asarray(value)
         _refuse_times(who, given)

@@ -2,8 +2,8 @@
 an array.
 
 The names of columns are those that `to_pandas` of the record gives, so a record goes to a table and
-back. A column that has no meaning here (a temperature, say) is not looked at; one that is missing
-is an error, as is an angle without unit: `lat_deg` or `lat_rad`, never `lat`.
+back, and the plain ones of text tables: `lat`, `lon` (deg), `h`, `sd_n`. A column that has no
+meaning here (a temperature, say) is not looked at; one that is missing is an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,12 +28,17 @@ from .observations import (
 
 TIME = ("tow", "time", "time_s")
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
-HEIGHT = ("h_m", "height_m")
+HEIGHT = ("h_m", "height_m", "h", "h_ell", "height", "alt", "altitude")
+ANGLES = {
+    "lat": ("lat_deg", "lat", "latitude"),
+    "lon": ("lon_deg", "lon", "lng", "long", "longitude"),
+}
 SIGMA, VELOCITY, VELOCITY_SIGMA = (
     ("sd_n_m", "sd_e_m", "sd_d_m"),
     ("vn", "ve", "vd"),
     ("sd_vn", "sd_ve", "sd_vd"),
 )
+PLAIN_SIGMA = {"sd_n": "sd_n_m", "sd_e": "sd_e_m", "sd_d": "sd_d_m", "sd_u": "sd_d_m"}
 EPOCH_FROM_S = 1e8  # three years: no time of week, however far it runs on
 GNSS_COLUMNS = (4, 7)
 """Columns of a plain array of fixes: time, latitude, longitude, height, and standard deviations or
@@ -89,7 +94,7 @@ def gnss_fixes(
     ----------
     given : `GnssFixes`, which are taken as they are; (m, 4) or (m, 7) array of time s, latitude
         deg, longitude deg, ellipsoidal height m, and standard deviations north, east, down m; or a
-        table with columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m, and as far as they are
+        table with columns tow, lat, lon (deg; or lat_rad, lon_rad), h_m, and as far as they are
         known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality, satellites, ratio,
         age_s, pdop, hdop.
     sigma_m, sigma_velocity_mps : (3,) standard deviations north, east, down where `given` has none.
@@ -117,6 +122,7 @@ def gnss_fixes(
     columns = _columns_of(given)
     if columns is None:
         columns = _columns_of_fixes(given)
+    columns = {PLAIN_SIGMA.get(name, name): column for name, column in columns.items()}
     sigma = _sigma(columns, SIGMA, sigma_m, "sigma_m")
     if sigma is None:
         raise InputError(
@@ -278,9 +284,7 @@ def _angle(columns: Mapping[str, Any], name: str) -> Array:
                 f" {name}_deg"
             )
         return np.degrees(angle)
-    if name in columns and f"{name}_deg" not in columns:
-        raise InputError(f"gnss: column {name} without unit; call it {name}_deg or {name}_rad")
-    return _one_of("gnss", columns, (f"{name}_deg",))
+    return _one_of("gnss", columns, ANGLES[name])
 
 
 def _sigma(

@@ -19,6 +19,7 @@ covariance between rows that were no neighbours is not known. It is never taken 
 import difflib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 SAME_INSTANT_S = 1e-6
 """Stamps that differ by less are of one instant: clocks are kept to 0.1 microseconds in a week."""
+
+SHOWN_ROWS = 5
+"""Rows at either end that a notebook shows: more than ten fill a screen."""
 
 _AXES = {3: "axis", 6: "pose", 9: "state"}  # names of dimensions in xarray, by their length
 
@@ -230,6 +234,16 @@ class Rows:
         facts = [count, f"TOW {self.time[0]:.1f} to {self.time[-1]:.1f} s"]
         facts += [] if week is None else [f"week {week}"]
         return f"<{type(self).__name__} {', '.join([*facts, *self._details()])}>"
+
+    def _repr_html_(self) -> str:
+        """Return the first and last rows as a table, where pandas is installed; else one line."""
+        index = np.arange(len(self))
+        ends = index[(index < SHOWN_ROWS) | (index >= len(self) - SHOWN_ROWS)]
+        try:
+            table = self[ends].to_pandas().to_html()
+        except UsageError:
+            table = ""
+        return f"<p>{escape(repr(self))}</p>{table}"
 
     def _details(self) -> Sequence[str]:
         """What else the short form says."""

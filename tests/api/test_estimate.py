@@ -2,12 +2,15 @@
 flight that takes objects for files.
 """
 
+import html
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import insgnss
+from insgnss.records.from_tables import gnss_fixes
 
 SIGMA_M = (0.02, 0.02, 0.03)
 SAME = 1e-9
@@ -271,11 +274,6 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
             "lat_deg 1[23].* latitude and longitude swapped",
         ),
         (
-            {"gnss": {"tow": [1.0], "lat": [46.5], "lon": [6.5], "h_m": [1.0]}},
-            insgnss.InputError,
-            "lat without unit",
-        ),
-        (
             {"gnss": {"tow": [1.0], "lat_deg": [46.5], "lon_deg": [6.5]}},
             insgnss.InputError,
             "no column h_m; there are tow",
@@ -466,3 +464,33 @@ def test_a_car_keeps_its_way_by_the_non_holonomic_constraint():
     assert error[True] < 0.7 * error[False]
     assert sigma[True] < 0.85 * sigma[False]
     assert error[True] < 3.0 * sigma[True]
+
+
+def test_frames_as_text_tables_have_them_and_rotations_of_scipy():
+    """Oracle: the same numbers under the names with units, and the same rotation as a matrix."""
+    pandas = pytest.importorskip("pandas")
+    columns = dict(zip(("tow", "lat_deg", "lon_deg", "h_m"), FIXES.T, strict=True))
+    sigma = {"sd_n_m": np.full(20, 0.02), "sd_e_m": np.full(20, 0.03), "sd_d_m": np.full(20, 0.04)}
+    renamed = {"lat_deg": "lat", "lon_deg": "lon", "h_m": "h", "sd_n_m": "sd_n", "sd_e_m": "sd_e"}
+    table = pandas.DataFrame(columns | sigma).rename(columns=renamed | {"sd_d_m": "sd_u"})
+    a, b = gnss_fixes(columns | sigma), gnss_fixes(table)
+    for field in ("time", "lat", "lon", "height", "cov_ned"):
+        np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
+    turn = Rotation.from_euler("xyz", [1.0, 2.0, 90.0], degrees=True)
+    mounting = insgnss.Mounting(boresight=turn)
+    np.testing.assert_allclose(mounting.boresight, turn.as_matrix(), atol=1e-15)
+    assert insgnss.CameraMounting(boresight=turn).boresight[0] == tuple(turn.as_matrix()[0])
+
+
+def test_a_result_shows_itself_and_is_heard(processed, flight, caplog):
+    """Oracle: the text for the terminal, the charts of the report, the first and last images."""
+    assert processed.summary().splitlines()[0] in html.unescape(processed._repr_html_())
+    assert len(processed.plot("map").axes) > 0
+    with pytest.raises(insgnss.UsageError, match="no chart 'mapp'; did you mean 'map'"):
+        processed.plot("mapp")
+    shown = processed.eo._repr_html_()
+    for row, name in enumerate(processed.eo.images):
+        assert (f">{name}<" in shown) == (row < 5 or row >= len(processed.eo) - 5)
+    with caplog.at_level("INFO", logger="insgnss"):
+        result = insgnss.inspect(flight)
+    assert result.summary().splitlines()[0] in caplog.messages

@@ -320,8 +320,8 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: "Recognition | No
         "the lever arm is not known; the filter estimates it where the flight lets it",
     )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
-    known = gnss is not None and gnss.quality is not None
-    which = "a wrong ambiguity fix keeps its code" if known else "fixes of unknown quality"
+    coded = gnss is not None and gnss.quality is not None
+    which = "a wrong ambiguity fix keeps its code" if coded else "fixes of unknown quality"
     draft.add("filter", "robust", True, f"{which}: outliers get less weight (Huber)")
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ...base.errors import InputError, InsgnssError, UsageError
 from ...records import Finding
 from ...report.document import Section
+from ...report.notebook import Shown
 from ..processing.inspect import InspectResult
 from ..processing.progress import Progress, quiet
 from .page import finding_documents, findings_section
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class FlightInspection:
+class FlightInspection(Shown):
     """Checks of a flight file's recording, with what the data show of themselves."""
 
     result: InspectResult

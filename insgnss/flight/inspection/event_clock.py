@@ -98,15 +98,17 @@ def scale_of_dates(
     from ...io.formats import read_events
     from ...navigation.recognise.turns import ENOUGH_IMAGES, exposures_off_lines
 
-    count = events.time.size
-    if source.keys.get("time_scale") is None or count < ENOUGH_IMAGES or gnss.gps_week is None:
+    count, week = events.time.size, events.gps_week
+    if "time_scale" not in source.keys or week is None or count < ENOUGH_IMAGES:
+        return source, events
+    if gnss.gps_week is None:  # a clock of its own, which shows no scale
         return source, events
     columns = source.keys.get("columns")
-    fixes = in_week(gnss, events.gps_week)
-    read, off = {}, {}
-    for scale in ("utc", "gpst", *(f"utc{hours:+03d}:00" for hours in HOURS if hours)):
-        read[scale] = read_events(source.path, columns=columns, time_scale=scale)
-        off[scale] = exposures_off_lines(in_week(read[scale], events.gps_week), fixes)
+    fixes = in_week(gnss, week)
+    scales = ("utc", "gpst", *(f"utc{hours:+03d}:00" for hours in HOURS if hours))
+    read = {s: read_events(source.path, columns=columns, time_scale=s) for s in scales}
+    times = [in_week(read[scale], week).time for scale in scales]
+    off = dict(zip(scales, exposures_off_lines(times, fixes), strict=True))
     best, second = sorted(off, key=lambda scale: off[scale])[:2]
     if off[best] > OFF_LINES * count or off[second] < max(CLEARER * off[best], FEWEST_OFF):
         return source, events

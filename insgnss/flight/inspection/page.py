@@ -45,10 +45,13 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         next_ = "next: insgnss inspect ... --write writes a flight file of this"
     left_out = [_without(str(path), why) for path, why in result.left_out]
     unsure = [f.name for f in result.findings if f.confidence < SURE]
-    still = [name for name in unsure if name in AXES] if _hovers(result) else []
-    unsure = [name for name in unsure if name not in still]
-    place = f"it keeps its place, which does not show {', '.join(still)}; " if still else ""
-    other = "other " if still else ""
+    at_place = [name for name in unsure if name in AXES] if _hovers(result) else []
+    unsure = [name for name in unsure if name not in at_place]
+    every = "every finding"
+    if at_place:
+        every = (
+            f"it keeps its place, which does not show {', '.join(at_place)}; every other finding"
+        )
     notes = [check.name for check in result.checks if check.verdict == "note"]
     doubts = {
         f"no motion to compare: {result.unrecognised}": result.unrecognised,
@@ -59,7 +62,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
         f"{result.name}: inspection",
         f"{recognised}{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class",
         worst_of(
-            f"{place}every {other}finding has a confidence of {SURE:g} or more, and no check has a note",
+            f"{every} has a confidence of {SURE:g} or more, and no check has a note",
             [text for text, names in doubts.items() if names],
             [] if refusal is None else [str(refusal)],
         ),

@@ -21,6 +21,7 @@ from ...base.errors import InputError
 from ...base.wording import some
 from ...navigation.prepare.clock import NO_WEEK
 from ...records import CameraEvents, GnssFixes, ImuSamples
+from ...report.notebook import Charted
 from ..processing.progress import Progress, quiet
 from .discovery import Discovery, discover
 from .event_clock import clock_of_events, scale_of_dates
@@ -48,7 +49,7 @@ LARGEST, SPARSEST = 1e12, 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Inspection(InspectionData):
+class Inspection(InspectionData, Charted):
     """What was found, with its draft, picture and texts."""
 
     def write(self, path: Path, force: bool = False) -> "Inspection":

@@ -30,6 +30,9 @@ from ...records import (
     Trajectory,
 )
 from ...records.strips import CommonErrors, StripCovariance
+from ...report.charts.chart import Chart
+from ...report.charts.run import charts
+from ...report.notebook import Charted
 from ...report.page import run_document
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
@@ -66,7 +69,7 @@ MOST_REMARKS = 3  # on the terminal; the page has all
 
 
 @dataclass(frozen=True, repr=False)
-class ProcessResult:
+class ProcessResult(Charted):
     """The products of a run, and what it found on the way.
 
     Parameters
@@ -118,6 +121,10 @@ class ProcessResult:
     def __repr__(self) -> str:
         """Return what there is and the headline of the report."""
         return f"<ProcessResult {self.trajectory!r}, {self.eo!r}: {self.report['headline']}>"
+
+    def charts(self) -> tuple[Chart, ...]:
+        """Return the charts of the report, without those of the source of the fixes."""
+        return charts(self.diagnostics, self.eo, self.report["standing"])
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -199,6 +199,8 @@ def _as_numbers(item: Declared, value: Any) -> Any:
 
 
 def _as_rows(item: Declared, value: Any) -> Any:
+    """Three rows; a `Rotation` of scipy is its matrix."""
+    value = value.as_matrix() if hasattr(value, "as_matrix") else value
     rows = as_tuple(item, value)
     return tuple(_as_numbers(item, row) for row in rows) if isinstance(rows, tuple) else rows
 

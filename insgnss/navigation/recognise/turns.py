@@ -12,6 +12,7 @@ but small 18 s earlier or later, the events are not in the time scale of the fix
 takes images everywhere does not show that, and no camera shows errors of a second.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,22 +127,22 @@ def _other_scale(events: CameraEvents, offset: float) -> Remedy:
     )
 
 
-def exposures_off_lines(events: CameraEvents, gnss: GnssFixes) -> int:
+def exposures_off_lines(times: Sequence[Array], gnss: GnssFixes) -> list[int]:
     """Count the exposures where the course turns, and those before, after or between the fixes.
 
     Parameters
     ----------
-    events : CameraEvents
+    times : sequence of ndarray, s
+        Times of the exposures, for each of which they are counted, in the week of the fixes.
     gnss : GnssFixes
-        In the same week.
     """
     grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
-        return events.time.size
+        return [time.size for time in times]
     rate, moving = _course_rate(gnss, grid, width)
-    cells, usable = _cells(events.time, grid, moving)
-    return int(np.sum(~usable | (np.abs(rate[cells]) > IN_TURN)))
+    located = [_cells(time, grid, moving) for time in times]
+    return [int(np.sum(~usable | (np.abs(rate[k]) > IN_TURN))) for k, usable in located]
 
 
 def _by_chance(

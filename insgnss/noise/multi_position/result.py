@@ -21,6 +21,7 @@ from ...records import Array
 from ...records.states import State
 from ...records.verdicts import Estimate
 from ...report.document import Document, Section, Table
+from ...report.notebook import Shown
 from ...report.verdict import worst_of
 
 # by unit, of biases, scale factors and misalignments: 40 deg/h, 1 mg, 1000 ppm, 1 mrad
@@ -123,7 +124,7 @@ class TriadEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class MultiPosition:
+class MultiPosition(Shown):
     """Calibration from a multi-position recording, and how good it is.
 
     Parameters

@@ -9,18 +9,20 @@ here. A rate that no IMU has means that time is in another unit: milliseconds ta
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...base.errors import InputError, UsageError
+from ...flight.inspection.discovery import sources_of
+from ...flight.inspection.sources import Source
 from ...io.formats import TableInfo, describe, read_imu, sniff_imu
 from ...io.formats.detect import LOADERS
 from ...io.formats.imu.imu_csv import ACCEL, GYRO
 from ...io.formats.text.headers import TIME_FACTORS, factor_of, kinds_like, unit_in
 from ...navigation.prepare.gaps import nominal_interval
-from ...records import ImuSamples
+from ...records import ImuSamples, Question
 from .options import TuneOptions
 from .some_channels import columns_by_names, fields_of_some, read_some
 
@@ -109,16 +111,34 @@ def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bo
 
 
 def _read(path: Path, options: TuneOptions) -> ImuSamples:
-    how = _how(path, options)
+    """The samples, with column and unit of time as `insgnss inspect` finds them where they need it.
+
+    So it is where the file's own header gives no time, or one that no IMU has.
+    """
+    how, sources = _how(path, options), list[Source]()
     try:
+        imu = read_imu(path, **how)
+        own = options.time_unit or "sampling" in options.accept
+        if own or _is_rate(1.0 / nominal_interval(imu.time)):
+            return imu
+    except InputError:
+        if how["columns"] is not None or options.time_unit or options.rate_hz is not None:
+            raise
+    with suppress(InputError):  # of the reader, below
+        sources = [source for source in sources_of(path) if source.role == "imu"]
+    keys = sources[0].keys if sources else {}
+    if how["columns"] is not None or "rate_hz" in keys or not keys.keys() & {"columns", "units"}:
         return read_imu(path, **how)
-    except InputError as error:
-        if how["columns"] is not None or "does not name tow" not in str(error):
-            raise
-        columns = _named_columns(describe(path), options)
-        if columns is None:
-            raise
-        return read_imu(path, **how | {"columns": columns})
+    unit = keys.get("units", {}).get("time", "s")
+    units = (how["units"] or {}) | {"time": unit}
+    imu = read_imu(path, **how | {"columns": keys.get("columns"), "units": units})
+    why = sources[0].why.get("units") or sources[0].why["columns"]
+    if unit == "s" or "the header gives" in why:
+        return imu
+    unit_note = Question("IMU time", "a column of seconds").note(
+        f"{unit}: {why}", "--time-unit and --columns say it otherwise"
+    )
+    return replace(imu, notes=(*imu.notes, unit_note))
 
 
 def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
@@ -185,10 +205,14 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
             )
 
 
+def _is_rate(hz: float) -> bool:
+    return LEAST_HZ <= hz <= MOST_HZ
+
+
 def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
     """Raise InputError for a rate that no IMU has, with the unit of time that would explain it."""
     rate = 1.0 / nominal_interval(imu.time)
-    if LEAST_HZ <= rate <= MOST_HZ or "sampling" in options.accept:
+    if _is_rate(rate) or "sampling" in options.accept:
         return
     span = float(imu.time[-1] - imu.time[0]) / 3600.0
     message = (

@@ -10,6 +10,7 @@ from ...base.files import json_ready, picked
 from ...navigation.noise_model.model import NoiseModel
 from ...report.charts.chart import Chart
 from ...report.document import Document, Section, Table, checked
+from ...report.notebook import Shown
 from ...report.verdict import Verdict, worst_of
 from ..estimation.gmwm import Fit
 from ..estimation.goodness import p_text
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class TuneResult:
+class TuneResult(Shown):
     """All fits, the recordings they rest on, and the noise model, None where a sensor is missing;
     `files` that were written.
     """

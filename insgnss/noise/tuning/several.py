@@ -14,6 +14,7 @@ from typing import Any
 from ...base.errors import InsgnssError
 from ...flight.config.flight_file import Flight
 from ...flight.processing.progress import Progress, quiet
+from ...report.notebook import Shown
 from .in_flight.estimation import FlightTuning, chosen_parameters, estimate, tune_flight
 from .in_flight.files import planned, write
 
@@ -24,7 +25,7 @@ TOGETHER = (
 
 
 @dataclass(frozen=True)
-class SeveralTuned:
+class SeveralTuned(Shown):
     """What a flight says of the noise of each of its IMUs, in the order of the flight file."""
 
     name: str

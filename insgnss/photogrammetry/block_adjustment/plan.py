@@ -30,6 +30,7 @@ from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, Image
 from ...report.charts.chart import Chart
 from ...report.document import Document, Section, write_with_page
 from ...report.figures.block import precision_map
+from ...report.notebook import Shown
 from ...report.rules.wording import lengths, screen_unit
 from ...report.verdict import worst_of
 from ...simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
@@ -53,7 +54,7 @@ FLAT = Terrain(0.0, np.zeros(1), np.zeros((2, 1)), np.zeros(1))  # one wave with
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Shown):
     """What a block is expected to determine.
 
     Parameters

@@ -10,6 +10,7 @@ from ...base.provenance import refuse_other_results
 from ...base.received.outputs import refuse_outside
 from ...base.received.trusted import at_home
 from ...flight.config.block_file import BlockFile
+from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
 from .judgement import Judgement, advice, judged, shown
@@ -21,7 +22,7 @@ from .trials import converging
 
 
 @dataclass(frozen=True, eq=False)
-class AdjustmentResult:
+class AdjustmentResult(Shown):
     """An adjusted block and what is said of it.
 
     Parameters

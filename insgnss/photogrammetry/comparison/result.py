@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...base.files import picked
 from ...report.document import Document, Section, Table
+from ...report.notebook import Charted
 from ...report.verdict import Verdict, worst_of
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ class Component:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Charted):
     """Differences b minus a, in the axes east, north, up at a's points.
 
     Parameters

@@ -43,6 +43,7 @@ from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
+from ...report.notebook import Shown
 from .checks import MOST_ITERATIONS, factor_limit, refuse_other_shapes
 from .tripod import weighted_mean
 
@@ -161,7 +162,7 @@ class ReceiverTargets:
 
 
 @dataclass(frozen=True, eq=False)
-class MaterialisedLeverArm:
+class MaterialisedLeverArm(Shown):
     """Lever arm from the projection centre to the phase centre, in camera axes.
 
     Parameters

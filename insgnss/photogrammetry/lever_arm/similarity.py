@@ -45,6 +45,7 @@ from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inver
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
+from ...report.notebook import Shown
 from .checks import MOST_ITERATIONS, factor_limit, refuse_no_rotation, refuse_other_shapes
 
 CORRELATED_WITH_SHIFT = 0.95  # with the translation: above, a component is not determined
@@ -120,7 +121,7 @@ class GroundPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class SimilarityLeverArm:
+class SimilarityLeverArm(Shown):
     """Lever arm from the projection centre to the antenna, with a verdict for each component.
 
     Parameters

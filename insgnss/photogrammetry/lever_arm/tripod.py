@@ -31,6 +31,7 @@ from ...base.errors import DataError
 from ...geodesy.least_squares import Equations, NormalEquations
 from ...geodesy.rotation import skew, vector_from_rotation
 from ...records import Array
+from ...report.notebook import Shown
 from .checks import SIGNIFICANCE, factor_limit, refuse_no_rotation, refuse_other_shapes
 
 TURNED_DEG = 20.0  # between setups: below, a common offset of the frames hides in the lever arm
@@ -70,7 +71,7 @@ class TripodSetups:
 
 
 @dataclass(frozen=True, eq=False)
-class TripodLeverArm:
+class TripodLeverArm(Shown):
     """Lever arm from the camera's projection centre to the antenna, in camera axes.
 
     Parameters

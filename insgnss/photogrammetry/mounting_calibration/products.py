@@ -23,6 +23,7 @@ from ...records.block import Array, BrownCamera
 from ...records.cameras.mounting import metashape_offset
 from ...report.charts.chart import Chart
 from ...report.document import Document, Section, Table, write_with_page
+from ...report.notebook import Shown
 from ...report.verdict import worst_of
 from ..lever_arm.difference import lever_arm_difference
 
@@ -124,7 +125,7 @@ def provenance(
 
 
 @dataclass(frozen=True, eq=False)
-class CalibratedMounting:
+class CalibratedMounting(Shown):
     """The result of a verb.
 
     Parameters

@@ -21,6 +21,7 @@ from ...base.provenance import (
 from ...base.wording import some
 from ...flight.processing.progress import quiet
 from ...report.document import Document, Section, write_json
+from ...report.notebook import Shown
 from ...report.verdict import worst_of
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
@@ -77,7 +78,7 @@ class PredictionResult:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasurementResult:
+class MeasurementResult(Shown):
     """Targets measured in the photographs of a flight.
 
     Parameters

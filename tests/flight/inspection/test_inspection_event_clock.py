@@ -2,13 +2,15 @@
 
 import tomllib
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from insgnss.flight.inspection.discovery import sources_of
-from insgnss.flight.inspection.event_clock import clock_of_events
+from insgnss.api.verbs import simulate
+from insgnss.flight.inspection.discovery import discover, sources_of
+from insgnss.flight.inspection.event_clock import SCALE_OPEN, clock_of_events, scale_of_dates
 from insgnss.flight.inspection.run import inspect_files
 from insgnss.flight.inspection.sources import Source
 from insgnss.geodesy.gpstime import calendar_from_gps
@@ -118,3 +120,74 @@ def test_the_draft_of_dates_has_a_camera(tmp_path):
     assert tomllib.loads(text)["camera"]["events"].endswith("Events.csv")
     assert '# time_scale = "utc"' in text
     assert np.abs(found.events.time - week.time).max() < 1e-5
+
+
+T0 = datetime(2018, 7, 3, 9, 1, 34, 857678)
+NAMES = [f"DSC{k:05d}.JPG" for k in range(40)]
+DATES = [f"{T0 + timedelta(seconds=1.7 * k)}" for k in range(40)]
+TOW = [f"{205312.857678 + 1.7 * k:.6f}" for k in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "taken"),
+    [
+        ("filename,gps_datetime", (NAMES, DATES), None),
+        ("camera,file,gps_datetime", (["A7"] * 40, NAMES, DATES), "file gps_datetime"),
+        ("Bild,Aufnahmezeit", (NAMES, TOW), "Bild Aufnahmezeit"),
+        ("pic,created_s,shutter", (NAMES, TOW, TOW), "pic shutter"),
+        ("seq,time_of_exposure", (map(str, range(40)), TOW), "seq time_of_exposure"),
+        ("name,gps_week,gps_tow", (NAMES, ["2008"] * 40, TOW), "name gps_tow gps_week"),
+        ("", (TOW, NAMES), "[2] [1]"),
+        ("Photo,Day,Clock", (NAMES, *zip(*map(str.split, DATES), strict=True)), "Photo Day Clock"),
+    ],
+)
+def test_a_column_of_names_and_one_of_times_are_exposures(tmp_path, header, columns, taken):
+    """Oracle: the names and stamps that were written, and the columns that hold them."""
+    path = tmp_path / "photos.csv"
+    rows = [",".join(row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([*([header] if header else []), *rows]) + "\n")
+    (source,) = sources_of(path)
+    assert source.role == "events"
+    named = source.keys.get("columns")
+    assert (named and set(named.values())) == (taken and set(taken.split()))
+    scale = source.keys.get("time_scale")
+    events = read_events(path, **({"columns": named} if named else {}), time_scale=scale)
+    assert len(events.images) == 40
+    np.testing.assert_allclose(np.diff(events.time), 1.7, atol=1e-5)
+
+
+@pytest.mark.parametrize("header", ["image,one,two", "image,duration,weight"])
+def test_a_table_of_images_without_a_time_is_left_out_with_its_columns(tmp_path, header):
+    """Oracle: two columns that could be the time alike, and none that could."""
+    values = [TOW, TOW] if "one" in header else [["a"] * 40, ["b"] * 40]
+    path = tmp_path / "photos.csv"
+    path.write_text("\n".join([header, *map(",".join, zip(NAMES, *values, strict=True))]) + "\n")
+    (left,) = discover([tmp_path]).left_out
+    assert "which of 'image'" in left[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", ["utc", "gpst", "utc+02:00", "open"])
+def test_the_scale_of_dates_is_that_in_which_they_lie_on_lines(tmp_path, scale):
+    """Oracle: the scale in which a corridor's exposures were written; a camera that exposes in
+    turns as well leaves it open.
+    """
+    sim = simulate("ign6x1", minutes=4.0, imu_rate_hz=20.0)
+    zone = 7200.0 * (scale == "utc+02:00")
+    kind = "gpst" if scale == "gpst" else "utc"
+    time = sim.events.time
+    time = (
+        np.linspace(sim.gnss.time[600], sim.gnss.time[-1], time.size) if scale == "open" else time
+    )
+    stamps = [calendar_from_gps(2008, tow + zone, kind) for tow in time]
+    path = tmp_path / "photos.csv"
+    rows = zip(sim.events.images, stamps, strict=True)
+    path.write_text("file,when\n" + "".join(f"{n},{s:%Y-%m-%d %H:%M:%S.%f}\n" for n, s in rows))
+    (source,) = sources_of(path)
+    events = read_events(path, time_scale="utc")
+    found, read = scale_of_dates(source, events, sim.gnss)
+    if scale == "open":
+        assert found is source
+        return
+    assert (found.keys["time_scale"], found.why["time_scale"] == SCALE_OPEN) == (scale, False)
+    np.testing.assert_allclose(read.time, time, atol=1e-5)

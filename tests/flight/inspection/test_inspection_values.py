@@ -15,6 +15,9 @@ from insgnss.flight.inspection.tables.roles import gnss_roles
 from insgnss.flight.inspection.tables.tabular import sources_of_table
 from insgnss.io.formats import read_gnss, read_imu
 from insgnss.io.formats.gnss.rounding import floor_of_zeros, is_held
+from insgnss.simulation.manoeuvres import multirotor
+from insgnss.simulation.scenario import observe
+from insgnss.simulation.sensors import ImuOptions
 
 FIX = ("lat", "lon", "h")
 
@@ -247,3 +250,28 @@ def test_gyros_and_accelerometers_in_two_matrices(tmp_path, clock, upright):
         np.testing.assert_array_equal(read.accel, force)
         if rate is None:
             np.testing.assert_array_equal(read.time, time)
+
+
+@pytest.mark.slow
+def test_a_hover_that_determines_no_axes_is_no_complaint(tmp_path):
+    """Oracle: a copter that holds its place with its z axis up; the draft has the vertical, and
+    says that it defines forward.
+    """
+    imu = ImuOptions(200.0, "consumer", "forward left up")
+    sim = observe(multirotor(4.0, "hover", seed=3), 3, imu=imu, truth_hz=1.0)
+    samples = np.column_stack([sim.imu.time, sim.imu.gyro, sim.imu.accel])
+    g = sim.gnss
+    sigma = np.sqrt(np.diagonal(g.cov_ned, axis1=1, axis2=2))
+    fixes = np.column_stack([g.time, np.degrees(g.lat), np.degrees(g.lon), g.height, sigma])
+    for name, header, values in (
+        ("imu.csv", "time,gx,gy,gz,ax,ay,az", samples),
+        ("gnss.csv", "time,lat,lon,h_ell,sd_n,sd_e,sd_u", fixes),
+    ):
+        np.savetxt(tmp_path / name, values, "%.9f", ",", header=header, comments="")
+    result = inspect_files([tmp_path])
+    assert result.recognition.finding("axes").found == "unknown"
+    assert "\nGood: it keeps its place" in result.summary()
+    text = " ".join(result.draft.text(tmp_path).split("\n#   "))
+    assert '\naxes = "forward left up"' in text
+    assert "forward is defined as x here" in text
+    assert "NOT" not in text

@@ -53,24 +53,18 @@ def no_pictures(monkeypatch):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6)])
-def test_a_rate_that_no_imu_has_is_refused_with_the_unit_of_time(
+def test_stamps_of_another_unit_are_read_as_inspect_reads_them(
     rest, tmp_path, capsys, unit, factor
 ):
-    """Oracle: 50 Hz put in; stamps in the other unit under the name `time` are refused, and read
-    with --time-unit.
+    """Oracle: 50 Hz put in; stamps in the other unit under the name `time` are read with a note
+    that says the unit, and with --time-unit without one.
     """
     path = table(tmp_path / "t.csv", np.arange(len(rest)) * factor / RATE, rest, f"time,{HEAD}")
-    if unit == "us":  # two minutes are 1.2e8 of them: no GPS time of week
-        code, said = run(capsys, path, "--out", tmp_path / "x.toml")
-        assert (code, "--time-unit" in said) == (3, True)
-    else:
-        code, said = run(capsys, path, "--out", tmp_path / "x.toml")
-        assert code == 3
-        assert "0.05 Hz" in said
-        assert "give --time-unit ms (50 Hz)" in said
-    code, said = run(capsys, path, "--time-unit", unit, "--out", tmp_path / "x.toml")
-    assert code == 0
-    assert "6000 samples at 50 Hz, 2.0 min" in said
+    for named in ((), ("--time-unit", unit)):
+        code, said = run(capsys, path, *named, "--out", tmp_path / "x.toml", "--force")
+        assert code == 0
+        assert "6000 samples at 50 Hz, 2.0 min" in said
+        assert (f"IMU time: {unit}" in said) == (not named)
 
 
 def test_clocks_by_other_names_and_named_fields_need_no_columns(rest, tmp_path):

@@ -12,6 +12,7 @@ from ....base.files import picked
 from ....base.wording import command_line, some
 from ....geodesy.frames import ecef_to_geodetic
 from ....report.document import Document, Section, Table
+from ....report.notebook import Shown
 from ....report.verdict import worst_of
 from ..draft import Draft, write_draft
 from .survey import SYSTEMS, Receiver, Survey
@@ -27,7 +28,7 @@ POSITION_WHY = (
 
 
 @dataclass(frozen=True)
-class RinexInspection:
+class RinexInspection(Shown):
     """RINEX files of a recording without IMU, and the draft of its PPK."""
 
     name: str

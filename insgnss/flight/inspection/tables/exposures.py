@@ -90,7 +90,7 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
     if image is None:
         return {}, ""
     week = SPEC.named(fields).index("week") if "week" in SPEC.named(fields) else None
-    place = [
+    titles = [
         f"[{k + 1}]" if not name or fields.count(name) > 1 else name
         for k, name in enumerate(fields)
     ]
@@ -99,15 +99,19 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
         for form in (DAY, CLOCK)
     )
     if len(days) == len(clocks) == 1:
-        return {"image": place[image], "date": place[days[0]], "time": place[clocks[0]]}, ""
+        return {
+            "image": titles[image],
+            "date": titles[days[0]],
+            "time": titles[clocks[0]],
+        }, ""
     for role in ("time", "tow"):
         scores[role][image] = 0
         if (best := _best(scores[role])) is not None:
-            of_week = {"week": place[week]} if role == "tow" and week is not None else {}
-            return {"image": place[image], role: place[best]} | of_week, ""
-    names = ", ".join(repr(name) for name in place)
+            of_week = {"week": titles[week]} if role == "tow" and week is not None else {}
+            return {"image": titles[image], role: titles[best]} | of_week, ""
+    names = ", ".join(repr(name) for name in titles)
     return {}, (
-        f"it lists images ({place[image]}), but which of {names} is the time of exposure cannot"
+        f"it lists images ({titles[image]}), but which of {names} is the time of exposure cannot"
         ' be seen; camera.columns = { image = "...", tow = "..." } or { image, time } names them'
     )
 

@@ -11,6 +11,7 @@ from ....base.files import json_ready, picked
 from ....navigation.noise_model.model import NoiseModel
 from ....report.charts.chart import Chart
 from ....report.document import Document, Section, Table
+from ....report.notebook import Shown
 from ....report.verdict import worst_of
 from .words import NAMES, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FlightTuning:
+class FlightTuning(Shown):
     """What a flight says of its noise. accepted : whether the static model gives way.
     reasons : of that, sentence by sentence.
 
