@@ -285,15 +285,13 @@ def simulate_block(
     is_tie = point < len(tie.position)
     sigma = np.where(is_tie, options.tie_sigma_px, options.target_sigma_px)[:, None] * np.ones(2)
     wrong = gross.random(len(uv)) < options.gross_errors
-    observed_uv = uv + sigma * noise.standard_normal(uv.shape)
-    observed_uv += wrong[:, None] * _displacements(uv, options.true_camera, gross)
+    noisy = uv + sigma * noise.standard_normal(uv.shape)
+    noisy += wrong[:, None] * _displacements(uv, options.true_camera, gross)
     names = [f"T{k + 1:06d}" for k in range(len(tie.position))]
     surveyed = [f"G{k + 1:02d}" for k in range(len(target.position))]
     return SimulatedBlock(
         options,
-        ImagePoints(
-            eo.images, (*names, *surveyed), ImageObservations(image, point, observed_uv, sigma)
-        ),
+        ImagePoints(eo.images, (*names, *surveyed), ImageObservations(image, point, noisy, sigma)),
         _surveyed(surveyed, target.position, options, targets),
         position,
         uv,

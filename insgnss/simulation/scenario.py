@@ -125,11 +125,8 @@ def simulate_flight(
         raise UsageError(f"flight {flight!r} is unknown; {near(str(flight), FLIGHTS)}")
     sensor_seed: int | np.random.SeedSequence = seed
     if isinstance(flight, str) and flight in JOURNEYS:
-        if unknown_options := [name for name in changes if name != "stand_s"]:
-            raise UsageError(
-                f"{flight}: there is no {unknown_options[0]}; "
-                f"{near(unknown_options[0], ['stand_s'])}"
-            )
+        if extra := [name for name in changes if name != "stand_s"]:
+            raise UsageError(f"{flight}: there is no {extra[0]}; {near(extra[0], ['stand_s'])}")
         length = JOURNEY_MIN if minutes is None else minutes
         path = JOURNEYS[flight](length, seed=seed, start_tow=start_tow, **changes)
     else:

@@ -59,10 +59,8 @@ def search(moments: Moments) -> list[Array]:
         )[:_BEAM]
     best, k, unchanged = beam[0], 0, 0
     while unchanged < K:
-        other_times = np.delete(best, k)
-        new = grid.settled(
-            [np.append(other_times, position) for position in grid.places(other_times)]
-        )[0]
+        kept = np.delete(best, k)
+        new = grid.settled([np.append(kept, position) for position in grid.places(kept)])[0]
         if grid.value(new) < grid.value(best) * (1.0 - _BETTER):
             best, unchanged = new, 0
         else:

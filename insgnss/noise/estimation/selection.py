@@ -351,11 +351,9 @@ def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...])
     fits = [_with(fitted, curves) for curves in drawn]
     total = 0.0
     for i, Omega in enumerate(fitted.weights):
-        drawn_variances = np.array([curves[i].variance for curves in drawn])
+        nu = np.array([curves[i].variance for curves in drawn])
         modelled = np.array([f.modelled[i] for f in fits])
-        total += float(
-            ((drawn_variances - drawn_variances.mean(axis=0)) @ Omega * modelled).sum()
-        ) / (len(drawn) - 1)
+        total += float(((nu - nu.mean(axis=0)) @ Omega * modelled).sum()) / (len(drawn) - 1)
     return 2.0 * total
 
 

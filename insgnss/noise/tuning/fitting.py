@@ -49,10 +49,8 @@ def compositions(options: TuneOptions) -> dict[str, tuple[Composition, ...]]:
     UsageError
         For a typo.
     """
-    of_sensor = {"gyro": options.gyro_model, "accel": options.accel_model}
-    chosen = {
-        sensor: options.model if names is None else names for sensor, names in of_sensor.items()
-    }
+    opts = {"gyro": options.gyro_model, "accel": options.accel_model}
+    chosen = {sensor: options.model if names is None else names for sensor, names in opts.items()}
     for names in (options.model, options.gyro_model, options.accel_model):
         if names is not None and not names.strip():
             raise UsageError(

@@ -131,14 +131,10 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
         if nameless:
             columns = _plain_columns(tables, options) or _named_columns(tables, options)
         _ask_for_units(path, tables, options)
-    unit_options = {
-        "gyro": options.gyro_unit,
-        "accel": options.accel_unit,
-        "time": options.time_unit,
-    }
+    units = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit}
     return {
         "columns": columns,
-        "units": {key: unit for key, unit in unit_options.items() if unit} or None,
+        "units": {key: unit for key, unit in units.items() if unit} or None,
         "quantity": options.quantity,
         "rate_hz": options.rate_hz,
         "variable": options.variable,

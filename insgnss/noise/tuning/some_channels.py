@@ -159,11 +159,9 @@ def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[
         ("gyro", GYRO, options.gyro_unit, "rad/s"),
         ("accel", ACCEL, options.accel_unit, "m/s^2"),
     ):
-        sensor_fields = [fields[name] for name in names if name in fields]
-        header = next(
-            filter(None, (unit_in(field, kinds_like(sensor)) for field in sensor_fields)), None
-        )
-        if sensor_fields and not (unit_option or header):
+        cols = [fields[name] for name in names if name in fields]
+        header = next(filter(None, (unit_in(field, kinds_like(sensor)) for field in cols)), None)
+        if cols and not (unit_option or header):
             problem = f"nothing says the unit of the {sensor} columns; give --{sensor}-unit"
             raise UsageError(f"{path}: {problem}, such as {example}")
         units[sensor] = str(unit_option or header or example)

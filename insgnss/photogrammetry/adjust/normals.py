@@ -118,16 +118,14 @@ def problem_of(
     """
     tied = [group.keys for group in groups] + [((POINT, p), (POINT, p)) for p in keep]
     layout = layout_of(block, blocks or {}, tied)
-    observations = block.observations
-    order = np.lexsort((layout.place[observations.image], observations.point))
+    obs = block.observations
+    order = np.lexsort((layout.place[obs.image], obs.point))
     rays = collinearity.Rays(
-        np.searchsorted(observations.point[order], np.arange(len(block.points) + 1)).astype(
-            np.int64
-        ),
-        observations.image[order],
-        np.ascontiguousarray(observations.uv[order]),
-        1.0 / observations.sigma_px[order],
-        np.ones(len(observations), dtype=bool),
+        np.searchsorted(obs.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
+        obs.image[order],
+        np.ascontiguousarray(obs.uv[order]),
+        1.0 / obs.sigma_px[order],
+        np.ones(len(obs), dtype=bool),
         np.ascontiguousarray(block.camera, dtype=np.int64),
         6 * layout.place,
         np.array([camera.backward for camera in block.cameras]),

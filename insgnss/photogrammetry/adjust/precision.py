@@ -443,12 +443,7 @@ def strongest(precision: Precision, count: int = 10) -> Sequence[tuple[str, str,
     block = precision.result.problem.block
     w = np.nan_to_num(np.abs(precision.w)).max(axis=1)
     rows = np.argsort(-w, kind="stable")[:count]
-    observations = block.observations
+    obs = block.observations
     return [
-        (
-            block.images[observations.image[row]],
-            block.points[observations.point[row]],
-            float(w[row]),
-        )
-        for row in rows
+        (block.images[obs.image[row]], block.points[obs.point[row]], float(w[row])) for row in rows
     ]

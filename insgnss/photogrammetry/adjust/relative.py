@@ -309,13 +309,11 @@ def as_printed(
     """
     n = len(C_mc)
     m, _ = observed.sizes(n)
-    block_diagonal = np.zeros_like(P)
+    diag = np.zeros_like(P)
     for k in range(n):
-        block_diagonal[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = P[
-            6 * k : 6 * k + 6, 6 * k : 6 * k + 6
-        ]
+        diag[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = P[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
     L = operator(C_mc, observed)
-    out, alone = smoothed(L, P), smoothed(L, block_diagonal)
+    out, alone = smoothed(L, P), smoothed(L, diag)
     out[:m, m:] = out[m:, :m] = 0.0
     relative = [slice(m, None)] + [slice(0, m)] * (observed.positions == "relative")
     for rows in relative:

@@ -79,7 +79,7 @@ def check_points(solved: Solved) -> CheckPoints:
     """
     result = solved.result
     block, point = result.problem.block, result.values.point
-    solved_problem = result.problem
+    old = result.problem
     rows = np.flatnonzero(np.isfinite(point[block.check.point]).all(axis=1))
     of_block = block.check.point[rows]
     d = block.check.position_m[rows] - point[of_block]
@@ -87,11 +87,9 @@ def check_points(solved: Solved) -> CheckPoints:
         return CheckPoints(rows, d, np.zeros((0, 0)), block.check.cov[rows])
     keep = [int(p) for p in of_block]
     if solved.direct:
-        Q = joint_covariance(solved_problem, result.values, keep)
+        Q = joint_covariance(old, result.values, keep)
         return CheckPoints(rows, d, Q, block.check.cov[rows])
-    problem = problem_of(block, solved_problem.groups, result.values.blocks, keep).with_active_of(
-        solved_problem
-    )
+    problem = problem_of(block, old.groups, result.values.blocks, keep).with_active_of(old)
     columns = np.concatenate([problem.layout.of((POINT, p))[0] for p in keep])
     Q = cofactors_of(problem, result.values, columns)
     return CheckPoints(rows, d, Q, block.check.cov[rows])

@@ -342,12 +342,10 @@ def _points(solved: Solved, block: ImageBlock) -> dict[str, Any]:
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     finite = np.isfinite(sigma).all(axis=1)
     detectable = solved.precision.detectable_px
-    is_detectable = np.isfinite(detectable)
+    mask = np.isfinite(detectable)
     return {
         "median_sigma_m": np.median(sigma[finite], axis=0).tolist() if finite.any() else None,
-        "median_detectable_px": float(np.median(detectable[is_detectable]))
-        if is_detectable.any()
-        else None,
+        "median_detectable_px": float(np.median(detectable[mask])) if mask.any() else None,
         "detectable_of_sigmas": NONCENTRALITY,
         "heights_m": [
             float(x)

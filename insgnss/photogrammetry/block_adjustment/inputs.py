@@ -120,15 +120,13 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     source = _oriented_only(source_in_mode(mode, source, ground, notes, moving), eo, notes)
     if vehicle is not None:
         vehicle = vehicle.seen_in(source.measured)
-    joined_block = joined(source, ground, eo, all_oriented=mode == "fast_at")
-    for camera in joined_block.block.cameras:
+    union = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    for camera in union.block.cameras:
         refuse_field_of_view(camera)
-    block, rows = joined_block.block, joined_block.eo_row
+    block, rows = union.block, union.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
-        block = replace(
-            block, position_m=joined_block.position_m, C_mc=joined_block.C_mc
-        )  # axes of the ground
-    block = placed(block, joined_block.position_m, joined_block.C_mc)
+        block = replace(block, position_m=union.position_m, C_mc=union.C_mc)  # axes of the ground
+    block = placed(block, union.position_m, union.C_mc)
     if eo is not None and (without := int((rows < 0).sum())):
         notes.append(
             f"{without} of {len(rows)} images have no aerial control,"
@@ -244,10 +242,8 @@ def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock
     if not skip:
         return source
     images = source.measured.images
-    if unknown := [name for name in skip if name not in images]:
-        raise InputError(
-            f"images.skip: {unknown[0]!r} is no image of it; {near(unknown[0], images[:200])}"
-        )
+    if bad := [name for name in skip if name not in images]:
+        raise InputError(f"images.skip: {bad[0]!r} is no image of it; {near(bad[0], images[:200])}")
     observations = source.measured.observations
     gone = set(skip)
     skipped = np.array([name in gone for name in images])
@@ -364,12 +360,10 @@ def _near_if_exchanged(
 ) -> bool:
     """Whether points of a CRS lie near the images when easting and northing are exchanged."""
     try:
-        exchanged = replace(ground, position_m=ground.position_m[:, [1, 0, 2]]).in_plane(
-            axes, plane
-        )
+        swap = replace(ground, position_m=ground.position_m[:, [1, 0, 2]]).in_plane(axes, plane)
     except InsgnssError:
         return False
-    away = exchanged.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
+    away = swap.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
     return bool((np.linalg.norm(away, axis=1) < FAR_GROUND_M).all())
 
 

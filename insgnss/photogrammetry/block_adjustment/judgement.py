@@ -115,17 +115,10 @@ def judged(
         shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
         of_checks = shift_of_check_points(solved)
         smoothed = solved.inputs.file.aerial_control.relative_weights == "smoothed"
-        of_checks_too = (
-            *shown_anyway,
-            *((of_checks,) if of_checks is not None else ()),
-            *trials_made,
-        )
+        done = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
             _explained(
-                finding,
-                of_checks_too if finding.name == CHECKS else trials_made,
-                solved.direct,
-                smoothed,
+                finding, done if finding.name == CHECKS else trials_made, solved.direct, smoothed
             )
             for finding in beyond
         ]
@@ -497,25 +490,22 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         Its name, a verdict, and its value with standard deviation.
     """
     for camera in figures["cameras"]:
-        for name, estimate in camera["parameters"].items():
-            if not estimate["estimated"]:
+        for name, est in camera["parameters"].items():
+            if not est["estimated"]:
                 continue
-            moved = estimate["value"] - estimate["first"]
+            moved = est["value"] - est["first"]
             unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
-            sure = abs(estimate["value"]) > SIGNIFICANT_SIGMAS * estimate["sigma"]
+            sure = abs(est["value"]) > SIGNIFICANT_SIGMAS * est["sigma"]
             verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
             yield (
                 f"{name} of {camera['name']}",
                 verdict,
-                f"{estimate['value']:.6g}{unit}, sigma {estimate['sigma']:.2g}, moved by"
-                f" {moved:+.2g}",
+                f"{est['value']:.6g}{unit}, sigma {est['sigma']:.2g}, moved by {moved:+.2g}",
             )
     vehicle = figures["vehicle"] or {"parameters": {}}
-    for name, estimate in (figures["mounting"] | vehicle["parameters"]).items():
-        factor, unit = screen_unit(estimate["unit"])
-        columns = zip(
-            AXES[name], *map(estimate.get, ("value", "sigma", "sigma_before")), strict=True
-        )
+    for name, est in (figures["mounting"] | vehicle["parameters"]).items():
+        factor, unit = screen_unit(est["unit"])
+        columns = zip(AXES[name], *map(est.get, ("value", "sigma", "sigma_before")), strict=True)
         for axis, value, sigma, before in columns:
             one = Estimate(State(name, axis), value, sigma, before)
             numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"

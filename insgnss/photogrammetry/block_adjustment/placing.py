@@ -46,15 +46,10 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
         R = nearest_rotation(np.einsum("nij,nkj->ik", block.C_mc[common], C[common]))
         fitted = similarity(position[common], block.position_m[common], R)
     elif len(block.control) >= FEWEST_COMMON:
-        observations = block.observations
-        X = intersected(
-            position,
-            C,
-            directions(block),
-            observations.image,
-            observations.point,
-            len(block.points),
-        )[block.control.point]
+        obs = block.observations
+        X = intersected(position, C, directions(block), obs.image, obs.point, len(block.points))[
+            block.control.point
+        ]
         good = np.isfinite(X).all(axis=1)
         if good.sum() >= FEWEST_COMMON:
             fitted = similarity(X[good], block.control.position_m[good])

@@ -224,16 +224,11 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     source = of_table(*block)
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source = source_in_mode(mode, source, ground, notes)
-    joined_block = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    union = joined(source, ground, eo, all_oriented=mode == "fast_at")
     inputs = Inputs(
-        file,
-        joined_block.block,
-        eo,
-        joined_block.eo_row,
-        tuple(notes),
-        calibrated(file, joined_block.block),
+        file, union.block, eo, union.eo_row, tuple(notes), calibrated(file, union.block)
     )
-    progress(f"adjusting {len(joined_block.block.observations)} planned image observations")
+    progress(f"adjusting {len(union.block.observations)} planned image observations")
     control = control_of(inputs)
     solved = plainly(inputs, control, _precision(inputs, control))
     figures = figures_of(solved)

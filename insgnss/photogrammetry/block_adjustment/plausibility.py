@@ -213,10 +213,8 @@ def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: 
             distance = np.linalg.norm(reading.residuals(), axis=1)
             return float(np.median(distance[np.isin(reading.image, some)]))
 
-        permuted = Candidate[Reading](
-            "", lambda r: replace(r, position=r.position[rows], C=r.C[rows])
-        )
-        explanation = explain(whole, [permuted], median, float(limit[some].min()))
+        moved = Candidate[Reading]("", lambda r: replace(r, position=r.position[rows], C=r.C[rows]))
+        explanation = explain(whole, [moved], median, float(limit[some].min()))
         if explanation is not None:
             raise DataError(
                 f"{text}, and {explanation.left:.1f} px when they are exchanged; exchange their"
@@ -228,7 +226,7 @@ def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: 
     )
 
 
-def _refuse_ground(inputs: Inputs, whole: Reading, misclosure_px: float) -> None:
+def _refuse_ground(inputs: Inputs, whole: Reading, miss_px: float) -> None:
     """Refuse ground points that lie elsewhere than images see them, all of them."""
     block = inputs.block
     rows = np.concatenate([block.control.point, block.check.point])
@@ -244,9 +242,7 @@ def _refuse_ground(inputs: Inputs, whole: Reading, misclosure_px: float) -> None
     names = [block.points[p] for p in rows[good]]
     height = float(np.median(mine.position[mine.image, 2]) - np.median(X[:, 2]))
     # what misclosures of the rays leave to a point, thrice
-    limit = max(
-        OFF_M, 3.0 * misclosure_px / float(np.median(mine.f)) * abs(height), 0.02 * abs(height)
-    )
+    limit = max(OFF_M, 3.0 * miss_px / float(np.median(mine.f)) * abs(height), 0.02 * abs(height))
     offset = stated - X
     middle = np.median(offset, axis=0)
     size = float(np.median(np.linalg.norm(offset, axis=1)))
@@ -262,17 +258,14 @@ def _refuse_ground(inputs: Inputs, whole: Reading, misclosure_px: float) -> None
         return float(np.median(np.linalg.norm(position - X, axis=1)))
 
     axes = ("easting", "northing", "height")
-    other_readings = [
+    turned = [
         *exchanged(axes[:2]),
         *lengths("coordinates", ("feet",)),
         Convention("heights in feet", lambda x: x * [1.0, 1.0, FOOT_M]),
         *reversed_signs(axes, most=1),
     ]
     shift = Candidate[Array]("a shift", lambda x: x - middle, parameters=3)
-    candidates = [
-        shift,
-        *(Candidate(f"they had {one.words}", one.change) for one in other_readings),
-    ]
+    candidates = [shift, *(Candidate(f"they had {one.words}", one.change) for one in turned)]
     explanation = explain(stated, candidates, misfit)
     if explanation is None:
         raise DataError(
@@ -281,7 +274,7 @@ def _refuse_ground(inputs: Inputs, whole: Reading, misclosure_px: float) -> None
         )
     if explanation.best is not shift:
         raise DataError(f"{start}, and {explanation.left:.1f} m as if {explanation.clauses()}")
-    constant = _camera_constant(inputs, whole, misclosure_px, height / (height - middle[2]))
+    constant = _camera_constant(inputs, whole, miss_px, height / (height - middle[2]))
     if constant is None:
         why = (
             "heights above the ellipsoid and above sea level (geoid) are mixed, or the base had"

@@ -337,16 +337,14 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
     of_one = {} if len(cameras) > 1 else _identity(cameras[0])
     file = solved.inputs.file
     inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    input_files = dict.fromkeys(
-        p for p in (*inputs, file.ground.file) if p is not None and p.is_file()
-    )
+    files = dict.fromkeys(p for p in (*inputs, file.ground.file) if p is not None and p.is_file())
     return MountingFile(
         verb="adjust",
         **values,
         **of_one,
         camera_from_body=eo.camera_from_body,
         date="" if week is None else calendar_from_gps(week, float(eo.time[0])).date().isoformat(),
-        inputs=tuple((path.name, sha256(path)) for path in input_files),
+        inputs=tuple((path.name, sha256(path)) for path in files),
         remarks=tuple(remarks),
     )
 

@@ -154,17 +154,15 @@ def as_given(inputs: Inputs) -> Reading:
     Reading
         The block as it is given.
     """
-    block, observations = inputs.block, inputs.block.observations
-    keep = (inputs.eo_row >= 0)[observations.image]
+    block, obs = inputs.block, inputs.block.observations
+    keep = (inputs.eo_row >= 0)[obs.image]
     xy = directions(block)
     keep &= np.isfinite(xy).all(axis=1)
-    count = np.bincount(observations.point[keep], minlength=len(block.points))
-    keep &= count[observations.point] >= 2
-    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[observations.image]]
+    count = np.bincount(obs.point[keep], minlength=len(block.points))
+    keep &= count[obs.point] >= 2
+    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[obs.image]]
     rows = np.arange(keep.size)
-    whole = Reading(
-        block.position_m, block.C_mc, xy, observations.image, observations.point, f, rows
-    )
+    whole = Reading(block.position_m, block.C_mc, xy, obs.image, obs.point, f, rows)
     return whole.rows(keep)
 
 

@@ -470,16 +470,12 @@ def _two_steps(
     return first, second.rotation, second.points(receiver.antenna_m)
 
 
-def _mirrored(block: Targets, of_sensor: Targets) -> bool:
+def _mirrored(block: Targets, body: Targets) -> bool:
     """Tell whether targets fit much better where one axis of the block changes its sign."""
 
     def misfit(X: Array) -> float:
-        fitted = similarity(X, of_sensor.position)
-        return (
-            np.inf
-            if fitted is None
-            else float(np.linalg.norm(fitted.points(X) - of_sensor.position))
-        )
+        fitted = similarity(X, body.position)
+        return np.inf if fitted is None else float(np.linalg.norm(fitted.points(X) - body.position))
 
     mirror = Candidate[Array]("mirrored", lambda X: X * [1.0, 1.0, -1.0])
     return explain(block.position, [mirror], misfit) is not None

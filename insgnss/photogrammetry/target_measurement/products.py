@@ -64,22 +64,20 @@ def write_predictions(inputs: Inputs, path: Path) -> None:
     """
     images = quoted_names(inputs.eo.images, ",")
     points = quoted_names(inputs.ground.points, ",", "point")
-    predictions = inputs.predictions
-    ellipse = predictions.ellipse
-    rows = (
-        np.arange(len(predictions)) if inputs.request.whole else np.flatnonzero(predictions.visible)
-    )
+    pred = inputs.predictions
+    ellipse = pred.ellipse
+    rows = np.arange(len(pred)) if inputs.request.whole else np.flatnonzero(pred.visible)
 
     def lines() -> Iterator[str]:
         for row in rows.tolist():
-            names = f"{images[predictions.image[row]]},{points[predictions.point[row]]}"
-            u, v = predictions.uv[row]
+            names = f"{images[pred.image[row]]},{points[pred.point[row]]}"
+            u, v = pred.uv[row]
             pixel = f"{u:.3f},{v:.3f}" if np.isfinite(u) else ","
-            word = VISIBILITY[predictions.visibility[row]]
-            if not predictions.visible[row]:
+            word = VISIBILITY[pred.visibility[row]]
+            if not pred.visible[row]:
                 yield f"{names},{pixel},,,,,,,{word}\n"
                 continue
-            C, (a, b, along) = predictions.cov[row], ellipse[row]
+            C, (a, b, along) = pred.cov[row], ellipse[row]
             su, sv = np.sqrt(np.diagonal(C))
             shape = f"{su:.4g},{sv:.4g},{C[0, 1] / (su * sv):.4f},{a:.4g},{b:.4g}"
             yield f"{names},{pixel},{shape},{np.degrees(along):.2f},{word}\n"

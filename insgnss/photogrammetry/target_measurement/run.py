@@ -283,20 +283,18 @@ def _noun(inputs: Inputs) -> str:
 
 def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
     """Numbers of a measurement."""
-    predictions, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
+    pred, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
     matches = [w.measurement.match for w in good]
     sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for m in matches if m is not None]
-    differences = [
-        m.uv - predictions.uv[w.row] for w, m in zip(good, matches, strict=True) if m is not None
-    ]
+    diff = [m.uv - pred.uv[w.row] for w, m in zip(good, matches, strict=True) if m is not None]
     count = np.zeros((len(inputs.ground.points), 2), dtype=int)
     for w in windows:
-        count[predictions.point[w.row]] += (1, int(w.measurement.accepted))
-    rows = np.flatnonzero(predictions.visible)
-    without = sum(photographs.files[i] is None for i in np.unique(predictions.image[rows]).tolist())
+        count[pred.point[w.row]] += (1, int(w.measurement.accepted))
+    rows = np.flatnonzero(pred.visible)
+    without = sum(photographs.files[i] is None for i in np.unique(pred.image[rows]).tolist())
     notes = [
         *inputs.notes,
-        *_unseen_points(inputs, np.bincount(predictions.point[rows], minlength=len(count))),
+        *_unseen_points(inputs, np.bincount(pred.point[rows], minlength=len(count))),
     ]
     if without:
         notes.append(f"{without} images that show ground points have no photograph")
@@ -318,10 +316,10 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
         f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
-        f" {len({int(predictions.image[w.row]) for w in good})} photographs"
+        f" {len({int(pred.image[w.row]) for w in good})} photographs"
     )
     if sigma:
-        shift = float(np.sqrt(np.mean(np.square(differences))))
+        shift = float(np.sqrt(np.mean(np.square(diff))))
         headline += f"; sigma {np.median(sigma):.2f} px, {shift:.1f} px rms from their predictions"
     reasons = Counter(_kind(w.measurement.rejected) for w in windows if w.measurement.rejected)
     return {
@@ -334,9 +332,7 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
             for name, (looked, measured) in zip(inputs.ground.points, count.tolist(), strict=True)
         },
         "median_sigma_px": float(np.median(sigma)) if sigma else None,
-        "rms_from_prediction_px": float(np.sqrt(np.mean(np.square(differences))))
-        if differences
-        else None,
+        "rms_from_prediction_px": float(np.sqrt(np.mean(np.square(diff)))) if diff else None,
         "signal": inputs.request.target.kind,
         "size_m": inputs.request.target.size_m,
         "notes": notes,
@@ -345,12 +341,9 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
 
 def _refuse_size(inputs: Inputs) -> None:
     """Refuse targets that would fill the photograph: a size in centimetres, as a rule."""
-    predictions, size = inputs.predictions, inputs.request.target.size_m
-    rows = np.flatnonzero(predictions.visible)
-    away = (
-        inputs.ground.position_m[predictions.point[rows]]
-        - inputs.eo.position_m[predictions.image[rows]]
-    )
+    pred, size = inputs.predictions, inputs.request.target.size_m
+    rows = np.flatnonzero(pred.visible)
+    away = inputs.ground.position_m[pred.point[rows]] - inputs.eo.position_m[pred.image[rows]]
     width = size * inputs.camera.of("f") / float(np.median(np.linalg.norm(away, axis=1)))
     most = LARGEST_SHARE * min(inputs.camera.width, inputs.camera.height)
     if width > most:
@@ -425,11 +418,8 @@ def _written(
         atomic_write(into / PAGE, page.html())
         image = np.unique(inputs.predictions.image[[w.row for w in windows]])
         looked = [photographs.files[k] for k in image.tolist()]
-        input_files = (
-            *paths_named_by(inputs.request),
-            *(path for path in looked if path is not None),
-        )
-        figures |= made_from(input_files, into / DOCUMENT, [*into.iterdir()])
+        used = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
+        figures |= made_from(used, into / DOCUMENT, [*into.iterdir()])
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
         write_json(into / DOCUMENT, figures)
         files = staging.goals()

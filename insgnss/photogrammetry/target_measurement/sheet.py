@@ -50,15 +50,13 @@ def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Sectio
         legend.append(Marked(text, "text"))
     yield Section("The windows", [Drawing(_STYLE), *legend], "page")
     for p, name in enumerate(inputs.ground.points):
-        of_point = [w for w in windows if inputs.predictions.point[w.row] == p]
-        stand = sum(w.measurement.accepted for w in of_point)
-        of_point.sort(key=lambda w: w.measurement.accepted)
-        drawn = (
-            _window(inputs, w) for w in of_point if not w.measurement.accepted or id(w) in shown
-        )
+        group = [w for w in windows if inputs.predictions.point[w.row] == p]
+        stand = sum(w.measurement.accepted for w in group)
+        group.sort(key=lambda w: w.measurement.accepted)
+        drawn = (_window(inputs, w) for w in group if not w.measurement.accepted or id(w) in shown)
         sheet = f'<div class="sheet">\n{"".join(drawn)}</div>\n'
-        title = f"{name}: measured in {stand} of {len(of_point)} images"
-        yield Section(title, [Drawing(sheet)] if of_point else [], "page")
+        title = f"{name}: measured in {stand} of {len(group)} images"
+        yield Section(title, [Drawing(sheet)] if group else [], "page")
 
 
 def _window(inputs: Inputs, window: Window) -> str:

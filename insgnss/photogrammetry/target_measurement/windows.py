@@ -163,23 +163,21 @@ def _held_together(inputs: Inputs, windows: list[Window]) -> Iterator[Window]:
     predictions = inputs.predictions
     rejected: dict[int, float] = {}
     for p in range(len(inputs.ground.points)):
-        of_point = [
+        group = [
             (k, w.measurement.match)
             for k, w in enumerate(windows)
             if predictions.point[w.row] == p and w.measurement.accepted
         ]
-        matches = [match for _, match in of_point if match is not None]
+        matches = [match for _, match in group if match is not None]
         if len(matches) < 3:
             continue
-        rows = np.array([windows[k].row for k, _ in of_point])
+        rows = np.array([windows[k].row for k, _ in group])
         B, P = predictions.by_point[rows], inputs.ground.cov[p]
         differences = np.array([match.uv for match in matches]) - predictions.uv[rows]
         cov = predictions.cov[rows] - B @ P @ B.transpose(0, 2, 1)
         cov = cov + np.array([match.cov for match in matches])
         size = disagreeing(differences, cov, B, P)
-        rejected |= {
-            k: float(s) for (k, _), s in zip(of_point, size, strict=True) if np.isfinite(s)
-        }
+        rejected |= {k: float(s) for (k, _), s in zip(group, size, strict=True) if np.isfinite(s)}
     for k, window in enumerate(windows):
         if k in rejected:
             why = f"{rejected[k]:.1f} sigmas from what the other images say, above {LIMIT:g}"

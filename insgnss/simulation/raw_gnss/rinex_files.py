@@ -150,11 +150,8 @@ def _observation_lines(path: File, station: Station, table: ObservationTable) ->
         parts: list[bytes] = []
         for k in range(first, last):
             parts += events[first_event[k] : first_event[k + 1]]
-            epoch_rows = slice(rows[k] - rows[first], rows[k + 1] - rows[first])
-            parts += [
-                _epoch_lines(heads[k], names[epoch_rows].tobytes()),
-                body[epoch_rows].tobytes(),
-            ]
+            span = slice(rows[k] - rows[first], rows[k + 1] - rows[first])
+            parts += [_epoch_lines(heads[k], names[span].tobytes()), body[span].tobytes()]
         yield b"".join(parts)
     yield b"".join(events[first_event[n] :])
 

@@ -47,27 +47,17 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
         if variance.max() > 0.0
     }
     processes = t.kept.composition.processes
-    process_labels = {
-        str(process): _label(t, process) for process in processes if str(process) in parts
-    }
+    names = {str(process): _label(t, process) for process in processes if str(process) in parts}
     p = goodness_p(t)
     tested = f"J test: {p_text(p)}" if math.isfinite(p) else ""
     for v in t.inference.verdicts:
-        if not v.identifiable and v.process in process_labels:
-            process_labels[v.process] += ", not identifiable"
+        if not v.identifiable and v.process in names:
+            names[v.process] += ", not identifiable"
     used = sorted({int(j) for curve in t.kept.curves for j in curve.level})
     modelled = haar_variance(axis, longest.level, rate, sampling)
     title = t.name[len(t.sensor) + 1 :]
     return NoisePanel(
-        title,
-        curves,
-        labels,
-        longest.averaging_time_s,
-        modelled,
-        parts,
-        process_labels,
-        used,
-        tested,
+        title, curves, labels, longest.averaging_time_s, modelled, parts, names, used, tested
     )
 
 

@@ -113,30 +113,28 @@ def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     p, g = goodness_p(t), t.goodness
     if not p < FITS_P:
         return
-    standing_out = []
+    large = []
     for i, level in t.inference.goodness.misfits:
         curve = t.kept.curves[i]
         k = int(np.flatnonzero(curve.level == level)[0])
-        standing_out.append(
+        large.append(
             (math.sqrt(t.kept.modelled[i][k] / curve.variance[k]) - 1.0, float(curve.scale_s[k]), i)
         )
     tested = f"J {g.statistic:.0f} for {g.degrees:.0f} degrees of freedom, {p_text(p)}"
-    if not standing_out:
+    if not large:
         yield f"{t.kept.composition} does not fit ({tested}), but no scale stands out"
         return
-    standing_out.sort(key=lambda item: -abs(item[0]))
-    worst, scale, i = standing_out[0]
+    large.sort(key=lambda item: -abs(item[0]))
+    worst, scale, i = large[0]
     where = f"{scale:.3g} s" + (
         f" of {curve_name(t, recordings, i)}" if len(t.kept.curves) > 1 else ""
     )
     which = (
-        f"{len(standing_out)} of {sum(curve.level.size for curve in t.kept.curves)} scales stand"
-        f" out, {_span([s for _, s, _ in standing_out])}"
+        f"{len(large)} of {sum(curve.level.size for curve in t.kept.curves)} scales stand out,"
+        f" {_span([s for _, s, _ in large])}"
     )
     size = f"{abs(worst):.1%} too {'high' if worst > 0.0 else 'low'}"
-    amount = (
-        f"its deviation is {size} at {where}, off by {_median(standing_out)} in the median of these"
-    )
+    amount = f"its deviation is {size} at {where}, off by {_median(large)} in the median of these"
     yield f"{t.kept.composition} does not fit ({tested}): {which}; {amount}"
     if t.how and not t.efficient:
         yield t.how
@@ -201,12 +199,11 @@ def ranked(t: "Tuned") -> Iterator[str]:
     )
 
 
-def _repeats(candidate: "Candidate", candidates: Sequence["Candidate"]) -> bool:
+def _repeats(candidate: "Candidate", models: Sequence["Candidate"]) -> bool:
     """Whether a model is a smaller one with processes of no strength."""
     Q, size = candidate.fit.objective, candidate.composition.size
     return bool(candidate.fit.at_bound) and any(
-        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME_OBJECTIVE)
-        for o in candidates
+        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME_OBJECTIVE) for o in models
     )
 
 
@@ -215,11 +212,9 @@ def trends(
 ) -> Iterator[str]:
     """Yield the trends of a sensor's axes that the fitted noise does not explain."""
     length = {r.name: r.length_s for r in recordings}
-    found_trends = [
-        (name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there
-    ]
+    items = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
     settling = [
-        (name, k, trend) for name, k, trend in found_trends if trend.time_s < SETTLES * length[name]
+        (name, k, trend) for name, k, trend in items if trend.time_s < SETTLES * length[name]
     ]
     scale = parse_unit(UNIT[sensor]).scale
     if settling:
@@ -231,7 +226,7 @@ def trends(
             f" found explains; most {name} {AXES[k]}, {size} in {trend.time_s / 60.0:.2g} min (time"
             f" constant); --skip {minutes} leaves that out"
         )
-    slow = [item for item in found_trends if item not in settling]
+    slow = [item for item in items if item not in settling]
     if slow:
         description = "drift over the whole recording by more than the noise found explains"
         yield (

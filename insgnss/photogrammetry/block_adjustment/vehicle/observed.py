@@ -90,16 +90,16 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
 
 def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Observed:
     """Give every image a point of its own."""
-    observations, points = measured.observations, list(measured.points)
+    obs, points = measured.observations, list(measured.points)
     taken = set(points)
-    shared = np.bincount(observations.point[rows], minlength=len(points)) > 1
-    point = np.array(observations.point)
+    shared = np.bincount(obs.point[rows], minlength=len(points)) > 1
+    point = np.array(obs.point)
     divided = []
     for row in rows.tolist():
-        old = int(observations.point[row])
+        old = int(obs.point[row])
         if not shared[old]:
             continue
-        image = measured.images[int(observations.image[row])]
+        image = measured.images[int(obs.image[row])]
         name = f"{target}{image}" if target != measured.points[old] else f"{target}_{image}"
         while name in taken:
             name += "'"
@@ -107,9 +107,7 @@ def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Obs
         point[row] = len(points)
         points.append(name)
         divided.append(measured.points[old])
-    changed = replace(
-        measured, points=tuple(points), observations=replace(observations, point=point)
-    )
+    changed = replace(measured, points=tuple(points), observations=replace(obs, point=point))
     if divided:  # names that no image has any more
         used = np.bincount(point, minlength=len(points)) > 0
         used[: len(measured.points)] |= ~shared
@@ -117,7 +115,7 @@ def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Obs
         changed = replace(
             measured,
             points=tuple(name for name, is_used in zip(points, used, strict=True) if is_used),
-            observations=replace(observations, point=new[point]),
+            observations=replace(obs, point=new[point]),
         )
     of_changed = changed.observations
     return Observed(
@@ -151,10 +149,9 @@ def without(observed: Observed, images: Sequence[str], key: str = "vehicle.skip"
         An image that does not see the target.
     """
     gone = set(images)
-    if unknown := sorted(gone - set(observed.images)):
+    if bad := sorted(gone - set(observed.images)):
         raise InputError(
-            f"{key}: {unknown[0]!r} does not see the target;"
-            f" {near(unknown[0], observed.images[:200])}"
+            f"{key}: {bad[0]!r} does not see the target; {near(bad[0], observed.images[:200])}"
         )
     points = {p for i, p in zip(observed.images, observed.points, strict=True) if i in gone}
     observations, names = observed.measured.observations, observed.measured.points

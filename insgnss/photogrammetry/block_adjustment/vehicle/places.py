@@ -109,19 +109,17 @@ def vehicle_of(
     InputError
         A file cannot be read, or files do not belong together.
     """
-    sightings = observed(measured, options.target, ground)
-    if sightings.divided:
+    views = observed(measured, options.target, ground)
+    if views.divided:
         notes.append(
-            f"point {sightings.divided[0]!r}"
-            + (f" and {len(sightings.divided) - 1} more" if len(sightings.divided) > 1 else "")
+            f"point {views.divided[0]!r}"
+            + (f" and {len(views.divided) - 1} more" if len(views.divided) > 1 else "")
             + " of the vehicle had one name in several images, where it had moved in between: it is"
-            f" a point of its own in each, such as {sightings.points[0]!r}"
+            f" a point of its own in each, such as {views.points[0]!r}"
         )
     if options.skip:
-        sightings = without(sightings, options.skip)
-    return sightings.measured, placed_vehicle(
-        options, sightings.images, sightings.points, eo, notes
-    )
+        views = without(views, options.skip)
+    return views.measured, placed_vehicle(options, views.images, views.points, eo, notes)
 
 
 def placed_vehicle(
@@ -199,7 +197,7 @@ def at_exposures(
     -------
     placed : Track
         A row an exposure that is covered.
-    is_placed : ndarray of bool, (n,)
+    valid : ndarray of bool, (n,)
         Which are.
 
     Raises
@@ -209,11 +207,11 @@ def at_exposures(
     """
     path = options.file
     if (rows := rows_by_name(track, images)) is not None:
-        is_placed = rows >= 0
-        placed = track.rows(rows[is_placed])
-        _compare_stamps(options, placed, time[is_placed], notes)
-        if placed.time is None and np.isfinite(time[is_placed]).all():
-            placed = _with_velocities(placed, time[is_placed])
+        valid = rows >= 0
+        placed = track.rows(rows[valid])
+        _compare_stamps(options, placed, time[valid], notes)
+        if placed.time is None and np.isfinite(time[valid]).all():
+            placed = _with_velocities(placed, time[valid])
         reason = "are not named in it"
     elif track.time is None:
         assert track.images is not None
@@ -232,27 +230,25 @@ def at_exposures(
         stamps = np.where(np.isfinite(time), time, np.inf)
         row = np.abs(track.time[None] - stamps[:, None]).argmin(axis=1)
         dt = time - track.time[row]
-        is_placed = np.abs(dt) < EVENT_S
-        placed = track.rows(row[is_placed])
-        placed = replace(
-            placed, position_m=placed.position_m + dt[is_placed, None] * placed.velocity
-        )
+        valid = np.abs(dt) < EVENT_S
+        placed = track.rows(row[valid])
+        placed = replace(placed, position_m=placed.position_m + dt[valid, None] * placed.velocity)
         reason = f"have no event of the vehicle within {1e3 * EVENT_S:g} ms"
     else:
         if len(track.time) < 2:
             raise InputError.in_file(path, "one row; two are needed to interpolate")
         filled = np.where(np.isfinite(time), time, track.time[0] - 1e6)
-        placed, is_placed = track.at(filled, options.longest_gap_s)
-        placed = placed.rows(np.flatnonzero(is_placed))
+        placed, valid = track.at(filled, options.longest_gap_s)
+        placed = placed.rows(np.flatnonzero(valid))
         reason = f"lie outside its rows or in a gap of more than {options.longest_gap_s:g} s"
-    if not is_placed.any():
+    if not valid.any():
         _refuse_stamps(options, track, time)
-    if missing := int((~is_placed).sum()):
+    if missing := int((~valid).sum()):
         notes.append(
-            f"{missing} of {len(is_placed)} exposures of the vehicle's target {reason},"
-            f" {images[int(np.argmin(is_placed))]} first: they have no kinematic ground control"
+            f"{missing} of {len(valid)} exposures of the vehicle's target {reason},"
+            f" {images[int(np.argmin(valid))]} first: they have no kinematic ground control"
         )
-    return placed, is_placed
+    return placed, valid
 
 
 def _with_velocities(placed: Track, time: Array) -> Track:
@@ -335,21 +331,17 @@ def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tu
         return size, sigma
     table = read_target_sizes(options.sizes)
     rows = matched(table.images, images)
-    is_placed = rows >= 0
-    if not is_placed.any():
+    ok = rows >= 0
+    if not ok.any():
         raise InputError.in_file(
             options.sizes,
             f"image {table.images[0]!r} does not see the vehicle's target, nor any other of it;"
             f" {near(table.images[0], list(images)[:200])}",
         )
-    size[rows[is_placed]], sigma[rows[is_placed]] = (
-        table.size_px[is_placed],
-        table.sigma_px[is_placed],
-    )
-    if not is_placed.all():
+    size[rows[ok]], sigma[rows[ok]] = table.size_px[ok], table.sigma_px[ok]
+    if not ok.all():
         notes.append(
-            f"{int((~is_placed).sum())} sizes of the target take no part,"
-            f" {table.images[int(np.argmin(is_placed))]} first: the vehicle's place there is"
-            " not known"
+            f"{int((~ok).sum())} sizes of the target take no part,"
+            f" {table.images[int(np.argmin(ok))]} first: the vehicle's place there is not known"
         )
     return size, sigma

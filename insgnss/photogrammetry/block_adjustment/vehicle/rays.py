@@ -98,13 +98,11 @@ def refuse_elsewhere(
 def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array) -> None:
     """Refuse apparent sizes of the target that its diameter cannot have (J.22)."""
     options = vehicle.options
-    has_size = np.isfinite(vehicle.size_px)
-    if options.size_m is None or has_size.sum() < FEWEST_SIGHTINGS:
+    sized = np.isfinite(vehicle.size_px)
+    if options.size_m is None or sized.sum() < FEWEST_SIGHTINGS:
         return
     f = np.array([camera.of("f") for camera in block.cameras])[block.camera[image]]
-    times = float(
-        np.median(vehicle.size_px[has_size] * depth[has_size] / (f[has_size] * options.size_m))
-    )
+    times = float(np.median(vehicle.size_px[sized] * depth[sized] / (f[sized] * options.size_m)))
     limit = max(OTHER_TARGET_SIZE, MISS_SIGMAS * options.size_sigma_m / options.size_m)
     if abs(times - 1.0) > limit:
         raise DataError(

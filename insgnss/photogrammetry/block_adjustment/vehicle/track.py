@@ -341,25 +341,23 @@ def _of_eo(
     return track.rows(order)
 
 
-def _covariance_of(
-    vehicle_eo: ExteriorOrientation, beside: Path, offset: Array, turn: Array
-) -> Array:
+def _covariance_of(veh: ExteriorOrientation, beside: Path, offset: Array, turn: Array) -> Array:
     """Return the covariance of the target at all events: flight lines, and what they share."""
-    n = len(vehicle_eo.images)
+    n = len(veh.images)
     whole = np.zeros((n, n, 6, 6))
     if beside.is_file():
-        common = read_common_errors(beside, vehicle_eo)
+        common = read_common_errors(beside, veh)
         if common is not None:
             same = common.segment[:, None] == common.segment[None]
             A = common.factor
             whole = same[:, :, None, None] * np.einsum("iaq,jbq->ijab", A, A)
-        whole[np.arange(n), np.arange(n)] = vehicle_eo.cov
-        for strip in read_eo_covariance(beside, vehicle_eo):
+        whole[np.arange(n), np.arange(n)] = veh.cov
+        for strip in read_eo_covariance(beside, veh):
             whole[np.ix_(strip.rows, strip.rows)] = strip.blocks
-    elif vehicle_eo.cross is not None:
-        whole = chained_covariance(vehicle_eo).reshape(n, 6, n, 6).transpose(0, 2, 1, 3)
+    elif veh.cross is not None:
+        whole = chained_covariance(veh).reshape(n, 6, n, 6).transpose(0, 2, 1, 3)
     else:
-        whole[np.arange(n), np.arange(n)] = vehicle_eo.cov
+        whole[np.arange(n), np.arange(n)] = veh.cov
     J = np.concatenate([np.tile(np.eye(3), (n, 1, 1)), -skew(offset)], axis=2)
     J = turn @ J
     P = np.einsum("iab,ijbc,jdc->iajd", J, whole, J, optimize=True)

@@ -90,7 +90,7 @@ def vehicle_figures(
     points = []
     for k, p in enumerate(rows):
         ray = row_of[p]
-        target_figures: dict[str, Any] = {
+        fig: dict[str, Any] = {
             "image": vehicle.images[k],
             "point": vehicle.points[k],
             "residual_m": e[k].tolist(),
@@ -101,12 +101,9 @@ def vehicle_figures(
             "sigma_before_m": np.sqrt(np.diagonal(vehicle.cov)[3 * k : 3 * k + 3]).tolist(),
         }
         if p in sizes:
-            target_figures |= {"size_px": float(vehicle.size_px[k])}
-            target_figures |= {
-                "size_residual_px": float(sizes[p].e[0]),
-                "size_w": float(sizes[p].w[0]),
-            }
-        points.append(target_figures)
+            fig |= {"size_px": float(vehicle.size_px[k])}
+            fig |= {"size_residual_px": float(sizes[p].e[0]), "size_w": float(sizes[p].w[0])}
+        points.append(fig)
     return {
         "file": str(vehicle.options.file),
         "kind": vehicle.track.kind,
@@ -276,12 +273,10 @@ def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
 
 def headline_words(figures: Mapping[str, Any]) -> str:
     """Return the residuals of the vehicle in words; empty without one."""
-    vehicle = figures["vehicle"]
-    if vehicle is None:
+    fig = figures["vehicle"]
+    if fig is None:
         return ""
-    used = np.array([p["residual_m"] for p in vehicle["points"] if not p["left_out"]]).reshape(
-        -1, 3
-    )
+    used = np.array([p["residual_m"] for p in fig["points"] if not p["left_out"]]).reshape(-1, 3)
     if not len(used):
         return ""
     rms = np.sqrt((used**2).mean(axis=0))
