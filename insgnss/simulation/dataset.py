@@ -199,14 +199,14 @@ def write_simulated(
         raise UsageError("no exposure in this flight; ask for more minutes, or start in the air")
     units = units or Units.of(simulated.imu_options.quantity, None, None)
     draws = np.random.default_rng([seed, 1])
-    seen = None if block is None else simulate_block(simulated, block, seed)
+    simulated_block = None if block is None else simulate_block(simulated, block, seed)
     with together() as staging:
         root = staging.tree(target)
-        _write_tree(root, simulated, units, draws, flight_file or {}, seen)
+        _write_tree(root, simulated, units, draws, flight_file or {}, simulated_block)
         for rows, file in ((imu_rows, imu_file(simulated)), (gnss_rows, FIXES)):
             if rows is not None:
                 rows.disturb(root / file, draws.spawn(1)[0])
-    return Dataset(target, target / "flight.toml", simulated, seen)
+    return Dataset(target, target / "flight.toml", simulated, simulated_block)
 
 
 def _target(directory: str | os.PathLike[str]) -> Path:
@@ -240,11 +240,11 @@ def _write_tree(
         _write_raw_gnss(root, RinexNames.of(simulated), simulated.raw_gnss)
     tables = true_tables(simulated, units, _noise_name(root, simulated.imu_options.noise))
     if simulated.second_imu is not None:
-        recorded, other = simulated.second_imu
+        recorded, second_samples = simulated.second_imu
         _write_imu(
             root / imu_file(simulated, 2),
             recorded.samples,
-            Units.of(other.options.quantity, None, None),
+            Units.of(second_samples.options.quantity, None, None),
         )
     texts = {
         "flight.toml": flight_toml(tables, flight_file),
@@ -364,14 +364,14 @@ def _write_block(root: Path, block: SimulatedBlock) -> None:
     write_ground_points(block.ground, root / BLOCK / "ground_points.csv", [axes])
     write_camera_toml(block.options.stated_camera, root / BLOCK / "camera.toml")
     write_camera_toml(block.options.true_camera, root / "truth/camera.toml")
-    seen = block.measured.observations
+    observations = block.measured.observations
     np.savez(
         root / "truth/block.npz",
         allow_pickle=False,
         points=np.array(block.measured.points),
         position_enu=block.position_m,
-        image=seen.image,
-        point=seen.point,
+        image=observations.image,
+        point=observations.point,
         uv=block.uv,
         gross_error=block.gross,
     )

@@ -225,13 +225,13 @@ def readme(simulated: SimulatedFlight, with_block: bool = False) -> str:
     if simulated.raw_gnss is None:
         absent = "Images, RINEX and raw IMU files"
         return _README.format(absent=absent, more_files=files, own="", more=more)
-    own = (
+    fix_errors = (
         ", with errors of their own, not\n  those of the RINEX files, which `flight.toml` names in"
         " their place"
     )
     more += ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
     absent = "Images, a virtual reference station and raw IMU files"
-    return _README.format(absent=absent, more_files=files + _RAW, own=own, more=more)
+    return _README.format(absent=absent, more_files=files + _RAW, own=fix_errors, more=more)
 
 
 def flight_md(simulated: SimulatedFlight, block: SimulatedBlock | None = None) -> str:
@@ -282,14 +282,14 @@ def flight_md(simulated: SimulatedFlight, block: SimulatedBlock | None = None) -
 
 def _block_lines(block: SimulatedBlock) -> list[str]:
     """What was measured in the images, in figures."""
-    options, seen, check = block.options, block.measured.observations, block.ground.check
+    options, observations, check = block.options, block.measured.observations, block.ground.check
     ties = len(block.measured.points) - check.size
     east, north, up = (1e3 * sigma for sigma in options.ground_sigma_m)
     camera = options.true_camera
     return [
         (
-            f"- Image points: {len(seen)} of {ties} tie points ({options.tie_sigma_px:g} px) and"
-            f" {check.size} targets ({options.target_sigma_px:g} px); gross errors:"
+            f"- Image points: {len(observations)} of {ties} tie points ({options.tie_sigma_px:g}"
+            f" px) and {check.size} targets ({options.target_sigma_px:g} px); gross errors:"
             f" {int(block.gross.sum())}"
         ),
         (

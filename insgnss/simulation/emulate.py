@@ -93,8 +93,8 @@ def emulate_motion(
     control = _control(time[inside] - time[0], poses[inside], knot_s, pieces)
     motion = Motion(frame, float(time[0]) + ENDS * knot_s, knot_s, control[ENDS:-ENDS])
     inside = (time >= motion.start) & (time <= motion.end)
-    off = np.hstack([motion.position(time[inside]), motion.angles(time[inside])]) - poses[inside]
-    rms = np.sqrt(np.mean(off**2, axis=0))
+    misfit = np.hstack([motion.position(time[inside]), motion.angles(time[inside])]) - poses[inside]
+    rms = np.sqrt(np.mean(misfit**2, axis=0))
     return Emulation(motion, rms[:3], rms[3:])
 
 

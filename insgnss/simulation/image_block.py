@@ -285,13 +285,13 @@ def simulate_block(
     is_tie = point < len(tie.position)
     sigma = np.where(is_tie, options.tie_sigma_px, options.target_sigma_px)[:, None] * np.ones(2)
     wrong = gross.random(len(uv)) < options.gross_errors
-    seen = uv + sigma * noise.standard_normal(uv.shape)
-    seen += wrong[:, None] * _displacements(uv, options.true_camera, gross)
+    noisy = uv + sigma * noise.standard_normal(uv.shape)
+    noisy += wrong[:, None] * _displacements(uv, options.true_camera, gross)
     names = [f"T{k + 1:06d}" for k in range(len(tie.position))]
     surveyed = [f"G{k + 1:02d}" for k in range(len(target.position))]
     return SimulatedBlock(
         options,
-        ImagePoints(eo.images, (*names, *surveyed), ImageObservations(image, point, seen, sigma)),
+        ImagePoints(eo.images, (*names, *surveyed), ImageObservations(image, point, noisy, sigma)),
         _surveyed(surveyed, target.position, options, targets),
         position,
         uv,
@@ -401,8 +401,8 @@ def _targets(
     """
     wanted = options.control + options.check
     drawn = under_images(eo, terrain, max(_TARGET_DRAWS * wanted, 1), rng)
-    seen = seen_points(eo, drawn, options.true_camera)
-    good = np.flatnonzero(seen.rays() >= _TARGET_RAYS)
+    visible = seen_points(eo, drawn, options.true_camera)
+    good = np.flatnonzero(visible.rays() >= _TARGET_RAYS)
     horizontal = drawn[good, :2]
     chosen: list[int] = []
     gap = np.full(len(good), np.inf)
@@ -410,10 +410,10 @@ def _targets(
         gap = np.linalg.norm(horizontal - horizontal.mean(axis=0), axis=1)
     while len(chosen) < min(wanted, len(good)):
         k = int(np.argmax(gap))
-        own = np.linalg.norm(horizontal - horizontal[k], axis=1)
-        gap = own if not chosen else np.minimum(gap, own)
+        distance = np.linalg.norm(horizontal - horizontal[k], axis=1)
+        gap = distance if not chosen else np.minimum(gap, distance)
         chosen.append(k)
-    return seen.chosen(good[chosen] if chosen else good[:0])
+    return visible.chosen(good[chosen] if chosen else good[:0])
 
 
 def _surveyed(

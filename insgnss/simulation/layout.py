@@ -284,15 +284,15 @@ def _fly_lines(route: Route, plan: FlightPlan, lines: list[Line]) -> None:
 def _lines(plan: FlightPlan, count: int, scale: float) -> list[Line]:
     """`count` lines in the order flown; past the plan's last line its first follows."""
     every = sum(level.lines for level in plan.levels)
-    here = plan.launch
+    position = plan.launch
     lines: list[Line] = []
     while len(lines) < count:
         missing = min(count - len(lines), every)
         for level, share in zip(plan.levels, _shares(plan, missing), strict=True):
             if share:
-                lines += _level_lines(plan, level, share, scale, here)
+                lines += _level_lines(plan, level, share, scale, position)
                 start, _, length = lines[-1]
-                here = advance(start, 0.0, length)[:2]
+                position = advance(start, 0.0, length)[:2]
     return lines
 
 
@@ -306,11 +306,11 @@ def _shares(plan: FlightPlan, count: int) -> list[int]:
 
 
 def _level_lines(
-    plan: FlightPlan, level: Level, count: int, scale: float, here: tuple[float, float]
+    plan: FlightPlan, level: Level, count: int, scale: float, position: tuple[float, float]
 ) -> list[Line]:
     """`count` lines about the block's centre: every other one first, then back.
 
-    From the corner nearest to `here`.
+    From the corner nearest to `position`.
     """
     course, length = float(np.radians(level.course_deg)), level.length_m * scale
     spacing = plan.camera.line_spacing(level.height_m, plan.side_overlap)
@@ -326,7 +326,7 @@ def _level_lines(
                 starts.append(advance(middle, 0.0, -0.5 * length))
             choices.append(starts)
     nearest = min(
-        choices, key=lambda starts: np.hypot(starts[0][0] - here[0], starts[0][1] - here[1])
+        choices, key=lambda starts: np.hypot(starts[0][0] - position[0], starts[0][1] - position[1])
     )
     return [(start, level.height_m, length) for start in nearest]
 

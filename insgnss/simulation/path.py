@@ -37,17 +37,17 @@ def _angle(x: float) -> float:
     return 0.0 if x > 2.0 * pi - 1e-9 else x
 
 
-def _words(
+def _candidate_ways(
     d: float, a: float, b: float
 ) -> list[tuple[tuple[int, int, int], tuple[float, float, float]]]:
     """Turn signs and normalised lengths of the words from (0, 0, a) to (d, 0, b), radius 1."""
     sa, sb, ca, cb, cab = sin(a), sin(b), cos(a), cos(b), cos(a - b)
-    words: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
+    candidates: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
     for s in (1, -1):  # RSR and LSL, one the mirror image of the other
         p2 = 2.0 + d * d - 2.0 * cab + 2.0 * d * s * (sa - sb)
         if p2 >= 0.0:
             way = s * atan2(s * (cb - ca), d + s * (sa - sb))
-            words.append(
+            candidates.append(
                 ((s, 0, s), (_angle(s * (way * s - a)), sqrt(p2), _angle(s * (b - way * s))))
             )
     for s in (1, -1):  # RSL and LSR
@@ -55,14 +55,14 @@ def _words(
         if p2 >= 0.0:
             p = sqrt(p2)
             way = atan2(-s * (ca + cb), d + s * (sa + sb)) - atan2(-2.0 * s, p)
-            words.append(((s, 0, -s), (_angle(s * (way - a)), p, _angle(s * (way - b)))))
+            candidates.append(((s, 0, -s), (_angle(s * (way - a)), p, _angle(s * (way - b)))))
     for s in (1, -1):  # RLR and LRL
         cosine = (6.0 - d * d + 2.0 * cab + 2.0 * d * s * (sb - sa)) / 8.0
         if abs(cosine) <= 1.0:
             p = 2.0 * pi - acos(cosine)
             t = _angle(s * (atan2(s * (cb - ca), d + s * (sa - sb)) - a) + 0.5 * p)
-            words.append(((s, -s, s), (t, p, _angle(s * (b - a) - t + p))))
-    return words
+            candidates.append(((s, -s, s), (t, p, _angle(s * (b - a) - t + p))))
+    return candidates
 
 
 def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, float]]:
@@ -77,8 +77,8 @@ def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, fl
     if hypot(dx, dy) < 1e-6 and cos(goal[2] - start[2]) > 1.0 - 1e-12:
         return []
     bearing = atan2(dy, dx)
-    words = _words(hypot(dx, dy) / radius, start[2] - bearing, goal[2] - bearing)
-    turns, lengths = min(words, key=lambda word: sum(word[1]))
+    candidates = _candidate_ways(hypot(dx, dy) / radius, start[2] - bearing, goal[2] - bearing)
+    turns, lengths = min(candidates, key=lambda word: sum(word[1]))
     return [(turn / radius, length * radius) for turn, length in zip(turns, lengths, strict=True)]
 
 

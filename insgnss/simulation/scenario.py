@@ -125,8 +125,8 @@ def simulate_flight(
         raise UsageError(f"flight {flight!r} is unknown; {near(str(flight), FLIGHTS)}")
     sensor_seed: int | np.random.SeedSequence = seed
     if isinstance(flight, str) and flight in JOURNEYS:
-        if odd := [name for name in changes if name != "stand_s"]:
-            raise UsageError(f"{flight}: there is no {odd[0]}; {near(odd[0], ['stand_s'])}")
+        if extra := [name for name in changes if name != "stand_s"]:
+            raise UsageError(f"{flight}: there is no {extra[0]}; {near(extra[0], ['stand_s'])}")
         length = JOURNEY_MIN if minutes is None else minutes
         path = JOURNEYS[flight](length, seed=seed, start_tow=start_tow, **changes)
     else:
@@ -175,7 +175,7 @@ def observe(
     """
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
-    inertial, receiver, camera, other, raw = np.random.default_rng(sensor_seed).spawn(5)
+    inertial, receiver, camera, second_rng, raw = np.random.default_rng(sensor_seed).spawn(5)
     with within(0.0, 1.0 if raw_gnss is None else 0.3):
         recorded = simulate_imu(flight, imu, inertial)
     fixes, outlier = simulate_gnss(flight, rig, gnss, receiver)
@@ -187,7 +187,7 @@ def observe(
     second = None
     if second_imu is not None:
         lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))
-        second = simulate_imu(flight, second_imu.options, other, lever_b), second_imu
+        second = simulate_imu(flight, second_imu.options, second_rng, lever_b), second_imu
     trajectory = true_trajectory(flight.motion, _times(flight.motion, truth_hz), flight.gps_week)
     plane = TangentPlane(flight.motion.frame.lat, flight.motion.frame.lon, 0.0)
     truth = Truth(

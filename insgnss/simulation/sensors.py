@@ -154,7 +154,7 @@ class SimulatedImu:
     accel_bias: Array
 
 
-def axes_matrix(words: str) -> Array:
+def axes_matrix(axes: str) -> Array:
     """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z.
 
     Raises
@@ -163,14 +163,14 @@ def axes_matrix(words: str) -> Array:
         Unless they are right-handed.
     """
     C = np.zeros((3, 3))
-    given = words.split()
-    if len(given) == 3 and all(word in _DIRECTIONS for word in given):
-        for k, word in enumerate(given):
+    directions = axes.split()
+    if len(directions) == 3 and all(word in _DIRECTIONS for word in directions):
+        for k, word in enumerate(directions):
             line, sense = _DIRECTIONS[word]
             C[line, k] = sense
     if abs(np.linalg.det(C) - 1.0) > 1e-9:
         raise UsageError(
-            f"IMU axes {words!r} are no right-handed three of {', '.join(_DIRECTIONS)}; e.g. 'right"
+            f"IMU axes {axes!r} are no right-handed three of {', '.join(_DIRECTIONS)}; e.g. 'right"
             " backward down'"
         )
     return C
@@ -198,9 +198,9 @@ def simulate_imu(
     shaken = _shaken(flight.motion, ideal.time, options.vibration)
     shakes = rng.spawn(2)
     triads = (model.gyro, model.accel) if model else ((), ())
-    both = (ideal.gyro, ideal.accel)
+    ideal_triads = (ideal.gyro, ideal.accel)
     for k, (truth, axes, stream, shake) in enumerate(
-        zip(both, triads, streams, shakes, strict=True)
+        zip(ideal_triads, triads, streams, shakes, strict=True)
     ):
         with within(0.5 + 0.25 * k, 0.75 + 0.25 * k):
             reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)

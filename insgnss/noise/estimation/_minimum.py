@@ -59,8 +59,8 @@ def search(moments: Moments) -> list[Array]:
         )[:_BEAM]
     best, k, unchanged = beam[0], 0, 0
     while unchanged < K:
-        others = np.delete(best, k)
-        new = grid.settled([np.append(others, position) for position in grid.places(others)])[0]
+        kept = np.delete(best, k)
+        new = grid.settled([np.append(kept, position) for position in grid.places(kept)])[0]
         if grid.value(new) < grid.value(best) * (1.0 - _BETTER):
             best, unchanged = new, 0
         else:
@@ -124,9 +124,9 @@ def without_idle(moments: Moments, solution: Solution) -> Solution:
     L = len(moments.linear)
     times = solution.times[solution.x[L:] > 0.0]
     for k in reversed(range(times.size)):
-        others = np.delete(times, k)
-        if L + others.size and moments.solution(others).value <= limit:
-            times = others
+        fewer_times = np.delete(times, k)
+        if L + fewer_times.size and moments.solution(fewer_times).value <= limit:
+            times = fewer_times
     for bound in moments.bounds:
         for k in range(times.size):
             moved = np.sort(np.append(np.delete(times, k), bound))

@@ -147,12 +147,12 @@ def _reduced(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, i
     if not large.all():
         V = haar_covariance(fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling)
         gain = np.linalg.solve(V[np.ix_(large, large)], V[np.ix_(large, ~large)])
-        rest = V[np.ix_(~large, ~large)] - V[np.ix_(~large, large)] @ gain
+        conditional = V[np.ix_(~large, ~large)] - V[np.ix_(~large, large)] @ gain
         normal = np.random.default_rng([*seed, draws]).standard_normal((draws, int((~large).sum())))
         out[:, ~large] = (
             expected[~large]
             + (out[:, large] - expected[large]) @ gain
-            + normal @ np.linalg.cholesky(rest).T
+            + normal @ np.linalg.cholesky(conditional).T
         )  # (B.1)
     return out
 

@@ -73,13 +73,13 @@ def goodness_of_fit(
         error = math.sqrt(p * (1.0 - p) / draws)
     ends = np.cumsum([c.level.size for c in fitted.curves])[:-1]
     residuals = tuple(np.split(d / scatter, ends))
-    odd = [
+    beyond_limits = [
         (abs(z), i, int(j))
         for i, (c, r) in enumerate(zip(fitted.curves, residuals, strict=True))
         for j, z in zip(c.level, r, strict=True)
         if abs(z) > _ODD
     ]
-    misfits = tuple((i, j) for _, i, j in sorted(odd, reverse=True))
+    misfits = tuple((i, j) for _, i, j in sorted(beyond_limits, reverse=True))
     sentence = _misfit_sentence(
         fitted, statistic, degrees, p if resampled is not None else p_value, residuals, misfits
     )

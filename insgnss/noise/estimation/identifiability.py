@@ -92,8 +92,8 @@ def _smaller(fitted: Fit, inverses: Sequence[Array]) -> Fit | None:
         "sampling": fitted.sampling,
         "times_s": fitted.times_s,
     }
-    both, one = (fit(fitted.curves, c, **options) for c in (composition, fewer))
-    return one if one.objective - both.objective < _SUPERFLUOUS else None
+    larger_fit, one = (fit(fitted.curves, c, **options) for c in (composition, fewer))
+    return one if one.objective - larger_fit.objective < _SUPERFLUOUS else None
 
 
 def _renumbered(verdict: ProcessVerdict, process: NoiseTerm, least: NoiseTerm) -> ProcessVerdict:
@@ -110,11 +110,11 @@ def _renumbered(verdict: ProcessVerdict, process: NoiseTerm, least: NoiseTerm) -
 
 def _superfluous(fitted: Fit, smaller: Fit, process: NoiseTerm) -> ProcessVerdict:
     times = ", ".join(f"{gm.correlation_time_s:.3g}" for gm in smaller.axis.gauss_markov)
-    there = f" with {times} s" if times else ""
+    with_times = f" with {times} s" if times else ""
     about = _time_words(fitted, fitted.axis.gauss_markov[process.number - 1].correlation_time_s)
     sentence = (
-        f"Gauss-Markov {process.number} is not identifiable: {smaller.composition}{there} fits as"
-        f" well, so its {about} and its driving noise mean nothing by themselves; take"
+        f"Gauss-Markov {process.number} is not identifiable: {smaller.composition}{with_times} fits"
+        f" as well, so its {about} and its driving noise mean nothing by themselves; take"
         f" {smaller.composition}, record longer or add replicates"
     )
     return ProcessVerdict(str(process), False, "superfluous", sentence, ())

@@ -106,10 +106,10 @@ def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
     and why.
     """
     fitted = first
-    seen: list[tuple[float, Fit]] = []
+    scored_fits: list[tuple[float, Fit]] = []
     for step in range(1, 2 * iterations + 1):
         if step == iterations + 1:
-            fitted = min(seen, key=lambda scored: scored[0])[1]
+            fitted = min(scored_fits, key=lambda scored: scored[0])[1]
         V = covariances(fitted)
         weights = [inverse(block) for block in V]
         singular = [i for i, W in enumerate(weights, start=1) if not np.isfinite(W).all()]
@@ -121,7 +121,7 @@ def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
                     f" step {step}; weights of the step before"
                 ),
             )
-        seen += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
+        scored_fits += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
         if step <= iterations:
             after = fit(
                 first.curves,

@@ -301,7 +301,7 @@ def _candidate(
     optimism = _drawn_optimism(fitted, drawn) if drawn else closed_optimism(fitted, linear)
     test = goodness_of_fit(fitted, linear)
     held_out = _held_out(fitted, groups) if np.unique(groups).size > 1 else None
-    remarks = [f"{_words(name)} at its edge" for name in fitted.at_bound]
+    remarks = [f"{_parameter_label(name)} at its edge" for name in fitted.at_bound]
     if test.p_value < _SIGNIFICANCE and test.misfits:
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
@@ -351,9 +351,9 @@ def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...])
     fits = [_with(fitted, curves) for curves in drawn]
     total = 0.0
     for i, Omega in enumerate(fitted.weights):
-        seen = np.array([curves[i].variance for curves in drawn])
+        nu = np.array([curves[i].variance for curves in drawn])
         modelled = np.array([f.modelled[i] for f in fits])
-        total += float(((seen - seen.mean(axis=0)) @ Omega * modelled).sum()) / (len(drawn) - 1)
+        total += float(((nu - nu.mean(axis=0)) @ Omega * modelled).sum()) / (len(drawn) - 1)
     return 2.0 * total
 
 
@@ -363,7 +363,7 @@ def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
     for recording in np.unique(groups):
         inside, outside = np.flatnonzero(groups != recording), np.flatnonzero(groups == recording)
         weights = [fitted.weights[i] for i in inside]
-        others = fit(
+        fit_of_others = fit(
             [fitted.curves[i] for i in inside],
             fitted.composition,
             weights=weights,
@@ -371,7 +371,7 @@ def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
         )
         out.append(
             objective(
-                others.axis,
+                fit_of_others.axis,
                 [fitted.curves[i] for i in outside],
                 [fitted.weights[i] for i in outside],
                 fitted.sampling,
@@ -490,15 +490,15 @@ def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ..
     for recording in np.unique(groups):
         members = np.flatnonzero(groups == recording)
         curves, weights = [joint.curves[i] for i in members], [joint.weights[i] for i in members]
-        own = fit(
+        single_fit = fit(
             curves,
             joint.composition,
             weights=weights,
             sampling=joint.sampling,
             times_s=joint.times_s,
         )
-        single.append(own)
-        shares.append(objective(joint.axis, curves, weights, joint.sampling) - own.objective)
+        single.append(single_fit)
+        shares.append(objective(joint.axis, curves, weights, joint.sampling) - single_fit.objective)
     return float(np.sum(shares)), np.array(shares), tuple(single)
 
 
@@ -542,5 +542,5 @@ def _stationarity_sentence(statistic: float, p: float, shares: Array) -> str:
     )
 
 
-def _words(name: str) -> str:
+def _parameter_label(name: str) -> str:
     return name.replace("_", " ")

@@ -165,11 +165,11 @@ def distinct_positions(periods: StationaryPeriods) -> int:
     int
         Number of positions.
     """
-    seen: list[Array] = []
+    verticals: list[Array] = []
     for u in _unit(periods.accel_mean):
-        if all(u @ other < np.cos(DISTINCT_RAD) for other in seen):
-            seen.append(u)
-    return len(seen)
+        if all(u @ vertical < np.cos(DISTINCT_RAD) for vertical in verticals):
+            verticals.append(u)
+    return len(verticals)
 
 
 def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
@@ -275,7 +275,7 @@ def calibrate_gyroscopes(
     sigma = np.hypot(sigma, np.where(linked, 0.0, EARTH_RATE))
     basis = np.linalg.svd(up[:, None, :])[2][:, 1:]  # (k, 2, 3), across the vertical
 
-    def rest(p: Array) -> tuple[Array, Array]:
+    def at_rest(p: Array) -> tuple[Array, Array]:
         E, rate = _response(p[3:12], entries), np.einsum("kji,j->ki", C, p[12:])
         jacobian = np.zeros((len(up), 3, 15))
         jacobian[:, :, :3] = -np.eye(3)
@@ -297,7 +297,7 @@ def calibrate_gyroscopes(
             jacobian[row, :, 12:] = -length * basis[i + 1] @ Rt @ skew(up[i]) @ C[i].T
         return residual.reshape(1, -1), jacobian.reshape(1, -1, 15)
 
-    groups = {"rest": Group(rest, np.square(sigma)[:, None, None] * np.eye(3), 3)}
+    groups = {"rest": Group(at_rest, np.square(sigma)[:, None, None] * np.eye(3), 3)}
     if turns:
         cov = _turn_covariance(periods, turns, accel, up, basis)
         groups["turns"] = Group(turned, cov[None], 9)

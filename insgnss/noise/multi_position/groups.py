@@ -114,9 +114,9 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
             )
         normals = NormalEquations(linearised(solution.x), inflate)
         q = solution.x + normals.dx  # scipy stops where the gradient is small, not at its zero
-        for (name, group), own in zip(groups.items(), linearised(q), strict=False):
-            free = own.e.size - group.determined
-            square = NormalEquations([own]).square()
+        for (name, group), equations in zip(groups.items(), linearised(q), strict=False):
+            free = equations.e.size - group.determined
+            square = NormalEquations([equations]).square()
             factor[name] = square / free if free > 0 else 1.0
             if free > 0 and square > chi2.ppf(FACTOR_CONFIDENCE, free):
                 wanted[name] = factor[name]

@@ -183,7 +183,7 @@ class MultiPosition(Shown):
                 f" largest {worst:.1f} sigma"
                 for group, factor in e.variance_factor.items()
             ]
-            fits += [f"{e.sensor}: not observed: {words}" for words in e.blind]
+            fits += [f"{e.sensor}: not observed: {direction}" for direction in e.blind]
         ppm = 1e6 * self.gravity_sigma / self.gravity
         gravity = (
             f"gravity {self.gravity:.5f} m/s^2, standard deviation {self.gravity_sigma:.5f}"

@@ -159,9 +159,9 @@ class Composition:
         Raises UsageError where the axis has other processes. Turn-on bias, scale factor and
         misalignment are left aside.
         """
-        other = [p for p in _LINEAR.values() if getattr(axis, p) and not getattr(self, p)]
-        if other or len(axis.gauss_markov) != self.gauss_markov:
-            present = ", ".join([*other, f"{len(axis.gauss_markov)} Gauss-Markov"])
+        further = [p for p in _LINEAR.values() if getattr(axis, p) and not getattr(self, p)]
+        if further or len(axis.gauss_markov) != self.gauss_markov:
+            present = ", ".join([*further, f"{len(axis.gauss_markov)} Gauss-Markov"])
             raise UsageError(
                 f"an axis with {present} processes is not of {self}; take `composition_of`"
             )

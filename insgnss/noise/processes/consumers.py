@@ -165,8 +165,8 @@ def text_for(
     """
     if form not in FORMS:
         raise UsageError(f"{form!r} is no form of a noise model; there are {', '.join(FORMS)}")
-    own = {source.sampling_rate_hz for source in model.recordings}
-    rates = own if rate_hz is None else {rate_hz}
+    recorded_rates = {source.sampling_rate_hz for source in model.recordings}
+    rates = recorded_rates if rate_hz is None else {rate_hz}
     if len(rates) != 1 or not 0.0 < (rate := next(iter(rates))) < math.inf:
         raise UsageError(f"{model.name}: no rate of the samples is known; give rate=HZ")
     if any(c.isspace() or c in "\"'#:" for c in topic) or not topic.isprintable():

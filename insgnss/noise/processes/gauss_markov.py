@@ -63,8 +63,8 @@ def _polynomial(coefficients: Array, x: float) -> float:
 def _lambert(v: float) -> float:
     """L of (G.4) for v < 1."""
     v2, k = v * v, 0.0
-    for odd in range(23, 3, -2):
-        k = v2 / (odd + k)
+    for denominator in range(23, 3, -2):
+        k = v2 / (denominator + k)
     return v2 / (3.0 + k)
 
 

@@ -125,9 +125,9 @@ def simulate_noise(
         else axis.white_noise**2 * dt + axis.random_walk**2 * dt**3 / 12.0
     )
     for process in axis.gauss_markov:
-        factor, rest = gauss_markov_bridge(process.correlation_time_s, process.driving_noise, dt)
+        factor, var = gauss_markov_bridge(process.correlation_time_s, process.driving_noise, dt)
         _add_gauss_markov(out, process, dt, rng, *((0.0, 1.0) if point else (factor, factor)))
-        variance += 0.0 if point else rest
+        variance += 0.0 if point else var
     if axis.random_walk:
         _add_random_walk(
             out,

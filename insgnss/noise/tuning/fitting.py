@@ -49,8 +49,8 @@ def compositions(options: TuneOptions) -> dict[str, tuple[Composition, ...]]:
     UsageError
         For a typo.
     """
-    own = {"gyro": options.gyro_model, "accel": options.accel_model}
-    chosen = {sensor: options.model if names is None else names for sensor, names in own.items()}
+    opts = {"gyro": options.gyro_model, "accel": options.accel_model}
+    chosen = {sensor: options.model if names is None else names for sensor, names in opts.items()}
     for names in (options.model, options.gyro_model, options.accel_model):
         if names is not None and not names.strip():
             raise UsageError(
@@ -169,13 +169,13 @@ def _few_enough(
 ) -> list[Composition]:
     """Return the models with fewer parameters than there are scales."""
     scales = max(curve.level.size for curve in curves)
-    left = [composition for composition in family if composition.size < scales]
-    if not left:
+    small_enough = [composition for composition in family if composition.size < scales]
+    if not small_enough:
         raise DataError(
             f"{scales} scales are too few for {family[0]} and all others; record longer or take"
             " more levels"
         )
-    return left
+    return small_enough
 
 
 def _ranking(
@@ -330,11 +330,11 @@ def _white_is_seen(coarser: Fit, curves: Sequence[WaveletVariance]) -> bool:
         white = parts["white_noise"] + parts.get("quantization", 0.0)
         if np.count_nonzero(white > 0.5 * sum(parts.values())) < WHITE_SCALES:
             return False
-        left = all_scales.level < kept.level[0]
+        left_out = all_scales.level < kept.level[0]
         modelled = haar_variance(
-            coarser.axis, all_scales.level[left], all_scales.rate_hz, coarser.sampling
+            coarser.axis, all_scales.level[left_out], all_scales.rate_hz, coarser.sampling
         )
-        if (np.sqrt(modelled / all_scales.variance[left]) < 1.0 - CLOSE).any():
+        if (np.sqrt(modelled / all_scales.variance[left_out]) < 1.0 - CLOSE).any():
             return False
     return True
 
@@ -390,11 +390,11 @@ def _farthest(fitted: Fit) -> float:
 
     It is taken over the scales of which a recording holds many.
     """
-    off = [0.0]
+    deviations = [0.0]
     for curve, modelled in zip(fitted.curves, fitted.modelled, strict=True):
         many = curve.count > MANY_LENGTHS * 2.0**curve.level
-        off += np.abs(np.sqrt(modelled[many] / curve.variance[many]) - 1.0).tolist()
-    return max(off)
+        deviations += np.abs(np.sqrt(modelled[many] / curve.variance[many]) - 1.0).tolist()
+    return max(deviations)
 
 
 def _j_test(fitted: Fit) -> GoodnessOfFit:

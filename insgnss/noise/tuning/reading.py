@@ -61,8 +61,8 @@ def own_words() -> Iterator[None]:
 
 def own_text(text: str) -> str:
     """Return a message with the verb's options instead of a flight file's keys."""
-    for pattern, words in _WORDS:
-        text = re.sub(pattern, words, text)
+    for pattern, replacement in _WORDS:
+        text = re.sub(pattern, replacement, text)
     return text
 
 
@@ -151,10 +151,10 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
         if nameless:
             columns = _plain_columns(tables, options) or _named_columns(tables, options)
         _ask_for_units(path, tables, options)
-    given = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit}
+    units = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit}
     return {
         "columns": columns,
-        "units": {key: unit for key, unit in given.items() if unit} or None,
+        "units": {key: unit for key, unit in units.items() if unit} or None,
         "quantity": options.quantity,
         "rate_hz": options.rate_hz,
         "variable": options.variable,

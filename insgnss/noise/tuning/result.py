@@ -51,7 +51,7 @@ class TuneResult(Shown):
         by_sensor = {s: [t for t in self.tuned if t.sensor == s] for s in SENSORS}
         by_sensor = {sensor: tuned for sensor, tuned in by_sensor.items() if tuned}
         remarks = [f"{t.name}: {text}" for t in self.tuned for text in sentences(t, recordings)]
-        words = [sensor_words(tuned, recordings, self.options) for tuned in by_sensor.values()]
+        verdicts = [sensor_words(tuned, recordings, self.options) for tuned in by_sensor.values()]
         for sensor, tuned in by_sensor.items():
             remarks += trends(sensor, tuned, recordings)
         notes_on_checks = [
@@ -69,7 +69,7 @@ class TuneResult(Shown):
         ]
         return Document(
             f"{self.files[0].stem if self.files else 'noise'}: noise of an IMU at rest",
-            "; ".join(f"{model} ({of})" for model, of in words),
+            "; ".join(f"{model} ({of})" for model, of in verdicts),
             self._verdict(),
             (
                 *charts,

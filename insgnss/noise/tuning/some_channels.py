@@ -38,12 +38,12 @@ def chosen_channels(text: str | None) -> tuple[bool, ...]:
     """
     if text is None:
         return (True,) * 6
-    words = [word.strip().lower().replace(".", "_") for word in text.split(",")]
-    for word in words:
+    channel_names = [word.strip().lower().replace(".", "_") for word in text.split(",")]
+    for word in channel_names:
         if word not in ("gyro", "accel", *NAMES):
             choices = f"gyro, accel, {', '.join(NAMES)}"
             raise UsageError(f"--only {text!r}: {word!r} is none of {choices}")
-    return tuple(name in words or name.partition("_")[0] in words for name in NAMES)
+    return tuple(name in channel_names or name.partition("_")[0] in channel_names for name in NAMES)
 
 
 def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str] | None:
@@ -74,9 +74,9 @@ def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str
         named = _named(tables[0], options.columns)
     if options.rate_hz is not None:
         named.pop("tow", None)
-    there = [name for name in CHANNELS if name in named]
+    named_channels = [name for name in CHANNELS if name in named]
     timed = "tow" in named or options.rate_hz is not None
-    return named if timed and 0 < len(there) < 6 else None
+    return named if timed and 0 < len(named_channels) < 6 else None
 
 
 def _named(table: TableInfo, columns: tuple[str, ...] | None) -> dict[str, str]:
@@ -129,7 +129,7 @@ def read_some(
     InputError
         A column is not there, or is no column of numbers.
     """
-    there = tuple(name in fields for name in CHANNELS)
+    is_present = tuple(name in fields for name in CHANNELS)
     if form in LOADERS:
         columns = take_columns(path, load_content(form, path), dict(fields), options.variable)
     else:
@@ -142,10 +142,10 @@ def read_some(
     quantity: Quantity = options.quantity or "mean_rate"
     imu = imu_of_content(path, whole, names, None, units, quantity, None, options.rate_hz)
     triads = np.hstack([imu.gyro, imu.accel])
-    for k, present in enumerate(there):
+    for k, present in enumerate(is_present):
         if not present:
             triads[:, k] = STAND_IN[k]
-    return replace(imu, gyro=triads[:, :3], accel=triads[:, 3:]), there
+    return replace(imu, gyro=triads[:, :3], accel=triads[:, 3:]), is_present
 
 
 def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
@@ -155,15 +155,15 @@ def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
 def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:
     """Units by sensor; of one that is not there any, since its values are not taken."""
     units = {}
-    for sensor, names, given, example in (
+    for sensor, names, unit_option, example in (
         ("gyro", GYRO, options.gyro_unit, "rad/s"),
         ("accel", ACCEL, options.accel_unit, "m/s^2"),
     ):
-        own = [fields[name] for name in names if name in fields]
-        header = next(filter(None, (unit_in(field, kinds_like(sensor)) for field in own)), None)
-        if own and not (given or header):
+        cols = [fields[name] for name in names if name in fields]
+        header = next(filter(None, (unit_in(field, kinds_like(sensor)) for field in cols)), None)
+        if cols and not (unit_option or header):
             problem = f"nothing says the unit of the {sensor} columns; give --{sensor}-unit"
             raise UsageError(f"{path}: {problem}, such as {example}")
-        units[sensor] = str(given or header or example)
+        units[sensor] = str(unit_option or header or example)
     time = options.time_unit or (unit_in(fields["tow"], ("time",)) if "tow" in fields else None)
     return units | ({"time": time} if time else {})

@@ -83,14 +83,14 @@ def tune_static(
 
 def _same(recordings: Sequence[StaticRecording]) -> None:
     """Refuse a recording twice under two names, and recordings of different axes."""
-    seen: dict[str, str] = {}
+    name_by_digest: dict[str, str] = {}
     for r in recordings:
-        if r.source.sha256 in seen:
+        if r.source.sha256 in name_by_digest:
             raise UsageError(
-                f"{r.name}: the same bytes as {seen[r.source.sha256]}; a copy is no second"
-                " recording"
+                f"{r.name}: the same bytes as {name_by_digest[r.source.sha256]}; a copy is no"
+                " second recording"
             )
-        seen[r.source.sha256] = r.name
+        name_by_digest[r.source.sha256] = r.name
         if set(r.curves) != set(recordings[0].curves):
             raise DataError(
                 f"{r.name}: has other axes than {recordings[0].name}; tune them one by one"
@@ -118,19 +118,19 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
                 for c, index in zip(curves, fine, strict=True)
             ]
         )
-        apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]
-        i = int(np.argmax(apart)) if size.size == 2 else int(np.argmax(np.abs(apart)))
-        if abs(apart[i]) > np.log(OTHER_IMU_RATIO):
-            factor, others = (
-                float(np.exp(apart[i])),
+        log_ratio = size - [np.median(np.delete(size, i)) for i in range(size.size)]
+        i = int(np.argmax(log_ratio)) if size.size == 2 else int(np.argmax(np.abs(log_ratio)))
+        if abs(log_ratio[i]) > np.log(OTHER_IMU_RATIO):
+            factor, compared_with = (
+                float(np.exp(log_ratio[i])),
                 "the others" if size.size > 2 else recordings[1 - i].name,
             )
             scales = curves[i].scale_s[fine[i]]
             raise DataError(
                 f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of"
-                f" {others} at {scales[0]:.3g} to {scales[-1]:.3g} s; no one model serves them:"
-                f" another IMU or unit? tune them one by one; --accept {POOLING} takes it all the"
-                " same"
+                f" {compared_with} at {scales[0]:.3g} to {scales[-1]:.3g} s; no one model serves"
+                f" them: another IMU or unit? tune them one by one; --accept {POOLING} takes it all"
+                " the same"
             )
 
 
@@ -144,8 +144,8 @@ def _tuned(
     rng = np.random.default_rng(options.seed)
     out = []
     for sensor in SENSORS:
-        there = [k for k in range(3) if (sensor, k) in recordings[0].curves]
-        groups = [tuple(there)] if options.axes == "joint" else [(k,) for k in there]
+        present_axes = [k for k in range(3) if (sensor, k) in recordings[0].curves]
+        groups = [tuple(present_axes)] if options.axes == "joint" else [(k,) for k in present_axes]
         for axes in groups:
             if axes:
                 out.append(

@@ -46,13 +46,13 @@ def refuse_others(files: Sequence[Path], measured: Iterable[Path]) -> None:
     measured : iterable of Path
         The recordings.
     """
-    there = [str(path) for path in files if path.exists()]
-    if not there:
+    existing = [str(path) for path in files if path.exists()]
+    if not existing:
         return
     table = next(path for path in files if path.suffix == ".json")
     if not is_file(table):
-        verb = "is" if len(there) == 1 else "are"
-        reason = f"{', '.join(there)} {verb} there already, and not of a tuning"
+        verb = "is" if len(existing) == 1 else "are"
+        reason = f"{', '.join(existing)} {verb} there already, and not of a tuning"
     elif (reason := other_results(table, measured) or "") == "":
         return
     raise UsageError(f"{reason}; nothing done; give another --out FILE, or --force")

@@ -111,9 +111,9 @@ def covariance_of_means(noise: AxisNoise, K: int, D: float) -> Array:
     for process in noise.gauss_markov:
         u = D / process.correlation_time_s
         fall = -np.expm1(-u)
-        own = 2.0 * (u - fall) / u**2 if u > 1e-4 else 1.0 - u / 3.0
+        variance_share = 2.0 * (u - fall) / u**2 if u > 1e-4 else 1.0 - u / 3.0
         V += process.sigma**2 * np.where(
-            lag == 0, own, (fall / u) ** 2 * np.exp(-np.maximum(lag - 1, 0) * u)
+            lag == 0, variance_share, (fall / u) ** 2 * np.exp(-np.maximum(lag - 1, 0) * u)
         )
     first = np.minimum.outer(np.arange(K), np.arange(K))
     V += noise.random_walk**2 * D * np.where(lag == 0, first + 1.0 / 3.0, first + 0.5)

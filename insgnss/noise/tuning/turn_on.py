@@ -59,10 +59,10 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
         how = f"rms of the means, the Earth's rotation included{_spread(gyro, DEG_PER_H, 'deg/h')}"
     excess = float(np.sqrt(np.mean((np.linalg.norm(accel, axis=1) - STANDARD_GRAVITY) ** 2)))
     force = max(excess, GRAVITY_SPREAD)
-    seen = f"along the vertical, the only direction that rest shows{_spread(accel, MILLI_G, 'mg')}"
+    basis = f"along the vertical, the only direction that rest shows{_spread(accel, MILLI_G, 'mg')}"
     notes = (
         f"gyro turn_on_bias {bias / DEG_PER_H:.3g} deg/h: {how}",
-        f"accel turn_on_bias {force / MILLI_G:.3g} mg: {seen}",
+        f"accel turn_on_bias {force / MILLI_G:.3g} mg: {basis}",
     )
     return {"gyro": bias, "accel": force}, notes
 

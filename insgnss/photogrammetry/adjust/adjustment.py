@@ -118,12 +118,12 @@ def _intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
     missing = np.isnan(values.point[:, 0])
     if not missing.any():
         return values
-    seen = problem.block.observations
-    rows = missing[seen.point]
+    obs = problem.block.observations
+    rows = missing[obs.point]
     cameras = values.cameras(problem.block.cameras)
     xy = directions(problem.block, cameras)[rows]
     point = intersected(
-        values.position, values.C_mc, xy, seen.image[rows], seen.point[rows], missing.size
+        values.position, values.C_mc, xy, obs.image[rows], obs.point[rows], missing.size
     )
     return values.with_points(np.where(missing[:, None], point, values.point))
 

@@ -140,27 +140,27 @@ class AerialControl:
         m = self.weight.shape[0] // n if n else 6
         value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
         computed, own_position, of_position = positions(self, values, value)
-        own = np.zeros((n, m, 6))
-        own[:, :3] = own_position
+        by_poses = np.zeros((n, m, 6))
+        by_poses[:, :3] = own_position
         of = {p: np.zeros((n, m, size_of(v))) for p, v in value.items()}
         for p, derivative in of_position.items():
             of[p][:, :3] = derivative
         e = self.position_m - computed
         if m == 6:
-            psi = self._attitude(values.C_mc[list(self.images)], value, own, of)
+            psi = self._attitude(values.C_mc[list(self.images)], value, by_poses, of)
             e = np.hstack([e, psi])
         if self.common is not None:
             e += self.common[:, :m] @ value[COMMON]
             of[COMMON][:] = -self.common[:, :m]
         J = np.zeros((n, m, 6 * n + sum(size_of(v) for v in value.values())))
         for k in range(n):
-            J[k, :, 6 * k : 6 * k + 6] = own[k]
+            J[k, :, 6 * k : 6 * k + 6] = by_poses[k]
         if value:
             J[:, :, 6 * n :] = np.concatenate([of[p] for p in PARAMETERS if p in value], axis=2)
         return e.ravel(), J.reshape(n * m, -1)
 
     def _attitude(
-        self, C: Array, value: Mapping[str, Array], own: Array, of: dict[str, Array]
+        self, C: Array, value: Mapping[str, Array], by_poses: Array, of: dict[str, Array]
     ) -> Array:
         """Return observed - computed of the attitudes (J.9), and write their derivatives (J.10)."""
         C_o, turned = self.C_mc, C.swapaxes(1, 2)
@@ -170,9 +170,9 @@ class AerialControl:
         E = value.get(BORESIGHT, np.eye(3))
         psi = vector_from_rotation(C_o @ E @ turned)
         right = inverse_right_jacobian(psi)
-        own[:, 3:, 3:] = right
+        by_poses[:, 3:, 3:] = right
         if TIME_OFFSET in value:
-            own[:, 3:, 3:] = right @ turn.swapaxes(1, 2)
+            by_poses[:, 3:, 3:] = right @ turn.swapaxes(1, 2)
             of[TIME_OFFSET][:, 3:] = -right @ self.rate[:, :, None]
         if BORESIGHT in value:
             of[BORESIGHT][:, 3:] = -inverse_right_jacobian(-psi) @ C_o
@@ -213,7 +213,7 @@ def positions(
     -------
     computed : ndarray, (n, 3)
         Positions, m.
-    own : ndarray, (n, 3, 6)
+    by_poses : ndarray, (n, 3, 6)
         Their derivatives by the pose of the image.
     of : dict of ndarray, (n, 3, d)
         Their derivatives by each parameter.
@@ -221,13 +221,13 @@ def positions(
     n, images = len(strip.images), list(strip.images)
     since = (strip.time - strip.time.mean() if n else strip.time)[:, None]
     C, v = values.C_mc[images], strip.velocity
-    computed, own = values.position[images], np.zeros((n, 3, 6))
-    own[:, :, :3] = np.eye(3)
+    computed, by_poses = values.position[images], np.zeros((n, 3, 6))
+    by_poses[:, :, :3] = np.eye(3)
     of = {p: np.zeros((n, 3, size_of(x))) for p, x in value.items()}
     if LEVER_ARM in value:
         arm = C @ value[LEVER_ARM]
         computed = computed + arm
-        own[:, :, 3:] = -skew(arm)
+        by_poses[:, :, 3:] = -skew(arm)
         of[LEVER_ARM][:] = C
     if TIME_OFFSET in value:
         computed = computed - v * value[TIME_OFFSET][0]
@@ -238,7 +238,7 @@ def positions(
     if DRIFT in value:
         computed = computed + since * value[DRIFT]
         of[DRIFT][:] = since[:, :, None] * np.eye(3)
-    return computed, own, of
+    return computed, by_poses, of
 
 
 def size_of(value: Array) -> int:

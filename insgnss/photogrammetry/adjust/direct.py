@@ -171,11 +171,11 @@ def joint_covariance(problem: Problem, values: Unknowns, chosen: Sequence[int]) 
     alone, m = without_rays(problem), len(problem.block.points)
     shown = values.with_points(np.where(np.isfinite(values.point), values.point, 0.0))
     scratch = points.scratch_for(problem.rays, len(values.interior))
-    own = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    of_points = np.zeros((m, 3, 3)), np.zeros((m, 3))
     T = np.zeros((problem.layout.size, 3 * len(chosen)))
     out = np.zeros((3 * len(chosen), 3 * len(chosen)))
     for k, p in enumerate(chosen):
-        points.take_own(*own, p, scratch)
+        points.take_own(*of_points, p, scratch)
         _, n = points.linearise_point(problem.rays, shown.kernel_values(), p, scratch)
         inverse, columns = np.linalg.inv(scratch.V), slice(3 * k, 3 * k + 3)
         out[columns, columns] = inverse

@@ -204,14 +204,14 @@ class TargetSize:
             d computed / d unknown.
         """
         axis = values.C_mc[self.image][:, 2]
-        off = values.point[self.point] - values.position[self.image]
+        from_camera = values.point[self.point] - values.position[self.image]
         f = float(values.interior[self.camera, INTERIOR.index("f")])
         size = self.size_m + (float(values.blocks[(SIZE, 0)][0]) if self.scaled else 0.0)
-        depth = float(axis @ off)
+        depth = float(axis @ from_camera)
         s = f * size / depth
         J = np.zeros((1, 6 + len(INTERIOR) + 3 + int(self.scaled)))
         J[0, :3] = s / depth * axis
-        J[0, 3:6] = -s / depth * np.cross(axis, off)
+        J[0, 3:6] = -s / depth * np.cross(axis, from_camera)
         J[0, 6 + INTERIOR.index("f")] = s / f
         J[0, 6 + len(INTERIOR) : 9 + len(INTERIOR)] = -s / depth * axis
         if self.scaled:

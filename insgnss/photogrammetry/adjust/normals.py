@@ -64,12 +64,12 @@ class Problem:
             self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
         )
 
-    def with_active_of(self, other: "Problem") -> "Problem":
+    def with_active_of(self, source: "Problem") -> "Problem":
         """Return the problem with the image observations active that are so in another.
 
         Parameters
         ----------
-        other : Problem
+        source : Problem
             One of the same image observations, whose rays may stand in another order.
 
         Returns
@@ -77,19 +77,19 @@ class Problem:
         Problem
             The same otherwise.
         """
-        active = np.empty(other.order.size, dtype=bool)
-        active[other.order] = other.rays.active
+        active = np.empty(source.order.size, dtype=bool)
+        active[source.order] = source.rays.active
         return self.with_active(active[self.order])
 
     @property
     def determined(self) -> NDArray[np.bool_]:
         """(m,) which object points take part: seen, or observed by a group."""
-        seen = np.zeros(len(self.block.points), dtype=bool)
-        points = np.repeat(np.arange(seen.size), np.diff(self.rays.start))
-        seen[points[self.rays.active]] = True
+        takes_part = np.zeros(len(self.block.points), dtype=bool)
+        points = np.repeat(np.arange(takes_part.size), np.diff(self.rays.start))
+        takes_part[points[self.rays.active]] = True
         for group in self.groups:
-            seen[[row for name, row in group.keys if name == POINT]] = True
-        return seen
+            takes_part[[row for name, row in group.keys if name == POINT]] = True
+        return takes_part
 
 
 def problem_of(
@@ -118,14 +118,14 @@ def problem_of(
     """
     tied = [group.keys for group in groups] + [((POINT, p), (POINT, p)) for p in keep]
     layout = layout_of(block, blocks or {}, tied)
-    seen = block.observations
-    order = np.lexsort((layout.place[seen.image], seen.point))
+    obs = block.observations
+    order = np.lexsort((layout.place[obs.image], obs.point))
     rays = collinearity.Rays(
-        np.searchsorted(seen.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
-        seen.image[order],
-        np.ascontiguousarray(seen.uv[order]),
-        1.0 / seen.sigma_px[order],
-        np.ones(len(seen), dtype=bool),
+        np.searchsorted(obs.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
+        obs.image[order],
+        np.ascontiguousarray(obs.uv[order]),
+        1.0 / obs.sigma_px[order],
+        np.ones(len(obs), dtype=bool),
         np.ascontiguousarray(block.camera, dtype=np.int64),
         6 * layout.place,
         np.array([camera.backward for camera in block.cameras]),
@@ -218,8 +218,8 @@ def assembled(
     groups = linearised(problem, values) if groups is None else groups
     for group, (e, J) in zip(problem.groups, groups, strict=True):
         N, right = _normal(group.weight, J, e)
-        (name, row), *others = group.keys
-        if name == POINT and not others and problem.layout.kept[row] < 0:
+        (name, row), *further = group.keys
+        if name == POINT and not further and problem.layout.kept[row] < 0:
             V_own[row] += N
             g_own[row] += right
             continue
@@ -366,7 +366,7 @@ def unknown_name(problem: Problem, column: int) -> str:
         return f"{'XYZ'[position]} of point {problem.block.points[row]}"
     length = problem.layout.first[(name, row)][1]
     axis = f" {'xyz'[position]}" if length == 3 else f" {position}" if length > 1 else ""
-    several = sum(other == name for other, _ in problem.layout.first) > 1
+    several = sum(first_name == name for first_name, _ in problem.layout.first) > 1
     return f"{name}{axis}{f' {row}' if several else ''}"
 
 

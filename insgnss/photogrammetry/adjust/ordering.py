@@ -65,10 +65,10 @@ def _pairs(block: ImageBlock, together: Sequence[Sequence[int]]) -> tuple[Rows, 
     """Return the pairs of images that have something in common, each with itself among them."""
     from scipy.sparse import csr_array
 
-    seen, m = block.observations, len(block.points)
+    obs, m = block.observations, len(block.points)
     several = [sorted(set(images)) for images in together if len(set(images)) > 1]
-    image = np.concatenate([seen.image, *(np.array(s, dtype=np.int64) for s in several)])
-    shared = np.concatenate([seen.point, *(np.full(len(s), m + k) for k, s in enumerate(several))])
+    image = np.concatenate([obs.image, *(np.array(s, dtype=np.int64) for s in several)])
+    shared = np.concatenate([obs.point, *(np.full(len(s), m + k) for k, s in enumerate(several))])
     shape = (len(block.images), m + len(several))
     sees = csr_array((np.ones(image.size), (image, shared)), shape=shape)
     common = (sees @ sees.T).tocoo()

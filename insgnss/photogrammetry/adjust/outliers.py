@@ -76,12 +76,13 @@ class RejectedControl:
 
     def __str__(self) -> str:
         """Return a sentence for people."""
-        off = ", ".join(
+        deviation = ", ".join(
             f"{axis} {value:+.3f}" for axis, value in zip("XYZ", self.off_m, strict=True)
         )
         return (
-            f"{self.name} {self.point}: {off} m off the block (w {self.w:.1f}, limit {LIMIT_W:g});"
-            " left out; check its coordinates and where it was measured in the images"
+            f"{self.name} {self.point}: {deviation} m off the block (w {self.w:.1f}, limit"
+            f" {LIMIT_W:g}); left out; check its coordinates and where it was measured in the"
+            " images"
         )
 
 
@@ -172,16 +173,16 @@ def _robust(
     """Adjust with Huber's weights, and return the problem with the values that they lead to, and
     which observations are not far off then.
     """
-    given, groups = problem.rays, problem.groups
-    active, off_groups = given.active.copy(), np.ones(len(groups))
+    stated_rays, groups = problem.rays, problem.groups
+    active, off_groups = stated_rays.active.copy(), np.ones(len(groups))
     for k in range(ROBUST_ROUNDS):
         progress(f"robust adjustment, round {k + 1}")
         result = adjusted(problem.with_active(active), values)
-        off, unit = _lengths(result, given)
+        length, unit = _lengths(result, stated_rays)
         values = _kept_values(result, values)
         # Huber's weight; of what cannot be seen now, and perhaps later, the given one
-        factor = np.where(np.isfinite(off), np.minimum(1.0, HUBER * unit / off), 1.0)
-        weight = given.weight * np.sqrt(factor)[:, None]
+        factor = np.where(np.isfinite(length), np.minimum(1.0, HUBER * unit / length), 1.0)
+        weight = stated_rays.weight * np.sqrt(factor)[:, None]
         change = np.abs(weight / problem.rays.weight - 1.0).max(initial=0.0)
         before, off_groups = off_groups, _robust_factors(groups, result.values)
         change = max(change, np.abs(np.sqrt(before / off_groups) - 1.0).max(initial=0.0))
@@ -192,13 +193,13 @@ def _robust(
         problem = replace(problem, rays=problem.rays._replace(weight=weight), groups=robust)
         if change < 0.05:
             break
-    off, unit = _lengths(result, given)
+    length, unit = _lengths(result, stated_rays)
     # which of a point's coordinates and its rays are wrong, their tests decide
     doubtful = np.zeros(len(problem.block.points), dtype=bool)
     doubtful[[groups[k].keys[0][1] for k in np.flatnonzero(off_groups > 1.0)]] = True
-    active &= ~((off > FAR_UNITS * unit) & ~doubtful[_point_of_rays(problem)])
+    active &= ~((length > FAR_UNITS * unit) & ~doubtful[_point_of_rays(problem)])
     active &= ~left_alone(problem, active)
-    return replace(problem, rays=given, groups=groups), values, active
+    return replace(problem, rays=stated_rays, groups=groups), values, active
 
 
 def _of_points(groups: tuple[ObservationGroup, ...]) -> dict[str, list[int]]:
@@ -215,9 +216,9 @@ def _robust_factors(groups: tuple[ObservationGroup, ...], values: Unknowns) -> A
     factor = np.ones(len(groups))
     for rows in _of_points(groups).values():
         e = [groups[k].linearised(values)[0] for k in rows]
-        off = np.array([np.sqrt(r @ groups[k].weight @ r) for k, r in zip(rows, e, strict=True)])
-        unit = max(1.0, float(np.median(off)) / MEDIAN_LENGTH_3)
-        factor[rows] = np.maximum(1.0, off / (HUBER * unit))
+        length = np.array([np.sqrt(r @ groups[k].weight @ r) for k, r in zip(rows, e, strict=True)])
+        unit = max(1.0, float(np.median(length)) / MEDIAN_LENGTH_3)
+        factor[rows] = np.maximum(1.0, length / (HUBER * unit))
     return factor
 
 
@@ -236,14 +237,14 @@ def _worst_control(
     w_of_rays = float(np.nan_to_num(np.abs(precision.w)).max(initial=0.0))
     worst: tuple[int, float] | None = None
     for rows in _of_points(whole.groups).values():
-        here = [k for k in rows if k not in gone]
+        remaining = [k for k in rows if k not in gone]
         fewest = max(len(rows) * (1.0 - MOST_OF_CONTROL), 0 if held else LEAST_CONTROL)
-        if len(here) - 1 < fewest:
+        if len(remaining) - 1 < fewest:
             continue
-        w = np.array([np.abs(of_group[k].w).max() for k in here])
-        spread = float(np.median(np.concatenate([np.abs(of_group[k].w) for k in here])))
+        w = np.array([np.abs(of_group[k].w).max() for k in remaining])
+        spread = float(np.median(np.concatenate([np.abs(of_group[k].w) for k in remaining])))
         unit = max(1.0, spread / MEDIAN_SIZE)
-        for k, size in zip(here, w, strict=True):
+        for k, size in zip(remaining, w, strict=True):
             beyond = size > limit * unit and size > w_of_rays
             if beyond and (worst is None or size > worst[1]):
                 worst = (k, float(size))
@@ -262,19 +263,19 @@ def _point_of_rays(problem: Problem) -> NDArray[np.int64]:
     return np.repeat(np.arange(problem.rays.start.size - 1), np.diff(problem.rays.start))
 
 
-def _lengths(result: Adjusted, given: collinearity.Rays) -> tuple[Array, float]:
+def _lengths(result: Adjusted, rays: collinearity.Rays) -> tuple[Array, float]:
     """Return the lengths of the whitened residuals (n,), and their robust unit."""
-    e = np.empty_like(given.uv)
-    collinearity.residuals(given, result.values.kernel_values(), e)
-    off = np.linalg.norm(e * given.weight, axis=1)
-    part_of = result.problem.rays.active & np.isfinite(off)
-    errors = off
+    e = np.empty_like(rays.uv)
+    collinearity.residuals(rays, result.values.kernel_values(), e)
+    length = np.linalg.norm(e * rays.weight, axis=1)
+    part_of = result.problem.rays.active & np.isfinite(length)
+    errors = length
     if _few_redundant(result.problem):  # residuals say little of errors
         r = precision_of(result).redundancy[result.problem.order].mean(axis=1)
         part_of &= r > LEAST_REDUNDANCY_NUMBER
-        errors = off / np.sqrt(np.where(part_of, r, 1.0))
+        errors = length / np.sqrt(np.where(part_of, r, 1.0))
     unit = float(np.median(errors[part_of])) / MEDIAN_LENGTH if part_of.any() else 1.0
-    return np.maximum(off, 1e-12), max(unit, 1e-12)
+    return np.maximum(length, 1e-12), max(unit, 1e-12)
 
 
 def _few_redundant(problem: Problem) -> bool:
@@ -307,8 +308,8 @@ def left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]
     """
     m = problem.rays.start.size - 1
     point = _point_of_rays(problem)
-    left = np.bincount(point[active], minlength=m)
-    alone = (left <= 2) & (left < np.bincount(point[problem.rays.active], minlength=m))
+    remaining = np.bincount(point[active], minlength=m)
+    alone = (remaining <= 2) & (remaining < np.bincount(point[problem.rays.active], minlength=m))
     for group in problem.groups:
         alone[[row for name, row in group.keys if name == POINT]] = False
     return np.asarray(active & alone[point])

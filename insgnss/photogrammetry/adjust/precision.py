@@ -184,8 +184,8 @@ class Precision:
             the order of `INTERIOR`.
         """
         layout = self.result.problem.layout
-        (name, row), *others = keys
-        if name == POINT and not others and layout.kept[row] < 0:
+        (name, row), *further = keys
+        if name == POINT and not further and layout.kept[row] < 0:
             return np.array(self.point_cov[row])
         columns = np.concatenate([layout.of(key)[0] for key in keys])
         return self.scale * self.cofactors.of(columns)
@@ -252,9 +252,9 @@ class Precision:
     def components(self) -> tuple[Component, ...]:
         """Return the variance components: image observations of each camera, then the groups'."""
         problem = self.result.problem
-        seen = problem.block.observations
-        whitened = residuals_px(self.result) / seen.sigma_px
-        of_camera = problem.block.camera[seen.image]
+        observations = problem.block.observations
+        whitened = residuals_px(self.result) / observations.sigma_px
+        of_camera = problem.block.camera[observations.image]
         components = []
         for c, name in enumerate(image_components(problem.block)):
             mine = (of_camera == c) & np.isfinite(self.redundancy[:, 0])
@@ -397,8 +397,8 @@ def tested(
     """
     layout = result.problem.layout
     e, J = group.linearised(result.values)
-    (name, row), *others = group.keys
-    if name == POINT and not others and layout.kept[row] < 0:
+    (name, row), *further = group.keys
+    if name == POINT and not further and layout.kept[row] < 0:
         mine = point[row]
     else:
         columns, taken = columns_of(layout, group.keys)
@@ -443,8 +443,7 @@ def strongest(precision: Precision, count: int = 10) -> Sequence[tuple[str, str,
     block = precision.result.problem.block
     w = np.nan_to_num(np.abs(precision.w)).max(axis=1)
     rows = np.argsort(-w, kind="stable")[:count]
-    seen = block.observations
+    obs = block.observations
     return [
-        (block.images[seen.image[row]], block.points[seen.point[row]], float(w[row]))
-        for row in rows
+        (block.images[obs.image[row]], block.points[obs.point[row]], float(w[row])) for row in rows
     ]

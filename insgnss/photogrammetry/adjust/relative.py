@@ -178,21 +178,21 @@ class RelativeAerialControl:
         """
         n, (first, second) = len(self.images), self.observed.pairs.T
         value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
-        computed, own, of = positions(self, values, value)
+        computed, by_poses, of = positions(self, values, value)
         columns, width = {}, 6 * n
         for p in (p for p in PARAMETERS if p in value):
             columns[p] = slice(width, width + size_of(value[p]))
             width = columns[p].stop
         J = np.zeros((n, 3, width))
-        _put(J, 6 * np.arange(n), own)
+        _put(J, 6 * np.arange(n), by_poses)
         for p, where in columns.items():
             J[:, :, where] = of[p]
         e = self.position_m - computed
         if self.observed.positions == "relative":
             e, J = e[second] - e[first], J[second] - J[first]
         if self.observed.turns:
-            off, of_turns = self._turns(values, value, columns, width)
-            e, J = np.vstack([e, off]), np.concatenate([J, of_turns])
+            turn_residual, of_turns = self._turns(values, value, columns, width)
+            e, J = np.vstack([e, turn_residual]), np.concatenate([J, of_turns])
         residual, jacobian = e.ravel(), J.reshape(-1, width)
         if self.common is not None:
             residual = residual + self.common @ value[COMMON]
@@ -309,11 +309,11 @@ def as_printed(
     """
     n = len(C_mc)
     m, _ = observed.sizes(n)
-    own = np.zeros_like(P)
+    diag = np.zeros_like(P)
     for k in range(n):
-        own[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = P[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+        diag[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = P[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
     L = operator(C_mc, observed)
-    out, alone = smoothed(L, P), smoothed(L, own)
+    out, alone = smoothed(L, P), smoothed(L, diag)
     out[:m, m:] = out[m:, :m] = 0.0
     relative = [slice(m, None)] + [slice(0, m)] * (observed.positions == "relative")
     for rows in relative:

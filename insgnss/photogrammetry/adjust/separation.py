@@ -68,12 +68,10 @@ REMEDIES: dict[frozenset[str], str] = {
     frozenset(("cx", ABOUT_Y)): HELD_CENTRE,
     frozenset(("cy", ABOUT_X)): HELD_CENTRE,
     **{
-        frozenset(("p1", other)): CALIBRATED_DECENTRING
-        for other in ("cx", f"{BORESIGHT} y", ABOUT_Y)
+        frozenset(("p1", name)): CALIBRATED_DECENTRING for name in ("cx", f"{BORESIGHT} y", ABOUT_Y)
     },
     **{
-        frozenset(("p2", other)): CALIBRATED_DECENTRING
-        for other in ("cy", f"{BORESIGHT} x", ABOUT_X)
+        frozenset(("p2", name)): CALIBRATED_DECENTRING for name in ("cy", f"{BORESIGHT} x", ABOUT_X)
     },
     frozenset(("k",)): NORMAL,
 }

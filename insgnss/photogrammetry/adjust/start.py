@@ -163,9 +163,9 @@ def resected(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
             for k in range(j + 1, len(chosen)):
                 rows = [chosen[i], chosen[j], chosen[k]]
                 for X0, C in three_point_poses(xy[rows], X[rows]):
-                    off = _misfit(X0, C, xy, X)
-                    if best is None or off < best[2]:
-                        best = X0, C, off
+                    misfit = _misfit(X0, C, xy, X)
+                    if best is None or misfit < best[2]:
+                        best = X0, C, misfit
     if best is None or not np.isfinite(best[2]):
         return None
     return _improved(*best, xy, X)
@@ -175,21 +175,21 @@ def _misfit(X0: Array, C: Array, xy: Array, X: Array) -> float:
     """Return the median distance of points from their rays, of the fourth nearest at least."""
     q = (X - X0) @ C
     with np.errstate(all="ignore"):
-        off = np.linalg.norm(q[:, :2] / q[:, 2:] - xy, axis=1)
-    off = np.sort(np.where(q[:, 2] > 0.0, off, np.inf))
-    return float(off[max(3, len(off) // 2)])  # three points fit any pose that they gave
+        residual = np.linalg.norm(q[:, :2] / q[:, 2:] - xy, axis=1)
+    residual = np.sort(np.where(q[:, 2] > 0.0, residual, np.inf))
+    return float(residual[max(3, len(residual) // 2)])  # three points fit any pose that they gave
 
 
-def _improved(X0: Array, C: Array, off: float, xy: Array, X: Array) -> tuple[Array, Array, float]:
+def _improved(X0: Array, C: Array, miss: float, xy: Array, X: Array) -> tuple[Array, Array, float]:
     """Improve a pose by least squares over the points that lie near their rays."""
     from ...geodesy.rotation import rotation_from_vector
 
     for _ in range(5):
         q = (X - X0) @ C
         e = xy - q[:, :2] / q[:, 2:]
-        near = (q[:, 2] > 0.0) & (np.linalg.norm(e, axis=1) <= 5.0 * off + 1e-6)
+        near = (q[:, 2] > 0.0) & (np.linalg.norm(e, axis=1) <= 5.0 * miss + 1e-6)
         if near.sum() < 4:
-            return X0, C, off
+            return X0, C, miss
         q, e = q[near], e[near]
         G = np.zeros((len(q), 2, 3))
         G[:, 0, 0] = G[:, 1, 1] = 1.0 / q[:, 2]
@@ -198,10 +198,10 @@ def _improved(X0: Array, C: Array, off: float, xy: Array, X: Array) -> tuple[Arr
         J = np.concatenate([-B, B @ skew(X[near] - X0)], axis=2).reshape(-1, 6)
         dx = np.linalg.lstsq(J, e.ravel(), rcond=None)[0]
         trial = X0 + dx[:3], rotation_from_vector(dx[3:]) @ C
-        if not (better := _misfit(*trial, xy, X)) <= off:
-            return X0, C, off
-        X0, C, off = *trial, better
-    return X0, C, off
+        if not (better := _misfit(*trial, xy, X)) <= miss:
+            return X0, C, miss
+        X0, C, miss = *trial, better
+    return X0, C, miss
 
 
 def first_values(block: ImageBlock) -> Unknowns:
@@ -221,26 +221,26 @@ def first_values(block: ImageBlock) -> Unknowns:
     Unknowns
         Poses and points; NaN of images and points that could not be found.
     """
-    seen = block.observations
+    obs = block.observations
     xy = directions(block)
     position, C_mc = np.array(block.position_m), np.array(block.C_mc)
     surveyed = np.full((len(block.points), 3), np.nan)
     surveyed[block.control.point] = block.control.position_m
     failed: set[int] = set()
     while True:
-        point = intersected(position, C_mc, xy, seen.image, seen.point, len(block.points))
+        point = intersected(position, C_mc, xy, obs.image, obs.point, len(block.points))
         control = np.isfinite(surveyed[:, 0])
         point[control] = surveyed[control]
         waiting = np.asarray(~np.isfinite(position).all(axis=1))
         waiting |= ~np.isfinite(C_mc).all(axis=(1, 2))
         waiting[list(failed)] = False
-        usable = np.isfinite(point[seen.point, 0]) & np.isfinite(xy).all(axis=1)
-        count = np.bincount(seen.image[usable], minlength=len(block.images)) * waiting
+        usable = np.isfinite(point[obs.point, 0]) & np.isfinite(xy).all(axis=1)
+        count = np.bincount(obs.image[usable], minlength=len(block.images)) * waiting
         if not count.any() or count.max() < 4:
             break
         i = int(np.argmax(count))
-        rows = usable & (seen.image == i)
-        pose = resected(xy[rows], point[seen.point[rows]])
+        rows = usable & (obs.image == i)
+        pose = resected(xy[rows], point[obs.point[rows]])
         if pose is None:
             failed.add(i)
             continue

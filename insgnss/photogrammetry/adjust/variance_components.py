@@ -205,9 +205,9 @@ def with_factors(problem: Problem, factors: Mapping[str, float]) -> Problem:
     block = problem.block
     of_camera = np.array([factors.get(name, 1.0) for name in image_components(block)])
     factor = of_camera[block.camera[block.observations.image]]
-    seen = block.observations
-    sigma = seen.sigma_px * np.sqrt(factor)[:, None]
-    observations = ImageObservations(seen.image, seen.point, seen.uv, sigma)
+    of_block = block.observations
+    sigma = of_block.sigma_px * np.sqrt(factor)[:, None]
+    observations = ImageObservations(of_block.image, of_block.point, of_block.uv, sigma)
     groups = tuple(
         Rescaled(group, factors[group.name]) if group.name in factors else group
         for group in problem.groups

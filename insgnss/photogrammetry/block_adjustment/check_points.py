@@ -46,10 +46,10 @@ class CheckPoints:
     @property
     def cov_of_differences(self) -> Array:
         """P + S of (C.1), (3 m, 3 m)."""
-        both = self.cov.copy()
+        total = self.cov.copy()
         for k, S in enumerate(self.survey):
-            both[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += S
-        return both
+            total[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += S
+        return total
 
     @property
     def normalised_square(self) -> float:
@@ -79,7 +79,7 @@ def check_points(solved: Solved) -> CheckPoints:
     """
     result = solved.result
     block, point = result.problem.block, result.values.point
-    own = result.problem
+    old = result.problem
     rows = np.flatnonzero(np.isfinite(point[block.check.point]).all(axis=1))
     of_block = block.check.point[rows]
     d = block.check.position_m[rows] - point[of_block]
@@ -87,9 +87,9 @@ def check_points(solved: Solved) -> CheckPoints:
         return CheckPoints(rows, d, np.zeros((0, 0)), block.check.cov[rows])
     keep = [int(p) for p in of_block]
     if solved.direct:
-        Q = joint_covariance(own, result.values, keep)
+        Q = joint_covariance(old, result.values, keep)
         return CheckPoints(rows, d, Q, block.check.cov[rows])
-    problem = problem_of(block, own.groups, result.values.blocks, keep).with_active_of(own)
+    problem = problem_of(block, old.groups, result.values.blocks, keep).with_active_of(old)
     columns = np.concatenate([problem.layout.of((POINT, p))[0] for p in keep])
     Q = cofactors_of(problem, result.values, columns)
     return CheckPoints(rows, d, Q, block.check.cov[rows])

@@ -107,20 +107,20 @@ def _paired(solved: Solved) -> list[str]:
     groups = [g for g in solved.result.problem.groups if isinstance(g, RelativeAerialControl)]
     if eo is None or not (count := sum(len(g.observed.pairs) for g in groups)):
         return []
-    apart = np.concatenate(
+    interval_s = np.concatenate(
         [g.time[g.observed.pairs[:, 1]] - g.time[g.observed.pairs[:, 0]] for g in groups]
     )
     images = sum(len(g.images) for g in groups)
-    words = {
+    weighing = {
         "smoothed": "the covariance of whole flight lines",
         "independent": "images as if they were independent (paper 003, equation 5)",
         "gyro": "noise and drift of the gyroscopes (paper 003, equation 6)",
     }[options.relative_weights]
     text = (
         f"relative control: {count} pairs of neighbours among {images} images, up to"
-        f" {apart.max():.1f} s apart; none across turns and gaps; weighed by {words}"
+        f" {interval_s.max():.1f} s apart; none across turns and gaps; weighed by {weighing}"
     )
-    if options.relative_weights == "gyro" and apart.max() > GAP_S:
+    if options.relative_weights == "gyro" and interval_s.max() > GAP_S:
         text += f", which holds up to {GAP_S:g} s"
     return [text]
 
@@ -212,7 +212,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
     images, blocks = solved.result.problem.block.images, solved.result.values.blocks
     out = []
     for k, rows in enumerate(solved.control.lines):
-        own: dict[str, Any] = {
+        line_figures: dict[str, Any] = {
             "first_image": images[rows[0]],
             "last_image": images[rows[-1]],
             "images": int(rows.size),
@@ -220,10 +220,10 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
         }
         for name in (SHIFT, DRIFT):
             if (name, k) in blocks:
-                own[name] = blocks[(name, k)].tolist()
+                line_figures[name] = blocks[(name, k)].tolist()
                 cov = solved.precision.cov((name, k))
-                own[f"sigma_{name}"] = np.sqrt(np.diagonal(cov)).tolist()
-        out.append(own)
+                line_figures[f"sigma_{name}"] = np.sqrt(np.diagonal(cov)).tolist()
+        out.append(line_figures)
     return out
 
 
@@ -258,15 +258,15 @@ def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
     out: list[dict[str, Any]] = [
         {"point": block.points[row], "images": int(rays[row])} for row in block.check.point
     ]
-    for k, (own, d) in enumerate(zip(checks.rows, checks.difference_m, strict=True)):
+    for k, (check_row, d) in enumerate(zip(checks.rows, checks.difference_m, strict=True)):
         P = checks.cov[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        both = P + checks.survey[k]
-        out[own] |= {
+        total = P + checks.survey[k]
+        out[check_row] |= {
             "difference_m": d.tolist(),
-            "sigma_m": np.sqrt(np.diagonal(both)).tolist(),
+            "sigma_m": np.sqrt(np.diagonal(total)).tolist(),
             "sigma_adjusted_m": np.sqrt(np.diagonal(P)).tolist(),
-            "normalised_square": float(d @ np.linalg.solve(both, d)),
-            "position_m": point[block.check.point[own]].tolist(),
+            "normalised_square": float(d @ np.linalg.solve(total, d)),
+            "position_m": point[block.check.point[check_row]].tolist(),
         }
     return out
 
@@ -305,7 +305,7 @@ def _images(solved: Solved) -> list[dict[str, Any]]:
     sigma = np.sqrt(np.maximum(np.diagonal(solved.precision.pose_cov, axis1=1, axis2=2), 0.0))
     out = []
     for i, name in enumerate(block.images):
-        own: dict[str, Any] = {
+        image_figures: dict[str, Any] = {
             "image": name,
             "observations": int(count[i]),
             "rejected": int(rejected[i]),
@@ -315,21 +315,21 @@ def _images(solved: Solved) -> list[dict[str, Any]]:
             "sigma_rad": sigma[i, 3:].tolist(),
         }
         if eo is not None and row[i] >= 0:
-            own["moved_m"] = (values.position[i] - eo.position_m[row[i]]).tolist()
+            image_figures["moved_m"] = (values.position[i] - eo.position_m[row[i]]).tolist()
             turn = values.C_mc[i] @ eo.C_mc[row[i]].T
-            own["turned_rad"] = vector_from_rotation(turn).tolist()
-        out.append(own)
+            image_figures["turned_rad"] = vector_from_rotation(turn).tolist()
+        out.append(image_figures)
     return out
 
 
 def _rejected(solved: Solved) -> list[dict[str, Any]]:
     block = solved.result.problem.block
     e = residuals_px(solved.result)
-    seen = block.observations
+    observations = block.observations
     return [
         {
-            "image": block.images[seen.image[k]],
-            "point": block.points[seen.point[k]],
+            "image": block.images[observations.image[k]],
+            "point": block.points[observations.point[k]],
             "residual_px": [float(x) if np.isfinite(x) else None for x in e[k]],
         }
         for k in solved.rejected
@@ -342,10 +342,10 @@ def _points(solved: Solved, block: ImageBlock) -> dict[str, Any]:
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     finite = np.isfinite(sigma).all(axis=1)
     detectable = solved.precision.detectable_px
-    seen = np.isfinite(detectable)
+    mask = np.isfinite(detectable)
     return {
         "median_sigma_m": np.median(sigma[finite], axis=0).tolist() if finite.any() else None,
-        "median_detectable_px": float(np.median(detectable[seen])) if seen.any() else None,
+        "median_detectable_px": float(np.median(detectable[mask])) if mask.any() else None,
         "detectable_of_sigmas": NONCENTRALITY,
         "heights_m": [
             float(x)

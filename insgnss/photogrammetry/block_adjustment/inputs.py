@@ -120,13 +120,13 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     source = _oriented_only(source_in_mode(mode, source, ground, notes, moving), eo, notes)
     if vehicle is not None:
         vehicle = vehicle.seen_in(source.measured)
-    made = joined(source, ground, eo, all_oriented=mode == "fast_at")
-    for camera in made.block.cameras:
+    union = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    for camera in union.block.cameras:
         refuse_field_of_view(camera)
-    block, rows = made.block, made.eo_row
+    block, rows = union.block, union.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
-        block = replace(block, position_m=made.position_m, C_mc=made.C_mc)  # axes of the ground
-    block = placed(block, made.position_m, made.C_mc)
+        block = replace(block, position_m=union.position_m, C_mc=union.C_mc)  # axes of the ground
+    block = placed(block, union.position_m, union.C_mc)
     if eo is not None and (without := int((rows < 0).sum())):
         notes.append(
             f"{without} of {len(rows)} images have no aerial control,"
@@ -134,8 +134,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
             " alone"
         )
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
-        own = set(rows[rows >= 0].tolist())
-        names = [name for k, name in enumerate(eo.images) if k not in own]
+        used_rows = set(rows[rows >= 0].tolist())
+        names = [name for k, name in enumerate(eo.images) if k not in used_rows]
         named = some(names)
         notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
@@ -226,8 +226,8 @@ def _seen_once(block: ImageBlock, moving: Sequence[str]) -> list[str]:
     of a vehicle do.
     """
     rays = np.bincount(block.observations.point, minlength=len(block.points))
-    own = set(moving)
-    rays[[name in own for name in block.points]] = 0
+    moving_names = set(moving)
+    rays[[name in moving_names for name in block.points]] = 0
     single = int((rays == 1).sum())
     if single < SINGLE_SHARE * (rays > 0).sum():
         return []
@@ -242,21 +242,21 @@ def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock
     if not skip:
         return source
     images = source.measured.images
-    if odd := [name for name in skip if name not in images]:
-        raise InputError(f"images.skip: {odd[0]!r} is no image of it; {near(odd[0], images[:200])}")
-    seen = source.measured.observations
+    if bad := [name for name in skip if name not in images]:
+        raise InputError(f"images.skip: {bad[0]!r} is no image of it; {near(bad[0], images[:200])}")
+    observations = source.measured.observations
     gone = set(skip)
-    left = np.array([name in gone for name in images])
-    keep = ~left[seen.image]
-    return replace(source, measured=replace(source.measured, observations=seen.rows(keep)))
+    skipped = np.array([name in gone for name in images])
+    keep = ~skipped[observations.image]
+    return replace(source, measured=replace(source.measured, observations=observations.rows(keep)))
 
 
 def _oriented_only(
     source: MeasuredBlock, eo: ExteriorOrientation | None, notes: list[str]
 ) -> MeasuredBlock:
     """Leave images out that neither aerial control nor enough points orient."""
-    images, seen = source.measured.images, source.measured.observations
-    count = np.bincount(seen.image, minlength=len(images))
+    images, observations = source.measured.images, source.measured.observations
+    count = np.bincount(observations.image, minlength=len(images))
     few = (count > 0) & (count < FEWEST_POINTS)
     if eo is not None:
         few &= matched(images, eo.images) < 0
@@ -332,7 +332,7 @@ def ground_in_plane(
     if eo is None:
         return ground if crs is None else _in_own_plane(ground, crs, file.ground.geoid, notes)
     plane = TangentPlane(*eo.origin)
-    given = ground
+    as_read = ground
     if crs is not None:
         ground = ground.in_plane(GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch), plane)
     away = np.linalg.norm(
@@ -343,7 +343,7 @@ def ground_in_plane(
         x, y, z = ground.position_m[k]
         if crs is None:
             advice = "they stand in a CRS: name it by ground.crs or --crs, such as EPSG:2056"
-        elif _near_if_exchanged(given, GroundAxes(crs, file.ground.geoid), plane, eo):
+        elif _near_if_exchanged(as_read, GroundAxes(crs, file.ground.geoid), plane, eo):
             advice = "they lie there with easting and northing exchanged: exchange the columns"
         else:
             advice = f"{crs} is not their CRS; name the right one, with its zone"
@@ -360,10 +360,10 @@ def _near_if_exchanged(
 ) -> bool:
     """Whether points of a CRS lie near the images when easting and northing are exchanged."""
     try:
-        other = replace(ground, position_m=ground.position_m[:, [1, 0, 2]]).in_plane(axes, plane)
+        swap = replace(ground, position_m=ground.position_m[:, [1, 0, 2]]).in_plane(axes, plane)
     except InsgnssError:
         return False
-    away = other.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
+    away = swap.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
     return bool((np.linalg.norm(away, axis=1) < FAR_GROUND_M).all())
 
 

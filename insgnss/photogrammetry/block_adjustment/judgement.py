@@ -115,10 +115,10 @@ def judged(
         shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
         of_checks = shift_of_check_points(solved)
         smoothed = solved.inputs.file.aerial_control.relative_weights == "smoothed"
-        own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
+        done = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
             _explained(
-                finding, own if finding.name == CHECKS else trials_made, solved.direct, smoothed
+                finding, done if finding.name == CHECKS else trials_made, solved.direct, smoothed
             )
             for finding in beyond
         ]
@@ -217,20 +217,20 @@ def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Finding]:
     options = figures["block_file"]["aerial_control"]
     images = sum(chain["images"] for chain in chains)
     first = chains[0]["image"]
-    words, sigmas = [], []
+    unknowns, sigmas = [], []
     if any(chain["position"] for chain in chains):
-        words.append("where they lie")
+        unknowns.append("where they lie")
         sigmas.append(f"{options['datum_sigma_m']:g} m")
     if any(chain["attitude"] for chain in chains):
-        words.append("how they are turned")
+        unknowns.append("how they are turned")
         sigmas.append(f"{options['datum_sigma_deg']:g} deg")
     yield ranked(
         "relative control",
         0.95,
         f"relative control of {images} image{'s' * (images > 1)} in {len(chains)} flight"
         f" line{'s' * (len(chains) > 1)} or turns, that of {first} first, and nothing tells"
-        f" {' or '.join(words)}: a weak observation ({' and '.join(sigmas)}) of one image of each"
-        " holds them",
+        f" {' or '.join(unknowns)}: a weak observation ({' and '.join(sigmas)}) of one image of"
+        " each holds them",
         "measure ground points in their images, or observe them absolutely (aerial_control.lines)",
     )
 
@@ -274,13 +274,13 @@ def _images(solved: Solved) -> Iterator[Finding]:
 
     problem = solved.result.problem
     block = problem.block
-    seen = block.observations
-    shared = np.bincount(seen.point, minlength=len(block.points))[seen.point] > 1
-    active = np.zeros(len(seen), dtype=bool)
+    observations = block.observations
+    shared = np.bincount(observations.point, minlength=len(block.points))[observations.point] > 1
+    active = np.zeros(len(observations), dtype=bool)
     active[problem.order] = problem.rays.active
     n = len(block.images)
-    total = np.bincount(seen.image[shared], minlength=n)
-    missing = np.bincount(seen.image[shared & ~active], minlength=n)
+    total = np.bincount(observations.image[shared], minlength=n)
+    missing = np.bincount(observations.image[shared & ~active], minlength=n)
     share = missing / np.maximum(total, 1)
     usual = max(USUAL_REJECTED, 2.0 * float((shared & ~active).sum() / max(1, shared.sum())))
     chance = binom.sf(missing - 1, total, min(usual, 0.5))
@@ -305,16 +305,16 @@ def _lever_arm(solved: Solved) -> Iterator[Finding]:
     if turn is None or flight is None or solved.inputs.eo is None:
         return
     lever = np.array(flight["mounting"]["antenna_m"], dtype=np.float64)
-    off = float(np.linalg.norm(turn @ lever - lever))
+    displacement = float(np.linalg.norm(turn @ lever - lever))
     cov = solved.inputs.eo.cov
     sigma = float(np.sqrt(np.median(np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / 3.0))
-    if off > SIGNIFICANT_SIGMAS * sigma:
+    if displacement > SIGNIFICANT_SIGMAS * sigma:
         yield ranked(
             BORESIGHT,
-            off / (SIGNIFICANT_SIGMAS * sigma),
+            displacement / (SIGNIFICANT_SIGMAS * sigma),
             f"the bore-sight that the flight was processed with turned the lever arm of"
             f" {np.linalg.norm(lever):.2f} m to the antenna: projection centres are off by"
-            f" {lengths([1e3 * off])} ({off / sigma:.0f} sigma)",
+            f" {lengths([1e3 * displacement])} ({displacement / sigma:.0f} sigma)",
             "process with --mounting mounting.toml, which is written here, and adjust again",
         )
 
@@ -382,23 +382,23 @@ def _explained(
             f" standard deviations that are too small{weights}",
         )
     best = good[0]
-    words = f"{best.name} of {shown(best)} explains it: {advice(best)}"
-    others = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
-    alike = others.values()
-    words += "".join(
+    sentence = f"{best.name} of {shown(best)} explains it: {advice(best)}"
+    rivals = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
+    alike = rivals.values()
+    sentence += "".join(
         f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike
     )
     if direct:
-        words += "; where poses are held, errors of camera constant and bore-sight look alike"
-    return replace(finding, remedy=words)
+        sentence += "; where poses are held, errors of camera constant and bore-sight look alike"
+    return replace(finding, remedy=sentence)
 
 
 def shown(trial: Trial) -> str:
     """Return the values of a trial as people read them."""
     factor, unit = (1.0, "px") if trial.unit == "px" else screen_unit(trial.unit)
-    words = " / ".join(_plain(factor * v) for v in trial.value[:3])
+    values = " / ".join(_plain(factor * v) for v in trial.value[:3])
     sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
-    return f"{words} {unit} (sigma {sigma})"
+    return f"{values} {unit} (sigma {sigma})"
 
 
 def _plain(value: float) -> str:
@@ -445,15 +445,15 @@ def _rejected(figures: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
-    for name, own in figures["mounting"].items():
-        value, sigma = np.array(own["value"]), np.array(own["sigma"])
+    for name, estimate in figures["mounting"].items():
+        value, sigma = np.array(estimate["value"]), np.array(estimate["sigma"])
         if (np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any():
-            factor, unit = screen_unit(own["unit"])
-            words = " / ".join(f"{factor * v:+.3g}" for v in value)
+            factor, unit = screen_unit(estimate["unit"])
+            values = " / ".join(f"{factor * v:+.3g}" for v in value)
             yield ranked(
                 name,
                 0.4,
-                f"the {name} differs from that of the flight file by {words} {unit}"
+                f"the {name} differs from that of the flight file by {values} {unit}"
                 f" ({np.max(np.abs(value) / sigma):.0f} sigma)",
                 "process the flight with --mounting mounting.toml to have it in every product",
             )
@@ -461,12 +461,12 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
 
 def _correlations(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """The strongest pair of each remedy; coefficients of one polynomial are no finding."""
-    seen: set[str] = set()
+    named_remedies: set[str] = set()
     for pair in figures["correlations"]:
         strong = abs(pair["correlation"]) > STRONG_CORRELATION
-        if not strong or pair["remedy"] in seen or pair["remedy"] == NORMAL:
+        if not strong or pair["remedy"] in named_remedies or pair["remedy"] == NORMAL:
             continue
-        seen.add(pair["remedy"])
+        named_remedies.add(pair["remedy"])
         yield ranked(
             "correlation",
             0.3,
@@ -490,22 +490,22 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         Its name, a verdict, and its value with standard deviation.
     """
     for camera in figures["cameras"]:
-        for name, own in camera["parameters"].items():
-            if not own["estimated"]:
+        for name, est in camera["parameters"].items():
+            if not est["estimated"]:
                 continue
-            moved = own["value"] - own["first"]
+            moved = est["value"] - est["first"]
             unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
-            sure = abs(own["value"]) > SIGNIFICANT_SIGMAS * own["sigma"]
+            sure = abs(est["value"]) > SIGNIFICANT_SIGMAS * est["sigma"]
             verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
             yield (
                 f"{name} of {camera['name']}",
                 verdict,
-                f"{own['value']:.6g}{unit}, sigma {own['sigma']:.2g}, moved by {moved:+.2g}",
+                f"{est['value']:.6g}{unit}, sigma {est['sigma']:.2g}, moved by {moved:+.2g}",
             )
     vehicle = figures["vehicle"] or {"parameters": {}}
-    for name, own in (figures["mounting"] | vehicle["parameters"]).items():
-        factor, unit = screen_unit(own["unit"])
-        columns = zip(AXES[name], *map(own.get, ("value", "sigma", "sigma_before")), strict=True)
+    for name, est in (figures["mounting"] | vehicle["parameters"]).items():
+        factor, unit = screen_unit(est["unit"])
+        columns = zip(AXES[name], *map(est.get, ("value", "sigma", "sigma_before")), strict=True)
         for axis, value, sigma, before in columns:
             one = Estimate(State(name, axis), value, sigma, before)
             numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
@@ -540,6 +540,6 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
             f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
             f" ({lengths([1e3 * x for x in sigma])} expected)"
         )
-    if words := headline_words(figures):
-        text += f"; {words}"
+    if of_vehicle := headline_words(figures):
+        text += f"; {of_vehicle}"
     return text

@@ -51,8 +51,8 @@ def file_in_mode(file: BlockFile, notes: list[str]) -> BlockFile:
     ]
     requested += ["time_offset_sigma_s"] * (control.time_offset_sigma_s > 0.0)
     if requested:
-        words = ", ".join(f"aerial_control.{name}" for name in requested)
-        notes.append(f"mode direct estimates nothing: {words} has no effect")
+        options = ", ".join(f"aerial_control.{name}" for name in requested)
+        notes.append(f"mode direct estimates nothing: {options} has no effect")
     held = replace(
         control,
         boresight_sigma_deg=0.0,
@@ -184,8 +184,8 @@ def source_in_mode(
     names = {*(ground.points if ground is not None else ()), *moving}
     measured = source.measured
     of_ground = np.array([name in names for name in measured.points], dtype=bool)
-    seen = measured.observations
-    keep = of_ground[seen.point]
+    all_observations = measured.observations
+    keep = of_ground[all_observations.point]
     if not keep.any():
         raise InputError(
             "mode fast_at: no image observation is of a ground point; give ground points with"
@@ -197,7 +197,7 @@ def source_in_mode(
             " points, which take no part"
         )
     new = np.cumsum(of_ground) - 1
-    kept = seen.rows(keep)
+    kept = all_observations.rows(keep)
     observations = replace(kept, point=new[kept.point])
     points = tuple(p for p, mine in zip(measured.points, of_ground, strict=True) if mine)
     return replace(source, measured=replace(measured, points=points, observations=observations))

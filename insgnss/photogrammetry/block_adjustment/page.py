@@ -91,8 +91,8 @@ def input_paths(solved: Solved) -> list[Path]:
         Those that the block file names, and itself.
     """
     file = solved.inputs.file
-    own = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    every = (*own, file.ground.file, file.vehicle.file, file.vehicle.sizes)
+    required = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
+    every = (*required, file.ground.file, file.vehicle.file, file.vehicle.sizes)
     return [path for path in every if path is not None]
 
 
@@ -164,8 +164,8 @@ def _numbers(figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _lines(figures: Mapping[str, Any]) -> str:
     """Return the number of flight lines, and what is observed of them."""
     controls = Counter(line["control"] for line in figures["flight_lines"])
-    words = ", ".join(f"{control} of {count}" for control, count in controls.items())
-    return f"{figures['counts']['flight_lines']}" + (f" ({words})" if words else "")
+    of_controls = ", ".join(f"{control} of {count}" for control, count in controls.items())
+    return f"{figures['counts']['flight_lines']}" + (f" ({of_controls})" if of_controls else "")
 
 
 def _millimetres(values: Sequence[float | None], form: str = "+.1f") -> Iterator[str]:

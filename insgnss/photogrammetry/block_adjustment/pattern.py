@@ -55,13 +55,13 @@ def patterns(solved: Solved) -> tuple[Pattern, ...]:
         One a camera; cells with few observations are left out.
     """
     block = solved.result.problem.block
-    seen, r = block.observations, solved.precision.redundancy
+    observations, r = block.observations, solved.precision.redundancy
     e = residuals_px(solved.result)
     taking = np.isfinite(r[:, 0])
     out = []
     for c, camera in enumerate(block.cameras):
-        mine = taking & (block.camera[seen.image] == c)
-        cell = (seen.uv[mine] / (camera.width, camera.height) * CELLS).astype(int)
+        mine = taking & (block.camera[observations.image] == c)
+        cell = (observations.uv[mine] / (camera.width, camera.height) * CELLS).astype(int)
         cell = np.clip(cell, 0, np.array(CELLS) - 1)
         number = cell[:, 0] * CELLS[1] + cell[:, 1]
         size = CELLS[0] * CELLS[1]
@@ -69,10 +69,10 @@ def patterns(solved: Solved) -> tuple[Pattern, ...]:
         good = count >= FEWEST_OF_CELL
         mean, var = np.zeros((size, 2)), np.zeros((size, 2))
         for k in range(2):
-            own = np.maximum(r[mine, k], 0.0) * seen.sigma_px[mine, k] ** 2
+            variance_px2 = np.maximum(r[mine, k], 0.0) * observations.sigma_px[mine, k] ** 2
             with np.errstate(all="ignore"):
                 mean[:, k] = np.bincount(number, e[mine, k], size) / count
-                var[:, k] = np.bincount(number, own, size) / count**2
+                var[:, k] = np.bincount(number, variance_px2, size) / count**2
         centre = (np.stack(np.divmod(np.arange(size), CELLS[1]), axis=1) + 0.5) / CELLS
         centre = centre * (camera.width, camera.height)
         good &= (var > 0.0).all(axis=1)

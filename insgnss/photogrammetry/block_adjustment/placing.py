@@ -36,18 +36,18 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     ImageBlock
         The same otherwise; as it was where nothing ties both axes.
     """
-    own = np.isfinite(position).all(axis=1) & np.isfinite(C).all(axis=(1, 2))
-    missing = own & ~block.oriented
+    has_pose = np.isfinite(position).all(axis=1) & np.isfinite(C).all(axis=(1, 2))
+    missing = has_pose & ~block.oriented
     if not missing.any():
         return block
-    common = own & block.oriented
+    common = has_pose & block.oriented
     fitted = None
     if common.sum() >= FEWEST_COMMON:
         R = nearest_rotation(np.einsum("nij,nkj->ik", block.C_mc[common], C[common]))
         fitted = similarity(position[common], block.position_m[common], R)
     elif len(block.control) >= FEWEST_COMMON:
-        seen = block.observations
-        X = intersected(position, C, directions(block), seen.image, seen.point, len(block.points))[
+        obs = block.observations
+        X = intersected(position, C, directions(block), obs.image, obs.point, len(block.points))[
             block.control.point
         ]
         good = np.isfinite(X).all(axis=1)

@@ -159,20 +159,20 @@ def expected(figures: Mapping[str, Any]) -> Iterator[str]:
     """
     height = figures["flying_height_m"]
     for camera in figures["cameras"]:
-        own = {k: p for k, p in camera["parameters"].items() if p["estimated"]}
-        if not own:
+        estimated = {k: p for k, p in camera["parameters"].items() if p["estimated"]}
+        if not estimated:
             yield f"camera {camera['name']}: nothing of it is estimated"
             continue
-        words = ", ".join(f"{k} {p['sigma']:.2g}" for k, p in own.items())
-        text = f"camera {camera['name']}: sigmas {words}"
-        if "f" in own:
-            of_height = 1e3 * height * own["f"]["sigma"] / own["f"]["value"]
+        sigmas = ", ".join(f"{k} {p['sigma']:.2g}" for k, p in estimated.items())
+        text = f"camera {camera['name']}: sigmas {sigmas}"
+        if "f" in estimated:
+            of_height = 1e3 * height * estimated["f"]["sigma"] / estimated["f"]["value"]
             text += f"; that of f is {lengths([of_height])} of the flying height {height:.0f} m"
         yield text
-    for name, own in figures["mounting"].items():
-        factor, unit = screen_unit(own["unit"])
-        sigma = " / ".join(f"{factor * x:.2g}" for x in own["sigma"])
-        before = " / ".join(f"{factor * x:.2g}" for x in own["sigma_before"])
+    for name, estimated in figures["mounting"].items():
+        factor, unit = screen_unit(estimated["unit"])
+        sigma = " / ".join(f"{factor * x:.2g}" for x in estimated["sigma"])
+        before = " / ".join(f"{factor * x:.2g}" for x in estimated["sigma_before"])
         yield f"{name}: sigma {sigma} {unit} ({before} before)"
 
 
@@ -225,9 +225,11 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     source = of_table(*block)
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source = source_in_mode(mode, source, ground, notes)
-    made = joined(source, ground, eo, all_oriented=mode == "fast_at")
-    inputs = Inputs(file, made.block, eo, made.eo_row, tuple(notes), calibrated(file, made.block))
-    progress(f"adjusting {len(made.block.observations)} planned image observations")
+    union = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    inputs = Inputs(
+        file, union.block, eo, union.eo_row, tuple(notes), calibrated(file, union.block)
+    )
+    progress(f"adjusting {len(union.block.observations)} planned image observations")
     control = control_of(inputs)
     solved = plainly(inputs, control, _precision(inputs, control))
     figures = figures_of(solved)
@@ -279,9 +281,9 @@ def _block(
     )
     ties = tie_points(eo, terrain, options, np.random.default_rng(SEED))
     targets = ground.position_m if ground is not None else np.zeros((0, 3))
-    seen = seen_points(eo, targets, camera)
+    visible = seen_points(eo, targets, camera)
     sigma = file.images.sigma_px or options.tie_sigma_px
-    return _observed(eo, ties, seen, ground.points if ground is not None else (), sigma), camera
+    return _observed(eo, ties, visible, ground.points if ground is not None else (), sigma), camera
 
 
 def _observed(

@@ -67,15 +67,15 @@ def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
     if few.image.size < FEWEST_RAYS or np.unique(few.image).size < FEWEST_IMAGES:
         return
     size = max(max(camera.width, camera.height) for camera in inputs.block.cameras)
-    apart, turn = few.fitted()
+    misclosure_px, turn = few.fitted()
     sigma = float(np.median(_sigma_px(inputs, whole)))
     doubtful = max(DOUBTFUL_SHARE * size, FEW_ATTITUDE_SIGMAS * sigma)
-    if failed or apart > doubtful:
+    if failed or misclosure_px > doubtful:
         limit = np.inf if failed else max(NOT_MEETING_SHARE * size, ATTITUDE_SIGMAS * sigma)
-        _refuse_readings(inputs, few, apart, (doubtful, limit))
+        _refuse_readings(inputs, few, misclosure_px, (doubtful, limit))
     whole = replace(whole, C=whole.C @ rotation_from_vector(turn))
-    _refuse_images(inputs, whole, apart, 0.0 if failed else NOT_MEETING_SHARE * size)
-    _refuse_ground(inputs, whole, apart)
+    _refuse_images(inputs, whole, misclosure_px, 0.0 if failed else NOT_MEETING_SHARE * size)
+    _refuse_ground(inputs, whole, misclosure_px)
     _refuse_vehicle(inputs, turn)
 
 
@@ -101,12 +101,12 @@ def worse_than_stated(inputs: Inputs) -> str:
     angle = variance[:, 3:].sum(axis=1) + variance[:, :3].sum(axis=1) / depth**2
     sigma = float(np.median(few.f * np.sqrt(angle)))
     stated = float(np.median(inputs.block.observations.sigma_px[few.row]))
-    apart, _ = few.fitted()
-    if not apart >= max(WORSE_MISCLOSURE * stated, FEW_ATTITUDE_SIGMAS * sigma):
+    misclosure_px, _ = few.fitted()
+    if not misclosure_px >= max(WORSE_MISCLOSURE * stated, FEW_ATTITUDE_SIGMAS * sigma):
         return ""
     return (
-        f"; rays of a point pass {apart:.1f} px from each other, where image observations are"
-        f" stated good to {stated:.2g} px and poses to {sigma:.2g} px: correct them, or state"
+        f"; rays of a point pass {misclosure_px:.1f} px from each other, where image observations"
+        f" are stated good to {stated:.2g} px and poses to {sigma:.2g} px: correct them, or state"
         " what they are good to (images.sigma_px)"
     )
 
@@ -117,11 +117,11 @@ def _refuse_vehicle(inputs: Inputs, turn: Array) -> None:
         return
     n = len(inputs.block.images)
     position, C, sigma = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.zeros(n)
-    own = inputs.eo_row >= 0
-    rows = inputs.eo_row[own]
-    position[own] = inputs.eo.position_m[rows]
-    C[own] = inputs.eo.C_mc[rows] @ rotation_from_vector(turn)
-    sigma[own] = np.sqrt(np.trace(inputs.eo.cov[rows][:, 3:, 3:], axis1=1, axis2=2))
+    has_pose = inputs.eo_row >= 0
+    rows = inputs.eo_row[has_pose]
+    position[has_pose] = inputs.eo.position_m[rows]
+    C[has_pose] = inputs.eo.C_mc[rows] @ rotation_from_vector(turn)
+    sigma[has_pose] = np.sqrt(np.trace(inputs.eo.cov[rows][:, 3:, 3:], axis1=1, axis2=2))
     refuse_elsewhere(inputs.vehicle, inputs.block, position, C, sigma)
 
 
@@ -130,15 +130,15 @@ def _sigma_px(inputs: Inputs, whole: Reading) -> Array:
     eo = inputs.eo
     assert eo is not None
     sigma = np.zeros(len(inputs.block.images))
-    own = inputs.eo_row >= 0
-    cov = eo.cov[inputs.eo_row[own]]
+    has_pose = inputs.eo_row >= 0
+    cov = eo.cov[inputs.eo_row[has_pose]]
     f = float(np.median(whole.f)) if whole.f.size else 0.0
-    sigma[own] = f * np.sqrt(np.trace(cov[:, 3:, 3:], axis1=1, axis2=2))
+    sigma[has_pose] = f * np.sqrt(np.trace(cov[:, 3:, 3:], axis1=1, axis2=2))
     return sigma
 
 
 def _refuse_readings(
-    inputs: Inputs, few: Reading, apart: float, limits: tuple[float, float]
+    inputs: Inputs, few: Reading, misclosure_px: float, limits: tuple[float, float]
 ) -> None:
     """Refuse a block whose rays do not meet; name the reading with which they do.
 
@@ -146,13 +146,13 @@ def _refuse_readings(
     """
 
     def misfit(reading: Reading) -> float:
-        return np.inf if reading.image.size < FEWEST_RAYS else reading.fitted(apart)[0]
+        return np.inf if reading.image.size < FEWEST_RAYS else reading.fitted(misclosure_px)[0]
 
     def words(one: Candidate[Reading]) -> str:
         return f"{one.statement.format(one.read(few).fitted()[1][-1])}: {one.remedy}"
 
-    start = f"rays of a point pass {apart:.0f} px from each other"
-    if apart >= FAR_OFF:
+    start = f"rays of a point pass {misclosure_px:.0f} px from each other"
+    if misclosure_px >= FAR_OFF:
         start = "rays of a point do not meet before the cameras"
     start = f"image observations do not fit the aerial control: {start}"
     explanation = explain(few, readings(inputs, few), misfit, limits[0], PIXEL)
@@ -160,7 +160,7 @@ def _refuse_readings(
         raise DataError(
             f"{start}, and {explanation.left:.1f} px as if {explanation.clauses(words)}"
         )
-    if apart > limits[1]:
+    if misclosure_px > limits[1]:
         raise DataError(
             f"{start}, and none of mirrored or exchanged pixel axes, turned images or camera"
             " axes, images in another order, a delay, a principal point from the middle fits;"
@@ -169,20 +169,20 @@ def _refuse_readings(
         )
 
 
-def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -> None:
+def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: float) -> None:
     """Refuse a block some images of which do not fit, and name them."""
     names = inputs.block.images
-    limit = np.maximum(max(least, 10.0 * apart), ATTITUDE_SIGMAS * _sigma_px(inputs, whole))
+    limit = np.maximum(max(least, 10.0 * misclosure_px), ATTITUDE_SIGMAS * _sigma_px(inputs, whole))
     n, out = len(names), list[tuple[int, float]]()
-    rest = whole
+    remaining = whole
     while len(out) <= MOST_NAMED_IMAGES:
-        count = np.bincount(rest.point)
-        rest = rest.rows(count[rest.point] >= 2)
-        off = np.linalg.norm(rest.residuals(), axis=1)
+        count = np.bincount(remaining.point)
+        remaining = remaining.rows(count[remaining.point] >= 2)
+        distance = np.linalg.norm(remaining.residuals(), axis=1)
         medians = np.array(
             [
-                np.median(off[rest.image == i])
-                if (rest.image == i).sum() >= FEWEST_OF_IMAGE
+                np.median(distance[remaining.image == i])
+                if (remaining.image == i).sum() >= FEWEST_OF_IMAGE
                 else 0.0
                 for i in range(n)
             ]
@@ -191,30 +191,30 @@ def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -
         if medians[worst] <= limit[worst]:
             break
         out.append((worst, float(medians[worst])))
-        rest = rest.rows(rest.image != worst)
+        remaining = remaining.rows(remaining.image != worst)
     if not out or len(out) > MOST_NAMED_IMAGES or len(out) > 0.2 * n:
         return
     some = sorted(i for i, _ in out)
-    words = " and ".join(names[i] for i in some)
+    named = " and ".join(names[i] for i in some)
     text = (
-        f"image observations of {words} do not fit their poses: their rays"
+        f"image observations of {named} do not fit their poses: their rays"
         + (
             f" pass {out[0][1]:.0f} px from those of other images"
             if out[0][1] < FAR_OFF
             else " do not meet those of other images"
         )
-        + f" ({apart:.1f} px in the others)"
+        + f" ({misclosure_px:.1f} px in the others)"
     )
     if len(some) == 2:
         rows = np.arange(n)
         rows[some] = some[::-1]
 
         def median(reading: Reading) -> float:
-            off = np.linalg.norm(reading.residuals(), axis=1)
-            return float(np.median(off[np.isin(reading.image, some)]))
+            distance = np.linalg.norm(reading.residuals(), axis=1)
+            return float(np.median(distance[np.isin(reading.image, some)]))
 
-        other = Candidate[Reading]("", lambda r: replace(r, position=r.position[rows], C=r.C[rows]))
-        explanation = explain(whole, [other], median, float(limit[some].min()))
+        moved = Candidate[Reading]("", lambda r: replace(r, position=r.position[rows], C=r.C[rows]))
+        explanation = explain(whole, [moved], median, float(limit[some].min()))
         if explanation is not None:
             raise DataError(
                 f"{text}, and {explanation.left:.1f} px when they are exchanged; exchange their"
@@ -226,11 +226,11 @@ def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -
     )
 
 
-def _refuse_ground(inputs: Inputs, whole: Reading, apart: float) -> None:
+def _refuse_ground(inputs: Inputs, whole: Reading, miss_px: float) -> None:
     """Refuse ground points that lie elsewhere than images see them, all of them."""
     block = inputs.block
     rows = np.concatenate([block.control.point, block.check.point])
-    given = np.concatenate([block.control.position_m, block.check.position_m])
+    stated = np.concatenate([block.control.position_m, block.check.position_m])
     if rows.size < FEWEST_IMAGES:
         return
     mine = whole.rows(np.isin(whole.point, rows))
@@ -238,35 +238,35 @@ def _refuse_ground(inputs: Inputs, whole: Reading, apart: float) -> None:
     good = np.isfinite(X).all(axis=1)
     if good.sum() < FEWEST_IMAGES:
         return
-    X, given = X[good], given[good]
+    X, stated = X[good], stated[good]
     names = [block.points[p] for p in rows[good]]
     height = float(np.median(mine.position[mine.image, 2]) - np.median(X[:, 2]))
     # what misclosures of the rays leave to a point, thrice
-    limit = max(OFF_M, 3.0 * apart / float(np.median(mine.f)) * abs(height), 0.02 * abs(height))
-    off = given - X
-    middle = np.median(off, axis=0)
-    size = float(np.median(np.linalg.norm(off, axis=1)))
+    limit = max(OFF_M, 3.0 * miss_px / float(np.median(mine.f)) * abs(height), 0.02 * abs(height))
+    offset = stated - X
+    middle = np.median(offset, axis=0)
+    size = float(np.median(np.linalg.norm(offset, axis=1)))
     if size <= limit:
-        _refuse_exchanged(names, given, X, limit)
+        _refuse_exchanged(names, stated, X, limit)
         return
     start = (
         f"ground points do not fit aerial control and images: {names[0]} lies"
-        f" {', '.join(f'{x:+.1f}' for x in off[0])} m (east, north, up) from where images see it"
+        f" {', '.join(f'{x:+.1f}' for x in offset[0])} m (east, north, up) from where images see it"
     )
 
     def misfit(position: Array) -> float:
         return float(np.median(np.linalg.norm(position - X, axis=1)))
 
     axes = ("easting", "northing", "height")
-    others = [
+    turned = [
         *exchanged(axes[:2]),
         *lengths("coordinates", ("feet",)),
         Convention("heights in feet", lambda x: x * [1.0, 1.0, FOOT_M]),
         *reversed_signs(axes, most=1),
     ]
     shift = Candidate[Array]("a shift", lambda x: x - middle, parameters=3)
-    candidates = [shift, *(Candidate(f"they had {one.words}", one.change) for one in others)]
-    explanation = explain(given, candidates, misfit)
+    candidates = [shift, *(Candidate(f"they had {one.words}", one.change) for one in turned)]
+    explanation = explain(stated, candidates, misfit)
     if explanation is None:
         raise DataError(
             f"{start}, {size:.0f} m in the middle, and none of exchanged or mirrored axes, feet, a"
@@ -274,7 +274,7 @@ def _refuse_ground(inputs: Inputs, whole: Reading, apart: float) -> None:
         )
     if explanation.best is not shift:
         raise DataError(f"{start}, and {explanation.left:.1f} m as if {explanation.clauses()}")
-    constant = _camera_constant(inputs, whole, apart, height / (height - middle[2]))
+    constant = _camera_constant(inputs, whole, miss_px, height / (height - middle[2]))
     if constant is None:
         why = (
             "heights above the ellipsoid and above sea level (geoid) are mixed, or the base had"
@@ -293,26 +293,26 @@ def _refuse_ground(inputs: Inputs, whole: Reading, apart: float) -> None:
         )
 
 
-def _refuse_exchanged(names: list[str], given: Array, X: Array, limit: float) -> None:
+def _refuse_exchanged(names: list[str], stated: Array, X: Array, limit: float) -> None:
     """Refuse two ground points that lie where images see each other."""
-    apart = np.linalg.norm(given[:, None] - X[None], axis=2)
-    for i, j in combinations(np.flatnonzero(np.diagonal(apart) > limit).tolist(), 2):
-        if max(apart[i, j], apart[j, i]) < limit:
+    distance_m = np.linalg.norm(stated[:, None] - X[None], axis=2)
+    for i, j in combinations(np.flatnonzero(np.diagonal(distance_m) > limit).tolist(), 2):
+        if max(distance_m[i, j], distance_m[j, i]) < limit:
             raise DataError(
-                f"ground points {names[i]} and {names[j]} lie {apart[i, i]:.1f} and"
-                f" {apart[j, j]:.1f} m from where images see them, and {apart[i, j]:.1f} and"
-                f" {apart[j, i]:.1f} m when they are exchanged; exchange their names"
+                f"ground points {names[i]} and {names[j]} lie {distance_m[i, i]:.1f} and"
+                f" {distance_m[j, j]:.1f} m from where images see them, and {distance_m[i, j]:.1f}"
+                f" and {distance_m[j, i]:.1f} m when they are exchanged; exchange their names"
             )
 
 
 def _camera_constant(
-    inputs: Inputs, whole: Reading, apart: float, times_too_large: float
+    inputs: Inputs, whole: Reading, misclosure_px: float, times_too_large: float
 ) -> float | None:
     """Return the camera constant that explains heights that are wrong by a factor, None if none."""
     if not 0.05 < times_too_large < 20.0:
         return None
     block = inputs.block
     cameras = tuple(with_values(c, f=c.of("f") / times_too_large) for c in block.cameras)
-    other = as_given(replace(inputs, block=replace(block, cameras=cameras)))
-    fits, _ = some_rays(other).fitted()
-    return cameras[0].of("f") if fits < EXPLAINS * apart else None
+    rescaled = as_given(replace(inputs, block=replace(block, cameras=cameras)))
+    fits, _ = some_rays(rescaled).fitted()
+    return cameras[0].of("f") if fits < EXPLAINS * misclosure_px else None

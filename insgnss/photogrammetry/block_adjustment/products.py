@@ -104,8 +104,8 @@ def _write_orientation(
         names = dict.fromkeys([*file.output.formats, "eo_json"])
         done = {name: export(eo, name, into / EXPORTS[name].product) for name in names}
         figures["exports"] = [
-            {"format": name, "file": EXPORTS[name].product, "frame": own.frame}
-            for name, own in done.items()
+            {"format": name, "file": EXPORTS[name].product, "frame": exported.frame}
+            for name, exported in done.items()
         ]
     write_poses(solved, into / POSES)
     if file.output.pose_covariance:
@@ -124,11 +124,11 @@ def _input_files(solved: Solved) -> list[Path]:
     made with: it is none of them, as it says the date of its run.
     """
     file = solved.inputs.file
-    given = [path for path in paths_named_by(file) if path != file.output.directory]
+    named_files = [path for path in paths_named_by(file) if path != file.output.directory]
     poses = (file.aerial_control.file, file.vehicle.file)
     beside = [path.parent / STRIPS for path in poses if path is not None]
     parts = [] if file.images.file is None else parts_of_block(file.images.file)
-    return [path for path in dict.fromkeys([*given, *beside, *parts]) if path.is_file()]
+    return [path for path in dict.fromkeys([*named_files, *beside, *parts]) if path.is_file()]
 
 
 def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
@@ -152,7 +152,7 @@ def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrient
         return None
     images = np.flatnonzero(rows >= 0)
     images = images[np.argsort(rows[images])]
-    own, values = rows[images], solved.result.values
+    oriented_rows, values = rows[images], solved.result.values
     cov = solved.precision.pose_cov[images]
     cross = np.zeros((max(images.size - 1, 0), 6, 6))
     for k in range(images.size - 1):
@@ -167,7 +167,7 @@ def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrient
     if (E := values.blocks.get((BORESIGHT, 0))) is not None:
         boresight = changed_boresight(eo, E)
     return replace(
-        eo[own],
+        eo[oriented_rows],
         position_m=values.position[images],
         C_mc=values.C_mc[images],
         cov=cov,
@@ -264,9 +264,9 @@ def covariances(solved: Solved) -> list[InteriorCovariance | None]:
     out: list[InteriorCovariance | None] = []
     columns = solved.result.problem.layout.columns
     for c, camera in enumerate(solved.result.problem.block.cameras):
-        own = [k for k, row in enumerate(columns) if INTERIOR[row] in camera.free]
-        P = solved.precision.cov((CAMERA, c))[np.ix_(own, own)] if own else None
-        names = tuple(INTERIOR[columns[k]] for k in own)
+        estimated = [k for k, row in enumerate(columns) if INTERIOR[row] in camera.free]
+        P = solved.precision.cov((CAMERA, c))[np.ix_(estimated, estimated)] if estimated else None
+        names = tuple(INTERIOR[columns[k]] for k in estimated)
         out.append(None if P is None else InteriorCovariance(names, P))
     return out
 
@@ -323,8 +323,8 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
                 values[key] = E.T @ np.array(before["mounting"][key]) + change
                 values[f"{key.removesuffix('_m')}_cov"] = cov[LEVER_ARM]
             else:
-                words = " ".join(f"{x:+.5f}" for x in change)
-                remarks.append(f"{key}: add {words} m (no report.json beside eo.json)")
+                change_text = " ".join(f"{x:+.5f}" for x in change)
+                remarks.append(f"{key}: add {change_text} m (no report.json beside eo.json)")
     if TIME_OFFSET in estimated:
         delay, sigma = float(blocks[(TIME_OFFSET, 0)][0]), float(np.sqrt(cov[TIME_OFFSET][0, 0]))
         if before is not None and before.get("camera"):
@@ -337,14 +337,14 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
     of_one = {} if len(cameras) > 1 else _identity(cameras[0])
     file = solved.inputs.file
     inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    given = dict.fromkeys(p for p in (*inputs, file.ground.file) if p is not None and p.is_file())
+    files = dict.fromkeys(p for p in (*inputs, file.ground.file) if p is not None and p.is_file())
     return MountingFile(
         verb="adjust",
         **values,
         **of_one,
         camera_from_body=eo.camera_from_body,
         date="" if week is None else calendar_from_gps(week, float(eo.time[0])).date().isoformat(),
-        inputs=tuple((path.name, sha256(path)) for path in given),
+        inputs=tuple((path.name, sha256(path)) for path in files),
         remarks=tuple(remarks),
     )
 

@@ -93,8 +93,8 @@ class Reading:
         q = np.einsum("nji,nj->ni", C[self.image], X[rows] - position[self.image])
         with np.errstate(all="ignore"):
             e = self.f[:, None] * (self.xy - q[:, :2] / q[:, 2:])
-        seen = (q[:, 2] > 0.0) & np.isfinite(e).all(axis=1)
-        return np.where(seen[:, None], np.clip(e, -FAR_OFF, FAR_OFF), FAR_OFF)
+        in_front = (q[:, 2] > 0.0) & np.isfinite(e).all(axis=1)
+        return np.where(in_front[:, None], np.clip(e, -FAR_OFF, FAR_OFF), FAR_OFF)
 
     def fitted(self, hopeless: float = np.inf) -> tuple[float, Array]:
         """Return the median distance of rays, pixels, and the change that makes it least.
@@ -115,9 +115,9 @@ class Reading:
             J = np.stack(
                 [(self.residuals(change + 1e-5 * axis) - e) / 1e-5 for axis in np.eye(n)], axis=2
             )
-            off = np.linalg.norm(e, axis=1)
-            weight = np.minimum(1.0, max(best, 1e-6) / np.maximum(off, 1e-12))
-            weight *= (np.abs(J).max(axis=(1, 2)) < FAR_OFF) & (off < FAR_OFF)
+            distance = np.linalg.norm(e, axis=1)
+            weight = np.minimum(1.0, max(best, 1e-6) / np.maximum(distance, 1e-12))
+            weight *= (np.abs(J).max(axis=(1, 2)) < FAR_OFF) & (distance < FAR_OFF)
             N = np.einsum("n,nki,nkj->ij", weight, J, J)
             g = np.einsum("n,nki,nk->i", weight, J, e)
             if not np.linalg.cond(N) < 1e12:
@@ -154,15 +154,15 @@ def as_given(inputs: Inputs) -> Reading:
     Reading
         The block as it is given.
     """
-    block, seen = inputs.block, inputs.block.observations
-    keep = (inputs.eo_row >= 0)[seen.image]
+    block, obs = inputs.block, inputs.block.observations
+    keep = (inputs.eo_row >= 0)[obs.image]
     xy = directions(block)
     keep &= np.isfinite(xy).all(axis=1)
-    count = np.bincount(seen.point[keep], minlength=len(block.points))
-    keep &= count[seen.point] >= 2
-    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[seen.image]]
+    count = np.bincount(obs.point[keep], minlength=len(block.points))
+    keep &= count[obs.point] >= 2
+    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[obs.image]]
     rows = np.arange(keep.size)
-    whole = Reading(block.position_m, block.C_mc, xy, seen.image, seen.point, f, rows)
+    whole = Reading(block.position_m, block.C_mc, xy, obs.image, obs.point, f, rows)
     return whole.rows(keep)
 
 
@@ -212,13 +212,13 @@ def readings(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
 
 
 def _read(
-    text: str, remedy: str, few: Reading, other: Reading, keep: NDArray[np.bool_] | None = None
+    text: str, remedy: str, few: Reading, reread: Reading, keep: NDArray[np.bool_] | None = None
 ) -> Candidate[Reading]:
     """Return a candidate; `keep`: the rays that it has, where those are not all."""
     if keep is None or keep.all():
-        return Candidate(text, lambda _: other, remedy=remedy)
-    here, same = other.crossing(keep), few.crossing(keep)
-    return Candidate(text, lambda _: here, remedy=remedy, same=lambda _: same)
+        return Candidate(text, lambda _: reread, remedy=remedy)
+    rays_of_reading, same = reread.crossing(keep), few.crossing(keep)
+    return Candidate(text, lambda _: rays_of_reading, remedy=remedy, same=lambda _: same)
 
 
 def _other_axes(few: Reading) -> Iterator[Candidate[Reading]]:
@@ -230,8 +230,8 @@ def _other_axes(few: Reading) -> Iterator[Candidate[Reading]]:
         ([1, 0], (1, 1), "columns x and y were exchanged", "exchange them"),
         ([1, 0], (-1, -1), "x and y were exchanged and count backwards", "write x right, y down"),
     ):
-        other = replace(few, xy=few.xy[:, order] * np.array(sign))
-        yield _read(text, f"{remedy} {corner}", few, other)
+        reread = replace(few, xy=few.xy[:, order] * np.array(sign))
+        yield _read(text, f"{remedy} {corner}", few, reread)
     remedy = (
         "correct camera_from_body or bore-sight of the flight file and process again, or turn the"
         " images as the camera took them"
@@ -266,10 +266,10 @@ def _other_stamps(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     eo = inputs.eo
     if eo is None or eo.velocity_mps is None or eo.rate_radps is None:
         return
-    own = inputs.eo_row >= 0
-    velocity, rate = np.zeros((2, own.size, 3))
-    velocity[own] = eo.velocity_mps[inputs.eo_row[own]]
-    rate[own] = eo.rate_radps[inputs.eo_row[own]]
+    has_pose = inputs.eo_row >= 0
+    velocity, rate = np.zeros((2, has_pose.size, 3))
+    velocity[has_pose] = eo.velocity_mps[inputs.eo_row[has_pose]]
+    rate[has_pose] = eo.rate_radps[inputs.eo_row[has_pose]]
     yield _read(
         "the exposures had a delay of {:+.2f} s behind their stamps",
         "correct the stamps or camera.time_offset_s of the flight file and process again",
@@ -284,8 +284,8 @@ def _other_numbers(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]
     order = order[inputs.eo_row[order] >= 0]
     names = inputs.block.images
     remedy = "correct the names of the images or the stamps of the exposures"
-    for k, one, other in orders(order.size):
-        images, source = order[one], order[other]
+    for k, one, source_order in orders(order.size):
+        images, source = order[one], order[source_order]
         position, C = few.position.copy(), few.C.copy()
         position[images], C[images] = few.position[source], few.C[source]
         text = f"images were numbered in the reverse order, {names[order[0]]} the last"

@@ -231,9 +231,9 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
         if key[0] == CAMERA:
             value = value - block.cameras[0].interior[again.result.problem.layout.columns]
         sigma = np.sqrt(np.diagonal(again.precision.cov(key)))
-        words = what_to_do(inputs.vehicle, key, value, sigma)
+        advice = what_to_do(inputs.vehicle, key, value, sigma)
         trial = Trial(
-            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option, words
+            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option, advice
         )
         best = again.result.cost, trial
     return None if best is None else best[1]
@@ -257,13 +257,13 @@ class _LeftOut:
 
 
 def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
-    options, own = inputs.file.aerial_control, inputs.file.vehicle
+    options, vehicle_table = inputs.file.aerial_control, inputs.file.vehicle
     mode = inputs.file.adjustment.mode
 
     def one(
         name: str, option: str, unit: str, key: Key, wider: AerialControlTable = options
     ) -> _LeftOut:
-        return _LeftOut(name, option, unit, wider, own, key)
+        return _LeftOut(name, option, unit, wider, vehicle_table, key)
 
     if inputs.eo is not None and mode != "indirect":
         if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
@@ -280,7 +280,7 @@ def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
             yield one("bore-sight", key, "rad", (BORESIGHT, 0), wider)
         if len(inputs.block.control) > 1:
             yield one("shift of ground control", "ground.crs", "m", DATUM)
-    for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, own):
+    for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, vehicle_table):
         yield _LeftOut(name, option, unit, options, vehicle, block)
     if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
         key = "camera.file" if mode in CAMERA_HELD else "camera.free"
@@ -309,16 +309,16 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
     from scipy.stats import chi2
 
     key, inputs, result = remedy.key, solved.inputs, solved.result
-    own = result.problem
-    block = own.block
+    solved_problem = result.problem
+    block = solved_problem.block
     same = remedy.aerial is inputs.file.aerial_control
     control = solved.control if same else control_of(inputs, remedy.aerial)
-    alone = _without_rays(own)
+    alone = _without_rays(solved_problem)
     vehicle, began = inputs.vehicle, 0.0
     if vehicle is not None and key == (CLOCK, 0) and alone:  # too far off to be linear
         began, vehicle = moved_in_time(vehicle, block, result.values)
     moving = vehicle_control(vehicle, block, control.blocks, remedy.vehicle)
-    points = ground_groups(own)
+    points = ground_groups(solved_problem)
     groups: list[ObservationGroup] = [*control.groups, *points, *inputs.interior, *moving.groups]
     first = control.blocks | moving.blocks
     blocks = {k: result.values.blocks.get(k, v) for k, v in first.items()}
@@ -338,7 +338,7 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
     if reconnects:  # rays that were rejected for the shift's sake take part again
         again = without_outliers(problem, values).result
     else:
-        again = adjusted(problem.with_active_of(own), values)
+        again = adjusted(problem.with_active_of(solved_problem), values)
     cov = cofactors_of(again.problem, again.values, again.problem.layout.of(key)[0])
     gain = result.cost - again.cost
     columns = again.problem.layout.columns

@@ -107,8 +107,8 @@ def flight_direction(position: Array, C_mc: Array, time: Array | None) -> Flight
     usual = float(np.median(length)) if len(length) else 0.0
     for k in range(1, len(order) - 1):
         a, b = step[k - 1], step[k]
-        both = length[k - 1] * length[k]
-        if not 0.0 < max(length[k - 1], length[k]) <= STEP_RATIO * usual or a @ b < STRAIGHT * both:
+        area = length[k - 1] * length[k]
+        if not 0.0 < max(length[k - 1], length[k]) <= STEP_RATIO * usual or a @ b < STRAIGHT * area:
             continue
         course[order[k]] = (a + b) / np.linalg.norm(a + b)
         if time is not None and (dt := time[order[k + 1]] - time[order[k - 1]]) > 0.0:
@@ -116,12 +116,12 @@ def flight_direction(position: Array, C_mc: Array, time: Array | None) -> Flight
     use = np.isfinite(course[:, 0])
     if use.sum() < FEWEST_COURSES:
         return None
-    seen = np.einsum("nji,nj->ni", C_mc[use], course[use]).mean(axis=0)
-    if (size := float(np.linalg.norm(seen))) < LOOKS_ALIKE:
+    direction = np.einsum("nji,nj->ni", C_mc[use], course[use]).mean(axis=0)
+    if (size := float(np.linalg.norm(direction))) < LOOKS_ALIKE:
         return None
     azimuth = np.degrees(np.arctan2(course[:, 0], course[:, 1])) % 360.0
     speed = float(np.median(speeds)) if speeds else None
-    return FlightDirection(seen / size, course, azimuth, speed)
+    return FlightDirection(direction / size, course, azimuth, speed)
 
 
 def neighbour_correlation(residual: Array) -> Array:

@@ -293,8 +293,8 @@ def camera_targets(
         The targets, and apart from them the error that they have in common.
     """
     turn = np.kron(np.eye(2), C_rc.T)
-    own = Targets((targets.position - position) @ C_rc, C_rc.T @ targets.cov @ C_rc)
-    return CameraTargets(own, turn @ pose_cov @ turn.T)
+    in_camera = Targets((targets.position - position) @ C_rc, C_rc.T @ targets.cov @ C_rc)
+    return CameraTargets(in_camera, turn @ pose_cov @ turn.T)
 
 
 def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
@@ -455,27 +455,28 @@ def _two_steps(
     camera: Targets, receiver: ReceiverTargets, P: Targets, G: Targets
 ) -> tuple[Similarity, Array, Array]:
     """Return the similarity (6), the rotation of (8) and the lever arm (9), unweighted."""
-    for sensor, own, block in (("camera", camera, P), ("receiver", receiver.targets, G)):
-        if len(own.position) != len(block.position):
+    for sensor, of_sensor, block in (("camera", camera, P), ("receiver", receiver.targets, G)):
+        if len(of_sensor.position) != len(block.position):
             raise DataError(
-                f"{len(own.position)} targets on the {sensor}, {len(block.position)} in the block"
+                f"{len(of_sensor.position)} targets on the {sensor}, {len(block.position)} in the"
+                " block"
             )
     first = similarity(P.position, camera.position)
     second = None
     if first is not None:
-        seen = first.points(G.position)
-        second = similarity(receiver.targets.position, seen, rigid=True)
+        in_block = first.points(G.position)
+        second = similarity(receiver.targets.position, in_block, rigid=True)
     if first is None or second is None:
         raise DataError("targets on a sensor stand on a line; add one beside it")
     return first, second.rotation, second.points(receiver.antenna_m)
 
 
-def _mirrored(block: Targets, own: Targets) -> bool:
+def _mirrored(block: Targets, body: Targets) -> bool:
     """Tell whether targets fit much better where one axis of the block changes its sign."""
 
     def misfit(X: Array) -> float:
-        fitted = similarity(X, own.position)
-        return np.inf if fitted is None else float(np.linalg.norm(fitted.points(X) - own.position))
+        fitted = similarity(X, body.position)
+        return np.inf if fitted is None else float(np.linalg.norm(fitted.points(X) - body.position))
 
     mirror = Candidate[Array]("mirrored", lambda X: X * [1.0, 1.0, -1.0])
     return explain(block.position, [mirror], misfit) is not None

@@ -348,14 +348,14 @@ class _System:
         self.T, self.R = self.T + dx[SHIFT_AT], rotation_from_vector(dx[TURN_AT]) @ self.R
         self.s *= float(np.exp(np.clip(dx[SCALE_AT], -1.0, 1.0)))
         self.arm = self.arm + dx[ARM_AT]
-        left = self.observed.residual(dx)[: len(self.gain)]
-        self.psi = np.einsum("kij,kj->ki", self.gain, left)
+        residual = self.observed.residual(dx)[: len(self.gain)]
+        self.psi = np.einsum("kij,kj->ki", self.gain, residual)
 
 
 def _multiple_correlation(cov: Array, index: int) -> float:
     """Return the multiple correlation of an unknown with the translation."""
-    own, cross = cov[index, index], cov[index, SHIFT_AT]
-    explained = float(cross @ np.linalg.solve(cov[SHIFT_AT, SHIFT_AT], cross)) / own
+    variance, cross = cov[index, index], cov[index, SHIFT_AT]
+    explained = float(cross @ np.linalg.solve(cov[SHIFT_AT, SHIFT_AT], cross)) / variance
     return float(np.sqrt(min(max(explained, 0.0), 1.0)))
 
 

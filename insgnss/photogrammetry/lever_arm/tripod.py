@@ -262,11 +262,11 @@ def _outlier(each: Array, cov: Array, used: NDArray[np.bool_]) -> int | None:
     level = 1.0 - SIGNIFICANCE / len(rows)
     size, limit = np.empty(len(rows)), np.empty(len(rows))
     for i, j in enumerate(rows):
-        others = rows[rows != j]
-        mean, mean_cov, factor = weighted_mean(each[others], cov[others])
+        remaining = rows[rows != j]
+        mean, mean_cov, factor = weighted_mean(each[remaining], cov[remaining])
         v = each[j] - mean
         size[i] = v @ np.linalg.solve(cov[j] + mean_cov, v) / 3.0
-        by_spread = factor * float(f.ppf(level, 3, 3 * (len(others) - 1)))
+        by_spread = factor * float(f.ppf(level, 3, 3 * (len(remaining) - 1)))
         limit[i] = max(float(chi2.ppf(level, 3)) / 3.0, by_spread)
     worst = int(np.argmax(size / limit))
     return int(rows[worst]) if size[worst] > limit[worst] else None

@@ -84,29 +84,29 @@ def inputs_of(request: Request) -> Inputs:
     vehicle, own_crs = None, None
     if request.vehicle is not None:
         vehicle = _vehicle(request, eo, notes)
-        ground = given = _as_ground(vehicle)
-        seen = _predicted(vehicle, eo, camera, camera_cov)
+        ground = as_read = _as_ground(vehicle)
+        predictions = _predicted(vehicle, eo, camera, camera_cov)
     else:
         table = GroundTableInput(file=request.ground, crs=request.crs, geoid=request.geoid)
         read, own_crs = ground_of(request.ground, None)
         in_plane = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
         if in_plane is None or read is None:
             raise InputError.in_file(request.ground, "no ground point; write one line each")
-        ground, given = in_plane, read
-        seen = predict(
+        ground, as_read = in_plane, read
+        predictions = predict(
             camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
         )
-    if not seen.visible.any():
-        raise DataError(_unseen(eo, ground, camera, seen))
+    if not predictions.visible.any():
+        raise DataError(_unseen(eo, ground, camera, predictions))
     extra = request.search_px**2 * np.eye(2)
-    widened = replace(seen, cov=seen.cov + extra)
+    widened = replace(predictions, cov=predictions.cov + extra)
     if camera_cov is None:
         notes.append(
             f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"
             " are too small by what it is not"
         )
     crs = None if vehicle is not None else request.crs or own_crs
-    return Inputs(request, eo, camera, ground, given, crs, widened, tuple(notes), vehicle)
+    return Inputs(request, eo, camera, ground, as_read, crs, widened, tuple(notes), vehicle)
 
 
 def _vehicle(request: Request, eo: ExteriorOrientation, notes: list[str]) -> Vehicle:
@@ -153,24 +153,24 @@ def _predicted(
 
 
 def _unseen(
-    eo: ExteriorOrientation, ground: GroundTable, camera: BrownCamera, seen: Predictions
+    eo: ExteriorOrientation, ground: GroundTable, camera: BrownCamera, predictions: Predictions
 ) -> str:
     """Say why no ground point lies in any image."""
     n = len(ground.points)
-    why = {word: int((seen.visibility == k).sum()) for k, word in enumerate(VISIBILITY)}
+    why = {word: int((predictions.visibility == k).sum()) for k, word in enumerate(VISIBILITY)}
     # images x points
-    apart = np.linalg.norm(ground.position_m[None, :, :2] - eo.position_m[:, None, :2], axis=2)
-    i, p = np.unravel_index(int(apart.argmin()), apart.shape)
+    distance = np.linalg.norm(ground.position_m[None, :, :2] - eo.position_m[:, None, :2], axis=2)
+    i, p = np.unravel_index(int(distance.argmin()), distance.shape)
     above = float(np.median(eo.position_m[:, 2]) - np.median(ground.position_m[:, 2]))
-    words = ", ".join(f"{count} {word}" for word, count in why.items() if count)
+    counts = ", ".join(f"{count} {word}" for word, count in why.items() if count)
     if above <= 0.0:
         advice = (
             f"the images lie {-above:.0f} m below the points: heights are of another reference"
             " (geoid, ellipsoid), or the points of another place"
         )
-    elif why["behind the camera"] > 0.9 * len(seen):
+    elif why["behind the camera"] > 0.9 * len(predictions):
         advice = "the cameras look up: their axes are others, look at the mounting of the flight"
-    elif apart.min() > 2.0 * above:
+    elif distance.min() > 2.0 * above:
         advice = (
             "they are of another place, or in other axes than the images: name their CRS, --crs"
         )
@@ -179,7 +179,7 @@ def _unseen(
             "axes of the camera, its mounting or its camera constant are not those of the images"
         )
     return (
-        f"no ground point lies in any image ({n} points, {len(eo.images)} images: {words}); the"
-        f" nearest, {ground.points[p]!r}, is {apart[i, p]:.0f} m beside {eo.images[i]!r} and the"
+        f"no ground point lies in any image ({n} points, {len(eo.images)} images: {counts}); the"
+        f" nearest, {ground.points[p]!r}, is {distance[i, p]:.0f} m beside {eo.images[i]!r} and the"
         f" images are {above:.0f} m above the points; {advice}"
     )

@@ -79,10 +79,10 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
             f"none of its {len(paths)} photographs ({names[0]}, ...) is an image of the orientation"
             f" ({images[0]}, ...); the same names must stand in both",
         )
-    own = set(rows[rows >= 0].tolist())
+    taken = set(rows[rows >= 0].tolist())
     return Photographs(
         tuple(paths[row] if row >= 0 else None for row in rows),
-        tuple(path for k, path in enumerate(paths) if k not in own),
+        tuple(path for k, path in enumerate(paths) if k not in taken),
     )
 
 

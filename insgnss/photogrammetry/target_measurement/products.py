@@ -64,20 +64,20 @@ def write_predictions(inputs: Inputs, path: Path) -> None:
     """
     images = quoted_names(inputs.eo.images, ",")
     points = quoted_names(inputs.ground.points, ",", "point")
-    seen = inputs.predictions
-    ellipse = seen.ellipse
-    rows = np.arange(len(seen)) if inputs.request.whole else np.flatnonzero(seen.visible)
+    pred = inputs.predictions
+    ellipse = pred.ellipse
+    rows = np.arange(len(pred)) if inputs.request.whole else np.flatnonzero(pred.visible)
 
     def lines() -> Iterator[str]:
         for row in rows.tolist():
-            names = f"{images[seen.image[row]]},{points[seen.point[row]]}"
-            u, v = seen.uv[row]
+            names = f"{images[pred.image[row]]},{points[pred.point[row]]}"
+            u, v = pred.uv[row]
             pixel = f"{u:.3f},{v:.3f}" if np.isfinite(u) else ","
-            word = VISIBILITY[seen.visibility[row]]
-            if not seen.visible[row]:
+            word = VISIBILITY[pred.visibility[row]]
+            if not pred.visible[row]:
                 yield f"{names},{pixel},,,,,,,{word}\n"
                 continue
-            C, (a, b, along) = seen.cov[row], ellipse[row]
+            C, (a, b, along) = pred.cov[row], ellipse[row]
             su, sv = np.sqrt(np.diagonal(C))
             shape = f"{su:.4g},{sv:.4g},{C[0, 1] / (su * sv):.4f},{a:.4g},{b:.4g}"
             yield f"{names},{pixel},{shape},{np.degrees(along):.2f},{word}\n"
@@ -105,13 +105,13 @@ def measured_points(inputs: Inputs, windows: list[Window]) -> ImagePoints:
     ImagePoints
         One observation an accepted window.
     """
-    seen, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
+    predictions, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
     rows = np.array([w.row for w in good], dtype=np.int64)
     matches = [w.measurement.match for w in good]
     uv = np.array([m.uv for m in matches if m is not None]).reshape(-1, 2)
     cov = np.array([m.cov for m in matches if m is not None]).reshape(-1, 2, 2)
-    images, image = np.unique(seen.image[rows], return_inverse=True)
-    points, point = np.unique(seen.point[rows], return_inverse=True)
+    images, image = np.unique(predictions.image[rows], return_inverse=True)
+    points, point = np.unique(predictions.point[rows], return_inverse=True)
     return ImagePoints(
         tuple(inputs.eo.images[k] for k in images),
         tuple(inputs.ground.points[k] for k in points),
@@ -136,7 +136,7 @@ def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
     path : Path
         The file.
     """
-    seen = inputs.predictions
+    predictions = inputs.predictions
     images = quoted_names(inputs.eo.images, ",")
     points = quoted_names(inputs.ground.points, ",", "point")
 
@@ -144,8 +144,8 @@ def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
         for w in windows:
             if w.measurement.accepted:
                 continue
-            image, point = images[seen.image[w.row]], points[seen.point[w.row]]
-            u, v = seen.uv[w.row]
+            image, point = images[predictions.image[w.row]], points[predictions.point[w.row]]
+            u, v = predictions.uv[w.row]
             match = w.measurement.match
             pixel = "," if match is None else f"{match.uv[0]:.3f},{match.uv[1]:.3f}"
             yield f'{image},{point},{u:.3f},{v:.3f},{pixel},"{w.measurement.rejected}"\n'
@@ -178,10 +178,10 @@ def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[st
     if inputs.vehicle is None:
         write_ground_points(inputs.ground, into / GROUND_POINTS, axes)
     else:
-        own = inputs.vehicle
-        time = own.time if np.isfinite(own.time).all() else None
+        vehicle = inputs.vehicle
+        time = vehicle.time if np.isfinite(vehicle.time).all() else None
         places = TargetPositions(
-            own.images, time, inputs.eo.gps_week, inputs.ground.position_m, inputs.ground.cov
+            vehicle.images, time, inputs.eo.gps_week, inputs.ground.position_m, inputs.ground.cov
         )
         write_target_positions(places, into / POSITIONS, axes)
         write_target_sizes(target_sizes(inputs, windows), into / SIZES)

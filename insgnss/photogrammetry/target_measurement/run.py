@@ -153,15 +153,15 @@ def predict_targets(
     """
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
-    seen = inputs.predictions
-    rows = np.flatnonzero(seen.visible)
-    ellipse = seen.ellipse[rows]
-    count = np.bincount(seen.point[rows], minlength=len(inputs.ground.points))
+    predictions = inputs.predictions
+    rows = np.flatnonzero(predictions.visible)
+    ellipse = predictions.ellipse[rows]
+    count = np.bincount(predictions.point[rows], minlength=len(inputs.ground.points))
     size = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
     headline = (
         f"{int((count > 0).sum())} of {len(count)} {_noun(inputs)} lie in"
-        f" {np.unique(seen.image[rows]).size} of {len(inputs.eo.images)} images, {len(rows)} times;"
-        f" larger semi-axis of their ellipses {size}"
+        f" {np.unique(predictions.image[rows]).size} of {len(inputs.eo.images)} images, {len(rows)}"
+        f" times; larger semi-axis of their ellipses {size}"
     )
     figures: dict[str, Any] = {
         "headline": headline,
@@ -192,8 +192,8 @@ def predict_targets(
 
 def _refuse_foreign(new: Path, goal: Path) -> None:
     """Refuse to overwrite what has not the header of the table that takes its place."""
-    with new.open("rb") as own, goal.open("rb") as other:
-        if own.readline() != other.readline():
+    with new.open("rb") as new_table, goal.open("rb") as old_table:
+        if new_table.readline() != old_table.readline():
             raise UsageError(
                 f"targets predict: {goal} is there and no table of predictions; give another --out,"
                 " or --force"
@@ -243,8 +243,8 @@ def measure_targets(
         raise UsageError("targets measure: IMAGES is missing, the directory of the photographs")
     directory = out or request.eo.parent / DIRECTORY
     if write:
-        own = (request.eo, request.ground)
-        refuse_other_results("targets measure", directory / DOCUMENT, own, force, True)
+        input_files = (request.eo, request.ground)
+        refuse_other_results("targets measure", directory / DOCUMENT, input_files, force, True)
     _ = request.target.signal, request.target.code  # a target that cannot be, before all reading
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
@@ -284,18 +284,18 @@ def _noun(inputs: Inputs) -> str:
 
 def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
     """Numbers of a measurement."""
-    seen, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
+    pred, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
     matches = [w.measurement.match for w in good]
     sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for m in matches if m is not None]
-    off = [m.uv - seen.uv[w.row] for w, m in zip(good, matches, strict=True) if m is not None]
+    diff = [m.uv - pred.uv[w.row] for w, m in zip(good, matches, strict=True) if m is not None]
     count = np.zeros((len(inputs.ground.points), 2), dtype=int)
     for w in windows:
-        count[seen.point[w.row]] += (1, int(w.measurement.accepted))
-    rows = np.flatnonzero(seen.visible)
-    without = sum(photographs.files[i] is None for i in np.unique(seen.image[rows]).tolist())
+        count[pred.point[w.row]] += (1, int(w.measurement.accepted))
+    rows = np.flatnonzero(pred.visible)
+    without = sum(photographs.files[i] is None for i in np.unique(pred.image[rows]).tolist())
     notes = [
         *inputs.notes,
-        *_unseen_points(inputs, np.bincount(seen.point[rows], minlength=len(count))),
+        *_unseen_points(inputs, np.bincount(pred.point[rows], minlength=len(count))),
     ]
     if without:
         notes.append(f"{without} images that show ground points have no photograph")
@@ -317,10 +317,10 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
         f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
-        f" {len({int(seen.image[w.row]) for w in good})} photographs"
+        f" {len({int(pred.image[w.row]) for w in good})} photographs"
     )
     if sigma:
-        shift = float(np.sqrt(np.mean(np.square(off))))
+        shift = float(np.sqrt(np.mean(np.square(diff))))
         headline += f"; sigma {np.median(sigma):.2f} px, {shift:.1f} px rms from their predictions"
     reasons = Counter(_kind(w.measurement.rejected) for w in windows if w.measurement.rejected)
     return {
@@ -333,7 +333,7 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
             for name, (looked, measured) in zip(inputs.ground.points, count.tolist(), strict=True)
         },
         "median_sigma_px": float(np.median(sigma)) if sigma else None,
-        "rms_from_prediction_px": float(np.sqrt(np.mean(np.square(off)))) if off else None,
+        "rms_from_prediction_px": float(np.sqrt(np.mean(np.square(diff)))) if diff else None,
         "signal": inputs.request.target.kind,
         "size_m": inputs.request.target.size_m,
         "notes": notes,
@@ -342,9 +342,9 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
 
 def _refuse_size(inputs: Inputs) -> None:
     """Refuse targets that would fill the photograph: a size in centimetres, as a rule."""
-    seen, size = inputs.predictions, inputs.request.target.size_m
-    rows = np.flatnonzero(seen.visible)
-    away = inputs.ground.position_m[seen.point[rows]] - inputs.eo.position_m[seen.image[rows]]
+    pred, size = inputs.predictions, inputs.request.target.size_m
+    rows = np.flatnonzero(pred.visible)
+    away = inputs.ground.position_m[pred.point[rows]] - inputs.eo.position_m[pred.image[rows]]
     width = size * inputs.camera.of("f") / float(np.median(np.linalg.norm(away, axis=1)))
     most = LARGEST_SHARE * min(inputs.camera.width, inputs.camera.height)
     if width > most:
@@ -360,12 +360,12 @@ def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
     areas = [abs(float(np.linalg.det(m.M))) for m in matches if m is not None]
     if len(areas) < JUDGED:
         return []
-    given = inputs.request.target.size_m
-    fitting = given / float(np.median(np.sqrt(areas)))
-    if abs(fitting / given - 1.0) < OTHER_SIZE_SHARE:
+    stated = inputs.request.target.size_m
+    fitting = stated / float(np.median(np.sqrt(areas)))
+    if abs(fitting / stated - 1.0) < OTHER_SIZE_SHARE:
         return []
     return [
-        f"targets look {fitting / given:.3f} times as large as --size {given:g}: {fitting:.4g} m"
+        f"targets look {fitting / stated:.3f} times as large as --size {stated:g}: {fitting:.4g} m"
         " fits better, or the images are lower or higher above them than their orientation says"
     ]
 
@@ -417,10 +417,10 @@ def _written(
         sheet = tuple(sheet_sections(inputs, windows))
         page = document_of(inputs, figures, refusal, sheet)
         atomic_write(into / PAGE, page.html())
-        seen = np.unique(inputs.predictions.image[[w.row for w in windows]])
-        looked = [photographs.files[k] for k in seen.tolist()]
-        own = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
-        figures |= made_from(own, into / DOCUMENT, [*into.iterdir()])
+        image = np.unique(inputs.predictions.image[[w.row for w in windows]])
+        looked = [photographs.files[k] for k in image.tolist()]
+        used = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
+        figures |= made_from(used, into / DOCUMENT, [*into.iterdir()])
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
         write_json(into / DOCUMENT, figures)
         files = staging.goals()

@@ -44,26 +44,26 @@ def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Sectio
     room = max(MOST_WINDOWS - (len(windows) - len(good)), 200)
     keep = set(np.linspace(0, len(good) - 1, min(room, len(good))).astype(int).tolist())
     shown = {id(w) for k, w in enumerate(good) if k in keep}
-    words: list[str] = [Marked(READING, "text")]
+    legend: list[str] = [Marked(READING, "text")]
     if len(good) > room:
         text = f"{room} of the {len(good)} windows with a measurement are shown"
-        words.append(Marked(text, "text"))
-    yield Section("The windows", [Drawing(_STYLE), *words], "page")
+        legend.append(Marked(text, "text"))
+    yield Section("The windows", [Drawing(_STYLE), *legend], "page")
     for p, name in enumerate(inputs.ground.points):
-        own = [w for w in windows if inputs.predictions.point[w.row] == p]
-        stand = sum(w.measurement.accepted for w in own)
-        own.sort(key=lambda w: w.measurement.accepted)
-        drawn = (_window(inputs, w) for w in own if not w.measurement.accepted or id(w) in shown)
+        group = [w for w in windows if inputs.predictions.point[w.row] == p]
+        stand = sum(w.measurement.accepted for w in group)
+        group.sort(key=lambda w: w.measurement.accepted)
+        drawn = (_window(inputs, w) for w in group if not w.measurement.accepted or id(w) in shown)
         sheet = f'<div class="sheet">\n{"".join(drawn)}</div>\n'
-        title = f"{name}: measured in {stand} of {len(own)} images"
-        yield Section(title, [Drawing(sheet)] if own else [], "page")
+        title = f"{name}: measured in {stand} of {len(group)} images"
+        yield Section(title, [Drawing(sheet)] if group else [], "page")
 
 
 def _window(inputs: Inputs, window: Window) -> str:
     """One window as a drawing with its caption."""
-    seen, got = inputs.predictions, window.measurement
-    uv = seen.uv[window.row] - window.corner
-    values, vectors = np.linalg.eigh(seen.cov[window.row])
+    predictions, got = inputs.predictions, window.measurement
+    uv = predictions.uv[window.row] - window.corner
+    values, vectors = np.linalg.eigh(predictions.cov[window.row])
     a, b = 3.0 * np.sqrt(np.maximum(values[::-1], 0.0))
     turn = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
     height, width = window.grey.shape
@@ -74,7 +74,7 @@ def _window(inputs: Inputs, window: Window) -> str:
         f' stroke="#ffd400" stroke-width="{stroke:.2f}"'
         f' transform="rotate({turn:.1f} {uv[0]:.2f} {uv[1]:.2f})"/>',
     ]
-    caption = [escape(inputs.eo.images[seen.image[window.row]])]
+    caption = [escape(inputs.eo.images[predictions.image[window.row]])]
     if got.match is not None:
         u, v = got.match.uv - window.corner
         colour, arm = ("#00e08a" if got.accepted else "#ff4d40"), 6.0 * stroke

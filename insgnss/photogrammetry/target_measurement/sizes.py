@@ -36,28 +36,28 @@ def target_sizes(inputs: Inputs, windows: list[Window]) -> TargetSizes:
     TargetSizes
         One an accepted window (GT.7).
     """
-    seen, length = inputs.predictions, inputs.request.target.size_m
+    predictions, length = inputs.predictions, inputs.request.target.size_m
     images, points, size, sigma = [], [], [], []
     for window in windows:
         match = window.measurement.match
         if match is None or match.M_cov is None or not window.measurement.accepted:
             continue
-        i, p = int(seen.image[window.row]), int(seen.point[window.row])
+        i, p = int(predictions.image[window.row]), int(predictions.point[window.row])
         axis = inputs.eo.C_mc[i][:, 2]
         depth = float(axis @ (inputs.ground.position_m[p] - inputs.eo.position_m[i]))
-        along = seen.by_point[window.row] @ _across(axis)
+        along = predictions.by_point[window.row] @ _across(axis)
         slope = float(np.linalg.norm(along))
         t = along / slope
         inverse = np.linalg.inv(match.to_pixel)
         w = inverse @ t
         ratio = inputs.camera.of("f") / depth / slope
-        own = length * ratio / float(np.linalg.norm(w))
+        diameter_px = length * ratio / float(np.linalg.norm(w))
         # T^-1 = T_0^-1 M: d(T^-1 t) = T_0^-1 dM t = T^-1 M^-1 dM t
         by_M = np.kron(w @ inverse @ np.linalg.inv(match.M), t) / float(w @ w)
-        variance = own**2 * float(by_M @ match.M_cov @ by_M) + 2.0 * match.edge_px**2
+        variance = diameter_px**2 * float(by_M @ match.M_cov @ by_M) + 2.0 * match.edge_px**2
         images.append(inputs.eo.images[i])
         points.append(inputs.ground.points[p])
-        size.append(own)
+        size.append(diameter_px)
         sigma.append(float(np.sqrt(variance)))
     return TargetSizes(tuple(images), tuple(points), np.array(size), np.array(sigma))
 

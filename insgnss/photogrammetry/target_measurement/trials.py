@@ -42,16 +42,16 @@ def advice(
     str
         What to ask for, with how many are found then; empty where no trial helps.
     """
-    seen = inputs.predictions
-    taken = np.array([photographs.files[i] is not None for i in seen.image])
-    rows = np.flatnonzero(seen.visible & taken)
+    predictions = inputs.predictions
+    taken = np.array([photographs.files[i] is not None for i in predictions.image])
+    rows = np.flatnonzero(predictions.visible & taken)
     rows = rows[np.unique(np.linspace(0, rows.size - 1, SAMPLE_WINDOWS).astype(int))]
     plain = replace(rules, clear=-1.0)  # no shadow is looked for
-    for words, target, wider_px in _trials(inputs.request.target):
-        progress(f"trying {words}")
+    for change, target, wider_px in _trials(inputs.request.target):
+        progress(f"trying {change}")
         fields = ("image", "point", "uv", "by_point", "visibility")
-        cov = seen.cov[rows] + wider_px**2 * np.eye(2)
-        some = replace(seen, **rows_of(seen, rows, fields), cov=cov)
+        cov = predictions.cov[rows] + wider_px**2 * np.eye(2)
+        some = replace(predictions, **rows_of(predictions, rows, fields), cov=cov)
         request = replace(inputs.request, target=target)
         trial = replace(inputs, request=request, predictions=some)
         try:
@@ -60,7 +60,7 @@ def advice(
             continue
         measured = sum(w.measurement.accepted for w in windows)
         if measured > ADVICE_SHARE * rows.size:
-            return f"with {words} {measured} of {rows.size} that were tried are found"
+            return f"with {change} {measured} of {rows.size} that were tried are found"
     return ""
 
 
@@ -69,8 +69,8 @@ def _trials(target: Target) -> Iterator[tuple[str, Target, float]]:
     for wider_px in WIDER_PX:
         yield f"--search-px {wider_px:g}", target, wider_px
     if target.kind in ("disc", "cross", "ring"):
-        words = "without --dark" if target.dark else "--dark"
-        yield words, replace(target, dark=not target.dark), 0.0
+        change = "without --dark" if target.dark else "--dark"
+        yield change, replace(target, dark=not target.dark), 0.0
     for factor in SIZE_FACTORS:
         size = float(f"{factor * target.size_m:.3g}")
         arm = None if target.arm_m is None else factor * target.arm_m

@@ -73,28 +73,28 @@ def windows_of(
     InputError
         A photograph cannot be read, or is of another size than the camera.
     """
-    seen, target = inputs.predictions, inputs.request.target
+    predictions, target = inputs.predictions, inputs.request.target
     signal, ring = target.signal, target.code
     numbers = [
         number_in(name) if inputs.vehicle is None else target.number
         for name in inputs.ground.points
     ]
     size = (inputs.camera.width, inputs.camera.height)
-    rows = np.flatnonzero(seen.visible)
-    todo = [i for i in np.unique(seen.image[rows]) if photographs.files[i] is not None]
+    rows = np.flatnonzero(predictions.visible)
+    todo = [i for i in np.unique(predictions.image[rows]) if photographs.files[i] is not None]
     out: list[Window] = []
     progress(f"measuring in {len(todo)} photographs")
     for i in through(todo):
         path = photographs.files[i]
         assert path is not None
-        own = rows[seen.image[rows] == i]
+        of_image = rows[predictions.image[rows] == i]
         grey = read_grey(path, size)
-        for row in own.tolist():
-            uv, cov, by_point = seen.uv[row], seen.cov[row], seen.by_point[row]
+        for row in of_image.tolist():
+            uv, cov, by_point = predictions.uv[row], predictions.cov[row], predictions.by_point[row]
             got = measure(grey, signal, uv, cov, by_point, rules=rules)
             code = None
             if ring is not None:
-                got, code = _decoded(got, grey, ring, numbers[seen.point[row]])
+                got, code = _decoded(got, grey, ring, numbers[predictions.point[row]])
             out.append(Window(row, got, *_shown(grey, uv, cov, got), code))
     return list(_held_together(inputs, out))
 
@@ -160,24 +160,24 @@ def _shown(
 
 def _held_together(inputs: Inputs, windows: list[Window]) -> Iterator[Window]:
     """Reject what other images of the same point contradict."""
-    seen = inputs.predictions
+    predictions = inputs.predictions
     rejected: dict[int, float] = {}
     for p in range(len(inputs.ground.points)):
-        own = [
+        group = [
             (k, w.measurement.match)
             for k, w in enumerate(windows)
-            if seen.point[w.row] == p and w.measurement.accepted
+            if predictions.point[w.row] == p and w.measurement.accepted
         ]
-        matches = [match for _, match in own if match is not None]
+        matches = [match for _, match in group if match is not None]
         if len(matches) < 3:
             continue
-        rows = np.array([windows[k].row for k, _ in own])
-        B, P = seen.by_point[rows], inputs.ground.cov[p]
-        off = np.array([match.uv for match in matches]) - seen.uv[rows]
-        cov = seen.cov[rows] - B @ P @ B.transpose(0, 2, 1)
+        rows = np.array([windows[k].row for k, _ in group])
+        B, P = predictions.by_point[rows], inputs.ground.cov[p]
+        differences = np.array([match.uv for match in matches]) - predictions.uv[rows]
+        cov = predictions.cov[rows] - B @ P @ B.transpose(0, 2, 1)
         cov = cov + np.array([match.cov for match in matches])
-        size = disagreeing(off, cov, B, P)
-        rejected |= {k: float(s) for (k, _), s in zip(own, size, strict=True) if np.isfinite(s)}
+        size = disagreeing(differences, cov, B, P)
+        rejected |= {k: float(s) for (k, _), s in zip(group, size, strict=True) if np.isfinite(s)}
     for k, window in enumerate(windows):
         if k in rejected:
             why = f"{rejected[k]:.1f} sigmas from what the other images say, above {LIMIT:g}"

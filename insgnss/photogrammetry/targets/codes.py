@@ -104,16 +104,16 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
         return np.asarray(values).mean(axis=0)
 
     azimuth = 2.0 * np.pi * np.arange(ring.bits * SAMPLES) / (ring.bits * SAMPLES)
-    own = float(np.median(grey_at(np.array([0.0, 0.3]), azimuth)))
+    disc = float(np.median(grey_at(np.array([0.0, 0.3]), azimuth)))
     beside = grey_at(1.0 + (ring.inner - 1.0) * np.array(_RING_SHARES), azimuth)
     gap = float(np.median(beside))
     around = grey_at(ring.inner + (ring.outer - ring.inner) * np.array(_RING_SHARES), azimuth)
-    if not np.isfinite(around).all() or not abs(own - gap) > 1e-9:
+    if not np.isfinite(around).all() or not abs(disc - gap) > 1e-9:
         return None
-    if gap > _LIT * max(own, gap):  # the gap tells the light of each azimuth: rims of shadows
+    if gap > _LIT * max(disc, gap):  # the gap tells the light of each azimuth: rims of shadows
         light = uniform_filter1d(beside, SAMPLES, mode="wrap") / gap
         around = around / np.clip(light, 1.0 - SHADE[1], 1.0 / (1.0 - SHADE[1]))
-    value = np.clip((around - gap) / (own - gap), 0.0, 1.0)
+    value = np.clip((around - gap) / (disc - gap), 0.0, 1.0)
     inner = slice(SAMPLES // 8, SAMPLES - SAMPLES // 8)  # segments without their blurred ends
     best, bits = -1.0, np.zeros(ring.bits, dtype=bool)
     for start in range(SAMPLES):

@@ -274,9 +274,9 @@ def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> A
             N, b = A.T @ A, A.T @ grey
             det = N[0, 0] * N[1, 1] - N[0, 1] ** 2
             h = np.array([N[1, 1] * b[0] - N[0, 1] * b[1], N[0, 0] * b[1] - N[0, 1] * b[0]]) / det
-            rest = -float(b @ h) if h[1] > 0.0 else np.inf
-            if rest < best:
-                best, out = rest, shadow
+            remaining = -float(b @ h) if h[1] > 0.0 else np.inf
+            if remaining < best:
+                best, out = remaining, shadow
     return out
 
 
@@ -307,11 +307,11 @@ def _iterated(
         shaded = (radiometry @ h / light)[:, None] * by_shadow
         J = np.concatenate([gain[:, None] * by, radiometry, shaded], axis=1)
         s2 = float((w * e * e).sum() / max(len(x) - unknowns, 1)) + 1e-12
-        off = np.zeros(unknowns)
-        off[_M], off[_S] = (state.M - np.eye(2)).ravel(), state.s - first_s
+        from_prior = np.zeros(unknowns)
+        from_prior[_M], from_prior[_S] = (state.M - np.eye(2)).ravel(), state.s - first_s
         N = J.T @ (w[:, None] * J) + s2 * prior
         try:
-            step = np.linalg.solve(N, J.T @ (w * e) - s2 * prior @ off)
+            step = np.linalg.solve(N, J.T @ (w * e) - s2 * prior @ from_prior)
         except np.linalg.LinAlgError:
             return None
         length = float(np.hypot(*step[_C]))

@@ -168,8 +168,8 @@ def measure(
         why = "the matching has no solution within the image"
         return Measurement(why, None, first.correlation, first.second)
     peak, result = best
-    off = result.uv - expected
-    distance = float(np.sqrt(off @ np.linalg.solve(C + result.cov, off)))
+    difference = result.uv - expected
+    distance = float(np.sqrt(difference @ np.linalg.solve(C + result.cov, difference)))
     why = _rejected(peak, result, distance, limits)
     return Measurement(why, result, peak.correlation, peak.second, distance)
 
@@ -204,8 +204,8 @@ def _best(
     shaded = matched(True)
     if shaded is None or not shaded[1].converged or plain is None or not plain[1].converged:
         return shaded if shaded is not None and (plain is None or shaded[1].converged) else plain
-    rest = [1.0 - m.correlation**2 for m in (shaded[1], plain[1])]
-    return shaded if rest[0] < _SHADOW_EXPLAINS * rest[1] else plain
+    unexplained = [1.0 - m.correlation**2 for m in (shaded[1], plain[1])]
+    return shaded if unexplained[0] < _SHADOW_EXPLAINS * unexplained[1] else plain
 
 
 def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:
@@ -222,7 +222,7 @@ def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
     moved = float(np.hypot(*(result.uv - peak.uv)))
     far = rules.moved * max(1.0, peak.template.reach_px / WIDE_PX)
     deformed = deformation(result.M, rules.freedom.deformation(peak.template))
-    for broken, words in (
+    for broken, reason in (
         (not result.converged, "the matching has not converged"),
         (
             result.correlation < rules.correlation,
@@ -242,7 +242,7 @@ def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
         ),
     ):
         if broken:
-            return words
+            return reason
     return ""
 
 

@@ -12,18 +12,18 @@ _FEWEST = 3  # images, for one of them to be told from the others
 
 
 def disagreeing(
-    off: Array, cov: Array, by_point: Array, point_cov: Array, limit: float = LIMIT
+    differences: Array, cov: Array, by_point: Array, point_cov: Array, limit: float = LIMIT
 ) -> Array:
     """Return by how much the others contradict measurements of a ground point.
 
     Measured minus predicted pixels of one point have in common the error dX of its coordinates:
-    off = B dX + error, with the covariance of (GT.1) without the point, and that of the match. dX
-    follows by least squares with the covariance of the point; the measurement that is worst in its
-    own covariance leaves, and so on while one is beyond the limit and enough are left.
+    differences = B dX + error, with the covariance of (GT.1) without the point, and that of the
+    match. dX follows by least squares with the covariance of the point; the measurement that is
+    worst in its own covariance leaves, and so on while one is beyond the limit and enough are left.
 
     Parameters
     ----------
-    off : ndarray, (n, 2)
+    differences : ndarray, (n, 2)
         Measured minus predicted pixels.
     cov : ndarray, (n, 2, 2)
         Covariance of each without that of the point.
@@ -40,16 +40,16 @@ def disagreeing(
         Sigmas of the residual of each that the others contradict, NaN of those that stay; all stay
         where fewer than three images see the point.
     """
-    out = np.full(len(off), np.nan)
+    out = np.full(len(differences), np.nan)
     prior = Equations.prior(np.zeros(3), point_cov)
     while np.isnan(out).sum() >= _FEWEST:
-        size = np.full(len(off), -np.inf)
+        size = np.full(len(differences), -np.inf)
         for k in np.flatnonzero(np.isnan(out)):  # each against what the others say
-            others = np.flatnonzero(np.isnan(out))
-            others = others[others != k]
-            seen = Equations(off[others], by_point[others], {"": cov[others]})
-            normals = NormalEquations([prior, seen])
-            e = off[k] - by_point[k] @ normals.dx
+            remaining = np.flatnonzero(np.isnan(out))
+            remaining = remaining[remaining != k]
+            equations = Equations(differences[remaining], by_point[remaining], {"": cov[remaining]})
+            normals = NormalEquations([prior, equations])
+            e = differences[k] - by_point[k] @ normals.dx
             C = cov[k] + by_point[k] @ normals.cov @ by_point[k].T
             size[k] = np.sqrt(e @ np.linalg.solve(C, e))
         worst = int(size.argmax())

@@ -111,12 +111,12 @@ def predict(
         if got.shape != shape or not np.isfinite(got).all():
             raise InputError(f"predict: {name} has shape {got.shape}; {shape} of finite values")
     rows = [_one(camera, X0[i], C[i], P[i], X, CX, camera_cov, margin_px) for i in range(n)]
-    uv, C_uv, B, seen = (
+    uv, C_uv, B, visibility = (
         np.concatenate([row[k] for row in rows]) if n else np.empty(shape)
         for k, shape in enumerate([(0, 2), (0, 2, 2), (0, 2, 3), (0,)])
     )
     image, point = (k.ravel() for k in np.indices((n, m)))
-    return Predictions(image, point, uv, C_uv, B, seen.astype(np.int64))
+    return Predictions(image, point, uv, C_uv, B, visibility.astype(np.int64))
 
 
 def _one(
@@ -149,15 +149,15 @@ def _one(
     size = np.array([camera.width, camera.height], dtype=np.float64)
     inside = ((uv[front] >= margin_px) & (uv[front] <= size - margin_px)).all(axis=1)
     visibility[front] = np.where(inside, 0, VISIBILITY.index("outside the format"))
-    seen, xy, M, K = front[inside], xy[inside], M[inside], K[inside]
-    by_q = np.zeros((seen.size, 2, 3))
-    by_q[:, 0, 0] = by_q[:, 1, 1] = 1.0 / q[seen, 2]
-    by_q[:, :, 2] = -xy / q[seen, 2:]
-    B[seen] = M @ by_q @ C.T
-    turn = np.array([skew(one) for one in d[seen]]).reshape(-1, 3, 3)
-    A = np.concatenate([-B[seen], B[seen] @ turn], axis=2)
-    BX = B[seen] @ CX[seen] @ B[seen].transpose(0, 2, 1)
-    cov[seen] = A @ P @ A.transpose(0, 2, 1) + BX + K @ K.transpose(0, 2, 1)
+    rows, xy, M, K = front[inside], xy[inside], M[inside], K[inside]
+    by_q = np.zeros((rows.size, 2, 3))
+    by_q[:, 0, 0] = by_q[:, 1, 1] = 1.0 / q[rows, 2]
+    by_q[:, :, 2] = -xy / q[rows, 2:]
+    B[rows] = M @ by_q @ C.T
+    turn = np.array([skew(one) for one in d[rows]]).reshape(-1, 3, 3)
+    A = np.concatenate([-B[rows], B[rows] @ turn], axis=2)
+    BX = B[rows] @ CX[rows] @ B[rows].transpose(0, 2, 1)
+    cov[rows] = A @ P @ A.transpose(0, 2, 1) + BX + K @ K.transpose(0, 2, 1)
     return uv, cov, B, visibility.astype(np.float64)
 
 

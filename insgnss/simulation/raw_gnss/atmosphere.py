@@ -192,8 +192,8 @@ class Ionosphere:
 
     def _from_site(self, lat: Array, lon: Array) -> tuple[Array, Array]:
         """Places on the shell, north and east of the site in its tangent plane, m."""
-        phi, apart = self.site[0], lon - self.site[1]
-        north = np.sin(lat) * np.cos(phi) - np.cos(lat) * np.sin(phi) * np.cos(apart)
+        phi, longitude_difference = self.site[0], lon - self.site[1]
+        north = np.sin(lat) * np.cos(phi) - np.cos(lat) * np.sin(phi) * np.cos(longitude_difference)
         return (MEAN_EARTH_RADIUS_M + SHELL_HEIGHT_M) * north, (
             MEAN_EARTH_RADIUS_M + SHELL_HEIGHT_M
-        ) * np.cos(lat) * np.sin(apart)
+        ) * np.cos(lat) * np.sin(longitude_difference)

@@ -109,12 +109,9 @@ def satellites_in_view(
     error_m : sd of each axis, and of the clock.
     """
     codes = np.unique(navigation.satellite)
-    apart = np.abs(navigation.table[:, TOE] - 0.5 * (span[0] + span[1]))
+    age = np.abs(navigation.table[:, TOE] - 0.5 * (span[0] + span[1]))
     message = np.array(
-        [
-            min(np.flatnonzero(navigation.satellite == code), key=lambda k: apart[k])
-            for code in codes
-        ]
+        [min(np.flatnonzero(navigation.satellite == code), key=lambda k: age[k]) for code in codes]
     )
     grid = np.linspace(*span, 2 + int((span[1] - span[0]) / SKY_GRID_S))
     states = satellite_states(
@@ -126,13 +123,13 @@ def satellites_in_view(
     lat, lon, _ = ecef_to_geodetic(position)
     away = states.position.reshape(grid.size, codes.size, 3) - position
     sine = -(away @ rotation_en(lat, lon)[:, 2]) / np.linalg.norm(away, axis=2)
-    seen = sine.max(axis=0) > np.sin(np.radians(mask_deg - MASK_MARGIN_DEG))
-    error = error_m * rng.standard_normal((int(seen.sum()), 4))
+    in_view = sine.max(axis=0) > np.sin(np.radians(mask_deg - MASK_MARGIN_DEG))
+    error = error_m * rng.standard_normal((int(in_view.sum()), 4))
     return Satellites(
         navigation,
-        codes[seen],
-        message[seen],
-        navigation.channel[message[seen]],
+        codes[in_view],
+        message[in_view],
+        navigation.channel[message[in_view]],
         error[:, :3],
         error[:, 3],
     )

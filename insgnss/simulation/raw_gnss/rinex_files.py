@@ -150,8 +150,8 @@ def _observation_lines(path: File, station: Station, table: ObservationTable) ->
         parts: list[bytes] = []
         for k in range(first, last):
             parts += events[first_event[k] : first_event[k + 1]]
-            own = slice(rows[k] - rows[first], rows[k + 1] - rows[first])
-            parts += [_epoch_lines(heads[k], names[own].tobytes()), body[own].tobytes()]
+            span = slice(rows[k] - rows[first], rows[k + 1] - rows[first])
+            parts += [_epoch_lines(heads[k], names[span].tobytes()), body[span].tobytes()]
         yield b"".join(parts)
     yield b"".join(events[first_event[n] :])
 
@@ -222,9 +222,9 @@ def _ticks(time: Array) -> NDArray[np.int64]:
 
 def _stamps(gps_week: int, time: Array) -> list[str]:
     """Columns 1 to 26 of the line of an epoch or event at `time` (n,), s of the week."""
-    day, rest = np.divmod(_ticks(time), WHOLE_DAY_S * TICKS_PER_S)
+    day, ticks_of_day = np.divmod(_ticks(time), WHOLE_DAY_S * TICKS_PER_S)
     date = (_EPOCH_DAY + (7 * gps_week + day)).astype(object).tolist()
-    minute, second = np.divmod(rest, 60 * TICKS_PER_S)
+    minute, second = np.divmod(ticks_of_day, 60 * TICKS_PER_S)
     return [
         f" {d.year % 100:02d} {d.month:2d} {d.day:2d} {m // 60:2d}"
         f" {m % 60:2d}{s / TICKS_PER_S:11.7f}"
@@ -257,8 +257,8 @@ def _event_records(table: ObservationTable) -> list[bytes]:
 def _rows(path: File, table: ObservationTable, chunk: slice) -> NDArray[np.uint8]:
     """The lines of these rows: (m, size of a satellite's lines) letters."""
     values, k = table.values[chunk], len(table.types)
-    there = np.isfinite(values)
-    number = np.rint(np.where(there, values, 0.0) * 1e3)
+    observed = np.isfinite(values)
+    number = np.rint(np.where(observed, values, 0.0) * 1e3)
     if (beyond := (number > LARGEST_MILLI) | (number < SMALLEST_MILLI)).any():
         row, column = np.argwhere(beyond)[0]
         epoch, name = table.epoch[chunk][row], table.types[column]
@@ -280,18 +280,18 @@ def _rows(path: File, table: ObservationTable, chunk: slice) -> NDArray[np.uint8
             strength = values[:, table.types.index(band)] // 6.0
             digit = ord("0") + np.clip(np.nan_to_num(strength), 1, 9).astype(np.uint8)
             letters[:, column, 15] = np.where(np.isfinite(strength), digit, ord(" "))
-    letters[~there] = ord(" ")
+    letters[~observed] = ord(" ")
     return _lines(letters)
 
 
 def _put_numbers(letters: NDArray[np.uint8], thousandths: NDArray[np.int64]) -> None:
     """F14.3 of `thousandths` (m, k) into the first 14 of letters (m, k, 16), which are blank."""
-    rest = np.abs(thousandths)
-    first = np.full(rest.shape, 9)  # column of the first digit
+    remaining = np.abs(thousandths)
+    first = np.full(remaining.shape, 9)  # column of the first digit
     for column in (13, 12, 11, *range(9, -1, -1)):
-        shown = (rest > 0) | (column >= 9)
+        shown = (remaining > 0) | (column >= 9)
         first[shown & (column < 9)] = column
-        rest, digit = np.divmod(rest, 10)
+        remaining, digit = np.divmod(remaining, 10)
         letters[:, :, column] = np.where(shown, ord("0") + digit, ord(" "))
     letters[:, :, 10] = ord(".")
     row, k = np.nonzero(thousandths < 0)

@@ -445,7 +445,7 @@ def _values(
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> Array:
     """(n, s, 8) values of `SIGNALS` by (R.1) to (R.3)."""
-    (rng, own), options, interval = rngs, scene.options, 1.0 / receiver.rate_hz
+    (rng, bias_rng), options, interval = rngs, scene.options, 1.0 / receiver.rate_hz
     troposphere, ionosphere = _air(antenna, scene, paths)
     sine = np.sin(np.maximum(paths.elevation, np.radians(LOWEST_STRENGTH_DEG)))
     common = paths.distance + LIGHT * antenna.clock_s[:, None] - paths.clock + troposphere
@@ -462,15 +462,15 @@ def _values(
             glonass, GLONASS_HZ[band] + channel * GLONASS_STEP_HZ[band], GPS_HZ[band]
         )
         wavelength, dispersed = LIGHT / frequency, ionosphere * (GPS_HZ[0] / frequency) ** 2
-        hardware = options.hardware_bias_m * own.standard_normal(2)[glonass.astype(int)]
+        hardware = options.hardware_bias_m * bias_rng.standard_normal(2)[glonass.astype(int)]
         hardware = (
             hardware
             + glonass
             * options.glonass_code_bias_m
-            * own.standard_normal(GLONASS_CHANNEL_COUNT)[channel + GLONASS_CHANNEL_COUNT // 2]
+            * bias_rng.standard_normal(GLONASS_CHANNEL_COUNT)[channel + GLONASS_CHANNEL_COUNT // 2]
         )
         fraction = (
-            own.uniform(0.0, 1.0, 2)[glonass.astype(int)]
+            bias_rng.uniform(0.0, 1.0, 2)[glonass.astype(int)]
             + glonass * channel * receiver.phase_slope_m / wavelength
         )
         code = noise(

@@ -125,14 +125,14 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
     )
 
 
-def _identity(given: Path | ImuSamples) -> tuple[str, str]:
+def _identity(samples: Path | ImuSamples) -> tuple[str, str]:
     """Name and hash of a file of samples, or of samples that were given as an object."""
-    if isinstance(given, Path):
-        return given.name, sha256(given)
+    if isinstance(samples, Path):
+        return samples.name, sha256(samples)
     digest = hashlib.sha256()
-    for field in (given.time, given.gyro, given.accel):
+    for field in (samples.time, samples.gyro, samples.accel):
         digest.update(field.tobytes())
-    return given.source or "given as object", digest.hexdigest()
+    return samples.source or "given as object", digest.hexdigest()
 
 
 def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:

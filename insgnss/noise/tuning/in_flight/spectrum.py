@@ -32,11 +32,11 @@ def spectra(tuning: "FlightTuning") -> tuple[Chart, ...]:
         models = [("white noise, static model", static * level)] + (
             [("by the innovations", in_flight * level)] if in_flight != static else []
         )
-        own = sorted(
+        of_channel = sorted(
             (line for line in s.lines if line.channel == f"{sensor} {'xyz'[axis]}"),
             key=lambda line: -line.rms,
         )
-        frequencies = [line.frequency_hz for line in own[:LINES_SHOWN]]
+        frequencies = [line.frequency_hz for line in of_channel[:LINES_SHOWN]]
         panels.append(
             SpectrumPanel(
                 "gyro" if c < 3 else "accel",

@@ -316,8 +316,8 @@ def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, 
         [S[:, (frequency >= a) & (frequency < b)].mean(axis=1) for b, a in pairwise(edges)]
     )
     level, begin = np.full(6, np.nan), np.full(6, np.nan)
-    for c, own in enumerate(means.T):
-        count = int(np.argmax(np.append(np.abs(own / own[0] - 1.0) > EVEN_POWER, True)))
+    for c, mean in enumerate(means.T):
+        count = int(np.argmax(np.append(np.abs(mean / mean[0] - 1.0) > EVEN_POWER, True)))
         if count > 1:
             level[c], begin[c] = (
                 S[c, (frequency >= edges[count]) & (frequency < highest)].mean(),

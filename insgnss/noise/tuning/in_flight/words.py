@@ -72,8 +72,8 @@ def _length(n: "InFlightNoise") -> list[str]:
     """
     from ....navigation.innovations.likelihood import WHITE
 
-    own = zip(n.names, n.log_sigma, strict=True)
-    worst = max((sigma for name, sigma in own if name in WHITE), default=0.0)
+    sigmas = zip(n.names, n.log_sigma, strict=True)
+    worst = max((sigma for name, sigma in sigmas if name in WHITE), default=0.0)
     if worst <= WANTED:
         return []
     minutes = n.duration_s / 60.0 * (worst / WANTED) ** 2
@@ -94,8 +94,8 @@ def whiteness_rows(before: "Innovations", after: "Innovations") -> list[tuple[st
         (f"chance of white, {before.whiteness.lags} lags", "p_value", ".2g"),
     ):
         for k, axis in enumerate(("north", "east", "down")):
-            both = (getattr(one.whiteness, key)[k] for one in (before, after))
-            rows.append((f"{label}, {axis}", *(format(value, form) for value in both)))
+            before_and_after = (getattr(one.whiteness, key)[k] for one in (before, after))
+            rows.append((f"{label}, {axis}", *(format(value, form) for value in before_and_after)))
     return rows
 
 

@@ -30,8 +30,8 @@ def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
 
     chart = sensor_chart(result, sensor)
     tuned = [t for t in result.tuned if t.sensor == sensor]
-    words = sensor_words(tuned, result.recordings, result.options) if tuned else ()
-    return b"" if chart is None else draw_sheet([[chart]], *words)
+    verdict = sensor_words(tuned, result.recordings, result.options) if tuned else ()
+    return b"" if chart is None else draw_sheet([[chart]], *verdict)
 
 
 def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
@@ -47,17 +47,17 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
         if variance.max() > 0.0
     }
     processes = t.kept.composition.processes
-    words = {str(process): _label(t, process) for process in processes if str(process) in parts}
+    names = {str(process): _label(t, process) for process in processes if str(process) in parts}
     p = goodness_p(t)
     tested = f"J test: {p_text(p)}" if math.isfinite(p) else ""
     for v in t.inference.verdicts:
-        if not v.identifiable and v.process in words:
-            words[v.process] += ", not identifiable"
+        if not v.identifiable and v.process in names:
+            names[v.process] += ", not identifiable"
     used = sorted({int(j) for curve in t.kept.curves for j in curve.level})
     modelled = haar_variance(axis, longest.level, rate, sampling)
     title = t.name[len(t.sensor) + 1 :]
     return NoisePanel(
-        title, curves, labels, longest.averaging_time_s, modelled, parts, words, used, tested
+        title, curves, labels, longest.averaging_time_s, modelled, parts, names, used, tested
     )
 
 

@@ -34,14 +34,14 @@ def sensor_words(
 ) -> tuple[str, str]:
     """The verdict on a sensor in a few words, and what it is of."""
     sensor = tuned[0].sensor
-    off = [t for t in tuned if goodness_p(t) < FITS_P]
+    misfits = [t for t in tuned if goodness_p(t) < FITS_P]
     models = ", ".join(dict.fromkeys(str(t.kept.composition) for t in tuned))
-    if not off:
+    if not misfits:
         title = f"{models} fits"
-    elif len(off) == len(tuned):
+    elif len(misfits) == len(tuned):
         title = f"{models} does not fit"
     else:
-        title = f"{models}, does not fit {', '.join(t.name[len(sensor) + 1 :] for t in off)}"
+        title = f"{models}, does not fit {', '.join(t.name[len(sensor) + 1 :] for t in misfits)}"
     several = f"{len(recordings)} recordings" if len(recordings) > 1 else recordings[0].name
     length = duration(max(r.length_s for r in recordings))
     levels = f", levels {options.levels}" if options.levels else ""
@@ -113,35 +113,35 @@ def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     p, g = goodness_p(t), t.goodness
     if not p < FITS_P:
         return
-    off = []
+    large = []
     for i, level in t.inference.goodness.misfits:
         curve = t.kept.curves[i]
         k = int(np.flatnonzero(curve.level == level)[0])
-        off.append(
+        large.append(
             (math.sqrt(t.kept.modelled[i][k] / curve.variance[k]) - 1.0, float(curve.scale_s[k]), i)
         )
     tested = f"J {g.statistic:.0f} for {g.degrees:.0f} degrees of freedom, {p_text(p)}"
-    if not off:
+    if not large:
         yield f"{t.kept.composition} does not fit ({tested}), but no scale stands out"
         return
-    off.sort(key=lambda item: -abs(item[0]))
-    worst, scale, i = off[0]
+    large.sort(key=lambda item: -abs(item[0]))
+    worst, scale, i = large[0]
     where = f"{scale:.3g} s" + (
         f" of {curve_name(t, recordings, i)}" if len(t.kept.curves) > 1 else ""
     )
     which = (
-        f"{len(off)} of {sum(curve.level.size for curve in t.kept.curves)} scales stand out,"
-        f" {_span([s for _, s, _ in off])}"
+        f"{len(large)} of {sum(curve.level.size for curve in t.kept.curves)} scales stand out,"
+        f" {_span([s for _, s, _ in large])}"
     )
     size = f"{abs(worst):.1%} too {'high' if worst > 0.0 else 'low'}"
-    amount = f"its deviation is {size} at {where}, off by {_median(off)} in the median of these"
+    amount = f"its deviation is {size} at {where}, off by {_median(large)} in the median of these"
     yield f"{t.kept.composition} does not fit ({tested}): {which}; {amount}"
     if t.how and not t.efficient:
         yield t.how
 
 
-def _median(off: Sequence[tuple[float, float, int]]) -> str:
-    return f"{float(np.median([abs(x) for x, _, _ in off])):.1%}"
+def _median(deviations: Sequence[tuple[float, float, int]]) -> str:
+    return f"{float(np.median([abs(x) for x, _, _ in deviations])):.1%}"
 
 
 def _span(scales: Sequence[float]) -> str:
@@ -177,10 +177,10 @@ def ranked(t: "Tuned") -> Iterator[str]:
     crossed = t.ranking.criterion != "WIC"
     shown = [c for c in t.ranking.candidates if not _repeats(c, t.ranking.candidates)]
     best = (shown or list(t.ranking.candidates))[0]
-    words = []
+    models = []
     for c in shown[:MOST_RANKED]:
         behind = (c.cross_validated - best.cross_validated) if crossed else (c.wic - best.wic)
-        words.append(
+        models.append(
             f"{c.composition}"
             + (f" {behind:+.3g}" if c is not best else "")
             + (" (as good)" if c.equivalent and c is not best else "")
@@ -195,15 +195,15 @@ def ranked(t: "Tuned") -> Iterator[str]:
     )
     yield (
         f"{t.ranking.chosen.composition} chosen of {len(t.ranking.candidates)} models by"
-        f" {criterion}: {', '.join(words)}{rule}"
+        f" {criterion}: {', '.join(models)}{rule}"
     )
 
 
-def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
+def _repeats(candidate: "Candidate", models: Sequence["Candidate"]) -> bool:
     """Whether a model is a smaller one with processes of no strength."""
     Q, size = candidate.fit.objective, candidate.composition.size
     return bool(candidate.fit.at_bound) and any(
-        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME_OBJECTIVE) for o in others
+        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME_OBJECTIVE) for o in models
     )
 
 
@@ -212,9 +212,9 @@ def trends(
 ) -> Iterator[str]:
     """Yield the trends of a sensor's axes that the fitted noise does not explain."""
     length = {r.name: r.length_s for r in recordings}
-    there = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
+    items = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
     settling = [
-        (name, k, trend) for name, k, trend in there if trend.time_s < SETTLES * length[name]
+        (name, k, trend) for name, k, trend in items if trend.time_s < SETTLES * length[name]
     ]
     scale = parse_unit(UNIT[sensor]).scale
     if settling:
@@ -226,7 +226,7 @@ def trends(
             f" found explains; most {name} {AXES[k]}, {size} in {trend.time_s / 60.0:.2g} min (time"
             f" constant); --skip {minutes} leaves that out"
         )
-    slow = [item for item in there if item not in settling]
+    slow = [item for item in items if item not in settling]
     if slow:
         description = "drift over the whole recording by more than the noise found explains"
         yield (

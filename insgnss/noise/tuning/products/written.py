@@ -110,8 +110,8 @@ def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneRes
 
 def _why_no_model(tuned: Sequence[Tuned], table: Path) -> str:
     """Say which axes are missing of a noise model, and where those are that were tuned."""
-    there = {(t.sensor, k) for t in tuned for k in t.axes}
-    lacking = {s: [AXES[k] for k in range(3) if (s, k) not in there] for s in SENSORS}
+    tuned_axes = {(t.sensor, k) for t in tuned for k in t.axes}
+    lacking = {s: [AXES[k] for k in range(3) if (s, k) not in tuned_axes] for s in SENSORS}
     names = ", ".join(f"{sensor} {' '.join(axes)}" for sensor, axes in lacking.items() if axes)
     return (
         f"no noise model was written: one of a flight has all six axes, and {names} were not tuned;"

@@ -94,12 +94,12 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     if eo is None or inputs.file.adjustment.mode == "indirect":
         return Control((), {}, (), "none")
     image_of = np.full(len(eo.images), -1, dtype=np.int64)
-    own = inputs.eo_row >= 0
-    image_of[inputs.eo_row[own]] = np.flatnonzero(own)
+    with_pose = inputs.eo_row >= 0
+    image_of[inputs.eo_row[with_pose]] = np.flatnonzero(with_pose)
     kind, pieces = _pieces(eo, options)
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
     motion, line = _motion(eo, options), breaks(eo, options.gap_s)
-    others = _other_lines(eo, options)
+    other_lines = _other_lines(eo, options)
     shared = _shared(options)
     blocks: dict[Key, Array] = {(name, 0): value for name, (value, _) in shared.items()}
     groups: list[ObservationGroup] = [
@@ -108,12 +108,12 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     lines: list[Rows] = []
     controls: list[str] = []
     for piece, whole in pieces:
-        control = _control_of_line(piece, others, eo, options)
-        seen = np.flatnonzero(image_of[piece] >= 0)
-        if seen.size == 0:
+        control = _control_of_line(piece, other_lines, eo, options)
+        in_block = np.flatnonzero(image_of[piece] >= 0)
+        if in_block.size == 0:
             continue
-        rows = piece[seen]
-        cov = covariance_of_rows(whole, seen)
+        rows = piece[in_block]
+        cov = covariance_of_rows(whole, in_block)
         parameters, factor = dict.fromkeys(shared, 0), None
         printed = control in RELATIVE and options.relative_weights != "smoothed"
         if common is not None and common.factor[rows].any() and not printed:
@@ -196,10 +196,10 @@ def _other_lines(eo: ExteriorOrientation, options: AerialControlTable) -> dict[i
 
 
 def _control_of_line(
-    rows: Rows, others: dict[int, str], eo: ExteriorOrientation, options: AerialControlTable
+    rows: Rows, other_lines: dict[int, str], eo: ExteriorOrientation, options: AerialControlTable
 ) -> str:
     """Return the control of the flight line with these images."""
-    requested = {others[int(row)]: eo.images[row] for row in rows if int(row) in others}
+    requested = {other_lines[int(row)]: eo.images[row] for row in rows if int(row) in other_lines}
     if len(requested) > 1:
         (one, first), (two, second) = list(requested.items())[:2]
         raise InputError(
@@ -248,20 +248,20 @@ def _pieces(
             )
         return kind, ((rows, chained_covariance(eo[rows])) for rows in _lines(eo))
     if any(control in RELATIVE for control in (options.control, *options.of_lines.values())):
-        return kind, ((rows, _apart(eo.cov[rows])) for rows in _lines(eo))
+        return kind, ((rows, _independent_cov(eo.cov[rows])) for rows in _lines(eo))
     return kind, ((np.array([k]), eo.cov[k]) for k in range(len(eo)))
 
 
 def _strips(eo: ExteriorOrientation, path: Path) -> Iterator[tuple[Rows, Array]]:
-    rest = np.ones(len(eo), dtype=bool)
+    single = np.ones(len(eo), dtype=bool)
     for strip in read_eo_covariance(path, eo):
-        rest[strip.rows] = False
+        single[strip.rows] = False
         yield strip.rows, strip.cov
-    for k in np.flatnonzero(rest):
+    for k in np.flatnonzero(single):
         yield np.array([k]), eo.cov[k]
 
 
-def _apart(cov: Array) -> Array:
+def _independent_cov(cov: Array) -> Array:
     """Return the covariance (6 n, 6 n) of images that are independent of each other."""
     n = len(cov)
     P = np.zeros((n, 6, n, 6))

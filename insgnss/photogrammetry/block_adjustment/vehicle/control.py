@@ -66,15 +66,15 @@ def vehicle_control(
     if vehicle is None:
         return VehicleControl((), {})
     options = options or vehicle.options
-    own = _shared(options)
-    parameters = dict.fromkeys(own, 0)
+    names = _shared(options)
+    parameters = dict.fromkeys(names, 0)
     parameters.pop(SIZE, None)
     if (TIME_OFFSET, 0) in blocks:
         parameters[TIME_OFFSET] = 0
     image, point = rows_in(vehicle, block)
     groups: list[ObservationGroup] = [
         ParameterObservation((name, 0), value, np.diag(1.0 / sigma**2), MOUNTING)
-        for name, (value, sigma) in own.items()
+        for name, (value, sigma) in names.items()
     ]
     groups.append(
         KinematicControl(
@@ -96,10 +96,10 @@ def vehicle_control(
                 float(vehicle.size_px[k]),
                 float(vehicle.size_sigma_px[k]),
                 options.size_m,
-                SIZE in own,
+                SIZE in names,
             )
         )
-    return VehicleControl(tuple(groups), {(name, 0): value for name, (value, _) in own.items()})
+    return VehicleControl(tuple(groups), {(name, 0): value for name, (value, _) in names.items()})
 
 
 def _shared(options: VehicleTable) -> dict[str, tuple[Array, Array]]:

@@ -61,43 +61,45 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
     """
     names = measured.points
     mine = np.array([name.startswith(target) for name in names], dtype=bool)
-    seen = measured.observations
-    rows = np.flatnonzero(mine[seen.point])
+    observations = measured.observations
+    rows = np.flatnonzero(mine[observations.point])
     if not rows.size:
         raise InputError(
             f"vehicle.target: no point of the image observations begins with {shown(target)};"
             f" {near(target, names[:200])}; the target of image IMG is called {target}IMG"
         )
     fixed = set(ground)
-    if fixed_points := [names[p] for p in np.unique(seen.point[rows]) if names[p] in fixed]:
+    if fixed_points := [names[p] for p in np.unique(observations.point[rows]) if names[p] in fixed]:
         raise InputError(
             f"vehicle.target: point {shown(fixed_points[0])} begins with {shown(target)} and is a"
             " ground point, which does not move; rename it, or give another vehicle.target"
         )
-    count = np.bincount(seen.image[rows], minlength=len(measured.images))
+    count = np.bincount(observations.image[rows], minlength=len(measured.images))
     if (count > 1).any():
         twice = int(np.argmax(count))
-        both = [names[seen.point[r]] for r in rows[seen.image[rows] == twice][:2]]
+        two_points = [
+            names[observations.point[r]] for r in rows[observations.image[rows] == twice][:2]
+        ]
         raise InputError(
             f"vehicle.target: image {shown(measured.images[twice])} sees {count[twice]} points that"
-            f" begin with {shown(target)} ({shown(both[0])}, {shown(both[1])}): a vehicle has one"
-            " target; give a prefix that no other point has"
+            f" begin with {shown(target)} ({shown(two_points[0])}, {shown(two_points[1])}): a"
+            " vehicle has one target; give a prefix that no other point has"
         )
     return _divided(measured, rows, target)
 
 
 def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Observed:
     """Give every image a point of its own."""
-    seen, points = measured.observations, list(measured.points)
+    obs, points = measured.observations, list(measured.points)
     taken = set(points)
-    shared = np.bincount(seen.point[rows], minlength=len(points)) > 1
-    point = np.array(seen.point)
+    shared = np.bincount(obs.point[rows], minlength=len(points)) > 1
+    point = np.array(obs.point)
     divided = []
     for row in rows.tolist():
-        old = int(seen.point[row])
+        old = int(obs.point[row])
         if not shared[old]:
             continue
-        image = measured.images[int(seen.image[row])]
+        image = measured.images[int(obs.image[row])]
         name = f"{target}{image}" if target != measured.points[old] else f"{target}_{image}"
         while name in taken:
             name += "'"
@@ -105,21 +107,21 @@ def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Obs
         point[row] = len(points)
         points.append(name)
         divided.append(measured.points[old])
-    changed = replace(measured, points=tuple(points), observations=replace(seen, point=point))
+    changed = replace(measured, points=tuple(points), observations=replace(obs, point=point))
     if divided:  # names that no image has any more
         used = np.bincount(point, minlength=len(points)) > 0
         used[: len(measured.points)] |= ~shared
         new = np.cumsum(used) - 1
         changed = replace(
             measured,
-            points=tuple(name for name, there in zip(points, used, strict=True) if there),
-            observations=replace(seen, point=new[point]),
+            points=tuple(name for name, is_used in zip(points, used, strict=True) if is_used),
+            observations=replace(obs, point=new[point]),
         )
-    own = changed.observations
+    of_changed = changed.observations
     return Observed(
         changed,
-        tuple(changed.images[i] for i in own.image[rows]),
-        tuple(changed.points[p] for p in own.point[rows]),
+        tuple(changed.images[i] for i in of_changed.image[rows]),
+        tuple(changed.points[p] for p in of_changed.point[rows]),
         tuple(dict.fromkeys(divided)),
     )
 
@@ -147,17 +149,17 @@ def without(observed: Observed, images: Sequence[str], key: str = "vehicle.skip"
         An image that does not see the target.
     """
     gone = set(images)
-    if odd := sorted(gone - set(observed.images)):
+    if bad := sorted(gone - set(observed.images)):
         raise InputError(
-            f"{key}: {odd[0]!r} does not see the target; {near(odd[0], observed.images[:200])}"
+            f"{key}: {bad[0]!r} does not see the target; {near(bad[0], observed.images[:200])}"
         )
     points = {p for i, p in zip(observed.images, observed.points, strict=True) if i in gone}
-    seen, names = observed.measured.observations, observed.measured.points
-    keep = np.array([names[p] not in points for p in seen.point], dtype=bool)
-    left = [k for k, image in enumerate(observed.images) if image not in gone]
+    observations, names = observed.measured.observations, observed.measured.points
+    keep = np.array([names[p] not in points for p in observations.point], dtype=bool)
+    remaining = [k for k, image in enumerate(observed.images) if image not in gone]
     return replace(
         observed,
-        measured=replace(observed.measured, observations=seen.rows(keep)),
-        images=tuple(observed.images[k] for k in left),
-        points=tuple(observed.points[k] for k in left),
+        measured=replace(observed.measured, observations=observations.rows(keep)),
+        images=tuple(observed.images[k] for k in remaining),
+        points=tuple(observed.points[k] for k in remaining),
     )

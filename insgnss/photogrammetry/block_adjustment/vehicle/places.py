@@ -69,9 +69,9 @@ class Vehicle:
 
     def seen_in(self, measured: ImagePoints) -> "Vehicle":
         """Return the exposures whose measurement of the target is among image observations."""
-        seen = measured.observations
-        there = {measured.points[p] for p in np.unique(seen.point)}
-        rows = [k for k, name in enumerate(self.points) if name in there]
+        observations = measured.observations
+        seen_points = {measured.points[p] for p in np.unique(observations.point)}
+        rows = [k for k, name in enumerate(self.points) if name in seen_points]
         return self if len(rows) == len(self.points) else self.rows(np.array(rows, dtype=np.int64))
 
 
@@ -109,17 +109,17 @@ def vehicle_of(
     InputError
         A file cannot be read, or files do not belong together.
     """
-    seen = observed(measured, options.target, ground)
-    if seen.divided:
+    views = observed(measured, options.target, ground)
+    if views.divided:
         notes.append(
-            f"point {seen.divided[0]!r}"
-            + (f" and {len(seen.divided) - 1} more" if len(seen.divided) > 1 else "")
+            f"point {views.divided[0]!r}"
+            + (f" and {len(views.divided) - 1} more" if len(views.divided) > 1 else "")
             + " of the vehicle had one name in several images, where it had moved in between: it is"
-            f" a point of its own in each, such as {seen.points[0]!r}"
+            f" a point of its own in each, such as {views.points[0]!r}"
         )
     if options.skip:
-        seen = without(seen, options.skip)
-    return seen.measured, placed_vehicle(options, seen.images, seen.points, eo, notes)
+        views = without(views, options.skip)
+    return views.measured, placed_vehicle(options, views.images, views.points, eo, notes)
 
 
 def placed_vehicle(
@@ -161,14 +161,14 @@ def placed_vehicle(
         if track.time is not None:
             shift = week_shift(eo.gps_week, track.week)
             track = replace(track, time=track.time + shift, week=eo.gps_week)
-    placed, there = at_exposures(options, track, images, time, notes)
-    own = np.flatnonzero(there).tolist()
-    seen_in = tuple(images[k] for k in own)
-    when = placed.time if placed.time is not None else time[there]
+    placed, is_placed = at_exposures(options, track, images, time, notes)
+    placed_rows = np.flatnonzero(is_placed).tolist()
+    seen_in = tuple(images[k] for k in placed_rows)
+    when = placed.time if placed.time is not None else time[is_placed]
     cov = placed.covariance(when)
     size, sigma = _sizes(options, seen_in, notes)
-    names = tuple(points[k] for k in own)
-    return Vehicle(options, seen_in, names, time[there], track, placed, cov, size, sigma)
+    names = tuple(points[k] for k in placed_rows)
+    return Vehicle(options, seen_in, names, time[is_placed], track, placed, cov, size, sigma)
 
 
 def at_exposures(
@@ -197,7 +197,7 @@ def at_exposures(
     -------
     placed : Track
         A row an exposure that is covered.
-    there : ndarray of bool, (n,)
+    valid : ndarray of bool, (n,)
         Which are.
 
     Raises
@@ -207,11 +207,11 @@ def at_exposures(
     """
     path = options.file
     if (rows := rows_by_name(track, images)) is not None:
-        there = rows >= 0
-        placed = track.rows(rows[there])
-        _compare_stamps(options, placed, time[there], notes)
-        if placed.time is None and np.isfinite(time[there]).all():
-            placed = _with_velocities(placed, time[there])
+        valid = rows >= 0
+        placed = track.rows(rows[valid])
+        _compare_stamps(options, placed, time[valid], notes)
+        if placed.time is None and np.isfinite(time[valid]).all():
+            placed = _with_velocities(placed, time[valid])
         reason = "are not named in it"
     elif track.time is None:
         assert track.images is not None
@@ -230,25 +230,25 @@ def at_exposures(
         stamps = np.where(np.isfinite(time), time, np.inf)
         row = np.abs(track.time[None] - stamps[:, None]).argmin(axis=1)
         dt = time - track.time[row]
-        there = np.abs(dt) < EVENT_S
-        placed = track.rows(row[there])
-        placed = replace(placed, position_m=placed.position_m + dt[there, None] * placed.velocity)
+        valid = np.abs(dt) < EVENT_S
+        placed = track.rows(row[valid])
+        placed = replace(placed, position_m=placed.position_m + dt[valid, None] * placed.velocity)
         reason = f"have no event of the vehicle within {1e3 * EVENT_S:g} ms"
     else:
         if len(track.time) < 2:
             raise InputError.in_file(path, "one row; two are needed to interpolate")
         filled = np.where(np.isfinite(time), time, track.time[0] - 1e6)
-        placed, there = track.at(filled, options.longest_gap_s)
-        placed = placed.rows(np.flatnonzero(there))
+        placed, valid = track.at(filled, options.longest_gap_s)
+        placed = placed.rows(np.flatnonzero(valid))
         reason = f"lie outside its rows or in a gap of more than {options.longest_gap_s:g} s"
-    if not there.any():
+    if not valid.any():
         _refuse_stamps(options, track, time)
-    if missing := int((~there).sum()):
+    if missing := int((~valid).sum()):
         notes.append(
-            f"{missing} of {len(there)} exposures of the vehicle's target {reason},"
-            f" {images[int(np.argmin(there))]} first: they have no kinematic ground control"
+            f"{missing} of {len(valid)} exposures of the vehicle's target {reason},"
+            f" {images[int(np.argmin(valid))]} first: they have no kinematic ground control"
         )
-    return placed, there
+    return placed, valid
 
 
 def _with_velocities(placed: Track, time: Array) -> Track:
@@ -271,8 +271,8 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
     """Hold the stamps of two recorders of the same exposures against each other."""
     if placed.time is None or not np.isfinite(time).any():
         return
-    off = placed.time - time
-    middle = float(np.nanmedian(off))
+    difference_s = placed.time - time
+    middle = float(np.nanmedian(difference_s))
     if abs(middle) > OTHER_EVENT_S:
         raise InputError.in_file(
             options.file,
@@ -280,13 +280,13 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
             f" ({time_scale(middle) or CLOCKS}); give both in one time scale, or"
             " vehicle.time_offset_s",
         )
-    if np.nanmax(np.abs(off - middle)) > EVENT_S:
-        k = int(np.nanargmax(np.abs(off - middle)))
+    if np.nanmax(np.abs(difference_s - middle)) > EVENT_S:
+        k = int(np.nanargmax(np.abs(difference_s - middle)))
         raise InputError.in_file(
             options.file,
             f"its stamp of image {placed.images[k] if placed.images else k} lies"
-            f" {off[k] - middle:+.3f} s from that of the image, others do not: events are joined"
-            " with other images",
+            f" {difference_s[k] - middle:+.3f} s from that of the image, others do not: events are"
+            " joined with other images",
         )
     if abs(middle) > REPORTED_S:
         notes.append(
@@ -302,12 +302,12 @@ def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
     a, b = float(track.time[0]), float(track.time[-1])
     first, last = float(stamps.min()), float(stamps.max())
     weeks = round((0.5 * (a + b) - 0.5 * (first + last)) / WEEK_S)
-    off = 0.5 * (a + b) - 0.5 * (first + last)
+    offset_s = 0.5 * (a + b) - 0.5 * (first + last)
     text = (
         f"none of the {stamps.size} exposures that see the target ({first:.1f} to {last:.1f} s) is"
         f" within its {len(track.time)} rows ({a:.1f} to {b:.1f} s)"
     )
-    for seconds in (weeks * WEEK_S, 3600.0 * round(off / 3600.0)):
+    for seconds in (weeks * WEEK_S, 3600.0 * round(offset_s / 3600.0)):
         if seconds and a - seconds <= last and first <= b - seconds:
             raise InputError.in_file(
                 options.file,
@@ -331,17 +331,17 @@ def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tu
         return size, sigma
     table = read_target_sizes(options.sizes)
     rows = matched(table.images, images)
-    own = rows >= 0
-    if not own.any():
+    ok = rows >= 0
+    if not ok.any():
         raise InputError.in_file(
             options.sizes,
             f"image {table.images[0]!r} does not see the vehicle's target, nor any other of it;"
             f" {near(table.images[0], list(images)[:200])}",
         )
-    size[rows[own]], sigma[rows[own]] = table.size_px[own], table.sigma_px[own]
-    if not own.all():
+    size[rows[ok]], sigma[rows[ok]] = table.size_px[ok], table.sigma_px[ok]
+    if not ok.all():
         notes.append(
-            f"{int((~own).sum())} sizes of the target take no part,"
-            f" {table.images[int(np.argmin(own))]} first: the vehicle's place there is not known"
+            f"{int((~ok).sum())} sizes of the target take no part,"
+            f" {table.images[int(np.argmin(ok))]} first: the vehicle's place there is not known"
         )
     return size, sigma

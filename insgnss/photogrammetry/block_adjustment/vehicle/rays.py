@@ -62,11 +62,11 @@ def refuse_elsewhere(
     image, uv = seen_pixels(vehicle, block)
     oriented = np.isfinite(position_m[image]).all(axis=1)
     oriented &= np.isfinite(C_mc[image]).all(axis=(1, 2))
-    own = np.flatnonzero(oriented)
-    if own.size < FEWEST_SIGHTINGS:
+    rows = np.flatnonzero(oriented)
+    if rows.size < FEWEST_SIGHTINGS:
         return
-    image, vehicle = image[own], vehicle.rows(own)
-    direction = _directions(block, image, uv[own], C_mc)
+    image, vehicle = image[rows], vehicle.rows(rows)
+    direction = _directions(block, image, uv[rows], C_mc)
     centre, stated = position_m[image], vehicle.exposures.position_m
     if (direction[:, 2] > -0.2).any():
         return  # cameras that do not look down: rays and levels do not meet well
@@ -75,16 +75,16 @@ def refuse_elsewhere(
         return
     _refuse_sizes(vehicle, block, image, np.einsum("ni,ni->n", stated - centre, C_mc[image, :, 2]))
     met = centre + depth[:, None] * direction
-    off = (met - stated)[:, :2]
+    miss_m = (met - stated)[:, :2]
     limit = max(LEAST_MISS_M, MISS_SIGMAS * float(np.median(sigma_rad[image] * depth)))
-    size = _middle(off)
+    size = _middle(miss_m)
     if size <= limit:
         return
     text = (
         f"the vehicle is not where images see its target: {size:.1f} m beside it in the middle of"
-        f" {own.size} images, {np.linalg.norm(off[0]):.1f} m in {vehicle.images[0]}"
+        f" {rows.size} images, {np.linalg.norm(miss_m[0]):.1f} m in {vehicle.images[0]}"
     )
-    explanation = explain(off, _readings(vehicle, met, off), _middle, floor=MEETING_FLOOR_M)
+    explanation = explain(miss_m, _readings(vehicle, met, miss_m), _middle, floor=MEETING_FLOOR_M)
     if explanation is None:
         raise DataError(
             f"{text}; neither another time nor a constant shift brings it there:"
@@ -98,11 +98,11 @@ def refuse_elsewhere(
 def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array) -> None:
     """Refuse apparent sizes of the target that its diameter cannot have (J.22)."""
     options = vehicle.options
-    own = np.isfinite(vehicle.size_px)
-    if options.size_m is None or own.sum() < FEWEST_SIGHTINGS:
+    sized = np.isfinite(vehicle.size_px)
+    if options.size_m is None or sized.sum() < FEWEST_SIGHTINGS:
         return
     f = np.array([camera.of("f") for camera in block.cameras])[block.camera[image]]
-    times = float(np.median(vehicle.size_px[own] * depth[own] / (f[own] * options.size_m)))
+    times = float(np.median(vehicle.size_px[sized] * depth[sized] / (f[sized] * options.size_m)))
     limit = max(OTHER_TARGET_SIZE, MISS_SIGMAS * options.size_sigma_m / options.size_m)
     if abs(times - 1.0) > limit:
         raise DataError(
@@ -121,20 +121,20 @@ def _directions(block: ImageBlock, image: Rows, uv: Array, C_mc: Array) -> Array
     return np.einsum("nij,nj->ni", C_mc[image], np.column_stack([xy, np.ones(len(xy))]))
 
 
-def _middle(off: Array) -> float:
-    return float(np.median(np.linalg.norm(off, axis=1)))
+def _middle(miss_m: Array) -> float:
+    return float(np.median(np.linalg.norm(miss_m, axis=1)))
 
 
-def _readings(vehicle: Vehicle, met: Array, off: Array) -> Iterator[Candidate[Array]]:
-    """Return what may be wrong with places that lie `off` (n, 2) from where images see them."""
-    constant = np.median(off, axis=0)
+def _readings(vehicle: Vehicle, met: Array, miss_m: Array) -> Iterator[Candidate[Array]]:
+    """Return what may be wrong with places that lie `miss_m` (n, 2) from where images see them."""
+    constant = np.median(miss_m, axis=0)
     yield Candidate(
         f"as if all its positions lay {constant[0]:+.1f} / {constant[1]:+.1f} m (east, north)"
         " from where they are: its base or datum is another",
         lambda d: d - constant,
     )
     course = along_course(vehicle.exposures.velocity)[:, :2, :2]
-    arm = np.median(np.einsum("nji,nj->ni", course, off), axis=0)
+    arm = np.median(np.einsum("nji,nj->ni", course, miss_m), axis=0)
     yield Candidate(
         f"as if the target lay {arm[0]:+.1f} m forward and {arm[1]:+.1f} m to the right of"
         " where vehicle.target_m has it: look at its axes (forward, right, down)",
@@ -169,13 +169,13 @@ def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, flo
         return None
     longest = _longest_gap(vehicle, track.time)
 
-    def apart(seconds: float) -> float:
+    def distance_m(seconds: float) -> float:
         moved, within = track.at(vehicle.time + seconds, longest)
         if within.sum() < max(FEWEST_SIGHTINGS, len(within) // 3):
             return np.inf
         return _middle((met - moved.position_m)[within, :2])
 
-    return best_shift(apart, range_s, SEARCH_STEP_S, *FINER_S)
+    return best_shift(distance_m, range_s, SEARCH_STEP_S, *FINER_S)
 
 
 def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tuple[float, Vehicle]:

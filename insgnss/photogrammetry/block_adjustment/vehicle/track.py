@@ -140,8 +140,8 @@ class Track:
         cov = self.cov
         if cov is not None:  # instants are rows
             cov = covariance_of_rows(cov, np.where(u < 0.5, first, last), 3)
-        there = replace(self, images=None, time=time, position_m=position, velocity=velocity)
-        return replace(there, C_mv=C, root=root, cov=cov), within
+        at_times = replace(self, images=None, time=time, position_m=position, velocity=velocity)
+        return replace(at_times, C_mv=C, root=root, cov=cov), within
 
     def rows(self, rows: Rows) -> "Track":
         """Return some rows of the track."""
@@ -231,7 +231,7 @@ def _is_trajectory(path: Path) -> bool:
 
 
 def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None) -> Track:
-    given = read_trajectory_csv(path)
+    table = read_trajectory_csv(path)
     if plane is None:
         raise InputError.in_file(
             path,
@@ -244,22 +244,22 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
             "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward,"
             " right, down from there to the target, m",
         )
-    if len(given.time) < 2:
+    if len(table.time) < 2:
         raise InputError.in_file(path, "one row; a trajectory has two at least")
-    _refuse_radians(path, given)
+    _refuse_radians(path, table)
     arm = np.array(options.target_m)
-    C_mn = plane.C_mn(given.lat, given.lon)
-    C_mv = C_mn @ given.C_nb
-    centre = plane.position_from_geodetic(given.lat, given.lon, given.height)
-    v = np.einsum("nij,nj->ni", C_mn, given.velocity_ned)
+    C_mn = plane.C_mn(table.lat, table.lon)
+    C_mv = C_mn @ table.C_nb
+    centre = plane.position_from_geodetic(table.lat, table.lon, table.height)
+    v = np.einsum("nij,nj->ni", C_mn, table.velocity_ned)
     offset = C_mv @ arm
     position = centre + offset
     # the target turns with the vehicle: velocity of the arm from the attitudes of neighbours
-    v = v + _derivative(given.time, offset)
-    tilt = C_mn @ rpy_jacobian(given.rpy) * given.sigma[:, None, 6:]
-    root = np.concatenate([C_mn * given.sigma[:, None, :3], -skew(offset) @ tilt], axis=2)
-    if not (given.sigma[:, :3] > 0.0).all():
-        row = int(np.argmin((given.sigma[:, :3] > 0.0).all(axis=1)))
+    v = v + _derivative(table.time, offset)
+    tilt = C_mn @ rpy_jacobian(table.rpy) * table.sigma[:, None, 6:]
+    root = np.concatenate([C_mn * table.sigma[:, None, :3], -skew(offset) @ tilt], axis=2)
+    if not (table.sigma[:, :3] > 0.0).all():
+        row = int(np.argmin((table.sigma[:, :3] > 0.0).all(axis=1)))
         raise InputError.at_line(
             path,
             row + 2,
@@ -268,8 +268,8 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
     return Track(
         "trajectory",
         None,
-        given.time,
-        given.gps_week,
+        table.time,
+        table.gps_week,
         position,
         v,
         C_mv,
@@ -281,13 +281,13 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
     )
 
 
-def _refuse_radians(path: Path, given: TrajectoryTable) -> None:
+def _refuse_radians(path: Path, table: TrajectoryTable) -> None:
     """Refuse headings that follow the way as radians and not as degrees."""
-    fast = np.hypot(*given.velocity_ned.T[:2]) > DRIVEN_MPS
+    fast = np.hypot(*table.velocity_ned.T[:2]) > DRIVEN_MPS
     if fast.sum() < FEWEST_DRIVEN:
         return
-    course = np.arctan2(given.velocity_ned[fast, 1], given.velocity_ned[fast, 0])
-    heading = given.rpy[fast, 2]
+    course = np.arctan2(table.velocity_ned[fast, 1], table.velocity_ned[fast, 0])
+    heading = table.rpy[fast, 2]
     as_degrees, as_radians = (
         float(np.median(np.abs(np.angle(np.exp(1j * (x - course))))))
         for x in (heading, np.degrees(heading))
@@ -304,60 +304,60 @@ def _refuse_radians(path: Path, given: TrajectoryTable) -> None:
 def _of_eo(
     options: VehicleTable, path: Path, plane: TangentPlane | None, eo: ExteriorOrientation | None
 ) -> Track:
-    own = read_one_camera(path, "an adjustment")
+    vehicle_eo = read_one_camera(path, "an adjustment")
     arm = np.zeros(3) if options.target_m is None else np.array(options.target_m)
-    if not len(own.images):
+    if not len(vehicle_eo.images):
         raise InputError.in_file(path, "no event; process the vehicle with the exposures")
-    if own.velocity_mps is None or own.rate_radps is None:
+    if vehicle_eo.velocity_mps is None or vehicle_eo.rate_radps is None:
         raise InputError.in_file(path, "no velocities; process the vehicle again")
-    if eo is not None and (own.datum, own.epoch) != (eo.datum, eo.epoch):
+    if eo is not None and (vehicle_eo.datum, vehicle_eo.epoch) != (eo.datum, eo.epoch):
         raise InputError.in_file(
             path,
-            f"positions in {own.datum or 'WGS 84'} {own.epoch or ''}, those of the images in"
-            f" {eo.datum or 'WGS 84'} {eo.epoch or ''}; process both with one gnss.datum",
+            f"positions in {vehicle_eo.datum or 'WGS 84'} {vehicle_eo.epoch or ''}, those of the"
+            f" images in {eo.datum or 'WGS 84'} {eo.epoch or ''}; process both with one gnss.datum",
         )
     if plane is None:
         raise InputError.in_file(
             path, "needs aerial control, whose tangent plane has the axes of the block"
         )
-    own_plane = TangentPlane(*own.origin)
+    own_plane = TangentPlane(*vehicle_eo.origin)
     turn = plane.C_em.T @ own_plane.C_em
-    geodetic = own_plane.geodetic_from_position(own.position_m)
-    C_own = own.C_mc @ own.camera_from_body @ own.boresight  # C_mb of (O.1)
+    geodetic = own_plane.geodetic_from_position(vehicle_eo.position_m)
+    C_own = vehicle_eo.C_mc @ vehicle_eo.camera_from_body @ vehicle_eo.boresight  # C_mb of (O.1)
     offset = C_own @ arm
-    order = np.argsort(own.time, kind="stable")
+    order = np.argsort(vehicle_eo.time, kind="stable")
     track = Track(
         "eo",
-        own.images,
-        own.time,
-        own.gps_week,
+        vehicle_eo.images,
+        vehicle_eo.time,
+        vehicle_eo.gps_week,
         plane.position_from_geodetic(*geodetic) + offset @ turn.T,
-        (own.velocity_mps + np.cross(own.rate_radps, offset)) @ turn.T,
+        (vehicle_eo.velocity_mps + np.cross(vehicle_eo.rate_radps, offset)) @ turn.T,
         turn @ C_own,
         arm,
         None,
-        _covariance_of(own, path.parent / FILE, offset, turn),
+        _covariance_of(vehicle_eo, path.parent / FILE, offset, turn),
     )
     return track.rows(order)
 
 
-def _covariance_of(own: ExteriorOrientation, beside: Path, offset: Array, turn: Array) -> Array:
+def _covariance_of(veh: ExteriorOrientation, beside: Path, offset: Array, turn: Array) -> Array:
     """Return the covariance of the target at all events: flight lines, and what they share."""
-    n = len(own.images)
+    n = len(veh.images)
     whole = np.zeros((n, n, 6, 6))
     if beside.is_file():
-        common = read_common_errors(beside, own)
+        common = read_common_errors(beside, veh)
         if common is not None:
             same = common.segment[:, None] == common.segment[None]
             A = common.factor
             whole = same[:, :, None, None] * np.einsum("iaq,jbq->ijab", A, A)
-        whole[np.arange(n), np.arange(n)] = own.cov
-        for strip in read_eo_covariance(beside, own):
+        whole[np.arange(n), np.arange(n)] = veh.cov
+        for strip in read_eo_covariance(beside, veh):
             whole[np.ix_(strip.rows, strip.rows)] = strip.blocks
-    elif own.cross is not None:
-        whole = chained_covariance(own).reshape(n, 6, n, 6).transpose(0, 2, 1, 3)
+    elif veh.cross is not None:
+        whole = chained_covariance(veh).reshape(n, 6, n, 6).transpose(0, 2, 1, 3)
     else:
-        whole[np.arange(n), np.arange(n)] = own.cov
+        whole[np.arange(n), np.arange(n)] = veh.cov
     J = np.concatenate([np.tile(np.eye(3), (n, 1, 1)), -skew(offset)], axis=2)
     J = turn @ J
     P = np.einsum("iab,ijbc,jdc->iajd", J, whole, J, optimize=True)
@@ -373,8 +373,8 @@ def _of_table(
             "a table has positions of the target itself, so that vehicle.target_m has no meaning;"
             " leave it out, or give the trajectory.csv of the vehicle",
         )
-    given = read_target_positions(path, options.columns)
-    position, cov = given.position_m, given.cov
+    positions = read_target_positions(path, options.columns)
+    position, cov = positions.position_m, positions.cov
     if options.crs is not None:
         if plane is None:
             raise InputError.in_file(
@@ -389,15 +389,15 @@ def _of_table(
         position, cov = moved.position_m, moved.cov
     values, vectors = np.linalg.eigh(cov)
     root = (vectors * np.sqrt(values)[:, None, :]) @ vectors.swapaxes(1, 2)
-    time = given.time
+    time = positions.time
     velocity = np.zeros_like(position)
     if time is not None and len(time) > 1:
         velocity = _derivative(time, position)
     return Track(
         "table",
-        given.images,
+        positions.images,
         time,
-        given.gps_week,
+        positions.gps_week,
         position,
         velocity,
         along_course(velocity),
@@ -442,9 +442,9 @@ def along_course(velocity: Array) -> Array:
     return C
 
 
-def week_shift(own: int | None, other: int | None) -> float:
+def week_shift(week: int | None, other_week: int | None) -> float:
     """Return the seconds from the start of a GPS week to that of another; 0 of unknown ones."""
-    return 0.0 if own is None or other is None else (other - own) * WEEK_S
+    return 0.0 if week is None or other_week is None else (other_week - week) * WEEK_S
 
 
 def rows_by_name(track: Track, images: Sequence[str]) -> Rows | None:

@@ -89,21 +89,21 @@ def vehicle_figures(
     e, w, r = (x.reshape(n, 3) for x in (places.e, places.w, places.redundancy))
     points = []
     for k, p in enumerate(rows):
-        seen = row_of[p]
-        own: dict[str, Any] = {
+        ray = row_of[p]
+        fig: dict[str, Any] = {
             "image": vehicle.images[k],
             "point": vehicle.points[k],
             "residual_m": e[k].tolist(),
             "redundancy": r[k].tolist(),
             "w": w[k].tolist(),
-            "residual_px": [float(x) if np.isfinite(x) else None for x in residuals_px[seen]],
-            "left_out": not bool(active[seen]),
+            "residual_px": [float(x) if np.isfinite(x) else None for x in residuals_px[ray]],
+            "left_out": not bool(active[ray]),
             "sigma_before_m": np.sqrt(np.diagonal(vehicle.cov)[3 * k : 3 * k + 3]).tolist(),
         }
         if p in sizes:
-            own |= {"size_px": float(vehicle.size_px[k])}
-            own |= {"size_residual_px": float(sizes[p].e[0]), "size_w": float(sizes[p].w[0])}
-        points.append(own)
+            fig |= {"size_px": float(vehicle.size_px[k])}
+            fig |= {"size_residual_px": float(sizes[p].e[0]), "size_w": float(sizes[p].w[0])}
+        points.append(fig)
     return {
         "file": str(vehicle.options.file),
         "kind": vehicle.track.kind,
@@ -149,12 +149,12 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
     Finding
         The finding.
     """
-    own = figures["vehicle"]
-    if own is None or not own["left_out"]:
+    vehicle = figures["vehicle"]
+    if vehicle is None or not vehicle["left_out"]:
         return
-    names = [p["image"] for p in own["points"] if p["left_out"]]
+    names = [p["image"] for p in vehicle["points"] if p["left_out"]]
     named = some(names)
-    n, k = own["exposures"], own["left_out"]
+    n, k = vehicle["exposures"], vehicle["left_out"]
     share = k / n
     text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {named}"
     if k > 1 and share > MANY_LEFT_OUT:
@@ -178,17 +178,17 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
     Finding
         The finding.
     """
-    own = figures["vehicle"]
-    if own is None or SIZE in own["parameters"]:
+    vehicle = figures["vehicle"]
+    if vehicle is None or SIZE in vehicle["parameters"]:
         return
-    share = [p["size_residual_px"] / p["size_px"] for p in own["points"] if "size_px" in p]
-    off = [p["size_w"] for p in own["points"] if "size_px" in p]
-    if len(share) < 5 or abs(np.median(off)) < 3.0:
+    share = [p["size_residual_px"] / p["size_px"] for p in vehicle["points"] if "size_px" in p]
+    size_w = [p["size_w"] for p in vehicle["points"] if "size_px" in p]
+    if len(share) < 5 or abs(np.median(size_w)) < 3.0:
         return
     middle = float(np.median(share))
     yield ranked(
         SIZES,
-        float(abs(np.median(off))) / 3.0,
+        float(abs(np.median(size_w))) / 3.0,
         f"the target looks {100 * middle:+.1f} % larger than vehicle.size_m in the middle of"
         f" {len(share)} images",
         "give its diameter, or estimate it with vehicle.size_sigma_m",
@@ -226,9 +226,9 @@ def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str
             " drone's, or estimate it with vehicle.shift_sigma_m"
         )
     arm = vehicle.track.arm_m + value
-    words = ", ".join(f"{x:.2f}" for x in arm)
+    arm_text = ", ".join(f"{x:.2f}" for x in arm)
     axes = frame_of(vehicle.track.arm_m, arm, sigma)
-    return f"{f'{axes}; ' if axes else ''}with vehicle.target_m = [{words}] it fits"
+    return f"{f'{axes}; ' if axes else ''}with vehicle.target_m = [{arm_text}] it fits"
 
 
 def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
@@ -250,12 +250,12 @@ def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
         for signs in product((1.0, -1.0), repeat=3):
             if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):
                 continue
-            off = np.abs(np.array(signs) * stated[list(order)] - adjusted)
-            if (off < limit).all():
+            difference = np.abs(np.array(signs) * stated[list(order)] - adjusted)
+            if (difference < limit).all():
                 # what people do wrong changes little
                 changed = 3 * sum(k != p for k, p in enumerate(order)) + signs.count(-1.0)
                 cost = 1 if (order, signs) in MISTAKES else changed
-                fits.append((cost, float((off / limit).sum()), order, signs))
+                fits.append((cost, float((difference / limit).sum()), order, signs))
     if not fits or (np.abs(stated) < FRAME_M).all():
         return ""
     _, _, order, signs = min(fits)
@@ -264,19 +264,19 @@ def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
         wrong = [k for k in range(3) if signs[k] < 0.0 and abs(stated[k]) > limit[k]]
         return " and ".join(f"it was given {names[k][1]} instead of {names[k][0]}" for k in wrong)
     axes, numbers = ("forward", "right", "down"), ("first", "second", "third")
-    words = ", ".join(
+    order_names = ", ".join(
         f"{axes[k]} is {'minus ' if signs[k] < 0.0 else ''}its {numbers[order[k]]}"
         for k in range(3)
     )
-    return MISTAKES.get((order, signs), f"its axes were others ({words} number)")
+    return MISTAKES.get((order, signs), f"its axes were others ({order_names} number)")
 
 
 def headline_words(figures: Mapping[str, Any]) -> str:
     """Return the residuals of the vehicle in words; empty without one."""
-    own = figures["vehicle"]
-    if own is None:
+    fig = figures["vehicle"]
+    if fig is None:
         return ""
-    used = np.array([p["residual_m"] for p in own["points"] if not p["left_out"]]).reshape(-1, 3)
+    used = np.array([p["residual_m"] for p in fig["points"] if not p["left_out"]]).reshape(-1, 3)
     if not len(used):
         return ""
     rms = np.sqrt((used**2).mean(axis=0))
