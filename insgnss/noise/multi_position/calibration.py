@@ -47,7 +47,7 @@ from ...geodesy.earth import EARTH_RATE, normal_gravity
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...navigation.align.turn_on import LEAST_SIGMA
 from ...navigation.prepare.calibration import LOWER
-from ...navigation.prepare.gaps import LACKING, nominal_interval
+from ...navigation.prepare.gaps import LEAST_GAP_INTERVALS, nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, ImuSamples
 from ...records.states import State
@@ -345,7 +345,7 @@ def find_turns(imu: ImuSamples, periods: StationaryPeriods) -> list[Turn]:
     for i in range(len(periods) - 1):
         a, b = np.searchsorted(imu.time, [periods.time[i, 1], periods.time[i + 1, 0]])
         length = imu.time[b] - imu.time[a]
-        if b > a and step[a:b].max() < LACKING * nominal and length < LONGEST_TURN_S:
+        if b > a and step[a:b].max() < LEAST_GAP_INTERVALS * nominal and length < LONGEST_TURN_S:
             sigma = float(np.sqrt(np.mean(periods.gyro_std[i : i + 2] ** 2) * nominal * length))
             turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
     return turns
