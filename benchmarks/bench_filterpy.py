@@ -25,7 +25,7 @@ from filterpy.kalman import KalmanFilter
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew
 from insgnss.navigation.align.initial import initial_state
 from insgnss.navigation.filter.error_model import Interval, linearise_interval
-from insgnss.navigation.filter.filter import BLOCK_S, make_history, run_filter
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S, make_history, run_filter
 from insgnss.navigation.filter.kernels.records import FilterHistory
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
 from insgnss.navigation.filter.smoother import run_smoother
@@ -126,7 +126,7 @@ def piece(case: Case, whole: Solution, seconds: float) -> tuple[EstimationProble
 
 def linearised(problem: EstimationProblem, start: InitialState, stop: np.ndarray) -> list[Interval]:
     """Nominal, transition and noise from one to the next of the segment numbers `stop`."""
-    imu = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
+    imu = problem.layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s)
     intervals, earth, n = (
         kernel_intervals(problem.inc),
         kernel_earth(problem.frame),

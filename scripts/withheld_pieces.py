@@ -19,7 +19,7 @@ import numpy as np
 from insgnss.flight.processing.segment import Segment
 from insgnss.navigation.align.initial import initial_state
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NAV, POSITION, USED, VEL
-from insgnss.navigation.filter.filter import BLOCK_S
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
 from insgnss.navigation.filter.solution import Solution, solve
@@ -121,7 +121,7 @@ def _without(segment: Segment, pieces: np.ndarray) -> Solution:
 def _difference(solution: Solution, e: int) -> tuple[np.ndarray, np.ndarray]:
     """Return fix minus prediction of an epoch, (3,) m, and the covariance that it should have."""
     problem = solution.problem
-    model = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
+    model = problem.layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s)
     triple = make_triple(problem.layout.size - NAV.stop)
     before, after = max(e - 1, 0), min(e + 1, solution.time.size - 1)
     acceleration = (solution.nav[after, VEL] - solution.nav[before, VEL]) / (

@@ -18,8 +18,9 @@ Abramowitz and Stegun (1964), 6.5.29, 6.5.31, 26.4.17; Lentz (1976) for (Q.2).
 import math
 from statistics import NormalDist
 
-STEPS = 100  # of Newton; some six are needed
-EXACT = 1e-15  # relative change that ends a series: some units in the last place of a double
+MOST_NEWTON_STEPS = 100  # of Newton; some six are needed
+# relative change that ends a series: some units in the last place of a double
+SERIES_PRECISION = 1e-15
 
 
 def normal_quantile(share: float) -> float:
@@ -58,7 +59,7 @@ def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
     if y < a + 1.0:
         term = total = 1.0 / a
         k = a
-        while term > EXACT * total:
+        while term > SERIES_PRECISION * total:
             k += 1.0
             term *= y / k
             total += term
@@ -67,7 +68,7 @@ def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
     b = y + 1.0 - a
     c, d = math.inf, 1.0 / b
     fraction, k, change = d, 0, 0.0
-    while abs(change - 1.0) > EXACT:
+    while abs(change - 1.0) > SERIES_PRECISION:
         k += 1
         numerator = -k * (k - a)
         b += 2.0
@@ -106,12 +107,12 @@ def chi_square_quantile(dof: float, above: float) -> float:
     upper = above < 0.5
     wanted = math.log(above if upper else 1.0 - above)
     a = 0.5 * dof
-    for _ in range(STEPS):
+    for _ in range(MOST_NEWTON_STEPS):
         density = (a - 1.0) * math.log(0.5 * x) - 0.5 * x - math.lgamma(a) - math.log(2.0)
         tail = chi_square_log_tails(dof, x)[upper]
         step = (tail - wanted) * math.exp(tail - density)
         moved = max(x + step if upper else x - step, 0.1 * x)
-        if abs(moved - x) <= 4.0 * EXACT * x:
+        if abs(moved - x) <= 4.0 * SERIES_PRECISION * x:
             break
         x = moved
     return x

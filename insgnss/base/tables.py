@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from .errors import ABSENT, InputError, OptionError, near
 from .files import lines_of
 from .inputs import is_file, read_text
-from .received.nesting import DEEPEST, too_deep
+from .received.nesting import DEEPEST_NESTING, too_deep
 from .received.trusted import trusting
-from .units import LARGEST, is_number, spells_zero
+from .units import LARGEST_UNIT, is_number, spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
 LONGEST_TOML = 1_000_000  # characters
-LONGEST_NAME, LONGEST_PATH = 255, 4000  # characters; what file systems take at most
-NESTED = f"tables or lists within each other (limit {DEEPEST}); write them flat"
+LONGEST_FILE_NAME, LONGEST_PATH = 255, 4000  # characters; what file systems take at most
+NESTED = f"tables or lists within each other (limit {DEEPEST_NESTING}); write them flat"
 _DOTTED = re.compile(r"[^=#]*")
 _TYPE_NAMES = {
     bool: "true/false",
@@ -192,8 +192,8 @@ class Table:
     def sigmas(self, key: str, default: Any) -> Any:
         """Three standard deviations greater than zero."""
         values = self.numbers(key, 3, default)
-        if values is not None and not 0.0 < min(values) <= max(values) < LARGEST:
-            limits = f"must be greater than zero and below {LARGEST:g}"
+        if values is not None and not 0.0 < min(values) <= max(values) < LARGEST_UNIT:
+            limits = f"must be greater than zero and below {LARGEST_UNIT:g}"
             raise self.error(key, f"{list(values)}: a standard deviation {limits}")
         return values
 
@@ -218,7 +218,7 @@ class Table:
         """Return the path of a name given relative to the file, or to that which gave `key`."""
         text = str(name)
         longest = max(len(step) for step in re.split(r"[/\\]", text))
-        if longest > LONGEST_NAME or len(text) > LONGEST_PATH or "\0" in text:
+        if longest > LONGEST_FILE_NAME or len(text) > LONGEST_PATH or "\0" in text:
             shown = f"{text[:40]!r}..., {len(text)} characters"
             raise InputError.at_line(self.path, None, f"{shown}, is no path of a file; correct it")
         return self.source(key).path.parent / name
@@ -275,15 +275,15 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         raise InputError.at_line(path, None, problem)
     for number, line in enumerate(lines_of(text), 1):
         if (
-            line.count(".") > DEEPEST
+            line.count(".") > DEEPEST_NESTING
             and (key := _DOTTED.match(line))
-            and key[0].count(".") > DEEPEST
+            and key[0].count(".") > DEEPEST_NESTING
         ):
             raise InputError.at_line(path, number, f"{key[0].count('.')} {NESTED}")
     try:
         data = tomllib.loads(text, parse_float=_float)
     except RecursionError:
-        raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}") from None
+        raise InputError.at_line(path, None, f"more than {DEEPEST_NESTING} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
         location = re.search(r"at line (\d+)", str(error))
         line_number = int(location[1]) if location else None
@@ -292,7 +292,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
             remedy = "; write paths with /, on Windows too, or in single quotes"
         raise InputError.at_line(path, line_number, f"not TOML: {error}{remedy}") from None
     if too_deep(data):
-        raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}")
+        raise InputError.at_line(path, None, f"more than {DEEPEST_NESTING} {NESTED}")
     return data
 
 

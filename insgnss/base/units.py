@@ -22,7 +22,7 @@ from .errors import InputError, near
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
 FOOT_M = 0.3048  # m, the international foot
 # of a quantity whose square is a float, too; more, and less, than any has
-SMALLEST, LARGEST = 1e-150, 1e150
+SMALLEST_UNIT, LARGEST_UNIT = 1e-150, 1e150
 US_FOOT_M = 1200.0 / 3937.0  # m, the foot of the US survey
 
 _NAMES = ("angle", "length", "time")
@@ -265,8 +265,10 @@ def parse_quantity(text: object, dimension: str) -> float:
     unit = _Parser(rest, text).whole()
     if unit.exponents != wanted.exponents:
         raise InputError(f"{text!r} is of dimension {unit.dimension}; {example}")
-    if not (value == 0.0 or SMALLEST < abs(value * unit.scale) < LARGEST):
-        raise InputError(f"{text!r} is beyond {SMALLEST:g} to {LARGEST:g} in SI; {example}")
+    if not (value == 0.0 or SMALLEST_UNIT < abs(value * unit.scale) < LARGEST_UNIT):
+        raise InputError(
+            f"{text!r} is beyond {SMALLEST_UNIT:g} to {LARGEST_UNIT:g} in SI; {example}"
+        )
     return value * unit.scale
 
 

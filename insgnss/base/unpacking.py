@@ -23,12 +23,15 @@ from .wording import DOCTOR
 
 VARIABLE = "INSGNSS_UNPACKED_GB"
 LIMIT_GB = 4.0  # of what any file unpacks to (GB): a day's recording of an IMU at 500 Hz as text
-RATIO = 200.0  # unpacked by packed size: text of receivers has 3 to 30, XML of projects 5 to 60
-FREE = 1e8  # bytes that a file of any size may unpack to: they take less than a second
+# unpacked by packed size: text of receivers has 3 to 30, XML of projects 5 to 60
+MOST_UNPACKED_RATIO = 200.0
+# bytes that a file of any size may unpack to: they take less than a second
+ALWAYS_UNPACKED_BYTES = 1e8
 GZIP, COMPRESS, BZIP2, ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK"
 PACKED = (GZIP, COMPRESS, BZIP2, ZIP)
-PIECE, LONGEST = 1 << 16, 1 << 17  # bytes that are unpacked at a time, and that they may give
-USUAL = 100  # times the packed size: text of receivers is 3 to 30 times
+# bytes that are unpacked at a time, and that they may give
+UNPACKED_AT_A_TIME, LONGEST_PIECE = 1 << 16, 1 << 17
+USUAL_UNPACKED_RATIO = 100  # times the packed size: text of receivers is 3 to 30 times
 MEMBERS = 10_000  # files in an archive: their list alone takes memory and time (chosen)
 DAMAGED = (
     OSError,
@@ -61,7 +64,11 @@ def unpacked_limit(packed: float = math.inf) -> float:
         limit = math.nan
     if not limit > 0.0:
         raise UsageError(f"{VARIABLE} = {text!r}: a number of GB greater than zero is expected")
-    return limit * GB if text else min(limit * GB, max(FREE, RATIO * packed))
+    return (
+        limit * GB
+        if text
+        else min(limit * GB, max(ALWAYS_UNPACKED_BYTES, MOST_UNPACKED_RATIO * packed))
+    )
 
 
 def check_unpacked(
@@ -197,7 +204,7 @@ class _Bounded(io.RawIOBase):
 
 def _gathered(path: object, data: bytes, fill: Callable[[_Bounded], object]) -> bytes:
     """Return what `fill` writes; far more than of any recording is counted first."""
-    stream = _Bounded(path, len(data), USUAL * len(data))
+    stream = _Bounded(path, len(data), USUAL_UNPACKED_RATIO * len(data))
     fill(stream)
     if stream.size > len(stream.content):
         stream = _Bounded(path, len(data), math.inf)
@@ -217,13 +224,13 @@ def _inflate(data: bytes, stream: _Bounded) -> None:
         while not member.eof:
             if offset >= len(data):
                 raise EOFError("it ends before its end-of-stream mark")
-            given = data[offset : offset + PIECE]
+            given = data[offset : offset + UNPACKED_AT_A_TIME]
             offset += len(given)
             while True:
-                piece = member.decompress(given, LONGEST)
+                piece = member.decompress(given, LONGEST_PIECE)
                 stream.write(piece)
                 given = getattr(member, "unconsumed_tail", b"")
-                if member.eof or (len(piece) < LONGEST and not given):
+                if member.eof or (len(piece) < LONGEST_PIECE and not given):
                     break
         offset -= len(member.unused_data)
 

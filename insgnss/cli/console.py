@@ -16,7 +16,7 @@ from typing import Any, NoReturn, TextIO
 
 from ..base.errors import UsageError
 
-LONG_S = 5.0  # a step of which more is to be expected says how far it is
+LONG_STEP_S = 5.0  # a step of which more is to be expected says how far it is
 RENEWED_S = 0.2  # between two renewals of the line on a terminal
 MEASURED_S = 1.0  # that a speed is taken from
 REPEATED_S = 20.0  # between two plain lines about one step
@@ -25,10 +25,10 @@ REPEATED_S = 20.0  # between two plain lines about one step
 class Progress:
     """Says which step runs: one line that renews itself on a terminal, else a line a step.
 
-    A step that takes longer than `LONG_S` says how far it is and how much time is left, as far as
-    its loops tell (`insgnss.base.advance`): on the line that renews itself, else in a line now and
-    then. A terminal that knows no control sequences (TERM=dumb) gets plain lines as well. Silent
-    where `lines` is None.
+    A step that takes longer than `LONG_STEP_S` says how far it is and how much time is left, as far
+    as its loops tell (`insgnss.base.advance`): on the line that renews itself, else in a line now
+    and then. A terminal that knows no control sequences (TERM=dumb) gets plain lines as well.
+    Silent where `lines` is None.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class Progress:
         if now - began < MEASURED_S:
             return
         left = (now - began) * (1.0 - done) / (done - before)
-        long = now - began + left > LONG_S
+        long = now - began + left > LONG_STEP_S
         if long and now - self._written >= (RENEWED_S if self._terminal else REPEATED_S):
             self._write(f"{self._step}: {100.0 * done:.0f} %, {_duration(left)} left")
 

@@ -8,11 +8,11 @@ rows and by the same function, the candidate explains the misfit where
 
 with the misfit `good` that data of the kind may have. Of those that do, the one with the least
 
-    (q_c + floor) APART^p                                                                   (X.2)
+    (q_c + floor) LEAST_MISFIT_RATIO^p                                                     (X.2)
 
 is best, of p fitted parameters, where right data leave `floor`; those with no more parameters and
-within APART of it cannot be told from it and are named beside it. A candidate whose fitted value
-is larger than anything of its kind on Earth is none.
+within LEAST_MISFIT_RATIO of it cannot be told from it and are named beside it. A candidate whose
+fitted value is larger than anything of its kind on Earth is none.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -24,7 +24,8 @@ import numpy as np
 from ..base.errors import InsgnssError
 
 EXPLAINS = 0.3  # largest share of the misfit as given: it takes off nine tenths of the squares
-APART = 1.3  # smallest ratio of two misfits that tells candidates apart; noise changes an rms less
+# smallest ratio of two misfits that tells candidates apart; noise changes an rms less
+LEAST_MISFIT_RATIO = 1.3
 Data = TypeVar("Data")
 
 
@@ -160,7 +161,7 @@ def explain(
         before = whole if candidate.same is None else misfit_of(candidate.same)
         left = misfit_of(candidate.read)
         if left <= min(EXPLAINS * before, good) and np.isfinite(left):
-            cost = (left + floor) * APART**candidate.parameters
+            cost = (left + floor) * LEAST_MISFIT_RATIO**candidate.parameters
             judged.append((cost, left, before, candidate))
     if not judged:
         return None
@@ -170,7 +171,7 @@ def explain(
         for _, other, _, one in judged
         if one.statement != best.statement
         and one.parameters <= best.parameters
-        and other + floor <= APART * (left + floor)
+        and other + floor <= LEAST_MISFIT_RATIO * (left + floor)
     }
     return Explanation(best, best.read(given), before, left, tuple(alike.values()))
 

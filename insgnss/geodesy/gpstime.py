@@ -26,7 +26,7 @@ GPS_EPOCH_UNIX_S = 315964800.0  # Unix time (s) of that instant
 SCALES = ("utc", "gpst")
 NS = 1_000_000_000  # nanoseconds of a second
 # s, of recordings: between longer ones whole weeks are no finding, milliseconds look like them
-LONG_S = 43200.0
+LEAST_WEEKS_APART_S = 43200.0
 
 # first UTC day with GPST - UTC = 1, 2, ... 18 s
 LEAP_DAYS = (
@@ -34,7 +34,7 @@ LEAP_DAYS = (
     *("1991-01-01", "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01"),
     *("1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01"),
 )
-LEAP_S = float(len(LEAP_DAYS))  # s that GPST has been ahead of UTC since the last of them
+LEAP_NOW_S = float(len(LEAP_DAYS))  # s that GPST has been ahead of UTC since the last of them
 _LEAP_UNIX_S = np.array(
     [datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp() for day in LEAP_DAYS]
 )

@@ -55,7 +55,7 @@ Array = NDArray[np.float64]
 STEP_RAD = 1e-6  # over which G and m are differences (rad): 6 m, by which they are exact to 1e-9
 # rad: by how much the axes of a conformal projection may fail to be perpendicular, or of one scale;
 # 0.1 px
-ROUND = 2e-5
+CONFORMAL_TOLERANCE = 2e-5
 
 
 class MapProjection:
@@ -317,7 +317,7 @@ class MapProjection:
         angle = np.arctan2(J[:, 1, 0] - J[:, 0, 1], J[:, 0, 0] + J[:, 1, 1])
         G[:, 0, 0] = G[:, 1, 1] = np.cos(angle)
         G[:, 1, 0], G[:, 0, 1] = np.sin(angle), -np.sin(angle)
-        if np.abs(J - scale[:, None, None] * G[:, :2, :2]).max() > ROUND:
+        if np.abs(J - scale[:, None, None] * G[:, :2, :2]).max() > CONFORMAL_TOLERANCE:
             raise UsageError(
                 f"CRS {self.name} is not conformal, so that an attitude in it has no meaning; use a"
                 " conformal one (UTM, ...)"

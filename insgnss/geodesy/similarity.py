@@ -13,7 +13,8 @@ import numpy as np
 
 from .rotation import Array, nearest_rotation
 
-FLAT = 1e-3  # second singular value over the first: points on a line give no rotation about it
+# second singular value over the first: points on a line give no rotation about it
+LEAST_SINGULAR_RATIO = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ def similarity(
     x, y = X - X.mean(axis=0), Y - Y.mean(axis=0)
     if rotation is None:
         U, size, Vt = np.linalg.svd(y.T @ x)
-        if not size[1] > FLAT * size[0]:
+        if not size[1] > LEAST_SINGULAR_RATIO * size[0]:
             return None
         rotation = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     turned = x @ rotation.T

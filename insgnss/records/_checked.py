@@ -11,11 +11,11 @@ from ..base.errors import InputError
 Array = NDArray[np.float64]
 
 
-FINEST = 1e-3
+FINEST_DIGIT = 1e-3
 """What numbers of any unit must be held to: stamps to a millisecond, heights to a millimetre."""
 
 
-def float_array(who: str, value: Any, finest: float = FINEST) -> Array:
+def float_array(who: str, value: Any, finest: float = FINEST_DIGIT) -> Array:
     """Return `value` as an array of float64; InputError where it holds other things than numbers.
 
     Dates are refused: numpy would turn them into counts of their unit since 1970, of a scale that

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..base.errors import InputError
 from ..base.findings import Question
-from ._checked import FINEST, Array, float_array
+from ._checked import FINEST_DIGIT, Array, float_array
 from .observations import (
     FINEST_DEG,
     OF_THE_SOLUTION,
@@ -251,7 +251,7 @@ def _week(given: Any, gps_week: int | None) -> int | None:
 def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
     for name in names:
         if name in columns:
-            finest = FINEST_DEG if name.startswith(("lat", "lon")) else FINEST
+            finest = FINEST_DEG if name.startswith(("lat", "lon")) else FINEST_DIGIT
             values = float_array(f"{who}: column {name}", columns[name], finest)
             return values
     there = ", ".join(map(str, columns)) or "none"

@@ -24,7 +24,7 @@ from ._checked import Array
 Epochs = TypeVar("Epochs", bound=Any)
 """A `Trajectory` of `solutions`, which calls this module."""
 
-LONGEST_S = 1.0
+LONGEST_BRIDGE_S = 1.0
 """Longest interval that is interpolated: IMU gaps beyond it divide a flight
 (`navigation.prepare.gaps`).
 """
@@ -45,7 +45,7 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
 
     Raises
     ------
-    DataError : an instant is outside, or between epochs more than `LONGEST_S` apart.
+    DataError : an instant is outside, or between epochs more than `LONGEST_BRIDGE_S` apart.
     """
     first = _before(trajectory, time, tolerance_s)
     last = np.minimum(first + 1, len(trajectory) - 1)
@@ -116,11 +116,11 @@ def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
 
 
 def _refuse_gaps(time: Array, h: Array, u: Array) -> None:
-    gap = (h > LONGEST_S) & (u > 0.0) & (u < 1.0)
+    gap = (h > LONGEST_BRIDGE_S) & (u > 0.0) & (u < 1.0)
     if gap.any():
         k = int(np.argmax(gap))
         raise DataError(
             f"Trajectory: {time[k]:.6f} s lies between epochs {h[k]:.3f} s apart (limit"
-            f" {LONGEST_S:g} s); choose instants beside the gap, or ask for a trajectory of a"
-            " higher rate"
+            f" {LONGEST_BRIDGE_S:g} s); choose instants beside the gap, or ask for a trajectory of"
+            " a higher rate"
         )

@@ -11,7 +11,7 @@ from ._checked import Array, frozen, increasing
 from .rows import Rows
 from .states import State
 
-DEG_H, MG = np.degrees(1.0) * 3600.0, 1e3 / 9.80665
+DEG_H_OF_RAD_S, MG_OF_MS2 = np.degrees(1.0) * 3600.0, 1e3 / 9.80665
 """deg/h in a rad/s, and mg in a m/s^2."""
 
 
@@ -51,7 +51,7 @@ class ImuBiases(Rows):
 
     def _columns(self) -> dict[str, Any]:
         columns: dict[str, Any] = {"tow": self.time}
-        for sensor, unit, factor in (("gyro", "deg_h", DEG_H), ("accel", "mg", MG)):
+        for sensor, unit, factor in (("gyro", "deg_h", DEG_H_OF_RAD_S), ("accel", "mg", MG_OF_MS2)):
             for prefix, values in (
                 ("", getattr(self, sensor)),
                 ("sd_", getattr(self, f"{sensor}_sigma")),

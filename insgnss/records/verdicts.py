@@ -16,7 +16,7 @@ OBSERVED, UNOBSERVED = 1.0 / 3.0, 0.9
 
 REMARK = 0.5
 """Rank of a note that does not change the result; from one on a finding stands out."""
-NOTED, ADOPTED = 1.5, 2.0
+NOTED_FACTOR, ADOPTED = 1.5, 2.0
 """Ranks of notes that stand out: of what enlarges sigmas without need or may be of another camera,
 time or clock, and of what the solution has otherwise than the flight file asks for.
 """
@@ -52,7 +52,7 @@ CHECKS: Mapping[str, float] = {
     "images": REMARK,
     "motion": REMARK,
     "mounting": REMARK,
-    "mounting file": NOTED,
+    "mounting file": NOTED_FACTOR,
     "bore-sight": REMARK,
     "barometer": REMARK,
     "GNSS quality": REMARK,
@@ -60,13 +60,13 @@ CHECKS: Mapping[str, float] = {
     "GNSS time offset": ADOPTED,
     "clock rate": ADOPTED,
     "clock step": REMARK,
-    "exposure clock": NOTED,
+    "exposure clock": NOTED_FACTOR,
     "IMU scale factors": REMARK,
     "IMU misalignments": REMARK,
     "IMU noise": ADOPTED,
     "drift": ADOPTED,
     "GNSS sigmas": ADOPTED,
-    "sigmas of the fixes": NOTED,
+    "sigmas of the fixes": NOTED_FACTOR,
     "unseen constants": REMARK,
     "incorrect fixes": ADOPTED,
     "turn-on bias": REMARK,

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from insgnss.base.advance import converged, listening, share, through, within
-from insgnss.cli.console import LONG_S, REPEATED_S, Progress
+from insgnss.cli.console import LONG_STEP_S, REPEATED_S, Progress
 
 
 class Terminal(io.StringIO):
@@ -124,7 +124,7 @@ def test_time_left_is_in_a_unit_that_one_reads(left, words, clock):
 
 def test_a_step_that_ends_soon_says_nothing_of_itself(clock):
     """Oracle: half of it in 2 s are 4 s, under the bar of five; its name stays."""
-    assert LONG_S == 5.0
+    assert LONG_STEP_S == 5.0
     terminal = Terminal()
     progress = Progress(terminal, None)
     progress("filter")

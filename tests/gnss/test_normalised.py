@@ -162,7 +162,7 @@ def test_a_short_gap_of_the_code_stays_one(tmp_path):
 
 
 def test_codes_without_a_phase_are_of_the_first_that_has_one(tmp_path):
-    """Oracle: the fields by hand: no phase on band 2, codes under W and X at first, then X alone."""
+    """Oracle: the fields by hand: no phase on band 2, codes under W and X first, then X alone."""
     none = [None] * 3
 
     def rows(k):

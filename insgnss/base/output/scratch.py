@@ -4,7 +4,7 @@ A run that is killed leaves its scratch directory behind. A later run removes it
 is not certainly such a directory: it has a name as `mkdtemp` makes them, belongs to this user, is
 closed to others, is no symbolic link, and no process holds its lock. Nothing that stands in it is
 believed or followed. Where a file system or an operating system has no such locks, a directory in
-which nothing changed for `OLD_S` is taken for deserted.
+which nothing changed for `ABANDONED_S` is taken for deserted.
 """
 
 import atexit
@@ -28,7 +28,7 @@ except ImportError:  # Windows
 
 PREFIX = ".insgnss-run-"
 NAME = re.compile(re.escape(PREFIX) + "[a-z0-9_]{8}")  # the letters of mkdtemp
-OLD_S = 7 * 86400.0  # age (s) of a scratch directory without lock: no run lasts as long
+ABANDONED_S = 7 * 86400.0  # age (s) of a scratch directory without lock: no run lasts as long
 MORE_BYTES = 1 << 17  # beyond what is left of the last block of a file on any file system
 MOST_WAIT_S = 10.0  # wait (s) for another run's moves, which take milliseconds
 
@@ -227,4 +227,4 @@ def _remove_dead(path: Path) -> None:
 
 def _is_old(path: Path) -> bool:
     newest = max(entry.stat().st_mtime for entry in (path, *path.iterdir()))
-    return time.time() - newest > OLD_S
+    return time.time() - newest > ABANDONED_S

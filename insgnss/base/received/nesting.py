@@ -8,13 +8,14 @@ from ..errors import InputError
 from ..inputs import read_text
 from ..units import spells_zero
 
-DEEPEST = 100  # levels: what people and programs write has below 20, and recursions take 1000
+# levels: what people and programs write has below 20, and recursions take 1000
+DEEPEST_NESTING = 100
 
 
 def too_deep(value: object) -> bool:
-    """Tell whether tables and lists stand within each other more than `DEEPEST` levels deep."""
+    """Tell whether tables and lists are nested more than `DEEPEST_NESTING` levels deep."""
     level = [value] if isinstance(value, dict | list) else []
-    for _ in range(DEEPEST):
+    for _ in range(DEEPEST_NESTING):
         within = (item.values() if isinstance(item, dict) else item for item in level)
         level = [item for items in within for item in items if isinstance(item, dict | list)]
         if not level:
@@ -48,7 +49,7 @@ def parse_json(path: object, text: str) -> Any:
     else:
         if not too_deep(value):
             return value
-    problem = f"objects or lists within each other more than {DEEPEST} deep"
+    problem = f"objects or lists within each other more than {DEEPEST_NESTING} deep"
     raise InputError.at_line(path, None, f"{problem}; copy it again")
 
 

@@ -31,10 +31,10 @@ from ...navigation.filter.kernels.strapdown import run_strapdown
 from ...navigation.filter.strapdown import free_inertial
 from ...records import Array, Increments
 
-SECONDS = 30.0  # of the circle (s): half a turn
-INTERVAL_S = 0.01  # of the samples (s): the integration leaves 0.03 mm and 1e-8 deg of it
+CIRCLE_S = 30.0  # of the circle (s): half a turn
+SAMPLE_INTERVAL_S = 0.01  # of the samples (s): the integration leaves 0.03 mm and 1e-8 deg of it
 # of the circle: 16 m/s, as a fixed-wing drone turns
-RADIUS_M, PERIOD_S, BANK_DEG = 150.0, 60.0, 12.0
+CIRCLE_RADIUS_M, PERIOD_S, BANK_DEG = 150.0, 60.0, 12.0
 # latitude, longitude, height: any place off the equator
 ORIGIN = (np.radians(46.57), np.radians(6.54), 600.0)
 LIMIT_M, LIMIT_DEG = 3e-4, 1e-7  # ten times what the integration leaves
@@ -69,8 +69,8 @@ class SelfTest:
     def finding(self) -> Finding:
         """Return it as a line of the examination."""
         numbers = (
-            f"{SECONDS:g} s of a circle by the compiled strapdown end {self.off_m * 1e3:.2g} mm and"
-            f" {self.off_deg:.1g} deg from their closed form (limits {LIMIT_M * 1e3:g} mm,"
+            f"{CIRCLE_S:g} s of a circle by the compiled strapdown end {self.off_m * 1e3:.2g} mm"
+            f" and {self.off_deg:.1g} deg from their closed form (limits {LIMIT_M * 1e3:g} mm,"
             f" {LIMIT_DEG:g} deg); {self.compiled}, {self.seconds:.1f} s"
         )
         advice = (
@@ -90,7 +90,7 @@ def self_test() -> SelfTest:
         Differences, duration, and where the compiled code came from.
     """
     frame = LocalFrame(*ORIGIN)
-    marks = np.arange(0.0, SECONDS + 0.5)
+    marks = np.arange(0.0, CIRCLE_S + 0.5)
     truth = _path(marks)
     start = time.perf_counter()
     nav = free_inertial(
@@ -116,31 +116,33 @@ def _path(t: Array) -> tuple[Array, Array, Array, Array]:
     sin, cos, zero = np.sin(w * t), np.cos(w * t), np.zeros_like(t)
     rpy = np.stack([np.full_like(t, np.radians(BANK_DEG)), zero, w * t], axis=-1)
     return (
-        RADIUS_M * np.stack([sin, 1.0 - cos, zero], axis=-1),
-        RADIUS_M * w * np.stack([cos, sin, zero], axis=-1),
+        CIRCLE_RADIUS_M * np.stack([sin, 1.0 - cos, zero], axis=-1),
+        CIRCLE_RADIUS_M * w * np.stack([cos, sin, zero], axis=-1),
         rotation_from_rpy(rpy),
-        RADIUS_M * w**2 * np.stack([-sin, cos, zero], axis=-1),
+        CIRCLE_RADIUS_M * w**2 * np.stack([-sin, cos, zero], axis=-1),
     )
 
 
 def _increments(frame: LocalFrame, marks: Array) -> Increments:
     """Return what an IMU without errors measures on the circle (I.2)."""
-    n = round(SECONDS / INTERVAL_S)
-    start = np.arange(n) * INTERVAL_S
-    t = (start[:, None] + INTERVAL_S * (1.0 + _NODES) / 2.0).ravel()
+    n = round(CIRCLE_S / SAMPLE_INTERVAL_S)
+    start = np.arange(n) * SAMPLE_INTERVAL_S
+    t = (start[:, None] + SAMPLE_INTERVAL_S * (1.0 + _NODES) / 2.0).ravel()
     p, v, C_lb, a = _path(t)
     lat, lon, h = frame.geodetic_from_position(p)
     g = frame.C_ln(lat, lon)[..., 2] * normal_gravity(lat, h)[:, None]
     turn = frame.earth_rate_l + np.array([0.0, 0.0, 2.0 * np.pi / PERIOD_S])
     force = a + 2.0 * np.cross(frame.earth_rate_l, v) - g
-    weights = INTERVAL_S * _WEIGHTS / 2.0
+    weights = SAMPLE_INTERVAL_S * _WEIGHTS / 2.0
     dtheta, dvel = (
         np.einsum("k,nki->ni", weights, np.einsum("nji,nj->ni", C_lb, x).reshape(n, 3, 3))
         for x in (np.broadcast_to(turn, p.shape), force)
     )
-    stop = np.round(marks / INTERVAL_S).astype(np.int64)
+    stop = np.round(marks / SAMPLE_INTERVAL_S).astype(np.int64)
     rate = np.einsum("nji,j->ni", _path(marks)[2], turn)
-    return Increments(np.full(n, INTERVAL_S), dtheta, dvel, marks, stop, rate, INTERVAL_S)
+    return Increments(
+        np.full(n, SAMPLE_INTERVAL_S), dtheta, dvel, marks, stop, rate, SAMPLE_INTERVAL_S
+    )
 
 
 def _origin_of_code(kernel: Any) -> str:

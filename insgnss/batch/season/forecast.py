@@ -15,10 +15,10 @@ from ...navigation.filter.blocks import forecast
 PROGRAM_BYTES = 400e6  # interpreter, libraries, kernels: a run of eight minutes takes 315 MB in all
 READ_BYTES = 150.0  # of a sample while its text is read and its increments are formed
 PAGE_BYTES = 0.15e9  # diagnostics and charts of a page
-STATES, TRIPLES = 34, 1  # of a NavChip with the constants of its fixes
+USUAL_STATES, TRIPLES = 34, 1  # of a NavChip with the constants of its fixes
 PROBE = 65_536  # bytes that the length of a line is measured by
 BINARY_ROW = 56  # bytes of a row of seven doubles
-USUAL_HZ = 200.0  # rate of an IMU, where it has to be guessed for a forecast (chosen)
+USUAL_IMU_HZ = 200.0  # rate of an IMU, where it has to be guessed for a forecast (chosen)
 USUAL_EVENTS = 2_000  # exposures of a flight, where the file does not show them (chosen)
 
 
@@ -52,10 +52,10 @@ def forecast_bytes(flight: Flight) -> float:
     samples = sum(rows_of(imu.file) for imu in (flight.imu, *flight.imu.further))
     fixes = rows_of(flight.gnss.file)
     if not fixes and samples:  # raw observations, a stationary sensor
-        fixes = int(samples / USUAL_HZ * 10.0)
+        fixes = int(samples / USUAL_IMU_HZ * 10.0)
     events = rows_of(flight.camera.events) if flight.camera is not None else 0
     events = min(events or USUAL_EVENTS, fixes or USUAL_EVENTS)
     hz = flight.output.trajectory_hz
-    rows = samples if hz is None else min(samples, int(samples / USUAL_HZ * hz) or samples)
-    needed = forecast(samples, fixes + events, STATES, TRIPLES, events, rows)
+    rows = samples if hz is None else min(samples, int(samples / USUAL_IMU_HZ * hz) or samples)
+    needed = forecast(samples, fixes + events, USUAL_STATES, TRIPLES, events, rows)
     return PROGRAM_BYTES + PAGE_BYTES + needed.total + READ_BYTES * samples

@@ -20,8 +20,9 @@ from ...base.memory import GB, available, kills, resident
 from .work import Outcome, Task, Tell, failed, process_task
 
 USABLE = 0.9  # of the available memory, for forecasts: they are some tenths above what is taken
-MOST = 0.95  # of it, for all workers; beyond, the kernel would soon end any process of the machine
-POLL_S = 0.1  # between looks at the workers: one that reads fills some 0.1 GB meanwhile
+# of it, for all workers; beyond, the kernel would soon end any process of the machine
+MOST_MEMORY = 0.95
+WORKER_POLL_S = 0.1  # between looks at the workers: one that reads fills some 0.1 GB meanwhile
 END_S = 5.0  # for a worker to remove what is half written, before it is killed
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 TRY = (
@@ -185,9 +186,9 @@ def _run(
                 busy.append(idle.pop() if idle else _Worker())
                 busy[-1].give(task)
             tick()
-            wait([worker.pipe for worker in busy], POLL_S)
+            wait([worker.pipe for worker in busy], WORKER_POLL_S)
             total = sum([worker.look() for worker in busy + idle])
-            if room is not None and total > MOST * room:
+            if room is not None and total > MOST_MEMORY * room:
                 beyond = [worker.resident - worker.task.forecast_bytes for worker in busy]
                 busy[beyond.index(max(beyond))].end_for_memory()
             for worker in [one for one in busy if one.pipe.poll()]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ...base import __version__
 from ...base.errors import DataError, UsageError
 from ...base.wording import DOCTOR
-from .pool import POLL_S
+from .pool import WORKER_POLL_S
 from .work import INTERNAL, Outcome, Task, Tell, failed, process_task
 
 if TYPE_CHECKING:
@@ -23,11 +23,11 @@ MISSING = (
     "batch --scheduler needs Dask, which is not installed: pip install 'insgnss[batch]', or leave"
     f" --scheduler out, and this machine is enough; {DOCTOR}"
 )
-REACH_S = 10.0  # until a scheduler that does not answer counts as not there, or as lost
+REACHED_WITHIN_S = 10.0  # until a scheduler that does not answer counts as not there, or as lost
 WORKER_WAIT_S = 30.0  # for a first worker
 ALONE_S = 300.0  # without any worker until a season is given up
 RESOURCE = "MEMORY"  # bytes; of workers that declare it, as `dask worker --resources MEMORY=8e9`
-CONFIGURATION = {"distributed.comm.timeouts.connect": f"{REACH_S:.0f}s"}
+CONFIGURATION = {"distributed.comm.timeouts.connect": f"{REACHED_WITHIN_S:.0f}s"}
 
 
 @contextmanager
@@ -50,12 +50,13 @@ def _client(scheduler: str) -> Iterator["Client"]:
         stack.callback(logging.disable, logging.root.manager.disable)
         logging.disable(logging.CRITICAL)  # what becomes of a flight is said by its line
         try:
-            client = stack.enter_context(Client(scheduler, timeout=REACH_S))
+            client = stack.enter_context(Client(scheduler, timeout=REACHED_WITHIN_S))
         except (OSError, TimeoutError, ValueError) as error:
             reason = " ".join(str(error).split())[:200] or "no answer"
             raise UsageError(
-                f"--scheduler {scheduler}: not reached within {REACH_S:.0f} s ({reason}); start it"
-                " with `dask scheduler`, or leave --scheduler out for processes of this machine"
+                f"--scheduler {scheduler}: not reached within {REACHED_WITHIN_S:.0f} s ({reason});"
+                " start it with `dask scheduler`, or leave --scheduler out for processes of this"
+                " machine"
             ) from None
         _refuse_workers(client, scheduler)
         yield client
@@ -167,7 +168,7 @@ def _arriving(
                     f"--scheduler {scheduler}: no worker for {ALONE_S:.0f} s, {left} flights are"
                     " left; start workers and give the same command again: what is done stays"
                 )
-            time.sleep(POLL_S)
+            time.sleep(WORKER_POLL_S)
             continue
         for future in arriving.next_batch(block=False):
             try:

@@ -7,10 +7,11 @@ line by weighted least squares,
     var b = max(1, X) / sum w (t - t_0)^2,  X = sum w (y - line)^2 / (n - 2)                  (T.2)
 
 with t_0 the weighted mean of the times: errors that the flights do not claim widen var b, and
-flights that claim too much never narrow it. A drift is named where |b| exceeds `SIGNIFICANT` of its
-standard deviations and moves the constant, over the season, by more than what matters (`PHYSICAL`);
-a scatter where X exceeds what chance leaves in one of `SCATTER_CHANCE` seasons (chi-square) and the
-flights differ by more than what matters. With fewer than `FEWEST` flights nothing is said.
+flights that claim too much never narrow it. A drift is named where |b| exceeds `SLOPE_SIGMAS` of
+its standard deviations and moves the constant, over the season, by more than what matters
+(`PHYSICAL`); a scatter where X exceeds what chance leaves in one of `SCATTER_CHANCE` seasons
+(chi-square) and the flights differ by more than what matters. With fewer than `FEWEST_FLIGHTS`
+flights nothing is said.
 
 The limits are physical because fixes of one base share errors of some millimetres that no flight's
 covariance holds.
@@ -28,8 +29,8 @@ from ...records import Array
 from ...records.states import LEVER_ARM, TIME_OFFSET, State
 from .row import CONSTANTS, Row, is_number
 
-FEWEST = 8  # flights
-SIGNIFICANT = 4.0  # standard deviations of the slope
+FEWEST_FLIGHTS = 8  # flights
+SLOPE_SIGMAS = 4.0  # standard deviations of the slope
 SCATTER_CHANCE = 1e4  # seasons in one of which chance alone makes a scatter (chosen)
 MONTH_DAYS = 30.4375  # days of a mean month: 365.25 / 12
 Finding = Literal["drift", "scatter", "steady", "too few", "one time"]
@@ -149,7 +150,7 @@ class Trend:
             )
         if self.finding == "steady":
             return f"the {name} shows no drift ({self.days.size} flights)"
-        few = f"{self.days.size} of {FEWEST} flights that a trend needs"
+        few = f"{self.days.size} of {FEWEST_FLIGHTS} flights that a trend needs"
         why = few if self.finding == "too few" else "all flights at one time"
         return f"nothing is said of the {name}: {why}"
 
@@ -199,7 +200,7 @@ def judged(
     from scipy.stats import chi2
 
     given = (equipment, quantity, days, value, sigma, tuple(names))
-    if days.size < FEWEST:
+    if days.size < FEWEST_FLIGHTS:
         return Trend(*given, "too few")
     span = float(np.ptp(days))
     if span * DAY_S < 1.0:
@@ -208,7 +209,7 @@ def judged(
     finding: Finding = "steady"
     residual = value - level - slope * days
     limit = float(chi2.isf(1.0 / SCATTER_CHANCE, days.size - 2)) / (days.size - 2)
-    if abs(slope) > SIGNIFICANT * slope_sigma and abs(slope) * span > quantity.physical:
+    if abs(slope) > SLOPE_SIGMAS * slope_sigma and abs(slope) * span > quantity.physical:
         finding = "drift"
     elif x > limit and float(np.abs(residual).max()) > quantity.physical:
         finding = "scatter"

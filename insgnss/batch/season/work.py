@@ -27,7 +27,7 @@ from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, r
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
 CHANGED = "changed_products"  # of a row, not of the table: those of a kept flight
-MOST_NAMED = 3  # of its products
+MOST_NAMED_PRODUCTS = 3  # of its products
 INTERNAL = InsgnssError.exit_code
 _ONE_AT_A_TIME = threading.Lock()  # warnings are caught for a whole process
 
@@ -256,7 +256,7 @@ def changed_since(names: Sequence[str]) -> str:
         Of the products.
     """
     return (
-        f"changed since: {some(names, MOST_NAMED)}: not what the run wrote, and kept"
+        f"changed since: {some(names, MOST_NAMED_PRODUCTS)}: not what the run wrote, and kept"
         " as changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
     )
 

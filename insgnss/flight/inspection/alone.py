@@ -14,7 +14,7 @@ import numpy as np
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
 from ...navigation.prepare.gaps import nominal_interval
-from ...navigation.recognise.findings import MOST, answer, unknown
+from ...navigation.recognise.findings import MOST_CONFIDENCE, answer, unknown
 from ...navigation.recognise.units import ACCEL_UNITS
 from ...records import Array, Finding, ImuSamples
 from .sensing import DEG_S, Sensing
@@ -105,7 +105,7 @@ def _force_unit(typical: float) -> tuple[str, float, float]:
     """Unit of the median norm, its factor to m/s^2, and the confidence."""
     for unit, factor in ACCEL_UNITS.items():
         if abs(typical * factor / STANDARD_GRAVITY - 1.0) < NEAR:
-            return unit, factor, MOST
+            return unit, factor, MOST_CONFIDENCE
     factor = STANDARD_GRAVITY / max(typical, 1e-12)
     return f"{factor:.5g} m/s^2", factor, 0.6
 
@@ -143,7 +143,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     rest = answer(
         "at rest",
         f"{sensing.rest_s:.0f} s",
-        MOST if share > 0.0 else 0.9,
+        MOST_CONFIDENCE if share > 0.0 else 0.9,
         f"{share:.0%} of the recording, {len(sensing.stationary)} stationary periods",
     )
     if not sensing.rest_s:
@@ -154,7 +154,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     vertical = answer(
         "vertical axis",
         f"{'xyz'[axis]} {sense}",
-        MOST if lean < 30.0 else 0.6,
+        MOST_CONFIDENCE if lean < 30.0 else 0.6,
         f"{lean:.1f} deg off the vertical at rest",
     )
     if counts:

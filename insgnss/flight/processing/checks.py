@@ -192,18 +192,18 @@ def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
     Raises
     ------
     DataError
-        Where the median standard deviation of an angle is beyond `HOPELESS_RAD`.
+        Where the median standard deviation of an angle is beyond `MOST_ATTITUDE_SIGMA_RAD`.
     """
-    from ...navigation.align.initial import HOPELESS_RAD
+    from ...navigation.align.initial import MOST_ATTITUDE_SIGMA_RAD
 
     diagonal = np.diagonal(trajectory.cov, axis1=1, axis2=2)
     sigma = np.median(np.sqrt(diagonal[:, 6:]), axis=0)
-    if not sigma.max() < HOPELESS_RAD:
+    if not sigma.max() < MOST_ATTITUDE_SIGMA_RAD:
         raise DataError(
             f"{flight.path}: attitude not observable: its standard deviation is "
             f"{np.degrees(sigma.max()):.0f} deg in the median (limit "
-            f"{np.degrees(HOPELESS_RAD):.0f}); check the noise model {flight.imu.noise} and "
-            "the sigmas of the fixes, or include manoeuvres"
+            f"{np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f}); check the noise model {flight.imu.noise}"
+            " and the sigmas of the fixes, or include manoeuvres"
         )
 
 

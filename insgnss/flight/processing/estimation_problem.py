@@ -30,7 +30,7 @@ from ..config.flight_file import Flight
 from .recording import Recording
 
 # of the epochs of the output grid; outputs at a higher rate are recovered between them
-EPOCH_HZ = 10.0
+MOST_EPOCHS_HZ = 10.0
 FORECAST = 1.33  # of what is available, that a forecast of memory may say
 SNAP = 0.25  # of a step of the output grid, within which its row stands at a fix
 HUBER_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
@@ -257,9 +257,9 @@ def output_grid(lo: float, hi: float, trajectory_hz: float | None, fixes: Array)
     Returns
     -------
     ndarray, shape (m,), s
-        Increasing, from `lo` on, at `EPOCH_HZ` at most.
+        Increasing, from `lo` on, at `MOST_EPOCHS_HZ` at most.
     """
-    rate = min(trajectory_hz or EPOCH_HZ, EPOCH_HZ)
+    rate = min(trajectory_hz or MOST_EPOCHS_HZ, MOST_EPOCHS_HZ)
     regular = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
     after = np.clip(np.searchsorted(fixes, regular), 1, fixes.size - 1)
     before = fixes[after - 1]
@@ -293,7 +293,7 @@ def forecast_of(flight: Flight, recording: Recording, lo: float, hi: float) -> F
     layout = layout_factory(flight, recording.noise)(requested_errors(flight, fixes))
     samples = int(last - first)
     rows = samples if rate is None else grid.size
-    if rate is not None and rate > EPOCH_HZ:
+    if rate is not None and rate > MOST_EPOCHS_HZ:
         rows = min(samples, int((hi - lo) * rate))
     triples = 1 + (fixes.velocity_ned is not None) + 2 * bool(len(recording.stationary))
     triples += flight.barometer is not None

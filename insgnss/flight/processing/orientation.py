@@ -25,11 +25,12 @@ from ...records.cameras.rig import merged_order
 from ...records.strips import CommonErrors, StripCovariance
 from ..config.flight_file import Flight
 from .checks import refuse_unobservable
-from .estimation_problem import EPOCH_HZ
+from .estimation_problem import MOST_EPOCHS_HZ
 from .recording import Recording
 from .segment import Segment
 
-ROUNDING = 5e-10  # of variances, what is added where images a tenth of a second apart need it
+# of variances, what is added where images a tenth of a second apart need it
+VARIANCE_ROUNDING = 5e-10
 ORIGIN_DIGITS = 2  # decimals of a degree of the tangent plane's origin by default
 
 
@@ -66,9 +67,9 @@ def at_epochs(hz: float | None) -> bool:
     Returns
     -------
     bool
-        Whether the rate is at most `EPOCH_HZ`.
+        Whether the rate is at most `MOST_EPOCHS_HZ`.
     """
-    return hz is not None and hz <= EPOCH_HZ
+    return hz is not None and hz <= MOST_EPOCHS_HZ
 
 
 def orient_images(
@@ -194,7 +195,7 @@ def _strip(rows: NDArray[np.int64], cov: Array, eo: ExteriorOrientation) -> Stri
     for a, row in enumerate(rows):
         cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
     if not _positive_definite(cov):
-        cov[np.diag_indices_from(cov)] *= 1.0 + ROUNDING
+        cov[np.diag_indices_from(cov)] *= 1.0 + VARIANCE_ROUNDING
     return StripCovariance(rows, cov) if _positive_definite(cov) else None
 
 

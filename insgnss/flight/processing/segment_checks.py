@@ -37,7 +37,7 @@ from .estimation_problem import layout_factory, requested_errors
 from .recording import Recording
 from .segment import Segment
 
-MOST_REJECTED = 0.5
+MOST_REJECTED_FIXES = 0.5
 """Share of rejected measurements of the motion or of a barometer that contradicts what is said."""
 
 AS_CLAIMED = (0.8, 1.25)
@@ -52,7 +52,7 @@ MUCH_WIDER = 1.5
 CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA = 0.02, 3.0
 """How far, in metres and in median sigmas, the two clocks put an exposure apart that it matters."""
 
-MOST_NAMED = 5
+MOST_NAMED_IMAGES = 5
 """Images that a check names."""
 
 
@@ -294,7 +294,7 @@ def _mostly_used(
     """Check that most measurements of a kind pass their test; nothing where there are none."""
     offered, rejected = offered_and_rejected(segments, kind)
     finding = f"{rejected} of {offered} {measured} rejected"
-    bad = rejected > MOST_REJECTED * offered
+    bad = rejected > MOST_REJECTED_FIXES * offered
     check = Question(name, "most of them used").contradiction(finding, remedy, when=bad)
     return [check] if offered else []
 
@@ -343,8 +343,8 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Find
         images += camera.events.images
     if not missing:
         return []
-    names = ", ".join(missing[:MOST_NAMED])
-    names += ", ..." if len(missing) > MOST_NAMED else ""
+    names = ", ".join(missing[:MOST_NAMED_IMAGES])
+    names += ", ..." if len(missing) > MOST_NAMED_IMAGES else ""
     return [
         Question("images", "all images within the segments").note(
             f"{len(missing)} of {len(images)} have no orientation: {names}",

@@ -16,7 +16,7 @@ from ...navigation.diagnosis.decision import ErrorModelSearch
 from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
 from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
-from ...navigation.prepare.clock import SHORTEST_S, common_span
+from ...navigation.prepare.clock import SHORTEST_OVERLAP_S, common_span
 from ...navigation.recognise.claims import RECOGNISED
 from ...records import Finding
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
@@ -311,8 +311,8 @@ def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:
     """Raise DataError where a segment holds too few fixes."""
     time = recording.gnss.time[(recording.gnss.time >= span[0]) & (recording.gnss.time <= span[1])]
     length = float(time[-1] - time[0]) if time.size else 0.0
-    if time.size < 2 or length < SHORTEST_S:
+    if time.size < 2 or length < SHORTEST_OVERLAP_S:
         raise DataError(
-            f"{time.size} fixes over {length:.1f} s, limit {SHORTEST_S:.0f} s; see gaps"
+            f"{time.size} fixes over {length:.1f} s, limit {SHORTEST_OVERLAP_S:.0f} s; see gaps"
             " and clocks of both sensors with `insgnss inspect`, or record longer without gaps"
         )

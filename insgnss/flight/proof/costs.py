@@ -24,9 +24,9 @@ from ...navigation.orient.frame import in_frame
 from ...records import Array
 from .scene import CAMERA_FROM_BODY, Scene, project, tangent_axes
 
-GEOID_M = 50.0  # height of the geoid (m) in central Europe
+TYPICAL_GEOID_M = 50.0  # height of the geoid (m) in central Europe
 # from the camera to the antenna (m): that of `write`, rounded to 1 cm
-LEVER_C = np.array([0.46, 0.0, -0.07])
+LEVER_CM_C = np.array([0.46, 0.0, -0.07])
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -64,10 +64,10 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
             C_mE @ projection.axes(lat, lon, h) @ C_mE.swapaxes(1, 2) @ C
         )
     yield from ((mistake, residual(scene, W, centre)) for mistake, W in turned.items())
-    yield "the lever arm is applied twice", residual(scene, C, centre - C @ LEVER_C)
+    yield "the lever arm is applied twice", residual(scene, C, centre - C @ LEVER_CM_C)
     yield (
-        f"heights of the geoid are taken for heights of the ellipsoid ({GEOID_M:.0f} m)",
-        residual(scene, C, centre - [0.0, 0.0, GEOID_M]),
+        f"heights of the geoid are taken for heights of the ellipsoid ({TYPICAL_GEOID_M:.0f} m)",
+        residual(scene, C, centre - [0.0, 0.0, TYPICAL_GEOID_M]),
     )
     middle = centre.mean(axis=0)
     yield (

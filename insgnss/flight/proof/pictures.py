@@ -23,7 +23,7 @@ GREY, CONTRAST = 128.0, 30.0  # mean and amplitude of the ground, of 255: crosse
 SPOTS_M = (2.1, 0.7, 0.31)  # sizes (m) of the mottles: some 4, 8 and 25 px from 120 m
 LATTICE = 512  # random values a side of a mottle's pattern, which then repeats (chosen)
 ARM_PX, HALF_PX = 12, 1.0  # length of a cross's arm, and half of its width
-STEPS = 6  # towards the ground; each leaves a tenth of the error
+RAY_STEPS = 6  # towards the ground; each leaves a tenth of the error
 BAND = 120  # rows that are drawn at a time: an eighth of an image, for memory
 POINT_LETTERS_PX, NAME_LETTERS_PX = 16, 40  # heights of the letters
 
@@ -67,7 +67,7 @@ def _ground(C_mc: Array, centre: Array, spots: Array) -> Picture:
             @ C_mc.T
         )
         up: Array = np.zeros(ray.shape[:2])
-        for _ in range(STEPS):
+        for _ in range(RAY_STEPS):
             way = (up - above[2]) / ray[..., 2]
             east, north = above[0] + way * ray[..., 0], above[1] + way * ray[..., 1]
             up = terrain(east, north)

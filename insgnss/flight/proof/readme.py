@@ -11,7 +11,7 @@ from ..exporting.export import Exported
 from .costs import mistakes, of_the_grid
 from .scene import Scene
 
-WIDTH = 100  # characters of a line
+README_WIDTH = 100  # characters of a line
 LOOK = {
     "metashape": (
         "Metashape: align the images with the camera fixed, then look at the Reference pane, which"
@@ -164,10 +164,12 @@ def _line(mistake: str, px: float) -> str:
 
 
 def _wrapped(text: str) -> str:
-    """Lines of `WIDTH`; what follows a number or a length stays behind it."""
+    """Lines of `README_WIDTH`; what follows a number or a length stays behind it."""
     lines = []
     for line in text.splitlines():
         head = re.match(r"\d+\. | *\S+ px  ", line)
         indent = " " * len(head[0]) if head else ""
-        lines.append(textwrap.fill(line, WIDTH, break_on_hyphens=False, subsequent_indent=indent))
+        lines.append(
+            textwrap.fill(line, README_WIDTH, break_on_hyphens=False, subsequent_indent=indent)
+        )
     return "\n".join(lines)

@@ -28,11 +28,12 @@ from ...records import Array, ExteriorOrientation
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = 1400.0, 1280, 960  # of a usual lens, and small images (chosen)
 CENTRE_PX = np.array([0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])  # principal point, the middle of the image
 PIXEL_UM = 5.5  # size of a pixel (um) for formats in mm (chosen)
-SITE = (46.57, 6.54)  # latitude and longitude (deg), in Switzerland (chosen)
+SITE_DEG = (46.57, 6.54)  # latitude and longitude (deg), in Switzerland (chosen)
 GROUND_M = 518.0  # of the origin, above the ellipsoid
 # east and north of the origin: 6.5 km away, so that axes differ
 FIELD_M = np.array([5200.0, 3900.0])
-GPS_WEEK, FIRST_S, INTERVAL_S = 2008, 199_800.0, 1.9  # of the exposures: any week and time of it
+# of the exposures: any week and time of it
+GPS_WEEK, FIRST_S, EXPOSURE_INTERVAL_S = 2008, 199_800.0, 1.9
 SIGMA_M, SIGMA_RAD = (0.02, 0.02, 0.04), (8e-4, 8e-4, 2e-3)  # of the poses, as of an RTK drone
 CORRELATION = 0.6  # of neighbours
 
@@ -99,7 +100,7 @@ def project(C_mc: Array, centre: Array, points: Array) -> Array:
 
 def make_scene(projection: MapProjection | None = None) -> Scene:
     """Return the scene at its usual site, or within a CRS's area of use that ends before it."""
-    lat, lon = (np.radians(SITE) if projection is None else _site(projection)).tolist()
+    lat, lon = (np.radians(SITE_DEG) if projection is None else _site(projection)).tolist()
     field = np.array([*FIELD_M, 0.0])
     C_nb = rotation_from_rpy(np.radians(ATTITUDES_DEG))
     plane = TangentPlane(lat, lon, GROUND_M)
@@ -109,7 +110,7 @@ def make_scene(projection: MapProjection | None = None) -> Scene:
     cov = np.broadcast_to(np.diag(np.square([*SIGMA_M, *SIGMA_RAD])), (n, 6, 6))
     eo = ExteriorOrientation(
         images=tuple(f"{8001 + k}.tif" for k in range(n)),
-        time=FIRST_S + INTERVAL_S * np.arange(float(n)),
+        time=FIRST_S + EXPOSURE_INTERVAL_S * np.arange(float(n)),
         gps_week=GPS_WEEK,
         origin=np.array([lat, lon, GROUND_M]),
         position_m=centres,
@@ -133,7 +134,7 @@ def _site(projection: MapProjection) -> Array:
     It is the usual site where the CRS reaches it, else one off the middle of the area of use.
     """
     area = projection.horizontal.area_of_use
-    lat, lon = SITE
+    lat, lon = SITE_DEG
     if area is None or (area.west <= lon <= area.east and area.south <= lat <= area.north):
         return np.radians([lat, lon])
     if area.east < area.west:

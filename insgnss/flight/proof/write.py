@@ -28,7 +28,7 @@ from .scene import (
     GROUND_M,
     HEIGHT_PX,
     PIXEL_UM,
-    SITE,
+    SITE_DEG,
     WIDTH_PX,
     Scene,
     make_scene,
@@ -77,7 +77,7 @@ def write_proof(
         (kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT
     )
     if crs is None and (frame or own) == PROJECTED:
-        crs = f"EPSG:{32601 + int((SITE[1] + 180.0) // 6.0)}"
+        crs = f"EPSG:{32601 + int((SITE_DEG[1] + 180.0) // 6.0)}"
     target = Target(crs, geoid, frame, ground_m)
     projection = None if crs is None else MapProjection(crs, geoid)
     kind = PROJECTED if projection is not None else frame or own

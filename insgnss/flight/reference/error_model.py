@@ -42,8 +42,9 @@ from ...navigation.filter.problem import EstimationProblem
 from ...records import Array
 from .strapdown import GRAVITY_GRADIENT, State, advance, gravity
 
-PIECE_S = 0.01  # a longer sample (a bridged gap) is cut into pieces, so that (T.10, T.11) hold
-GYRO, ACCEL = slice(0, 3), slice(3, 6)  # channels
+# a longer sample (a bridged gap) is cut into pieces, so that (T.10, T.11) hold
+LONGEST_SAMPLE_S = 0.01
+GYRO_CHANNELS, ACCEL_CHANNELS = slice(0, 3), slice(3, 6)  # channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ def continuous(
     """
     n = layout.size
     A, W, B = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, 6))
-    B[PSI, GYRO], B[VEL, ACCEL] = -C_lb, -C_lb
+    B[PSI, GYRO_CHANNELS], B[VEL, ACCEL_CHANNELS] = -C_lb, -C_lb
     A[POS, VEL] = np.eye(3)
     A[VEL, POS] = GRAVITY_GRADIENT
     A[VEL, VEL], A[PSI, PSI] = -2.0 * skew(Omega), -skew(Omega)
@@ -136,16 +137,18 @@ def propagate(problem: EstimationProblem, epoch: int, state: State) -> Interval:
     Phi, Q, M = identity, np.zeros((layout.size,) * 2), np.zeros((layout.size, 6))
     elapsed = float(epochs.time[epoch - 1])
     for i in range(epochs.stop[epoch - 1], epochs.stop[epoch]):
-        pieces = max(1, int(np.ceil(inc.dt[i] / PIECE_S - 1e-6)))
+        pieces = max(1, int(np.ceil(inc.dt[i] / LONGEST_SAMPLE_S - 1e-6)))
         h, rates = inc.dt[i] / pieces, np.concatenate([inc.dtheta[i], inc.dvel[i]]) / inc.dt[i]
         for _ in range(pieces):
             half_decay = np.exp(-0.5 * h * layout.beta)
             U = influence(layout, elapsed + 0.5 * h, rates)
             corrected = rates - U @ (half_decay * state.x)
             g = g0 + GRAVITY_GRADIENT @ (state.p - start)
-            after = advance(state, h * corrected[GYRO], h * corrected[ACCEL], h, g, Omega)
+            after = advance(
+                state, h * corrected[GYRO_CHANNELS], h * corrected[ACCEL_CHANNELS], h, g, Omega
+            )
             C_middle = 0.5 * (state.C_lb + after.C_lb)
-            A, W, B = continuous(layout, C_middle, corrected[ACCEL], U, Omega, white)
+            A, W, B = continuous(layout, C_middle, corrected[ACCEL_CHANNELS], U, Omega, white)
             F = identity + h * A + 0.5 * h**2 * (A @ A)  # (T.10)
             Q = F @ (Q + 0.5 * h * W) @ F.T + 0.5 * h * W  # (T.11, T.12)
             Phi, M = F @ Phi, F @ M + h * B

@@ -41,11 +41,12 @@ from ...navigation.filter.codes import (
 )
 from ...navigation.filter.problem import EstimationProblem
 from ...records import Array
-from .error_model import GYRO, earth_rate, influence
+from .error_model import GYRO_CHANNELS, earth_rate, influence
 from .strapdown import State, cross
 
 Residual = Callable[[State], Array]
-STEP_SIGMAS = 0.01  # of the a-priori sigma of an error state: step of the central differences
+# of the a-priori sigma of an error state: step of the central differences
+DIFFERENCE_STEP_SIGMAS = 0.01
 STEP_NAV = np.repeat([1e-2, 1e-2, 1e-4], 3)  # m, m/s, rad
 
 
@@ -84,7 +85,9 @@ def derivative(residual: Residual, state: State, sigma0: Array) -> Array:
     state : where the derivative is taken.
     sigma0 : (ns,) a-priori standard deviations of the error states, which set their steps.
     """
-    steps = np.concatenate([STEP_NAV, np.where(sigma0 > 0.0, STEP_SIGMAS * sigma0, 1e-6)])
+    steps = np.concatenate(
+        [STEP_NAV, np.where(sigma0 > 0.0, DIFFERENCE_STEP_SIGMAS * sigma0, 1e-6)]
+    )
     columns = [
         (residual(state.plus(step)) - residual(state.plus(-step))) / (2.0 * size)
         for size, step in zip(steps, np.diag(steps), strict=True)
@@ -173,7 +176,7 @@ def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Resid
     measured : (3,) rad/s, of the gyros.
     """
     rates = np.concatenate([measured, np.zeros(3)])
-    U = influence(problem.layout, float(problem.epochs.time[epoch]), rates)[GYRO]
+    U = influence(problem.layout, float(problem.epochs.time[epoch]), rates)[GYRO_CHANNELS]
     Omega = earth_rate(problem)
     return lambda state: measured - U @ state.x - state.C_lb.T @ Omega
 

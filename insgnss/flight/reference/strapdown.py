@@ -34,7 +34,7 @@ from ...geodesy.rotation import (
 )
 from ...records import Array
 
-SMALL_RAD = 1e-4  # below it the two terms of (T.5) that are taken leave less than 1e-13
+SERIES_BELOW_RAD = 1e-4  # below it the two terms of (T.5) that are taken leave less than 1e-13
 IDENTITY = np.eye(3)  # of attitudes
 GRAVITY_GRADIENT = np.diag([-1.0, -1.0, 2.0]) * 9.8 / 6.37e6  # 1/s^2: -g/R, -g/R, 2 g/R
 
@@ -94,7 +94,7 @@ def rotation(phi: Array) -> tuple[Array, Array]:
     exp V = 1 + V J.
     """
     angle = float(np.sqrt(phi @ phi))
-    if angle < SMALL_RAD:
+    if angle < SERIES_BELOW_RAD:
         a, b = 0.5, 1.0 / 6.0
     else:
         a, b = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3

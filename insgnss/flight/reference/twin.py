@@ -42,7 +42,7 @@ from ...navigation.filter.codes import (
     USED,
     VEL,
 )
-from ...navigation.filter.filter import FEEDBACK_RAD, RESET_FIXES, RESET_S
+from ...navigation.filter.filter import FEEDBACK_RAD, RESET_AFTER_S, RESET_FIXES
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...records import Array
 from .error_model import propagate
@@ -176,7 +176,7 @@ class _Update:
         self.problem = problem
         self.nis = np.full((m, N_KINDS), np.nan)
         self.decision = np.full((m, N_KINDS), NOT_MEASURED)
-        self.reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
+        self.reset_s = max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)
         self.rejected_since: float | None = None
 
     def __call__(

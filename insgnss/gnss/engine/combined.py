@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...geodesy.gpstime import WEEK_S
-from ...io.formats.gnss.pos_covariance import NED as NED_NEU
+from ...io.formats.gnss.pos_covariance import DOWN_FROM_UP as NED_NEU
 from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
 from ...io.formats.gnss.pos_header import ROOTS
 from ...io.formats.gnss.rtklib_pos import PosRows, pos_rows, read_pos_rows

@@ -14,7 +14,7 @@ where they lie within some constant +- near:
     else                                                                the times do not decide
 
 asked with near = 0.02 and then 0.15 of the median interval, or, of whole seconds, with 0.55 s. The
-order is called wrong by `FEWEST` pairs at least, and where near is below 0.3 of the interval:
+order is called wrong by `FEWEST_PAIRS` pairs at least, and where near is below 0.3 of the interval:
 stamps that scatter, as writing takes its time, do not find partners for nineteen of twenty images
 then.
 """
@@ -30,9 +30,9 @@ from ...records import Array
 # tolerance of a match, of the shortest interval: below one half, so that an image has one event
 SHARE_OF_INTERVAL = 0.45
 LEADS = 40  # images at the start whose differences to events are tried as the clock's offset
-FEWEST = 5  # pairs by which an order may be called wrong: fewer agree by chance (chosen)
+FEWEST_PAIRS = 5  # pairs by which an order may be called wrong: fewer agree by chance (chosen)
 # tolerances, of the median interval: of sharp stamps, then of scattered ones (chosen)
-SHARES = (0.02, 0.15)
+INTERVAL_SHARES = (0.02, 0.15)
 # tolerance (s) for stamps in whole seconds: rounding takes 0.5 s, writing some more
 WHOLE_SECOND_S = 0.55
 # largest tolerance, of the interval, that calls an order wrong: wider ones pair by chance
@@ -124,13 +124,13 @@ def misfit(time: Array, taken: Array) -> Misfit | None:
     interval, n = float(np.median(np.diff(time))), time.size
     whole = bool((taken == np.rint(taken)).all())
     result = None
-    for near in (WHOLE_SECOND_S,) if whole else (share * interval for share in SHARES):
+    for near in (WHOLE_SECOND_S,) if whole else (share * interval for share in INTERVAL_SHARES):
         beyond = _beyond(taken - time, near)
         if not beyond:
             return None
         match = match_clocks(time, taken, near)
         pairs = n - len(match.images)
-        fits = pairs >= max(FEWEST, n - max(1.0, MOST_LONELY * n)) and pairs > n - len(beyond)
+        fits = pairs >= max(FEWEST_PAIRS, n - max(1.0, MOST_LONELY * n)) and pairs > n - len(beyond)
         if fits and match.events != match.images and near <= MOST_SHARE * interval:
             return Misfit(near, beyond, match)
         result = Misfit(near, beyond)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import InputError
-from ...geodesy.gpstime import LONG_S, weeks_apart
+from ...geodesy.gpstime import LEAST_WEEKS_APART_S, weeks_apart
 from ...records import CameraEvents, Finding, Question
 from ...records.observations import in_week
 from ..options.camera_options import CameraInput
@@ -119,7 +119,9 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
     if outside.size:
         k = int(outside[0])
         middle = 0.5 * (lo + hi)
-        apart = weeks_apart(float(events.time[k]) - middle, min(0.5 * (hi - lo), LONG_S))
+        apart = weeks_apart(
+            float(events.time[k]) - middle, min(0.5 * (hi - lo), LEAST_WEEKS_APART_S)
+        )
         if apart:
             raise InputError(
                 f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is {apart}"

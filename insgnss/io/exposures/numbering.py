@@ -15,10 +15,10 @@ import numpy as np
 
 from ...records import Array, CameraEvents, Question
 
-FEWEST = 8  # images whose numbers show how the camera counts
-NEIGHBOURS = 4  # intervals on either side that are usual ones
+FEWEST_NUMBERED_IMAGES = 8  # images whose numbers show how the camera counts
+NEIGHBOUR_INTERVALS = 4  # intervals on either side that are usual ones
 TOO_SHORT = 1.5  # usual intervals, below which no further image was taken between two
-MOST_NAMED = 3  # pairs of images that a note names; the others are counted
+MOST_NAMED_PAIRS = 3  # pairs of images that a note names; the others are counted
 
 
 def with_numbering_note(events: CameraEvents) -> CameraEvents:
@@ -43,9 +43,9 @@ def with_numbering_note(events: CameraEvents) -> CameraEvents:
     places = [
         f"{events.images[k]} and {events.images[k + 1]}, {events.time[k + 1] - events.time[k]:.2f}"
         " s apart"
-        for k in skipped[:MOST_NAMED]
+        for k in skipped[:MOST_NAMED_PAIRS]
     ]
-    more = f" and {skipped.size - MOST_NAMED} more" if skipped.size > MOST_NAMED else ""
+    more = f" and {skipped.size - MOST_NAMED_PAIRS} more" if skipped.size > MOST_NAMED_PAIRS else ""
     note = Question("images", "numbers and times that go together").note(
         f"a number lacks between {', '.join(places)}{more}, as far as two that follow each other",
         "look at the table of names and stamps there: where a stamp was lost elsewhere, the images"
@@ -70,7 +70,7 @@ def image_numbers(images: tuple[str, ...]) -> "np.ndarray | None":
     """
     pieces = [re.split(r"(\d+)", name) for name in images]
     texts = {tuple(split[::2]) for split in pieces}
-    if len(images) < FEWEST or len(texts) > 1:
+    if len(images) < FEWEST_NUMBERED_IMAGES or len(texts) > 1:
         return None
     columns = np.array([split[1::2] for split in pieces]).T
     for column in columns[::-1]:  # the last is the counter's, dates stand in front
@@ -101,8 +101,10 @@ def numbers_without_time(number: np.ndarray, time: Array) -> np.ndarray:
     step, interval = np.diff(number), np.diff(time)
     places = []
     for k in np.flatnonzero(step > 1).tolist():
-        around = np.arange(max(k - NEIGHBOURS, 0), min(k + NEIGHBOURS + 1, step.size))
+        around = np.arange(
+            max(k - NEIGHBOUR_INTERVALS, 0), min(k + NEIGHBOUR_INTERVALS + 1, step.size)
+        )
         usual = interval[around[step[around] == 1]]
-        if usual.size >= NEIGHBOURS and interval[k] < TOO_SHORT * np.median(usual):
+        if usual.size >= NEIGHBOUR_INTERVALS and interval[k] < TOO_SHORT * np.median(usual):
             places.append(k)
     return np.array(places, dtype=np.int64)

@@ -20,8 +20,8 @@ from ...records import Array, CameraEvents, Question
 from ...records.observations import decimal_step
 
 LARGEST_S, SMALLEST_S = 1.0, 0.01  # of a step; a finer one costs 1 cm at 10 m/s
-EXACT_S = 1e-6  # off the multiples of a step: conversions of units, no measurement
-FEWEST = 8  # stamps that show a step
+MULTIPLE_TOLERANCE_S = 1e-6  # off the multiples of a step: conversions of units, no measurement
+FEWEST_STAMPS = 8  # stamps that show a step
 CHANGES = 2  # intervals a step off the usual one that no trigger has
 
 
@@ -64,9 +64,9 @@ def stamp_step(time: Array) -> float:
     time : ndarray, shape (n,)
         s.
     """
-    if time.size < FEWEST:
+    if time.size < FEWEST_STAMPS:
         return 0.0
-    return decimal_step(time, LARGEST_S, SMALLEST_S, EXACT_S)
+    return decimal_step(time, LARGEST_S, SMALLEST_S, MULTIPLE_TOLERANCE_S)
 
 
 def _changes_by_steps(time: Array, step: float) -> bool:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ...base.errors import OptionError, near
-from ...base.units import LARGEST, is_number
+from ...base.units import LARGEST_UNIT, is_number
 from ...base.wording import listed, named
 from .schema import Declared, class_names, declared, plain
 
@@ -178,7 +178,9 @@ def in_range(item: Declared, value: Any) -> bool:
     """Whether a value is a number within the option's range."""
     positive = item.option.positive or item.kind == "sigmas"
     low, high = item.option.low, item.option.high
-    return is_number(value) and (not positive or 0.0 < value < LARGEST) and low <= value <= high
+    return (
+        is_number(value) and (not positive or 0.0 < value < LARGEST_UNIT) and low <= value <= high
+    )
 
 
 def as_number(item: Declared, value: Any) -> Any:
@@ -276,7 +278,7 @@ def _no_numbers(item: Declared, value: Any) -> str:
 
 
 def _no_sigmas(item: Declared, name: str, value: Any) -> str:
-    right = are_numbers(value, 3) and 0.0 < min(value) <= max(value) < LARGEST
+    right = are_numbers(value, 3) and 0.0 < min(value) <= max(value) < LARGEST_UNIT
     return "" if right else "must be three numbers greater than zero"
 
 

@@ -37,8 +37,8 @@ from ._kernels import relative_motion
 # lengths (s): short ones have little gyro drift, long ones more motion (chosen)
 WINDOWS_S = (10.0, 20.0, 60.0)
 CANDIDATES = 4  # windows of a length that are solved, those of most motion (chosen)
-ROUNDS = 6  # of solving with weights: gross fixes have lost theirs by then (chosen)
-OUTLYING = 3.0  # times the median residual, beyond which a row is weighed down (chosen)
+REWEIGHTINGS = 6  # of solving with weights: gross fixes have lost theirs by then (chosen)
+OUTLYING_MEDIANS = 3.0  # times the median residual, beyond which a row is weighed down (chosen)
 MEDIAN_OF_CHI_3 = 1.538  # of the length of three normal variables
 
 
@@ -171,14 +171,14 @@ def solve_window(problem: EstimationProblem, epochs: np.ndarray) -> CoarseAttitu
 def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Array, float]:
     """Solve Wahba's problem with outliers weighed down.
 
-    Rows whose residual exceeds `OUTLYING` times the median are weighed down and the problem is
-    solved again: a few gross fixes must not turn the attitude.
+    Rows whose residual exceeds `OUTLYING_MEDIANS` times the median are weighed down and the problem
+    is solved again: a few gross fixes must not turn the attitude.
 
     Returns the attitude C (3, 3), v_0 (3,), the rows C a without what p_0 and v_0 explain, and the
     typical residual in sigmas.
     """
     trust = np.ones((z.shape[0], 1))
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         basis = np.linalg.qr(trust * design)[0]
         z_rest, a_rest = (x - basis @ (basis.T @ x) for x in (trust * z, trust * a))
         U, _, Vt = np.linalg.svd(z_rest.T @ a_rest)
@@ -186,7 +186,7 @@ def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Arra
         p0_v0 = np.linalg.lstsq(trust * design, trust * (z - a @ C.T), rcond=None)[0]
         residual = np.linalg.norm(z - a @ C.T - design @ p0_v0, axis=1, keepdims=True)
         typical = float(np.median(residual))
-        trust = np.minimum(1.0, OUTLYING * typical / np.maximum(residual, 1e-12))
+        trust = np.minimum(1.0, OUTLYING_MEDIANS * typical / np.maximum(residual, 1e-12))
     return C, p0_v0[1], a_rest @ C.T, typical / MEDIAN_OF_CHI_3
 
 

@@ -60,11 +60,12 @@ WIDEN = 10.0  # factor on the attitude's sigma: of its information 1 % is then u
 FLOOR_RAD = np.radians([0.5, 0.5, 1.0])  # of the starting tilt and heading
 # of the widened tilt and heading: more cannot be linearised
 CEILING_RAD = np.radians([10.0, 10.0, 60.0])
-WINDOW_S = 60.0  # length (s) of the small flight around a coarse attitude (chosen)
-TRIES = 5  # coarse attitudes that are estimated at most, the earliest first (chosen)
+ALIGNMENT_WINDOW_S = 60.0  # length (s) of the small flight around a coarse attitude (chosen)
+# coarse attitudes that are estimated at most, the earliest first (chosen)
+MOST_COARSE_ATTITUDES = 5
 GOOD_RAD = np.radians(2.0)  # sigma of a heading that ends the search: second-order terms are 0.06 %
 # of attitude, one sigma: beyond it second-order terms (1.5 % at one sigma) make it incredible
-HOPELESS_RAD = np.radians(10.0)
+MOST_ATTITUDE_SIGMA_RAD = np.radians(10.0)
 # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and
 # more
 HUBER_NIS = 16.0
@@ -167,7 +168,9 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
             if _heading_variance(solution) < GOOD_RAD**2:
                 return first, solution
             solved.append((first, solution))
-    hopeless = not solved or min(_heading_variance(s) for _, s in solved) > HOPELESS_RAD**2
+    hopeless = (
+        not solved or min(_heading_variance(s) for _, s in solved) > MOST_ATTITUDE_SIGMA_RAD**2
+    )
     if misfits and hopeless:
         raise DataError(
             f"no initial attitude: in no part of the recording do GNSS and inertial motion agree"
@@ -178,8 +181,8 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     if standing is not None and hopeless:
         raise DataError(
             f"heading not observable: {standing.description()} at best (limit"
-            f" {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; include a manoeuvre,"
-            " use gyros of a degree an hour, or give [initial] attitude"
+            f" {np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f} deg), and no motion gives more; include"
+            " a manoeuvre, use gyros of a degree an hour, or give [initial] attitude"
         )
     if not solved:
         raise DataError(
@@ -189,12 +192,12 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
         )
     chosen = min(solved, key=lambda f: _heading_variance(f[1]))
     sigma = float(np.sqrt(_heading_variance(chosen[1])))
-    if not sigma < HOPELESS_RAD:
+    if not sigma < MOST_ATTITUDE_SIGMA_RAD:
         raise DataError(
             "heading not observable: the best window of the recording gives it to"
-            f" {np.degrees(sigma):.0f} deg only (limit {np.degrees(HOPELESS_RAD):.0f}), it holds no"
-            " turn or change of speed, or the noise model is far too wide; include a manoeuvre or"
-            " give [initial] attitude"
+            f" {np.degrees(sigma):.0f} deg only (limit {np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f}),"
+            " it holds no turn or change of speed, or the noise model is far too wide; include a"
+            " manoeuvre or give [initial] attitude"
         )
     return chosen
 
@@ -236,9 +239,11 @@ def _candidates(
             window,
             _start(window, _nav(window, 0, standing.C_lb, np.zeros(3)), np.diag(sigma**2)),
         )
-    for coarse in sorted(coarse_attitudes(problem)[:TRIES], key=lambda c: c.first):
+    for coarse in sorted(coarse_attitudes(problem)[:MOST_COARSE_ATTITUDES], key=lambda c: c.first):
         last = int(
-            np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S)
+            np.searchsorted(
+                problem.epochs.time, problem.epochs.time[coarse.first] + ALIGNMENT_WINDOW_S
+            )
         )
         window = sub_problem(
             problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1))

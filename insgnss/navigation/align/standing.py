@@ -22,8 +22,10 @@ from ...records import Array
 from ..filter.codes import ZUPT
 from ..filter.problem import EstimationProblem
 
-LONGEST_S = 600.0  # of the period (s): the bias, not white noise, limits a longer one (chosen)
-SHORTEST_S = 30.0  # of the period (s): white noise hides the Earth's rate in a shorter one (chosen)
+# of the period (s): the bias, not white noise, limits a longer one (chosen)
+LONGEST_GYROCOMPASS_S = 600.0
+# of the period (s): white noise hides the Earth's rate in a shorter one (chosen)
+SHORTEST_GYROCOMPASS_S = 30.0
 USEFUL_RAD = np.radians(20.0)  # of heading
 
 
@@ -73,7 +75,8 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     Returns
     -------
     tuple of int or None
-        First and last epoch, of at most `LONGEST_S`; None where no period lasts for `SHORTEST_S`.
+        First and last epoch, of at most `LONGEST_GYROCOMPASS_S`; None where no period lasts for
+        `SHORTEST_GYROCOMPASS_S`.
     """
     ep = problem.epochs
     stationary = np.flatnonzero(ep.constraint == ZUPT)
@@ -90,12 +93,18 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     last = (
         int(
             np.searchsorted(
-                ep.time, min(ep.time[end[k]], ep.time[begin[k]] + LONGEST_S), side="right"
+                ep.time,
+                min(ep.time[end[k]], ep.time[begin[k]] + LONGEST_GYROCOMPASS_S),
+                side="right",
             )
         )
         - 1
     )
-    return (int(begin[k]), last) if ep.time[last] - ep.time[begin[k]] >= SHORTEST_S else None
+    return (
+        (int(begin[k]), last)
+        if ep.time[last] - ep.time[begin[k]] >= SHORTEST_GYROCOMPASS_S
+        else None
+    )
 
 
 def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:

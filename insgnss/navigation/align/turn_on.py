@@ -31,7 +31,7 @@ from ..prepare.stationarity import StationaryPeriods
 LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}
 # between verticals of stationary periods: a body that settles on its legs, not one that was turned
 ONE_ATTITUDE_DEG = 5.0
-GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
+GRAVITY_SIGMA_MS2 = 5e-4  # m/s^2, normal gravity against the true one
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def turn_on_bias(
     seen = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
     bias, bias_cov = _updated(np.diag(np.square(gyro_prior)), np.eye(3), *seen)
     g = float(normal_gravity(latitude, height))
-    sigma = np.hypot(np.linalg.norm(u * accel_noise), GRAVITY_SIGMA)
+    sigma = np.hypot(np.linalg.norm(u * accel_noise), GRAVITY_SIGMA_MS2)
     size = np.array([np.linalg.norm(accel) - g])
     force, force_cov = _updated(
         np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]])

@@ -2,13 +2,13 @@
 
 The backward pass needs of every epoch what the forward pass worked out there: P, F, H and K, 13 kB
 of 34 states, and nothing of it is wanted afterwards. A flight is therefore divided into blocks of
-`BLOCK` epochs. The forward pass keeps where it stood before each block (a checkpoint: nominal,
-mean, P), and the records of one block at a time. The backward pass goes from the last block to the
-first; each is filtered once more from its checkpoint, which gives the same records to the last bit,
-since the filter sees nothing else. Of short flights, which are often solved again and again while a
-model is looked for, all records are kept.
+`EPOCHS_OF_BLOCK` epochs. The forward pass keeps where it stood before each block (a checkpoint:
+nominal, mean, P), and the records of one block at a time. The backward pass goes from the last
+block to the first; each is filtered once more from its checkpoint, which gives the same records to
+the last bit, since the filter sees nothing else. Of short flights, which are often solved again and
+again while a model is looked for, all records are kept.
 
-    memory   m / BLOCK checkpoints, and the records of one block
+    memory   m / EPOCHS_OF_BLOCK checkpoints, and the records of one block
     work     a short flight: nothing more; a long one: one forward pass more
 
 That pass costs no more than its absence would. The records of a block lie in the processor's cache,
@@ -63,9 +63,10 @@ from .kernels.records import (
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, SmootherRoom, last_state
 
-BLOCK = 256  # epochs
+EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
-ROWS = 4000  # regular epochs of which the whole covariance is kept; what a report can show
+# regular epochs of which the whole covariance is kept; what a report can show
+MOST_COVARIANCE_ROWS = 4000
 
 TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
 MEASUREMENT_BYTES = 450  # of an epoch: `navigation.filter.kernels.records.Epochs`, and its stamp
@@ -153,9 +154,9 @@ def forecast(
     of_epoch += TRIPLE_BYTES * triples
     of_block = 8 * (3 * n * n + 4 * N_NAV * n)
     each = record_bytes(states, 3 * triples, False)
-    records = epochs * each if epochs * each <= WHOLE_BYTES else BLOCK * each
-    whole = (min(ROWS, epochs) + exposures) * 4 * n * (n + 1)
-    solution = epochs * of_epoch + epochs // BLOCK * of_block + whole
+    records = epochs * each if epochs * each <= WHOLE_BYTES else EPOCHS_OF_BLOCK * each
+    whole = (min(MOST_COVARIANCE_ROWS, epochs) + exposures) * 4 * n * (n + 1)
+    solution = epochs * of_epoch + epochs // EPOCHS_OF_BLOCK * of_block + whole
     estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
     return Forecast(
         samples,
@@ -201,7 +202,7 @@ class BlockwisePasses:
         self.problem, self.start, self.rows, self.separations = problem, start, rows, separations
         epochs, layout = problem.epochs, problem.layout
         m = epochs.stop.size
-        self.size = block or BLOCK
+        self.size = block or EPOCHS_OF_BLOCK
         self.first = np.arange(0, m, self.size)
         self.outages = bool((outages(epochs) != ABSENT).any())
         each = record_bytes(layout.size, measured_slots(epochs, layout)[1].size, self.outages)

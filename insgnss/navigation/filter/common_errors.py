@@ -29,11 +29,11 @@ from .codes import N_NAV, POS
 from .event_chain import EventChain
 from .layout import StateLayout
 
-SLOW_S = 100.0  # correlation time; below, lines a turn apart share little
+SLOW_CORRELATION_S = 100.0  # correlation time; below, lines a turn apart share little
 # interval (s) of a random walk's nodes: the figures above were reached with it (chosen)
 WALK_S = 300.0
-NODES = 0.5  # interval between them, in correlation times
-MOST = 200  # nodes of a segment; farther apart where it takes more
+NODE_INTERVAL = 0.5  # interval between them, in correlation times
+MOST_NODES = 200  # nodes of a segment; farther apart where it takes more
 JITTER = (0.0, 1e-12, 1e-9)  # of the variances: bias and slow process are known by their sum
 
 
@@ -54,15 +54,15 @@ def nodes_of(layout: StateLayout, time: Array) -> tuple[NDArray[np.int64], NDArr
     """
     if not time.size:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    duration, wider, number = float(time[-1] - time[0]), 1.0, MOST + 1
+    duration, wider, number = float(time[-1] - time[0]), 1.0, MOST_NODES + 1
     interval = np.full(layout.beta.size, np.inf)  # of a constant
     driven = layout.drive > 0.0
     interval[driven] = WALK_S
     decays = driven & (layout.beta > 0.0)
-    interval[decays] = NODES / layout.beta[decays]
+    interval[decays] = NODE_INTERVAL / layout.beta[decays]
     states = np.flatnonzero(layout.sigma0 > 0.0)
-    states = states[~decays[states] | (layout.beta[states] * SLOW_S <= 1.0)]
-    while number > MOST and wider < 1e6:
+    states = states[~decays[states] | (layout.beta[states] * SLOW_CORRELATION_S <= 1.0)]
+    while number > MOST_NODES and wider < 1e6:
         count = np.maximum(np.ceil(duration / (wider * interval[states])), 1.0).astype(np.int64)
         number, wider = int(count.sum()), 2.0 * wider
     state = np.repeat(states, count)

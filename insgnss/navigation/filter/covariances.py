@@ -14,7 +14,7 @@ from .codes import N_NAV, POS
 from .event_chain import SharedError
 from .triangles import diagonal, unpacked
 
-CHUNK = 4096  # covariances that are unpacked, or turned, at a time
+COVARIANCES_AT_A_TIME = 4096  # covariances that are unpacked, or turned, at a time
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class SmoothedCovariances:
         """
         epochs = np.arange(len(self.nav))[index]
         out = np.empty((epochs.size, N_NAV, N_NAV))
-        for begin in range(0, epochs.size, CHUNK):
-            own = slice(begin, begin + CHUNK)
+        for begin in range(0, epochs.size, COVARIANCES_AT_A_TIME):
+            own = slice(begin, begin + COVARIANCES_AT_A_TIME)
             out[own] = unpacked(self.nav[epochs[own]])
         self._add_shared(out, epochs)
         return out

@@ -18,12 +18,12 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Trajectory
 from .codes import N_NAV, N_NOMINAL, POS, PSI, PSI0, QUAT, VEL
-from .epochs import SAME_S
+from .epochs import EPOCH_ROUNDING_S
 from .kernels.strapdown import run_between
 from .solution import Solution, turn_own
 from .strapdown import kernel_earth, kernel_intervals
 
-CHUNK = 1024  # epochs that are worked on at a time: a pose takes four kB on the way
+EPOCHS_AT_A_TIME = 1024  # epochs that are worked on at a time: a pose takes four kB on the way
 
 
 def dense_trajectory(solution: Solution, gps_week: int, hz: float | None = None) -> Trajectory:
@@ -48,9 +48,9 @@ def dense_trajectory(solution: Solution, gps_week: int, hz: float | None = None)
     parts, wanted = [], None
     if hz is not None:
         first, last = inc.marks[0] + inc.dt[inc.stop[0]], inc.marks[-1]
-        wanted = first + np.arange(int((last - first) * hz) + 1) / hz - SAME_S
-    for begin in range(0, m - 1, CHUNK):
-        end = min(begin + CHUNK, m - 1)
+        wanted = first + np.arange(int((last - first) * hz) + 1) / hz - EPOCH_ROUNDING_S
+    for begin in range(0, m - 1, EPOCHS_AT_A_TIME):
+        end = min(begin + EPOCHS_AT_A_TIME, m - 1)
         parts.append(_between(solution, begin, end, wanted, gps_week))
     return Trajectory.joined(parts)
 

@@ -16,14 +16,15 @@ from .layout import StateLayout
 
 CODE_M = 0.5  # horizontal sigma that only code solutions have
 FLOAT_S, CODE_S = 60.0, 600.0  # how long errors of float and of code solutions stay
-SEEN = 0.1  # share of fixed and float solutions from which on the qualities are taken as they stand
+# share of fixed and float solutions from which on the qualities are taken as they stand
+LEAST_SHARE_OF_QUALITY = 0.1
 ZUPT_INTERVAL_S = 1.0  # also the interval of the mean rates of a ZARU
 ZUPT_SIGMA_MPS = 0.03  # what a standing vehicle sways
 ZARU_SIGMA_RAD_S = 5e-5  # and turns
 # of constraints (s): slips stay alike for about as long, and count once (chosen)
 NHC_INTERVAL_S = 1.0
 NHC_SIGMA_MPS = 0.3  # across the wheels: tyres slip, and mountings are a degree off
-SAME_S = 1e-6  # s, rounding of instants
+EPOCH_ROUNDING_S = 1e-6  # s, rounding of instants
 
 NEARLY_ALL = 0.9  # of the code solutions of a recording, within a factor of 2.8 of the median
 
@@ -141,7 +142,10 @@ def unfixed_solutions(fixes: GnssFixes) -> tuple[np.ndarray, float]:
         Correlation time of their errors.
     """
     quality = fixes.quality
-    if quality is not None and np.isin(quality, (Quality.FIXED, Quality.FLOAT)).mean() >= SEEN:
+    if (
+        quality is not None
+        and np.isin(quality, (Quality.FIXED, Quality.FLOAT)).mean() >= LEAST_SHARE_OF_QUALITY
+    ):
         unfixed = (Quality.FLOAT, Quality.SBAS, Quality.DGPS, Quality.SINGLE)
         return np.isin(quality, unfixed), FLOAT_S
     sigma = np.sqrt(0.5 * (fixes.cov_ned[:, 0, 0] + fixes.cov_ned[:, 1, 1]))
@@ -176,7 +180,10 @@ def with_zupt(epochs: Epochs, inc: Increments, stationary: Array, layout: StateL
         inside = np.flatnonzero((inc.marks >= begin) & (inc.marks <= end))
         before = -1
         for e in inside.tolist():
-            if before >= 0 and inc.marks[e] - inc.marks[before] < ZUPT_INTERVAL_S - SAME_S:
+            if (
+                before >= 0
+                and inc.marks[e] - inc.marks[before] < ZUPT_INTERVAL_S - EPOCH_ROUNDING_S
+            ):
                 continue
             constraint[e], cov[e] = ZUPT, np.eye(3) * ZUPT_SIGMA_MPS**2
             if before >= 0:

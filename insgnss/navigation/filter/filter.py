@@ -95,11 +95,12 @@ from .layout import StateLayout
 from .problem import EstimationProblem, InitialState
 from .strapdown import kernel_earth, kernel_intervals
 
-BLOCK_S = 0.05  # s, see error_model
+INCREMENT_BLOCK_S = 0.05  # s, see error_model
 FEEDBACK_RAD = np.radians(1.0)  # feedback threshold: psi must be known this well
-RESET_S, RESET_FIXES = 1.0, 4.5  # seconds and intervals of rejected fixes in a row before a reset
+# seconds and intervals of rejected fixes in a row before a reset
+RESET_AFTER_S, RESET_FIXES = 1.0, 4.5
 RESETS, MINUTES_PER_RESET = 3, 10.0  # covariance resets that are taken as the data's own
-MOST_REJECTED = 0.5  # share of the fixes
+MOST_REJECTED_SHARE = 0.5  # share of the fixes
 OUTAGE_S = 5.0  # between fixes, from which on the smoother needs the process noise (B.6)
 
 
@@ -332,7 +333,7 @@ def forward_inputs(problem: EstimationProblem, closed_loop: bool) -> ForwardInpu
     """
     return (
         kernel_intervals(problem.inc),
-        problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s),
+        problem.layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s),
         kernel_earth(problem.frame, problem.backward),
         np.array(problem.antenna_lever_b, dtype=np.float64),
         FilterOptions(
@@ -340,7 +341,7 @@ def forward_inputs(problem: EstimationProblem, closed_loop: bool) -> ForwardInpu
             float(FEEDBACK_RAD),
             float(problem.gate),
             float(problem.huber_threshold),
-            float(max(RESET_S, RESET_FIXES * problem.aiding_interval_s)),
+            float(max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)),
         ),
     )
 
@@ -412,7 +413,10 @@ def refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> Non
     rejected = np.flatnonzero(verdict == REJECTED)
     resets = np.flatnonzero(verdict == COVARIANCE_RESET)
     minutes = problem.epochs.time[-1] / 60.0
-    if resets.size > RESETS + minutes / MINUTES_PER_RESET or rejected.size > MOST_REJECTED * fixes:
+    if (
+        resets.size > RESETS + minutes / MINUTES_PER_RESET
+        or rejected.size > MOST_REJECTED_SHARE * fixes
+    ):
         e = resets[0] if resets.size else rejected[0]
         raise DataError(
             f"{rejected.size} of {fixes} GNSS fixes rejected, from {time[e]:.1f} s on (NIS"

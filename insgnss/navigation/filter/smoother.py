@@ -58,8 +58,10 @@ from .kernels.records import Epochs, FilterHistory, SmootherState
 from .triangles import unpacked
 
 TINY = 1e-300  # keeps a division by zero away
-DETERMINED = 1e-10  # relative eigenvalue of the information from which on a direction is determined
-OUTSIDE = 1e-6  # squared share of a state in directions that are not, above which it is not
+# relative eigenvalue of the information from which on a direction is determined
+LEAST_EIGENVALUE = 1e-10
+# squared share of a state in directions that are not, above which it is not
+MOST_UNDETERMINED_SHARE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -284,10 +286,12 @@ def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
     """Return backward minus forward of the navigation states (s, 9), its sigma; NaN if unknown."""
     scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), TINY))
     w, V = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
-    observable = w > DETERMINED
+    observable = w > LEAST_EIGENVALUE
     inverse_w = np.where(observable, 1.0 / np.where(observable, w, 1.0), 0.0)
     inverse = (V * inverse_w[:, None, :]) @ np.swapaxes(V, -1, -2)
     value = np.einsum("sij,sj->si", inverse, adjoint / scale) / scale
     sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0)) / scale
-    determined = np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < OUTSIDE
+    determined = (
+        np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < MOST_UNDETERMINED_SHARE
+    )
     return np.where(determined, value, np.nan)[:, NAV], np.where(determined, sigma, np.nan)[:, NAV]

@@ -21,9 +21,9 @@ import numpy as np
 from ...base.errors import DataError
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Trajectory
-from .blocks import ROWS, BlockwisePasses, Follower
+from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
-from .covariances import CHUNK, SmoothedCovariances
+from .covariances import COVARIANCES_AT_A_TIME, SmoothedCovariances
 from .event_chain import EventChain
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed
@@ -194,7 +194,7 @@ def solve(
     progress: Callable[[str], None] = lambda _: None,
     separations: int = 100,
     about: Solution | None = None,
-    rows: int = ROWS,
+    rows: int = MOST_COVARIANCE_ROWS,
     follower: Follower | None = None,
 ) -> Solution:
     """Filter and smooth a flight.
@@ -467,7 +467,7 @@ def turn_own(C: Array, cov: Array) -> None:
     cov : Array
         (n, 3k, 3k) covariances in blocks of three.
     """
-    for begin in range(0, len(cov), CHUNK):
-        own = slice(begin, begin + CHUNK)
+    for begin in range(0, len(cov), COVARIANCES_AT_A_TIME):
+        own = slice(begin, begin + COVARIANCES_AT_A_TIME)
         turned = rotate_blocks(C[own], cov[own], C[own])
         cov[own] = 0.5 * (turned + np.swapaxes(turned, -1, -2))

@@ -55,7 +55,7 @@ from ..filter.codes import (
     VEL,
     VELOCITY,
 )
-from ..filter.filter import BLOCK_S, RESET_FIXES, RESET_S, measured_kinds
+from ..filter.filter import INCREMENT_BLOCK_S, RESET_AFTER_S, RESET_FIXES, measured_kinds
 from ..filter.layout import StateLayout
 from ..filter.solution import Solution
 from ..filter.strapdown import kernel_earth, kernel_intervals
@@ -223,7 +223,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
             )
     driven = [name for name in names if name in DRIVEN or name in CORRELATED_STATES]
     parts = [*driven, *(name for name in names if name in WHITE)]
-    imu = layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
+    imu = layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s)
     white, drive = (np.tile(density, (1 + len(parts), 1)) for density in (imu.white, imu.drive))
     white[1:], drive[1:] = 0.0, 0.0
     P0 = np.zeros((1 + len(driven), layout.size, layout.size))
@@ -257,7 +257,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}
     of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
     mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
-    reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
+    reset_s = max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)
     return LinearSegment(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
 
 

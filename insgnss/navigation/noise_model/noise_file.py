@@ -30,7 +30,7 @@ from .noise_model import (
 _AXES = ("x", "y", "z")
 _ERROR = "standard_error"
 _RECORDING_KEYS = ("file", "sha256", "samples", "sampling_rate")
-_WIDTH = 118  # characters of a line of comment (chosen)
+_COMMENT_WIDTH = 118  # characters of a line of comment (chosen)
 
 
 def model_of_text(path: Path, text: str) -> NoiseModel:
@@ -270,7 +270,7 @@ def comment_lines(text: str) -> list[str]:
     """A remark as comment lines of a TOML file."""
     return textwrap.wrap(
         text,
-        _WIDTH,
+        _COMMENT_WIDTH,
         initial_indent="# ",
         subsequent_indent="#   ",
         break_long_words=False,

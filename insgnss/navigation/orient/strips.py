@@ -15,14 +15,14 @@ from ...records import ExteriorOrientation
 from .frame import in_frame
 from .relative import line_pairs
 
-LARGEST = 400  # images of a strip: 46 MB
+MOST_STRIP_IMAGES = 400  # images of a strip: 46 MB
 LARGEST_BYTES = 256e6  # of all strips of a flight; pieces are smaller where it takes more
 BYTES = 8 * 6 * 6  # of a pair of images
 LINE_IMAGES, IN_LINES = 3, 0.5  # a line of two is none; share of the images
 
 
 def strip_rows(
-    eo: ExteriorOrientation, segment: NDArray[np.int64], largest: int = LARGEST
+    eo: ExteriorOrientation, segment: NDArray[np.int64], largest: int = MOST_STRIP_IMAGES
 ) -> tuple[NDArray[np.int64], ...]:
     """Return the rows of the images of each strip.
 

@@ -12,7 +12,7 @@ from ...base.errors import InputError
 from ...records import Array, BarometerHeights, GnssFixes, ImuSamples
 
 # over which heights are averaged (s): gusts and propellers err alike for about as long
-INTERVAL_S = 1.0
+AVERAGING_S = 1.0
 
 
 def levelled(barometer: BarometerHeights, fixes: GnssFixes, lo: float, hi: float) -> Array:
@@ -37,7 +37,7 @@ def levelled(barometer: BarometerHeights, fixes: GnssFixes, lo: float, hi: float
     time, height = barometer.time[inside], barometer.height[inside]
     if time.size == 0:
         return np.zeros((0, 2))
-    second = np.floor((time - lo) / INTERVAL_S).astype(np.int64)
+    second = np.floor((time - lo) / AVERAGING_S).astype(np.int64)
     first = np.flatnonzero(np.diff(second, prepend=-1))
     count = np.diff(np.append(first, time.size))
     means = [np.add.reduceat(values, first) / count for values in (time, height)]

@@ -28,9 +28,9 @@ from ...base.files import atomic_write
 from ...base.tables import Table, read_toml
 from ...base.units import format_quantity, parse_quantity
 from ...records import Array, ImuSamples, Question
-from .gaps import LACKING, nominal_interval
+from .gaps import LEAST_GAP_INTERVALS, nominal_interval
 
-FAR = 0.1  # of the matrix from identity: no calibration, but other units or axes
+OFF_IDENTITY = 0.1  # of the matrix from identity: no calibration, but other units or axes
 LOWER = ((1, 0), (2, 0), (2, 1))  # cells of N for three misalignments: N_yx, N_zx, N_zy
 OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # cells of N for six
 BIAS_UNIT = {"gyro": "deg/s", "accel": "m/s^2"}
@@ -114,7 +114,7 @@ class ImuCalibration:
         if imu.quantity == "increments":
             nominal = nominal_interval(imu.time)
             step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-            dt = np.where(step > LACKING * nominal, nominal, step)[
+            dt = np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)[
                 :, None
             ]  # an increment after a gap is over one interval
         note = Question("IMU calibration", "").ok(
@@ -156,10 +156,10 @@ def _implausible(sensor: str, triad: TriadCalibration) -> str:
         limit = f"{BIAS_LIMIT[sensor]:.3g} {'rad/s' if sensor == 'gyro' else 'm/s^2'}"
         return f"bias: {np.abs(triad.bias).max():.3g} is beyond {limit}; check the unit"
     far = float(np.abs(triad.response - np.eye(3)).max())
-    if far > FAR:
+    if far > OFF_IDENTITY:
         return (
-            f"matrix: differs from identity by {100 * far:.0f} % (limit {100 * FAR:.0f} %); axes"
-            " and units belong into the flight file"
+            f"matrix: differs from identity by {100 * far:.0f} % (limit {100 * OFF_IDENTITY:.0f}"
+            " %); axes and units belong into the flight file"
         )
     return ""
 
@@ -217,11 +217,11 @@ def _triad(table: Table, sensor: str) -> TriadCalibration:
                 "matrix", f"is given beside {' and '.join(beside)}; it replaces them, keep one"
             )
         matrix = table.matrix("matrix")
-        if np.abs(matrix - np.eye(3)).max() > FAR:
+        if np.abs(matrix - np.eye(3)).max() > OFF_IDENTITY:
             raise table.error(
                 "matrix",
-                f"differs from identity by more than {100 * FAR:.0f} %; axes and units belong into"
-                " the flight file",
+                f"differs from identity by more than {100 * OFF_IDENTITY:.0f} %; axes and"
+                " units belong into the flight file",
             )
         response = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     else:

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...geodesy.gpstime import LONG_S, weeks_apart
+from ...geodesy.gpstime import LEAST_WEEKS_APART_S, weeks_apart
 from ...records import GnssFixes, ImuSamples
 
 NO_WEEK = 0  # in the place of a week that nothing gives; no flight file may hold it
-SHORTEST_S = 10.0  # that IMU and GNSS share (s): the shortest window of the coarse alignment
+# that IMU and GNSS share (s): the shortest window of the coarse alignment
+SHORTEST_OVERLAP_S = 10.0
 
 
 def common_week(
@@ -64,7 +65,7 @@ def common_span(
     InputError
         Where IMU and GNSS do not overlap.
     DataError
-        Where they overlap by less than `SHORTEST_S`.
+        Where they overlap by less than `SHORTEST_OVERLAP_S`.
     """
     lo = max(imu.time[0], -np.inf if start is None else start)
     hi = min(imu.time[-1], np.inf if end is None else end)
@@ -78,18 +79,18 @@ def common_span(
     if gnss.time[-1] < lo or gnss.time[0] > hi:
         apart = float(gnss.time[0] + gnss.time[-1] - imu.time[0] - imu.time[-1]) / 2.0
         slack = float(gnss.time[-1] - gnss.time[0] + imu.time[-1] - imu.time[0]) / 2.0
-        if slack < LONG_S and (weeks := weeks_apart(apart, slack)):
+        if slack < LEAST_WEEKS_APART_S and (weeks := weeks_apart(apart, slack)):
             raise InputError(f"{spans}: they are {weeks} apart; give all times as of one week")
         raise InputError(
             f"{spans}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
             " time_offset_s, seconds against milliseconds"
         )
     length = inside[-1] - inside[0] if inside.size else 0.0
-    if inside.size < 2 or length < SHORTEST_S:
+    if inside.size < 2 or length < SHORTEST_OVERLAP_S:
         fixes = f"{inside.size} fix{'' if inside.size == 1 else 'es'}"
         raise DataError(
-            f"{spans}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the"
-            " whole recordings, or check their clocks"
+            f"{spans}: {fixes} over {length:.1f} s in common (limit {SHORTEST_OVERLAP_S:.0f} s);"
+            " give the whole recordings, or check their clocks"
         )
     return float(inside[0]), float(hi)
 

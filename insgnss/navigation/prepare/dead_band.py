@@ -24,10 +24,10 @@ from ...records import Array, ImuSamples
 from .gaps import nominal_interval
 from .stuck_channels import MOST_PROBED
 
-OFTEN = 0.1  # share of the samples that show one number
+LEAST_SHARE_OF_ONE_VALUE = 0.1  # share of the samples that show one number
 # of the white noise's power at low frequencies, from which on the band's error counts
-COUNTS = 0.3
-LONGEST_S = 60.0  # of a run: longer ones are stands, where the readings say nothing more
+LEAST_POWER_SHARE = 0.3
+LONGEST_RUN_S = 60.0  # of a run: longer ones are stands, where the readings say nothing more
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class DeadBand:
 
     def counts(self, white_noise: float) -> bool:
         """Whether the error counts beside a root power spectral density in rad/s/sqrt(Hz)."""
-        return 2.0 * self.sigma**2 * self.duration_s > COUNTS * white_noise**2
+        return 2.0 * self.sigma**2 * self.duration_s > LEAST_POWER_SHARE * white_noise**2
 
 
 def dead_bands(imu: ImuSamples) -> dict[int, DeadBand]:
@@ -94,10 +94,10 @@ def dead_band_of(column: Array, interval_s: float) -> DeadBand | None:
     usual = values[int(np.argmax(counts))]
     inside = column == usual
     share = float(inside.mean())
-    if share < OFTEN or values.size < 2:
+    if share < LEAST_SHARE_OF_ONE_VALUE or values.size < 2:
         return None
     half_width = float(np.abs(values[values != usual] - usual).min())
     edges = np.flatnonzero(np.concatenate([[True], inside[1:] != inside[:-1], [True]]))
     lengths = np.diff(edges)[inside[edges[:-1]]] * interval_s
-    lengths = np.minimum(lengths, LONGEST_S)
+    lengths = np.minimum(lengths, LONGEST_RUN_S)
     return DeadBand(half_width, share, float(np.sum(lengths**2) / np.sum(lengths)))

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from ...geodesy.earth import curvature_radii
 from ...records import Array, GnssFixes
 
-FASTEST_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
+FASTEST_DRONE_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
 # a fix off its neighbours' cubic by so many typical distances, and by at least this
-OUTLYING, LEAST_M = 8.0, 0.05
+OUTLYING_SIGMAS, LEAST_DETOUR_M = 8.0, 0.05
 
 
 def north_east(gnss: GnssFixes) -> Array:
@@ -28,7 +28,8 @@ def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
         Begin and end.
     """
     step = np.minimum(
-        np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time)
+        np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1),
+        FASTEST_DRONE_MS * np.diff(gnss.time),
     )
     path = np.concatenate([[0.0], np.cumsum(step)])
     end = np.searchsorted(gnss.time, gnss.time + length_s, side="right") - 1
@@ -61,7 +62,7 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
         around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])
         even[2:-2] = around.max(axis=1) < 1.5 * np.median(step)
         off[~even] = 0.0
-        limit = max(OUTLYING * float(np.median(off)), LEAST_M)
+        limit = max(OUTLYING_SIGMAS * float(np.median(off)), LEAST_DETOUR_M)
         peak = off.copy()
         for shift in (1, 2):
             peak[shift:] = np.maximum(peak[shift:], off[:-shift])

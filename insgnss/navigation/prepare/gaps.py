@@ -1,9 +1,9 @@
 """Gaps of the IMU: bridged where the recording shows how well that can be done, else cut.
 
-An interval longer than `LACKING` nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the
-mean of the rates at its two ends (`increments`). What the body did meanwhile is unknown, but the
-minute around the gap shows how far such a bridge is off: over every interval of the same length
-that has its samples, the bridge is compared with what the sensors saw,
+An interval longer than `LEAST_GAP_INTERVALS` nominal ones lacks samples. Up to `BRIDGE_S` it is
+bridged by the mean of the rates at its two ends (`increments`). What the body did meanwhile is
+unknown, but the minute around the gap shows how far such a bridge is off: over every interval of
+the same length that has its samples, the bridge is compared with what the sensors saw,
 
     d = (x[j] + x[j + k]) L / 2  -  sum of the increments from j to j + k                      (G.1)
 
@@ -20,12 +20,12 @@ from ...records import Array, ImuSamples
 
 # nominal intervals: a longer step lacks a sample at least, and stamps jitter by less than half of
 # one
-LACKING = 1.5
+LEAST_GAP_INTERVALS = 1.5
 # beyond it a turning drone's attitude would be known to tens of degrees, where linear theory ends
 BRIDGE_S = 1.0
 # on both sides of a gap (s): the minute that shows how far a bridge is off (chosen)
-AROUND_S = 30.0
-FEW = 20  # comparisons below which the whole recording serves
+NEIGHBOURHOOD_S = 30.0
+LEAST_COMPARISONS = 20  # comparisons below which the whole recording serves
 # s: longer steps are pauses of the recording; no logger holds samples back for so long
 PAUSE_S = 10.0
 # gaps longer than this get an epoch at either end, so that what bridges them is a step of its own
@@ -45,7 +45,7 @@ def mean_interval(time: Array) -> float:
 
 
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
-    """Find every interval longer than `LACKING` nominal ones.
+    """Find every interval longer than `LEAST_GAP_INTERVALS` nominal ones.
 
     Returns
     -------
@@ -53,7 +53,10 @@ def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
         The time of the last sample before each gap, and its length.
     """
     step = np.diff(time)
-    return [(float(time[i]), float(step[i])) for i in np.flatnonzero(step > LACKING * nominal)]
+    return [
+        (float(time[i]), float(step[i]))
+        for i in np.flatnonzero(step > LEAST_GAP_INTERVALS * nominal)
+    ]
 
 
 def limit(nominal: float) -> float:
@@ -133,11 +136,13 @@ class _Seen:
         Raises DataError where there is nothing to compare.
         """
         k = max(round(length / self.nominal), 2)
-        key = (k, int((t - self.time[0]) / AROUND_S))
+        key = (k, int((t - self.time[0]) / NEIGHBOURHOOD_S))
         if key not in self._known:
-            first, last = np.searchsorted(self.time, [t - AROUND_S, t + length + AROUND_S])
+            first, last = np.searchsorted(
+                self.time, [t - NEIGHBOURHOOD_S, t + length + NEIGHBOURHOOD_S]
+            )
             near = self._misses(k, int(first), int(last))
-            if near.shape[0] < FEW:
+            if near.shape[0] < LEAST_COMPARISONS:
                 near = self._misses(k, 0, self.time.size)
             if not near.shape[0]:
                 raise DataError(

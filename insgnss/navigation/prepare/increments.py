@@ -36,7 +36,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import QUANTITIES, Array, ImuSamples, Increments
-from .gaps import LACKING, bridged_variance, find_gaps, limit, nominal_interval
+from .gaps import LEAST_GAP_INTERVALS, bridged_variance, find_gaps, limit, nominal_interval
 
 # a mark this close to another, or to a sample, is the same instant: 15 m/s make 1.5 micrometres of
 # it
@@ -105,7 +105,7 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
         *samples,
         np.ascontiguousarray(C_b_imu),
         nominal,
-        LACKING * nominal,
+        LEAST_GAP_INTERVALS * nominal,
         snapped,
         dt,
         dtheta,

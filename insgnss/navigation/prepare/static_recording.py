@@ -29,7 +29,7 @@ from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
 from ...records import Array, Finding, ImuSamples, Question
 from ...records.variances import MAD_TO_SIGMA
-from .gaps import LACKING, find_gaps, mean_interval, nominal_interval
+from .gaps import LEAST_GAP_INTERVALS, find_gaps, mean_interval, nominal_interval
 from .stationarity import (
     MAX_ACCEL,
     MAX_BIAS,
@@ -39,23 +39,24 @@ from .stationarity import (
     StationaryPeriods,
     stationary_periods,
 )
-from .stuck_channels import CHANNELS, LONGER, MOST_PROBED, STUCK_S, constant_runs
+from .stuck_channels import CHANCE_RUNS, CHANNELS, MOST_PROBED, STUCK_S, constant_runs
 
 # length (s): six times `LONG_BLOCKS` blocks; a shorter one shows white noise alone (chosen)
-LEAST_S = 60.0
+LEAST_LENGTH_S = 60.0
 STUCK_SAMPLES = 10  # of a run at slow rates, where 5 s have few samples (chosen)
-BLOCK_S = 1.0  # length of a block (s): a knock takes about as long (chosen)
+MOMENT_BLOCK_S = 1.0  # length of a block (s): a knock takes about as long (chosen)
 LEAST_IN_BLOCK = 20  # samples whose variance is taken: its sigma is then a third of it
 LONG_BLOCKS = 10  # blocks of the means that show a step (chosen)
-SIGMAS = 8.0  # robust deviations from (S.1) beyond which a block is disturbed: none is by chance
+# robust deviations from (S.1) beyond which a block is disturbed: none is by chance
+DISTURBED_SIGMAS = 8.0
 # robust deviations from which on a recording should be cut, not only looked at (chosen)
-STRONG = 20.0
+STRONG_SIGMAS = 20.0
 LEAST_EARTH = 0.5  # of the Earth's rate, below which the mean rate is not that of a sensor at rest
-NEAR = 0.1  # of the mean force to gravity, to suggest a unit
+UNIT_TOLERANCE = 0.1  # of the mean force to gravity, to suggest a unit
 LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not reported
 # of the time that the sensor has to stand, so that its noise is that of a rest (chosen)
 REST_SHARE = 0.9
-FINE = 1.5  # samples scatter by so many steps of their rounding
+FINE_STEPS = 1.5  # samples scatter by so many steps of their rounding
 ROUNDED = 0.5  # below it the rounding hides the noise
 RAIL_RUN = 3  # samples in a row at the extreme value that are clipped: noise does not repeat it
 RAIL_SIGMAS = 6.0  # of the extreme from the mean: extremes of noise alone are nearer
@@ -193,8 +194,8 @@ def static_span(
 
 def _length(length_s: float) -> Finding:
     advice = "record for longer: hours, to resolve slow processes"
-    return Question("length", f"{LEAST_S:.0f} s and more").contradiction(
-        f"{length_s:.1f} s without interruption", advice, when=length_s < LEAST_S
+    return Question("length", f"{LEAST_LENGTH_S:.0f} s and more").contradiction(
+        f"{length_s:.1f} s without interruption", advice, when=length_s < LEAST_LENGTH_S
     )
 
 
@@ -221,7 +222,7 @@ def _unbroken(
     if not gaps:
         return lo, hi, ask.ok("none")
     step = np.diff(time[lo:hi])
-    cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
+    cuts = np.flatnonzero(step > max(LEAST_GAP_INTERVALS * nominal, bridge_s + 1.001 * nominal))
     edges = np.concatenate([[0], cuts + 1, [hi - lo]])
     longest = int(np.argmax(np.diff(edges)))
     first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
@@ -242,7 +243,7 @@ def _unbroken(
 def _places(time: Array, nominal: float) -> NDArray[np.int64]:
     """Number of each sample on a grid of equal intervals."""
     step = np.diff(time)
-    whole = np.where(step > LACKING * nominal, np.rint(step / nominal), 1.0)
+    whole = np.where(step > LEAST_GAP_INTERVALS * nominal, np.rint(step / nominal), 1.0)
     return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
 
 
@@ -261,7 +262,7 @@ def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
         advice = "the sensor is dead, its column is wrong, or its driver hides small values"
         return [ask.contradiction("; ".join(stuck), advice)]
     checks = [ask.ok("every channel alive")]
-    size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
+    size = max(LEAST_IN_BLOCK, round(MOMENT_BLOCK_S * rate))
     coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
     if coarse:
         names = ", ".join(name for name, _, _ in coarse)
@@ -277,7 +278,7 @@ def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
             if hidden
             else "the white noise found contains the rounding"
         )
-        scattering = Question("rounding", f"samples scatter by {FINE} steps and more")
+        scattering = Question("rounding", f"samples scatter by {FINE_STEPS} steps and more")
         checks.append(scattering.against(finding, advice, hidden))
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
         at_end = Question("range", "no reading at the end of the range")
@@ -292,7 +293,7 @@ def _stuck(column: Array, rate: float) -> str:
     probed = column[:MOST_PROBED]
     p = min(max(float(np.mean(probed[1:] == probed[:-1])), 1e-6), 0.9999)
     shortest = int(
-        max(STUCK_SAMPLES, STUCK_S * rate, LONGER * np.log(column.size) / np.log(1.0 / p))
+        max(STUCK_SAMPLES, STUCK_S * rate, CHANCE_RUNS * np.log(column.size) / np.log(1.0 / p))
     )
     runs = constant_runs(column, shortest + 1)
     if not runs:
@@ -321,7 +322,7 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Finding:
         near = [
             unit
             for unit, factor in factors.items()
-            if abs(force * factor / STANDARD_GRAVITY - 1.0) < NEAR
+            if abs(force * factor / STANDARD_GRAVITY - 1.0) < UNIT_TOLERANCE
         ]
         one = f"{STANDARD_GRAVITY / max(force, 1e-12):.4g} m/s^2"
         advice = (
@@ -363,7 +364,7 @@ def _rounding(column: Array, size: int) -> tuple[float, float] | None:
         return None
     step = float(np.quantile(np.diff(values), 0.2))
     scatter = float(np.sqrt(np.median(probed.reshape(-1, size).var(axis=1))))
-    return None if scatter > FINE * step else (max(scatter / step, 1e-3), step)
+    return None if scatter > FINE_STEPS * step else (max(scatter / step, 1e-3), step)
 
 
 def _rail(column: Array) -> str:
@@ -412,10 +413,10 @@ def _at_rest(
     if not disturbances:
         return (), Question(name, expected).ok("at rest throughout")
     more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
-    how = "disturbed" if disturbances[0].sigmas > STRONG else "slightly disturbed"
+    how = "disturbed" if disturbances[0].sigmas > STRONG_SIGMAS else "slightly disturbed"
     advice = (
         "leave the recording out, or cut it with --skip and --keep"
-        if disturbances[0].sigmas > STRONG
+        if disturbances[0].sigmas > STRONG_SIGMAS
         else ""
     )
     return disturbances, Question(name, "nothing but noise").note(
@@ -431,8 +432,8 @@ def _longest(periods: StationaryPeriods, begin: float) -> str:
 
 
 def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...]:
-    """All beyond `SIGMAS` (S.1), merged where they touch."""
-    size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
+    """All beyond `DISTURBED_SIGMAS` (S.1), merged where they touch."""
+    size = max(LEAST_IN_BLOCK, round(MOMENT_BLOCK_S * rate))
     blocks = len(x) // size
     if blocks < 4 * LONG_BLOCKS:
         return ()
@@ -440,19 +441,19 @@ def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...
     mean, power = cut.mean(axis=1), np.log(np.maximum(cut.var(axis=1), 1e-300))
     long = _moving_mean(mean, LONG_BLOCKS)
     scores = np.zeros((3, blocks, x.shape[1]))
-    scores[0] = _score(power, LEAST_RISE / SIGMAS)
+    scores[0] = _score(power, LEAST_RISE / DISTURBED_SIGMAS)
     scores[1, 1:] = _score(np.diff(mean, axis=0), 0.0)
     half = long.shape[0] - LONG_BLOCKS
     scores[2, LONG_BLOCKS : LONG_BLOCKS + half] = _score(long[LONG_BLOCKS:] - long[:half], 0.0)
     scores[0] = np.maximum(scores[0], 0.0)
-    beyond = np.flatnonzero((np.abs(scores) > SIGMAS).any(axis=(0, 2)))
+    beyond = np.flatnonzero((np.abs(scores) > DISTURBED_SIGMAS).any(axis=(0, 2)))
     if not beyond.size:
         return ()
     disturbances = []
     for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > LONG_BLOCKS) + 1):
         run_scores = np.abs(scores[:, run[0] : run[-1] + 1])
         channel = int(np.argmax(run_scores.max(axis=(0, 1))))
-        quick = bool(run_scores[:2].max() > SIGMAS)
+        quick = bool(run_scores[:2].max() > DISTURBED_SIGMAS)
         lo, hi = _quick_span(run_scores[:2], run[0]) if quick else (run[0], run[-1] + 1)
         kind = "shaken" if quick else "step"
         disturbances.append(
@@ -468,7 +469,7 @@ def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...
 
 
 def _quick_span(scores: Array, first: int) -> tuple[int, int]:
-    blocks = np.flatnonzero((scores > SIGMAS).any(axis=(0, 2)))
+    blocks = np.flatnonzero((scores > DISTURBED_SIGMAS).any(axis=(0, 2)))
     return first + int(blocks[0]), first + int(blocks[-1]) + 1
 
 

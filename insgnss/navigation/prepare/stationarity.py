@@ -31,12 +31,13 @@ from numpy.typing import NDArray
 from ...records import Array, GnssFixes, ImuSamples
 from .gaps import nominal_interval
 
-BLOCK_S = 0.1  # whose sums are kept (s): windows and their edges are whole numbers of it (chosen)
+# whose sums are kept (s): windows and their edges are whole numbers of it (chosen)
+MOTION_BLOCK_S = 0.1
 WINDOW_BLOCKS = 10  # blocks of a window: one second shows whether a vehicle sways (chosen)
 EDGE_BLOCKS = 2  # cut off at both ends: motion may have begun in the window's last blocks
 MIN_LENGTH_S = 1.0  # of a stationary period (s): that of a window
 # of (Z.1): three times the noise of the quietest second; five times (wind, an idling engine)
-RATIO, RATIO_CONFIRMED = 9.0, 25.0
+STATIONARY_RATIO, RATIO_CONFIRMED = 9.0, 25.0
 QUIETEST = 10  # windows that give the noise
 # rad/s, m/s^2, least noise assumed: some sensors round what is small to zero
 FLOOR_GYRO, FLOOR_ACCEL = 5e-4, 5e-3
@@ -47,7 +48,7 @@ MAX_SLOW_GYRO, MAX_SLOW_ACCEL = 3e-3, 0.05  # rad/s, m/s^2, of (Z.2)
 MAX_BIAS, BIAS_SPREAD = 0.1, 0.01
 # m/s^2, mean specific force of a sensor at rest: gravity, biases and scale factors
 NORM_LOW, NORM_HIGH = 9.0, 10.6
-SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a stationary receiver wander at a few cm/s
+GNSS_SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a stationary receiver wander at a few cm/s
 USEFUL_MS = 1.5  # m/s, a GNSS that cannot exclude more than this confirms nothing
 
 MOVING, UNKNOWN, CONFIRMED = -1, 0, 1  # what GNSS shows of a window
@@ -177,7 +178,7 @@ def _block_sums(imu: ImuSamples) -> _Sums:
     from ._kernels import add_up
 
     start, nominal = float(imu.time[0]), nominal_interval(imu.time)
-    length = max(BLOCK_S, 3.0 * nominal)
+    length = max(MOTION_BLOCK_S, 3.0 * nominal)
     edges = np.searchsorted(imu.time, np.arange(start, imu.time[-1] + 1e-9, length) - 1e-9)
     count = np.diff(edges).astype(np.float64)
     rate = 1.0 / nominal if imu.quantity == "increments" else 1.0
@@ -223,7 +224,7 @@ def _quiet(
     base = np.flatnonzero(sure if sure.sum() >= QUIETEST else candidate)
     gyro, accel = np.maximum(gyro, FLOOR_GYRO**2), np.maximum(accel, FLOOR_ACCEL**2)
     best = base[np.argsort(gyro[base] * accel[base], kind="stable")[:QUIETEST]]
-    ratio = np.where(seen == CONFIRMED, RATIO_CONFIRMED, RATIO)
+    ratio = np.where(seen == CONFIRMED, RATIO_CONFIRMED, STATIONARY_RATIO)
     return (
         candidate
         & (gyro <= ratio * np.median(gyro[best]))
@@ -287,8 +288,10 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
         )
     covered = _covered(gnss.time, begin, end)
     for speed, deviation in speeds:
-        seen[covered & (seen == UNKNOWN) & (SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = CONFIRMED
-        seen[covered & (np.abs(speed) > SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
+        seen[covered & (seen == UNKNOWN) & (GNSS_SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = (
+            CONFIRMED
+        )
+        seen[covered & (np.abs(speed) > GNSS_SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
     return seen
 
 
@@ -300,7 +303,7 @@ def _interpolated(time: Array, values: Array, instants: Array) -> Array:
 def _covered(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
     """Which windows lie between fixes that follow each other closely enough to interpolate."""
     long = np.concatenate(
-        [[0], np.cumsum(np.diff(time) > 2.5 * max(nominal_interval(time), BLOCK_S))]
+        [[0], np.cumsum(np.diff(time) > 2.5 * max(nominal_interval(time), MOTION_BLOCK_S))]
     )
     first, last = np.searchsorted(time, begin, side="right") - 1, np.searchsorted(time, end)
     inside = (first >= 0) & (last < time.size)

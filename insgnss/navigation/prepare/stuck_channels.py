@@ -18,9 +18,10 @@ from .gaps import nominal_interval
 
 STUCK_S = 5.0  # of a run: beyond it the channel is dead, and its samples are kept to be looked at
 LEAST_SAMPLES = 20  # of a run of one reading, whatever chance makes (chosen)
-LEAST_S = 0.2  # of that run (s): what is lost in a shorter one does not turn a drone far (chosen)
-LONGER = 3.0  # times the longest run that chance makes
-DEAD_BAND, OFTEN = 0.05, 0.01  # rad/s; share of the samples
+# of that run (s): what is lost in a shorter one does not turn a drone far (chosen)
+LEAST_RUN_S = 0.2
+CHANCE_RUNS = 3.0  # times the longest run that chance makes
+DEAD_BAND, DEAD_BAND_SHARE = 0.05, 0.01  # rad/s; share of the samples
 MOVES = 0.3  # share of the samples at which another channel of the triad changes
 MOST_PROBED = 200_000  # samples that show how often a value repeats (chosen)
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z")
@@ -118,7 +119,7 @@ def dead_band(imu: ImuSamples, channel: int, first: int, last: int) -> bool:
     )
     if column[first] != 0.0:
         return False
-    often = (np.count_nonzero(column == 0.0) - (last - first + 1)) > OFTEN * column.size
+    often = (np.count_nonzero(column == 0.0) - (last - first + 1)) > DEAD_BAND_SHARE * column.size
     return bool(often or np.abs(imu.gyro[first : last + 1]).max() * per_second < DEAD_BAND)
 
 
@@ -127,4 +128,4 @@ def _shortest(column: Array, dt: float) -> int:
     probed = column[:MOST_PROBED]
     p = min(max(float(np.mean(probed[1:] == probed[:-1])), 1e-6), 0.999)
     expected = np.log(max(column.size, 2)) / np.log(1.0 / p)
-    return int(max(LEAST_SAMPLES, LEAST_S / dt, LONGER * expected))
+    return int(max(LEAST_SAMPLES, LEAST_RUN_S / dt, CHANCE_RUNS * expected))

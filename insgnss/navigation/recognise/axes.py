@@ -16,16 +16,16 @@ from .relation import Relation
 
 # prior standard deviations of wind and airspeed, and least scatter of a speed
 WIND_MS, SPEED_MS, GUST_MS = 5.0, 30.0, 1.0
-SLOWEST_MS = 2.0  # from here up GNSS has a course
+SLOWEST_COURSE_MS = 2.0  # from here up GNSS has a course
 # over which a velocity is taken (s): the noise of fixes hides it over a shorter time (chosen)
 LEAST_WIDTH_S = 2.0
-INDEPENDENT_S = 10.0  # crab and speed change so slowly
+INDEPENDENT_CRAB_S = 10.0  # crab and speed change so slowly
 # standard deviation of what tilts the mean of a flight against the axis meant
 MOUNT_RAD = np.radians(8.0)
 # sigma of the forward axis by the mean crab that the fitted wind does not explain (chosen)
 CRAB_RAD = np.radians(5.0)
-MOVING = 0.3  # of the speed that is exceeded a tenth of the time
-ROUNDS = 5  # of the weighted fit of wind and axis (chosen)
+MOVING_SPEED_SHARE = 0.3  # of the speed that is exceeded a tenth of the time
+WIND_ITERATIONS = 5  # of the weighted fit of wind and axis (chosen)
 WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
@@ -73,7 +73,7 @@ class Pose:
     velocity : ndarray, shape (m, 2), m/s
         North and east.
     course_rate : ndarray, shape (m,), rad/s
-        NaN below `SLOWEST_MS`.
+        NaN below `SLOWEST_COURSE_MS`.
     width : float, s
         Length over which the velocity is averaged.
     """
@@ -100,7 +100,7 @@ def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose
         _velocity(gnss, sound, instants + shift, 0.5 * width)
         for shift in (-0.25 * width, 0.25 * width)
     )
-    fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_MS
+    fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_COURSE_MS
     course_rate = np.where(fast, np.angle(v2 * np.conj(v1)) / (0.5 * width), np.nan)
     v = 0.5 * (v1 + v2)
     return Pose(
@@ -211,15 +211,15 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     h = h / np.maximum(level, 1e-3)
     A = np.column_stack([h, np.ones_like(h)])
     prior = np.diag([1.0 / SPEED_MS**2, 1.0 / WIND_MS**2])
-    spacing = float(np.median(np.diff(pose.time))) if pose.time.size > 1 else INDEPENDENT_S
-    share = min(1.0, spacing / INDEPENDENT_S)
-    moving = np.abs(v) > MOVING * np.quantile(np.abs(v), 0.9)
+    spacing = float(np.median(np.diff(pose.time))) if pose.time.size > 1 else INDEPENDENT_CRAB_S
+    share = min(1.0, spacing / INDEPENDENT_CRAB_S)
+    moving = np.abs(v) > MOVING_SPEED_SHARE * np.quantile(np.abs(v), 0.9)
     heading_known = moving & (pose.yaw_sigma < 0.5)
     rest, scale = (
         np.zeros(v.size),
         max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS),
     )
-    for _ in range(ROUNDS):
+    for _ in range(WIND_ITERATIONS):
         variance = scale**2 + (np.abs(v) * pose.yaw_sigma) ** 2
         weight = share * moving * level / variance / (1.0 + rest**2 / variance)
         N = (A.conj().T * weight) @ A + prior

@@ -12,13 +12,13 @@ from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, Question
 from .axes import axes_words, imu_word
-from .handedness import LEFT_HANDED, SURE, of_axes, what_is_wrong
+from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, Recognition
 from .units import ACCEL_UNITS, GYRO_UNITS
 
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
-LEAST_OFFSET_S = 0.02  # a time offset that is reported
+REPORTED_OFFSET_S = 0.02  # a time offset that is reported
 # a time offset that stops the job; below it the filter copes, and a note reports it
 OFFSET_LIMIT_S = 0.5
 RECOGNISED = tuple(f"recognised {kind}" for kind in ("units", "axes", "sign", "clock"))
@@ -63,9 +63,9 @@ def compare(
     Returns
     -------
     list of Finding
-        Those of `RECOGNISED`: "contradiction" where the data are surer than `SURE` of something
-        else (of a clock: by more than `OFFSET_LIMIT_S`), "note" where they do not determine it or
-        are less sure, "ok" otherwise.
+        Those of `RECOGNISED`: "contradiction" where the data are surer than `SURE_OF_EXCHANGE` of
+        something else (of a clock: by more than `OFFSET_LIMIT_S`), "note" where they do not
+        determine it or are less sure, "ok" otherwise.
     """
     return [
         _compare_units(recognition, quantity, gyro_unit, accel_unit),
@@ -123,7 +123,7 @@ def _compare_units(
         quantity_of = SetKey("imu.quantity", recognition.quantity)
         remedies.append(Step("they look like {}", quantity_of))
     if remedies:
-        return ask.against("; ".join(evidence), joined(remedies, "; "), sure > SURE)
+        return ask.against("; ".join(evidence), joined(remedies, "; "), sure > SURE_OF_EXCHANGE)
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
     return ask.note(
         "; ".join(evidence), f"the data do not determine the {' and '.join(silent)}", when=silent
@@ -146,12 +146,14 @@ def _compare_axes(
             f"about the accelerometers' x y z turn {triads.found}: correct {{imu.columns}} or the"
             " signs in the file"
         )
-        return ask.against(f"{triads.found}; {triads.evidence}", advice, triads.confidence > SURE)
+        return ask.against(
+            f"{triads.found}; {triads.evidence}", advice, triads.confidence > SURE_OF_EXCHANGE
+        )
     statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
     if recognition.axes == claimed:
         return ask.ok(statement)
     down_word = vertical.found.split()[0]
-    if vertical.confidence > SURE and down_word != imu_word(C_b_imu[2]):
+    if vertical.confidence > SURE_OF_EXCHANGE and down_word != imu_word(C_b_imu[2]):
         hint = (
             SetKey("imu.axes", recognition.axes)
             if recognition.axes
@@ -160,7 +162,7 @@ def _compare_axes(
         return ask.contradiction(statement, Step("the data look like {}", hint))
     if recognition.axes is None:
         return ask.note(statement, "the data do not determine which axis is forward")
-    sure = finding.confidence > SURE
+    sure = finding.confidence > SURE_OF_EXCHANGE
     nose_first = "" if sure else ", if it moves nose first"
     advice = Step("the data look like {}{}", SetKey("imu.axes", recognition.axes), nose_first)
     return ask.against(statement, advice, sure)
@@ -193,7 +195,7 @@ def _left_handed(
             axes = Step("{}; or correct the signs in the file", axes)
     triads = exchange.recognition.finding("gyro triad")
     finding = f"{error}: with {a} and {b} exchanged {triads.evidence}"
-    sure = recognition.finding("gyro triad").confidence > SURE
+    sure = recognition.finding("gyro triad").confidence > SURE_OF_EXCHANGE
     advice = joined((remedy(exchange.pair), sign, axes), "")
     return Question("recognised axes", f"{claimed}, right-handed").against(finding, advice, sure)
 
@@ -215,7 +217,7 @@ def _compare_sign(recognition: Recognition, accel_sign: int) -> Finding:
         " of them has the wrong sign",
         SetKey("imu.accel_sign", -accel_sign),
     )
-    return ask.against(statement, advice, finding.confidence > SURE)
+    return ask.against(statement, advice, finding.confidence > SURE_OF_EXCHANGE)
 
 
 def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
@@ -225,7 +227,7 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
     if not finding.confidence:
         return ask.note(statement, "the data do not determine the time offset")
     offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
-    if abs(offset) < max(3.0 * sigma, LEAST_OFFSET_S):
+    if abs(offset) < max(3.0 * sigma, REPORTED_OFFSET_S):
         return ask.ok(statement)
     set_to = SetKey("gnss.time_offset_s", round(time_offset_s + offset, 3))
     advice = Step("{} would put the fixes on the IMU's clock", set_to)
@@ -240,5 +242,5 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
         )
     if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
         advice = Step("{} ({}, leap seconds)", advice, recognition.time_scale)
-    sure = abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE
+    sure = abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE_OF_EXCHANGE
     return ask.against(statement, advice, sure)

@@ -2,7 +2,7 @@
 
 from ...records import Finding
 
-MOST = 0.999
+MOST_CONFIDENCE = 0.999
 """Probability, at most, that an answer is right: the recogniser is never surer than this."""
 
 
@@ -16,7 +16,8 @@ def answer(name: str, value: str, confidence: float, evidence: str) -> Finding:
     value : str
         The answer in the words of the flight file; "unknown" stands for it without confidence.
     confidence : float
-        Probability that the value is right, 0 to `MOST`; 0 where the data do not determine it.
+        Probability that the value is right, 0 to `MOST_CONFIDENCE`; 0 where the data do not
+        determine it.
     evidence : str
         The numbers behind it.
 

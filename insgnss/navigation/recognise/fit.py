@@ -14,17 +14,18 @@ from ...geodesy.rotation import rotation_from_vector, skew
 from ...records import Array
 from ...records.variances import MAD_TO_SIGMA
 from ._kernels import differences, scan
-from .signal import LEAST_ROWS, Accelerations, PropagatedForce
+from .signal import LEAST_WINDOW_ROWS, Accelerations, PropagatedForce
 
 # of the logarithms of likelihood ratios: residuals are time-correlated and not normal
 CAUTION = 0.1
 # a survey repeats itself line by line: a lag beyond the first is a priori less likely by this
 USUAL_S, UNUSUAL = 1.0, -4.0
-LEAP_S, LEAP_WITHIN_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
+MEAN_LEAP_S, LEAP_TOLERANCE_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
 RUN_SPANS = 2.0  # of the differences, that the lag may move from where the scan found it
-ROUNDS, FREEDOM = 8, 4.0  # of the least squares, and of Student's distribution of the residuals
-LEVER, SCALE, BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
-PRIOR = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
+# of the least squares, and of Student's distribution of the residuals
+MOST_ITERATIONS, FREEDOM = 8, 4.0
+LEVER, SCALE_OF_FORCE, GYRO_BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
+PRIOR_SIGMAS = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class Scan:
         unusual = np.zeros(self.lags.size)
         if not self.any_clock:
             unusual[np.abs(self.lags) > USUAL_S] = UNUSUAL
-            unusual[np.abs(np.abs(self.lags) - LEAP_S) < LEAP_WITHIN_S] = LEAP
+            unusual[np.abs(np.abs(self.lags) - MEAN_LEAP_S) < LEAP_TOLERANCE_S] = LEAP
         left = np.maximum(1.0 - np.where(np.isfinite(self.score), self.score, 0.0), 1e-6)
         return np.where(
             np.isfinite(self.score), unusual - 0.5 * CAUTION * self.samples * np.log(left), -np.inf
@@ -138,7 +139,7 @@ def scan_lags(
         out[..., 15],
     )
     M = M.reshape(*M.shape[:2], 3, 3)
-    use = count >= LEAST_ROWS
+    use = count >= LEAST_WINDOW_ROWS
     larger, least = _singular_values(M)
     sums = (larger + np.abs(least), larger + least, larger - least)
     left = [np.where(use, zz - s**2 / np.maximum(aa, 1e-300), 0.0).sum(axis=1) for s in sums]
@@ -269,7 +270,7 @@ class _Model:
             -1, 3, 3
         )
         a, da = self.sign * a, self.sign * da
-        turned = turn * theta[SCALE] + drift @ theta[BIAS]
+        turned = turn * theta[SCALE_OF_FORCE] + drift @ theta[GYRO_BIAS]
         R = rotation_from_vector(turned)
         a, da = np.einsum("nij,nj->ni", R, a), np.einsum("nij,nj->ni", R, da)
         cross = -skew(a)
@@ -317,9 +318,9 @@ def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) 
     theta[0] = lag
     windows = int(acc.window.max()) + 1
     C = np.empty((0, 3, 3))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ITERATIONS):
         use = model.inside(theta[0])
-        if use.sum() < LEAST_ROWS or abs(theta[0] - lag) > RUN_SPANS * acc.span_s:
+        if use.sum() < LEAST_WINDOW_ROWS or abs(theta[0] - lag) > RUN_SPANS * acc.span_s:
             return None
         u, J, middle, turned = model.rows(theta, use)
         window, z = acc.window[use], acc.z[use]
@@ -341,7 +342,7 @@ def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) 
         if abs(step[0]) < 2e-4 and np.abs(psi).max() < 1e-3:
             break
     overlap = max(acc.span_s / max(float(np.median(np.diff(acc.time))), 1e-3), 1.0)
-    prior = np.diag(1.0 / PRIOR**2)
+    prior = np.diag(1.0 / PRIOR_SIGMAS**2)
     H0 = np.linalg.inv(H + prior)
     cluster = H0 @ (g.T @ g + prior) @ H0
     simple = np.linalg.inv(H / overlap + prior)
@@ -369,7 +370,7 @@ def _solve(
     scale = np.sqrt(robust)[:, None] / sigma
     G = np.concatenate([-skew(felt), C[window] @ J], axis=2) * scale[:, :, None]
     y = r * scale
-    H, b = np.diag(1.0 / PRIOR**2), -theta / PRIOR**2
+    H, b = np.diag(1.0 / PRIOR_SIGMAS**2), -theta / PRIOR_SIGMAS**2
     b = b * np.r_[0.0, np.ones(7)]
     H = H * np.r_[1e-6, np.ones(7)]
     N, v = np.zeros((n, 11, 11)), np.zeros((n, 11))

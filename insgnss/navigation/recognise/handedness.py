@@ -19,9 +19,10 @@ from ..prepare.axes import parse_axes
 from .axes import imu_word
 from .recognition import Exchange, Recognition
 
-PAIRS = ((0, 1), (0, 2), (1, 2))  # axes that may be exchanged
+AXIS_PAIRS = ((0, 1), (0, 2), (1, 2))  # axes that may be exchanged
 MIRRORED = "gyro -x -y -z"  # of the words of `verdict.triads_words`
-SURE = 0.99  # a confidence beyond which a trial explains the motion, and a claim is contradicted
+# a confidence beyond which a trial explains the motion, and a claim is contradicted
+SURE_OF_EXCHANGE = 0.99
 LETTERS = "xyz"
 LEFT_HANDED = "the readings are of left-handed axes"
 
@@ -91,7 +92,9 @@ def with_exchanges(
     """
     if not mirrored(recognition, accel_sign):
         return recognition
-    trials = (Exchange(pair, recogniser(exchanged(imu, pair, accel_sign), gnss)) for pair in PAIRS)
+    trials = (
+        Exchange(pair, recogniser(exchanged(imu, pair, accel_sign), gnss)) for pair in AXIS_PAIRS
+    )
     return replace(recognition, exchanges=tuple(t for t in trials if explains(t.recognition)))
 
 
@@ -101,7 +104,7 @@ def explains(recognition: Recognition) -> bool:
     return (
         triads.found == "aligned"
         and recognition.accel_sign > 0
-        and min(triads.confidence, sign.confidence) > SURE
+        and min(triads.confidence, sign.confidence) > SURE_OF_EXCHANGE
     )
 
 

@@ -12,16 +12,16 @@ from ...geodesy.earth import curvature_radii
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question
 from ...records.verdicts import CHECKS
 from ..prepare.fix_path import north_east, sound_fixes
-from ..prepare.gaps import LACKING, find_gaps, mean_interval, nominal_interval
+from ..prepare.gaps import LEAST_GAP_INTERVALS, find_gaps, mean_interval, nominal_interval
 from ..prepare.stuck_channels import STUCK_S, constant_runs, dead_band
 from .positions import check_velocity
 from .propulsion import propulsion
 from .streams import check_classes
-from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
+from .turns import TURN_GRID_S, Forces, check_events, check_turns, quantity_guess
 
 # of a tangent plane's origin from the flight (m): a drone does not fly farther (chosen)
-FAR_M = 50e3
-NEAR_M = 10.0  # who stays within it may show the same rounded coordinate all the time
+FARTHEST_ORIGIN_M = 50e3
+HOVER_RADIUS_M = 10.0  # who stays within it may show the same rounded coordinate all the time
 FAST_MS = 8.0  # from which on a course is near the heading (m/s): wind is mostly slower (chosen)
 # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 ONE_COURSE = 0.95
@@ -34,9 +34,9 @@ FORCE = 8.8, 11.0
 # what a turn adds to it, 1 / cos(bank), is taken off above: up to 70 deg of bank
 MOST_LOAD = 3.0
 SPEED_S = 2.0  # over which the speed is taken
-LOOKS_LIKE = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
+GRAVITY_RATIO = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
 # of the samples: more readings beyond any sensor are no spikes, but another unit or column
-MANY = 0.01
+MOST_IMPLAUSIBLE_SHARE = 0.01
 _WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
@@ -75,7 +75,7 @@ def check_recording(
     checks += check_classes(gnss)
     checks += [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
-    if imu.time.size * dt > 2.0 * STEP_S:
+    if imu.time.size * dt > 2.0 * TURN_GRID_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
         load = _load(time, rate, gnss)
         checks += [_force_norm(rate, force, load, imu, dt), _down_axis(force, C_b_imu)]
@@ -219,14 +219,14 @@ def _readings(imu: ImuSamples, dt: float) -> Finding:
         "spikes of the recording: correct them at their source, or cut them away with start_tow or"
         " end_tow"
     )
-    if worst > MANY * imu.time.size:
+    if worst > MOST_IMPLAUSIBLE_SHARE * imu.time.size:
         advice = Step("check {imu.units} and {imu.columns}")
     return ask.contradiction("; ".join(findings), advice)
 
 
 def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
-    """Time (k,), mean rate (k, 3) and mean specific force (k, 3) in body axes over `STEP_S`."""
-    k = max(1, round(STEP_S / dt))
+    """Time (k,), mean rate and specific force (k, 3) in body axes over `TURN_GRID_S`."""
+    k = max(1, round(TURN_GRID_S / dt))
     n = imu.time.size // k
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     # a product of matrices: numpy's mean over so few takes ten times as long
@@ -282,7 +282,7 @@ def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: flo
     close = [
         advice
         for factor, advice in guesses
-        if LOOKS_LIKE[0] < norm / STANDARD_GRAVITY / factor < LOOKS_LIKE[1]
+        if GRAVITY_RATIO[0] < norm / STANDARD_GRAVITY / factor < GRAVITY_RATIO[1]
     ]
     advice = (
         Step("the values look like {}", joined(close))
@@ -329,7 +329,7 @@ def _gnss_rate(gnss: GnssFixes) -> Finding:
     if not step.size:
         return Question("GNSS rate", "no interval over 1.5 nominal ones").note("a single fix")
     nominal = float(np.median(step))
-    gaps = step > LACKING * nominal
+    gaps = step > LEAST_GAP_INTERVALS * nominal
     finding = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
         finding += f", longest {step.max():.1f} s"
@@ -389,7 +389,7 @@ def _gnss_position(gnss: GnssFixes) -> Finding:
         coordinate = " and ".join(constant)
         finding += f", {coordinate} the same in all {gnss.time.size} fixes"
         advice = Step(f"{coordinate} must change; check {{gnss.columns}}")
-        near = np.ptp(north_east(gnss), axis=0).max() < NEAR_M
+        near = np.ptp(north_east(gnss), axis=0).max() < HOVER_RADIUS_M
         if near and len(constant) < len(columns):  # it hovers, and has too few digits
             return ask.note(finding, advice)
         return ask.contradiction(finding, advice)
@@ -397,7 +397,7 @@ def _gnss_position(gnss: GnssFixes) -> Finding:
 
 
 def _origin_distance(gnss: GnssFixes, origin: Array) -> Finding:
-    ask = Question("tangent plane origin", f"within {FAR_M / 1e3:.0f} km of the flight")
+    ask = Question("tangent plane origin", f"within {FARTHEST_ORIGIN_M / 1e3:.0f} km of the flight")
     M, N = curvature_radii(origin[0])
     north, east = (gnss.lat[0] - origin[0]) * M, (gnss.lon[0] - origin[1]) * N * np.cos(origin[0])
     distance = float(np.hypot(north, east))
@@ -405,12 +405,12 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Finding:
         f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg,"
         f" {distance / 1e3:.1f} km from the origin"
     )
-    if distance > FAR_M:
+    if distance > FARTHEST_ORIGIN_M:
         swapped = (
             np.hypot(
                 (gnss.lon[0] - origin[0]) * M, (gnss.lat[0] - origin[1]) * N * np.cos(origin[0])
             )
-            < FAR_M
+            < FARTHEST_ORIGIN_M
         )
         advice = Step(
             "latitude and longitude look exchanged; correct {gnss.columns} or tangent_plane.origin"

@@ -27,8 +27,9 @@ from ..prepare.fix_path import north_east
 
 NAME = "GNSS velocity"
 SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does not show
-LEAST_ROWS = 30  # displacements whose median counts (chosen)
-LEAST_MPS = 1.0  # speed (m/s) below which the noise of fixes hides a displacement of 2 s (chosen)
+LEAST_DISPLACEMENTS = 30  # displacements whose median counts (chosen)
+# speed (m/s) below which the noise of fixes hides a displacement of 2 s (chosen)
+LEAST_SPEED_MPS = 1.0
 CLIMB_MPS = 0.3  # a vertical velocity that tells its sense
 AGREE, GOOD = 0.25, 0.2  # largest (R.11) of columns as read that are right, and of a misreading
 REVERSED = -0.7  # correlation of heights and vertical velocity that tells the other sense
@@ -59,9 +60,9 @@ def check_velocity(gnss: GnssFixes) -> Finding:
     if pairs is None:
         return Question(NAME, expected).ok("too few fixes to compare displacements with")
     mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
-    rows = _fast(mean[:, :2], LEAST_MPS)
-    if rows.sum() < LEAST_ROWS:
-        return Question(NAME, expected).ok(f"never faster than {LEAST_MPS:g} m/s for long")
+    rows = _fast(mean[:, :2], LEAST_SPEED_MPS)
+    if rows.sum() < LEAST_DISPLACEMENTS:
+        return Question(NAME, expected).ok(f"never faster than {LEAST_SPEED_MPS:g} m/s for long")
     moved = _displaced(gnss, pairs)
     off = _off(moved[rows, :2], mean[rows, :2])
     finding = f"displacements are {off:.0%} off the velocities in the median"
@@ -83,7 +84,7 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         return Question(NAME, expected).note(finding, advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
     climbs = _fast(mean[:, 2:], CLIMB_MPS)
-    if measured and climbs.sum() >= LEAST_ROWS:
+    if measured and climbs.sum() >= LEAST_DISPLACEMENTS:
         down, stated = moved[climbs, 2:], mean[climbs, 2:]
         if np.corrcoef(down[:, 0], stated[:, 0])[0, 1] < REVERSED:
             finding = "the heights rise where the vertical velocity falls"
@@ -132,13 +133,13 @@ def _misreadings(
 
 def _pairs(time: Array) -> Pairs | None:
     """First and last row of displacements over about `SPAN_S`; None with too few fixes."""
-    if time.size < LEAST_ROWS:
+    if time.size < LEAST_DISPLACEMENTS:
         return None
     step = float(np.median(np.diff(time)))
     k = max(1, round(SPAN_S / max(step, 1e-3)))
     first = np.arange(time.size - k, dtype=np.intp)
     whole = time[first + k] - time[first] < 1.5 * k * step
-    return (first[whole], first[whole] + k) if whole.sum() >= LEAST_ROWS else None
+    return (first[whole], first[whole] + k) if whole.sum() >= LEAST_DISPLACEMENTS else None
 
 
 def _mean_velocity(time: Array, velocity: Array, pairs: Pairs) -> Array:

@@ -18,8 +18,9 @@ import numpy as np
 from ...records import Array
 
 SEEN_MS2 = 0.1  # standard deviation of accelerations along the axis that show the slope
-INDEPENDENT_S = 2.0  # a change of speed takes that long
-SIGMAS = 2.0  # of the slope (R.11) by which it has to be on one side of `HALF`: 95 % (chosen)
+INDEPENDENT_ACCELERATION_S = 2.0  # a change of speed takes that long
+# of the slope (R.11) by which it has to be on one side of `HALF`: 95 % (chosen)
+SLOPE_CONFIDENCE_SIGMAS = 2.0
 HALF = 0.5  # slope midway between that of leaning, 0, and that of being pushed, 1
 # m/s: who is faster all the time, and shows no slope, is taken for an aircraft
 FASTER_MS = 10.0
@@ -42,12 +43,12 @@ class Propulsion:
     @property
     def leans(self) -> bool:
         """Whether it leans to change its speed."""
-        return self.seen > SEEN_MS2 and self.slope + SIGMAS * self.sigma < HALF
+        return self.seen > SEEN_MS2 and self.slope + SLOPE_CONFIDENCE_SIGMAS * self.sigma < HALF
 
     @property
     def pushed(self) -> bool:
         """Whether it is pushed along the axis."""
-        return self.seen > SEEN_MS2 and self.slope - SIGMAS * self.sigma > HALF
+        return self.seen > SEEN_MS2 and self.slope - SLOPE_CONFIDENCE_SIGMAS * self.sigma > HALF
 
     def nose_is_free(self, speed: float) -> bool:
         """Whether the axis of motion may be another one than forward, at a usual speed in m/s."""
@@ -80,7 +81,7 @@ def propulsion(time: Array, C_nb: Array, force_n: Array, axis: Array) -> Propuls
     if seen == 0.0:
         return Propulsion(0.0, np.inf, 0.0)
     slope = float(np.mean(gained * felt)) / seen**2
-    spacing = float(np.median(np.diff(time))) if time.size > 1 else INDEPENDENT_S
-    independent = max(1.0, time.size * min(1.0, abs(spacing) / INDEPENDENT_S))
+    spacing = float(np.median(np.diff(time))) if time.size > 1 else INDEPENDENT_ACCELERATION_S
+    independent = max(1.0, time.size * min(1.0, abs(spacing) / INDEPENDENT_ACCELERATION_S))
     rest = float(np.sqrt(np.mean((felt - slope * gained) ** 2)))
     return Propulsion(slope, rest / (seen * np.sqrt(independent)), seen)

@@ -14,13 +14,13 @@ from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
 from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
-from .findings import MOST, answer, unknown
+from .findings import MOST_CONFIDENCE, answer, unknown
 from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, relate
 from .signal import ImuGrid, dead_channel, imu_grid
 from .units import ForceUnit, force_unit, gyro_unit, unknown_force
 from .verdict import (
-    TELLING,
+    LEAST_LOG_ODDS,
     exchange_odds,
     of_clock,
     of_forward,
@@ -250,7 +250,9 @@ def _recognised(
 ) -> Recognition:
     """All answers, each at most as sure as the findings that it is based on."""
     of_unit, triads = of_gyro(relation, force, interval)
-    trusted = min(force.of_unit.confidence or MOST, of_unit.confidence, triads.confidence)
+    trusted = min(
+        force.of_unit.confidence or MOST_CONFIDENCE, of_unit.confidence, triads.confidence
+    )
     clock = of_clock(relation, week, trusted, shift)
     sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirror)
     vertical = down(pose)
@@ -298,7 +300,7 @@ def _recognised(
         | _orientations(vertical, ahead),
         clock.of_offset.confidence > 0.0
         and bool(np.isfinite(mirror))
-        and exchange_odds(relation, mirror) > TELLING,
+        and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
     )
 
 

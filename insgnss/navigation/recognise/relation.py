@@ -23,12 +23,12 @@ HALVES_S = (0.5, 2.0)  # of the differences that are tried over all lags
 FINE_HALVES_S = (0.2, 0.5, 1.0, 2.0)  # of those that are fitted at the end
 # times that the right time offset leaves less unexplained than any far from it; motions of two
 # flights leave less
-DISTINCT = 1.3
-LEAST_ROWS = 10  # accelerations from which a relation is looked for (chosen)
+RIVAL_MISFIT_RATIO = 1.3
+LEAST_ACCELERATIONS = 10  # accelerations from which a relation is looked for (chosen)
 # score above which no other arrangement of the gyro axes is looked for, and that one must have
 CLEAR = 0.5
 MANOEUVRE_MS2 = 0.3  # horizontal acceleration that a tenth of the fixes must show for it
-WORTH = 0.3  # share of the largest gain that a fit needs to be accepted
+LEAST_GAIN_SHARE = 0.3  # share of the largest gain that a fit needs to be accepted
 
 Kind = Literal["position", "velocity"]
 
@@ -100,7 +100,7 @@ def relate(
     Relation or None
         None where there are too few fixes or readings to look for one.
     """
-    if sound.sum() < LEAST_ROWS:
+    if sound.sum() < LEAST_ACCELERATIONS:
         return None
     factors = gyro_factors(grid, force.quantity)
     halves = HALVES_S if reach <= MAX_LAG_S else HALVES_S[1:]
@@ -109,7 +109,7 @@ def relate(
         for kind in _kinds(gnss)
         for half in _halves(gnss, halves)
     ]
-    candidates = [acc for acc in candidates if acc.time.size >= LEAST_ROWS]
+    candidates = [acc for acc in candidates if acc.time.size >= LEAST_ACCELERATIONS]
     if not factors or not candidates:
         return None
     triads = np.eye(3)
@@ -221,9 +221,11 @@ def _refine(
         for kind in _kinds(gnss)
         for half in _halves(gnss, FINE_HALVES_S)
     ]
-    near = [_scan(moved, acc, lag, reach) for acc in candidates if acc.time.size >= LEAST_ROWS]
+    near = [
+        _scan(moved, acc, lag, reach) for acc in candidates if acc.time.size >= LEAST_ACCELERATIONS
+    ]
     most = max((s.gain() for s in near), default=0.0)
-    near = [s for s in near if s.gain() > WORTH * most]
+    near = [s for s in near if s.gain() > LEAST_GAIN_SHARE * most]
     fits = [
         (
             fit(moved, s.acc, float(s.lags[s.best]), 1 if s.up[s.best] >= s.down[s.best] else -1),

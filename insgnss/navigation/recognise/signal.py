@@ -17,16 +17,19 @@ from ..prepare.fix_path import north_east
 from ..prepare.gaps import nominal_interval
 from ._kernels import propagate
 
-GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
+# a drone turns some degrees in it at most; finer than any lag that is looked for
+FORCE_GRID_S = 0.02
 # an IMU interval longer than this, and than 5 nominal ones, holds a motion that is unseen
-BROKEN_S = 0.1
+UNSEEN_MOTION_S = 0.1
 # in which the gyros propagate the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle
 # to its end
-WINDOW_S = 20.0
+FORCE_WINDOW_S = 20.0
 UNSEEN_MS2 = 0.1  # of the specific force that fixes do not see: vibration, lever arm
-LEAST_ROWS = 5  # accelerations of a window whose median counts (chosen)
-MOST_ROWS = 1500  # accelerations that are fitted: more take time and tell nothing new (chosen)
-SPIKE = 10.0  # times the distance from the neighbours' mean that a tenth of the readings exceed
+LEAST_WINDOW_ROWS = 5  # accelerations of a window whose median counts (chosen)
+# accelerations that are fitted: more take time and tell nothing new (chosen)
+MOST_FITTED_ROWS = 1500
+# times the distance from the neighbours' mean that a tenth of the readings exceed
+SPIKE_DISTANCES = 10.0
 # s and share of the recording without a change, and changes of a neighbour meanwhile
 DEAD_S, DEAD_SHARE, ALIVE = 20.0, 0.3, 10
 
@@ -60,9 +63,9 @@ def imu_grid(imu: ImuSamples) -> ImuGrid:
     """Integrate the readings as if they were rates, whatever their unit, and cut evenly."""
     dt = nominal_interval(imu.time)
     width = np.diff(imu.time)
-    gap = width > max(BROKEN_S, 5.0 * dt)
+    gap = width > max(UNSEEN_MOTION_S, 5.0 * dt)
     weight = np.full(width.size, dt) if imu.quantity == "increments" else width
-    step = max(GRID_S, dt)
+    step = max(FORCE_GRID_S, dt)
     n = max(1, int((imu.time[-1] - imu.time[0]) / step))
     instants = imu.time[0] + step * np.arange(n + 1)
     # position of each instant among the samples, once for all seven columns
@@ -88,7 +91,7 @@ def _without_spikes(x: Array) -> Array:
         return x
     mean = 0.5 * (x[:-2] + x[2:])
     off = np.linalg.norm(x[1:-1] - mean, axis=1)
-    beyond = off > SPIKE * float(np.quantile(off, 0.9)) + 1e-12
+    beyond = off > SPIKE_DISTANCES * float(np.quantile(off, 0.9)) + 1e-12
     beyond[1:] &= off[1:] >= off[:-1]
     beyond[:-1] &= off[:-1] >= off[1:]
     rows = np.flatnonzero(beyond)
@@ -228,7 +231,8 @@ def accelerations(
         "position" or "velocity".
     half_s : float, s
     dense : bool
-        Whether differences begin as densely as `MOST_ROWS` allows, else `half_s` after each other.
+        Whether differences begin as densely as `MOST_FITTED_ROWS` allows, else `half_s` after each
+        other.
 
     Returns
     -------
@@ -270,28 +274,28 @@ def accelerations(
     )
     weight = np.minimum(1.0, (np.median(variance) + floor) / (worst + floor))
     nodes = np.column_stack([t1, t2, t3])
-    window = ((t1 - t[0]) / WINDOW_S).astype(np.int64)
+    window = ((t1 - t[0]) / FORCE_WINDOW_S).astype(np.int64)
     thin = round(half_s / float(np.median(np.diff(t))))
-    thin = min(thin, -(-t1.size // MOST_ROWS)) if dense else thin
+    thin = min(thin, -(-t1.size // MOST_FITTED_ROWS)) if dense else thin
     return _most_moved(Accelerations(kind, size, nodes, coef, z, weight, window), max(1, thin))
 
 
 def _most_moved(acc: Accelerations, every: int) -> Accelerations:
-    """Thin the rows by `every`, to at most `MOST_ROWS` in the windows of the largest changes."""
+    """Thin the rows by `every`, to `MOST_FITTED_ROWS` in the windows of the largest changes."""
     rows = np.arange(0, acc.window.size, every)
     first = np.unique(acc.window[rows], return_index=True)[1]
     pieces = np.split(rows, first[1:])
     change = [
         (
             np.median(np.abs(acc.z[piece, :2] - np.median(acc.z[piece, :2], axis=0)))
-            if piece.size >= LEAST_ROWS
+            if piece.size >= LEAST_WINDOW_ROWS
             else -1.0
         )
         for piece in pieces
     ]
     kept: list[NDArray[np.int64]] = []
     for k in np.argsort(change)[::-1]:
-        if change[k] >= 0.0 and sum(piece.size for piece in kept) < MOST_ROWS:
+        if change[k] >= 0.0 and sum(piece.size for piece in kept) < MOST_FITTED_ROWS:
             kept.append(pieces[k])
     rows = np.sort(np.concatenate(kept)) if kept else rows[:0]
     window = np.unique(acc.window[rows], return_inverse=True)[1]

@@ -16,10 +16,11 @@ from ...records.qualities import Quality
 from ..prepare.fix_path import north_east
 
 NAME = "GNSS quality"
-LEAST_ROWS, BESIDE_S = 20, 1.0  # of a quality, with fixes of the other on both sides within this
+# of a quality, with fixes of the other on both sides within this
+LEAST_FIXES_OF_QUALITY, BESIDE_S = 20, 1.0
 # standard deviations that rows of a quality are off in the median, horizontally or vertically: the
 # draft of a flight file gives them larger ones from the first on, a run is stopped from the second
-NOTED, STOPPED = 3.0, 5.0
+NOTED_SIGMAS, STOPPED = 3.0, 5.0
 
 
 def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], float]]:
@@ -31,7 +32,7 @@ def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], floa
         By quality the finding in words, standard deviations north, east, down, m, which explain
         nine of ten distances, and how many of their own they are off.
     """
-    if gnss.quality is None or gnss.time.size < 2 * LEAST_ROWS:
+    if gnss.quality is None or gnss.time.size < 2 * LEAST_FIXES_OF_QUALITY:
         return {}
     codes, counts = np.unique(gnss.quality, return_counts=True)
     usual = int(codes[np.argmax(counts)])
@@ -41,14 +42,14 @@ def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], floa
     apart = {}
     for code in (int(c) for c in codes if c != usual):
         rows = np.flatnonzero((gnss.quality == code) & _beside(gnss.time, gnss.time[path]))
-        if rows.size < LEAST_ROWS:
+        if rows.size < LEAST_FIXES_OF_QUALITY:
             continue
         off, expected = (
             _off(gnss.time, values, path, rows, sign)
             for values, sign in ((position, -1.0), (variance, 1.0))
         )
         ratio = max(_ratio(off[:, :2], expected[:, :2]), _ratio(off[:, 2:], expected[:, 2:]))
-        if ratio > NOTED:
+        if ratio > NOTED_SIGMAS:
             name, other = Quality(code).name.lower(), Quality(usual).name.lower()
             distance = float(np.median(np.linalg.norm(off, axis=1)))
             sigma = np.maximum(
@@ -71,7 +72,7 @@ def check_classes(gnss: GnssFixes) -> list[Finding]:
     advice = Step(
         f"{{gnss.quality_sigma_m}} = {{{{ {floors} }}}} says what they are worth, or leave them out"
     )
-    expected = f"one path, within {NOTED:.0f} sigmas in the median"
+    expected = f"one path, within {NOTED_SIGMAS:.0f} sigmas in the median"
     finding = "; ".join(text for text, _, _ in apart.values())
     stopped = max(ratio for _, _, ratio in apart.values()) > STOPPED
     return [Question(NAME, expected).against(finding, advice, stopped)]

@@ -18,15 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step
-from ...geodesy.gpstime import LEAP_S
+from ...geodesy.gpstime import LEAP_NOW_S
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question, Verdict
 from ..prepare.fix_path import north_east, sound_fixes
-from .relation import DISTINCT, MAX_LAG_S
+from .relation import MAX_LAG_S, RIVAL_MISFIT_RATIO
 
-STEP_S = 0.1  # of the grid on which rates are compared (s): the epochs of usual receivers
-SMOOTH_S = 2.0  # over which rates are smoothed (s): a turn takes longer, vibration does not
+TURN_GRID_S = 0.1  # of the grid on which rates are compared (s): the epochs of usual receivers
+SMOOTHED_TURNS_S = 2.0  # over which rates are smoothed (s): a turn takes longer, vibration does not
 # a lag that is reported, where the correlation is clear enough for it
-LAG_S, LAG_CORRELATION = 0.5, 0.9
+REPORTED_LAG_S, LAG_CORRELATION = 0.5, 0.9
 # of what the turns leave unexplained at no lag, the most that a lag which is reported leaves
 LAG_GAIN = 0.5
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
@@ -35,35 +35,38 @@ STRANGERS = (
     " s apart)?"
 )
 NOSE = "its nose does not follow its course, so the turns do not show the clock"
-SURE = 0.99  # confidence of the forces in all answers, by which they overrule the turns (chosen)
+# confidence of the forces in all answers, by which they overrule the turns (chosen)
+SURE_OF_FORCES = 0.99
 # confidence of the forces in the clock, by which they overrule the turns' lag (chosen)
 CLOCK_SURE = 0.9
 AT_ONCE_S = 0.5  # time offset (s) up to which forces count as simultaneous: turns show no less
 RIVAL_S = 5.0  # from the best lag: a correlation so far from it is a rival's
 # correlations: from the first on the same turns are seen, below the second none of them
-ALIKE, UNLIKE = 0.6, 0.3
+LEAST_TURN_CORRELATION, UNLIKE = 0.6, 0.3
 BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
 # cosine of both rates as vectors: from here on a turn that never changes is most of what they show,
 # and correlations about its mean tell nothing
-STEADY = 0.95
+STEADY_CORRELATION = 0.95
 # correlation of the course rates of every other fix with those of the rest: below, they are noise
 RELIABLE = 0.7
-RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
-LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
+# of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
+RATE_RATIO = (0.4, 1.8)
+UNIT_RATIO = (0.7, 1.4)  # of a ratio to that of a wrong unit
 # of the grid at speed, and the course rate's standard deviation there, rad/s
-LEAST_ROWS, LEAST_TURN = 100, 0.02
+LEAST_TURN_ROWS, LEAST_TURN_RATE = 100, 0.02
 FASTEST_TURN = 1.5  # rad/s, of a course
 # s: no other time scale is that near; exposures that would lie as straight there lie so by chance
 NEARER_S, AS_STRAIGHT = 9.0, 2.0
 LIKE_LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
 # rad/s at the exposures, and how many times less it must be at the other time
-TURNING, STRAIGHTER = 0.02, 4.0
+TURNING_RATE, STRAIGHTER = 0.02, 4.0
 # course rate (rad/s) from which an exposure is in a turn: 3 deg/s, ten times what wind and steering
 # show on a line, a third of the slowest turn between lines
 IN_TURN = 0.05
 ENOUGH_IMAGES = 20  # whose mean rate of turn counts: fewer may all lie in turns by chance (chosen)
-ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
+# of all squares: what rounding leaves of those of readings that do not vary
+SQUARES_ROUNDING = 1e-12
 # whose clock stamps the exposures, in words
 CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
 
@@ -91,17 +94,17 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
     finding += CLOCKS[clock]
     if step.size:
         finding += f", shortest interval {step.min():.2f} s"
-    grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
+    grid = np.arange(gnss.time[0], gnss.time[-1], TURN_GRID_S)
     width = _width(gnss, grid)
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
         return ask.ok(finding)
     rate, moving = _course_rate(gnss, grid, width)
     here, shifted = (
         _turning(events.time, grid, rate, moving),
-        {s: _turning(events.time + s, grid, rate, moving) for s in (LEAP_S, -LEAP_S)},
+        {s: _turning(events.time + s, grid, rate, moving) for s in (LEAP_NOW_S, -LEAP_NOW_S)},
     )
     best = min(shifted, key=lambda s: shifted[s])
-    straighter = np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]
+    straighter = np.isfinite(here) and here > TURNING_RATE and here > STRAIGHTER * shifted[best]
     if straighter and not _by_chance(events.time, shifted[best], grid, rate, moving):
         finding += (
             f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
@@ -113,9 +116,9 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
 
 def _other_scale(events: CameraEvents, offset: float) -> Remedy:
     """What to set for events that are on lines `offset` s later."""
-    taken = {LEAP_S: ("gpst", "gps"), -LEAP_S: ("utc",)}[offset]
+    taken = {LEAP_NOW_S: ("gpst", "gps"), -LEAP_NOW_S: ("utc",)}[offset]
     if events.time_scale in taken:
-        other = "utc" if offset == LEAP_S else "gpst"
+        other = "utc" if offset == LEAP_NOW_S else "gpst"
         return Step(
             f"the events look like {other.upper()}, and were taken as {taken[0].upper()}: {{}}"
             " would put them on lines",
@@ -136,7 +139,7 @@ def exposures_off_lines(times: Sequence[Array], gnss: GnssFixes) -> list[int]:
         Times of the exposures, for each of which they are counted, in the week of the fixes.
     gnss : GnssFixes
     """
-    grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
+    grid = np.arange(gnss.time[0], gnss.time[-1], TURN_GRID_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
         return [time.size for time in times]
@@ -164,14 +167,14 @@ def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float
 
 def _cells(time: Array, grid: Array, moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nearest cell of the grid for each time, and whether the course is known there."""
-    cells = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
+    cells = np.clip(np.rint((time - grid[0]) / TURN_GRID_S).astype(np.int64), 0, grid.size - 1)
     return cells, (time >= grid[0]) & (time <= grid[-1]) & moving[cells]
 
 
 def _width(gnss: GnssFixes, grid: Array) -> int:
     """Number of steps to smooth over."""
     return (
-        round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S)
+        round(max(SMOOTHED_TURNS_S, 4.0 * float(np.median(np.diff(gnss.time)))) / TURN_GRID_S)
         if gnss.time.size > 1
         else grid.size
     )
@@ -236,9 +239,10 @@ def check_turns(
     Finding
     """
     ask = Question(
-        "turn rate, gyro against GNSS course", f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag"
+        "turn rate, gyro against GNSS course",
+        f"ratio {RATE_RATIO[0]:g} to {RATE_RATIO[1]:g} at no lag",
     )
-    grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
+    grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), TURN_GRID_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
         return ask.note("too short or too few fixes to compare")
@@ -246,29 +250,31 @@ def check_turns(
     down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
-    if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
+    if moving.sum() < LEAST_TURN_ROWS or np.std(course_rate[moving]) < LEAST_TURN_RATE:
         return ask.ok("no turns at speed to compare")
     lag, best, here, rival = _best_lag(gyro, course_rate, moving)
     common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
     ratio = common / squares
-    steady = abs(common) > STEADY * np.sqrt(squares * float(np.sum(gyro[moving] ** 2)))
+    steady = abs(common) > STEADY_CORRELATION * np.sqrt(squares * float(np.sum(gyro[moving] ** 2)))
     finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
     spacing = float(np.median(np.diff(gnss.time)))
-    if steady and abs(here) < ALIKE:
+    if steady and abs(here) < LEAST_TURN_CORRELATION:
         here = best = float(np.sign(ratio))
         lag, finding = 0.0, f"ratio {ratio:.3g}, a turn that never changes"
-    verdict, remedy, of_clock = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
+    verdict, remedy, of_clock = _judge_turns(
+        ratio, lag, best, here, imu, dt, max(REPORTED_LAG_S, spacing)
+    )
     if not remedy:
         return ask.answer(finding, verdict)
     forces = forces or _forces(imu, gnss)
-    agree = forces.sure_of_all >= SURE and abs(forces.offset_s) <= AT_ONCE_S
+    agree = forces.sure_of_all >= SURE_OF_FORCES and abs(forces.offset_s) <= AT_ONCE_S
     if agree and (verdict == "contradiction" or of_clock):
         finding += f"; but the forces agree at {forces.offset_s:+.3f} s"
         return ask.note(finding, NOSE)
     if of_clock and forces.sure_of_clock >= CLOCK_SURE and abs(forces.offset_s - lag) > AT_ONCE_S:
         finding += f"; but the forces show {forces.offset_s:+.3f} s"
         return ask.note(finding, NOSE)
-    if of_clock and remedy != STRANGERS and 1.0 - rival**2 < DISTINCT * (1.0 - best**2):
+    if of_clock and remedy != STRANGERS and 1.0 - rival**2 < RIVAL_MISFIT_RATIO * (1.0 - best**2):
         finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
         return ask.note(finding, "the turns repeat themselves: no clock shows")
     if verdict == "contradiction" and not _reliable(gnss, grid, width):
@@ -314,8 +320,12 @@ def _judge_turns(
         f"IMU time is about {lag:+.1f} s off GNSS time",
         f"add {lag:+.1f} s to {{gnss.time_offset_s}} or {-lag:+.1f} s to {{imu.time_offset_s}}",
     )
-    if abs(best) > ALIKE and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + BETTER:
-        if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
+    if (
+        abs(best) > LEAST_TURN_CORRELATION
+        and abs(lag) > max(1.0, least_lag)
+        and abs(best) > abs(here) + BETTER
+    ):
+        if abs(lag) > MAX_LAG_S - 2.0 * TURN_GRID_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS, True
         hint = (
             "GPS against UTC (18 s)"
@@ -325,18 +335,18 @@ def _judge_turns(
         return "contradiction", Step(f"{offset}: {hint}; {shift}"), True
     if abs(best) < UNLIKE:
         return "contradiction", STRANGERS, True
-    if here < -ALIKE:
+    if here < -LEAST_TURN_CORRELATION:
         remedy = Step(
             "the gyros turn the other way: {imu.axes} or gyro sign is wrong, or latitude and"
             " longitude are exchanged, or the sign of latitude or longitude is wrong"
         )
         return "contradiction", remedy, False
-    if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:
+    if here > LEAST_TURN_CORRELATION and not RATE_RATIO[0] < ratio < RATE_RATIO[1]:
         return "contradiction", _gyro_unit_remedy(ratio, imu, dt), False
     explains = 1.0 - best**2 < LAG_GAIN * (1.0 - here**2)
-    if best > LAG_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and explains:
+    if best > LAG_CORRELATION and abs(lag) > least_lag + 0.5 * TURN_GRID_S and explains:
         return "note", Step(f"{offset}; {shift}"), True
-    return ("ok" if here > ALIKE else "note"), "", False
+    return ("ok" if here > LEAST_TURN_CORRELATION else "note"), "", False
 
 
 def _gyro_unit_remedy(ratio: float, imu: ImuSamples, dt: float) -> Remedy:
@@ -351,7 +361,7 @@ def _gyro_unit_remedy(ratio: float, imu: ImuSamples, dt: float) -> Remedy:
         quantity_guess(imu, dt),
     ]
     factor, remedy = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
-    if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1]:
+    if UNIT_RATIO[0] < ratio / factor < UNIT_RATIO[1]:
         return Step("the gyro values look like {}", remedy)
     return Step("check {imu.units gyro} and {imu.quantity}")
 
@@ -369,7 +379,7 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
     )
     rate = _smooth(rate, width)
     noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
-    slow = max(1.0, 3.0 * noise / (width * STEP_S))
+    slow = max(1.0, 3.0 * noise / (width * TURN_GRID_S))
     moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
     moving[: 2 * width] = moving[-2 * width :] = False
     return rate, moving & (np.abs(rate) < FASTEST_TURN)
@@ -382,13 +392,13 @@ def _best_lag(
 
     The sign is that of the correlation of largest size.
     """
-    most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
+    most = int(min(MAX_LAG_S / TURN_GRID_S, gyro.size // 4))
     lags = np.arange(-most, most + 1)
     value = _correlations(gyro, course_rate, moving, lags)
     best = int(np.argmax(np.abs(value)))
-    far = np.abs(lags - lags[best]) * STEP_S > RIVAL_S
+    far = np.abs(lags - lags[best]) * TURN_GRID_S > RIVAL_S
     rival = float(np.abs(value[far]).max(initial=0.0))
-    return float(lags[best] * STEP_S), float(value[best]), float(value[most]), rival
+    return float(lags[best] * TURN_GRID_S), float(value[best]), float(value[most]), rival
 
 
 def _correlations(a: Array, b: Array, use: np.ndarray, lags: np.ndarray) -> Array:
@@ -417,7 +427,7 @@ def _correlations(a: Array, b: Array, use: np.ndarray, lags: np.ndarray) -> Arra
     a_sum, a_square = products(a, mask), products(a * a, mask)
     n = np.maximum(count, 1.0)
     of_a, of_b = a_square - a_sum**2 / n, b_square - b_sum**2 / n
-    varies = (of_a > ROUNDING * (a * a).sum()) & (of_b > ROUNDING * (b * b).sum())
+    varies = (of_a > SQUARES_ROUNDING * (a * a).sum()) & (of_b > SQUARES_ROUNDING * (b * b).sum())
     enough = (count > 50) & varies
     covariance = products(a, b) - a_sum * b_sum / n
     return np.where(enough, covariance / np.sqrt(np.where(enough, of_a * of_b, 1.0)), 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.units import DEG, STANDARD_GRAVITY
 from ...records import Finding, Quantity
-from .findings import MOST, answer, unknown
+from .findings import MOST_CONFIDENCE, answer, unknown
 from .signal import ImuGrid
 
 G = STANDARD_GRAVITY
@@ -20,7 +20,7 @@ ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)  # what a wrong claim makes of AC
 SIZE_S = 0.1  # vibration is averaged over it
 LEAST_RATE, MOST_RATE = 3e-5, 30.0  # rad/s: less than half the Earth's; more than 1700 deg/s
 # logarithm of gravity's size against a unit: sure, not at all, and to the next unit
-NEAR, FAR, APART = 0.15, 0.4, 0.5
+GOOD_LOG_MISFIT, MOST_LOG_MISFIT, SURE_MARGIN = 0.15, 0.4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +57,14 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     ]
     candidates += [(1.0 / grid.interval, "m/s", "increments")]
     (off, factor, unit, quantity), second = _nearest(candidates, size)
-    if off > FAR:
+    if off > MOST_LOG_MISFIT:
         (off, factor, unit, quantity), second = _nearest(
             [(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size
         )
     sure = (
-        MOST
-        * float(np.clip((FAR - off) / (FAR - NEAR), 0.0, 1.0))
-        * (0.5 if second < off + APART else 1.0)
+        MOST_CONFIDENCE
+        * float(np.clip((MOST_LOG_MISFIT - off) / (MOST_LOG_MISFIT - GOOD_LOG_MISFIT), 0.0, 1.0))
+        * (0.5 if second < off + SURE_MARGIN else 1.0)
     )
     if sure == 0.0:
         evidence = (

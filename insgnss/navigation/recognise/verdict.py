@@ -8,19 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, LEAP_S, WEEK_S, leap_seconds
+from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, LEAP_NOW_S, WEEK_S, leap_seconds
 from ...records import Array, Finding
 from .axes import Direction, Forward
-from .findings import MOST, answer, unknown
+from .findings import MOST_CONFIDENCE, answer, unknown
 from .fit import CAUTION
 from .propulsion import Propulsion
-from .relation import DISTINCT, Relation
+from .relation import RIVAL_MISFIT_RATIO, Relation
 from .units import ForceUnit, gyro_unit
 
-TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
+LEAST_LOG_ODDS = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
 # relative error of a gyro factor that no gyro has; sigma above which the turns do not show it
-SCALE_OFF, SCALE_SIGMA = 0.25, 0.1
+MOST_SCALE_ERROR, SCALE_SIGMA = 0.25, 0.1
 HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertain
 # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
 COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
@@ -30,8 +30,10 @@ NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of w
 
 
 def odds(x: float) -> float:
-    """Return the probability of the logarithm x of a likelihood ratio (R.10); 0 below `TELLING`."""
-    return min(MOST, 1.0 / (1.0 + math.exp(-min(x, 50.0)))) if x > TELLING else 0.0
+    """Return the probability of log likelihood ratio x (R.10); 0 below `LEAST_LOG_ODDS`."""
+    return (
+        min(MOST_CONFIDENCE, 1.0 / (1.0 + math.exp(-min(x, 50.0)))) if x > LEAST_LOG_ODDS else 0.0
+    )
 
 
 def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Finding, Finding]:
@@ -65,7 +67,7 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
                 f" {gyro_unit(1.0, force.quantity, 1.0)}"
             )
             sure = 0.0
-        sure = 0.0 if abs(scale - 1.0) > SCALE_OFF or sigma > SCALE_SIGMA else sure
+        sure = 0.0 if abs(scale - 1.0) > MOST_SCALE_ERROR or sigma > SCALE_SIGMA else sure
     of_unit = answer("gyro unit", value, sure, evidence)
     triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
     evidence = (
@@ -123,14 +125,14 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
             f", {_percent(mirrored)} as specific force with latitude and longitude exchanged"
         )
         x = exchange_odds(relation, mirrored)
-        sure = 0.0 if x > TELLING else min(sure, 0.5) if x > HINT else sure
+        sure = 0.0 if x > LEAST_LOG_ODDS else min(sure, 0.5) if x > HINT else sure
     return sign, answer("force sign", "specific force" if sign > 0 else "reversed", sure, evidence)
 
 
 def exchange_odds(relation: Relation, mirrored: float) -> float:
     """Return the logarithm of the odds that latitude and longitude are exchanged.
 
-    The alternative is a reversed force; above `TELLING` they are exchanged.
+    The alternative is a reversed force; above `LEAST_LOG_ODDS` they are exchanged.
     """
     scan = relation.scan
     left = (1.0 - float(scan.score[scan.best])) / max(1.0 - mirrored, 1e-6)
@@ -139,7 +141,7 @@ def exchange_odds(relation: Relation, mirrored: float) -> float:
 
 def of_vertical(vertical: Direction, also: float) -> Finding:
     """Return the finding which axis points down; `also` is the confidence of its basis."""
-    sure = min(MOST, vertical.confidence) * also
+    sure = min(MOST_CONFIDENCE, vertical.confidence) * also
     evidence = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
     return answer("vertical axis", f"{vertical.word} down", _likely(sure), evidence)
 
@@ -203,7 +205,7 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
     lag = float(scan.lags[scan.best])
     far = scan.score[np.abs(scan.lags - lag) > max(NEAR_S, 2.0 * scan.acc.span_s)]
     sure = min(odds(scan.margin(max(NEAR_S, 2.0 * scan.acc.span_s))), also)
-    if 1.0 - far.max(initial=0.0) < DISTINCT * (1.0 - scan.score[scan.best]):
+    if 1.0 - far.max(initial=0.0) < RIVAL_MISFIT_RATIO * (1.0 - scan.score[scan.best]):
         sure = 0.0
     if (
         fit is None
@@ -217,7 +219,7 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
         )
         return Clock(0.0, np.inf, "same", unknown("time offset", why), unknown("time scale", why))
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
-    leap = LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
+    leap = LEAP_NOW_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
     offsets = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
     scale = next(
         (name for name, scale_offset in offsets.items() if abs(offset - scale_offset) < WHOLE_S),

@@ -45,9 +45,9 @@ from ...base.errors import DataError, InputError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE, normal_gravity
 from ...geodesy.rotation import rotation_from_vector, skew
-from ...navigation.align.turn_on import GRAVITY_SIGMA, LEAST_SIGMA
+from ...navigation.align.turn_on import GRAVITY_SIGMA_MS2, LEAST_SIGMA
 from ...navigation.prepare.calibration import LOWER
-from ...navigation.prepare.gaps import LACKING, nominal_interval
+from ...navigation.prepare.gaps import LEAST_GAP_INTERVALS, nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, ImuSamples
 from ...records.states import State
@@ -189,7 +189,7 @@ def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
     """
     if latitude is None:
         return STANDARD_GRAVITY, ANYWHERE_SIGMA
-    return float(normal_gravity(latitude, height)), GRAVITY_SIGMA
+    return float(normal_gravity(latitude, height)), GRAVITY_SIGMA_MS2
 
 
 def calibrate_accelerometers(
@@ -345,7 +345,7 @@ def find_turns(imu: ImuSamples, periods: StationaryPeriods) -> list[Turn]:
     for i in range(len(periods) - 1):
         a, b = np.searchsorted(imu.time, [periods.time[i, 1], periods.time[i + 1, 0]])
         length = imu.time[b] - imu.time[a]
-        if b > a and step[a:b].max() < LACKING * nominal and length < LONGEST_TURN_S:
+        if b > a and step[a:b].max() < LEAST_GAP_INTERVALS * nominal and length < LONGEST_TURN_S:
             sigma = float(np.sqrt(np.mean(periods.gyro_std[i : i + 2] ** 2) * nominal * length))
             turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
     return turns

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.inputs import opened_text
-from ...base.units import LARGEST
+from ...base.units import LARGEST_UNIT
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...io.formats.text.layout import shown
@@ -76,7 +76,7 @@ def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array |
     """
     if sigma is None or not sigma.any():
         return None
-    if (wrong := ~((sigma > 0.0) & (sigma <= LARGEST))).any():
+    if (wrong := ~((sigma > 0.0) & (sigma <= LARGEST_UNIT))).any():
         row = int(np.argmax(wrong.any(axis=1)))
         value = sigma[row][wrong[row]][0]
         problem = f"pose {row + 1}: a standard deviation of {value:g}, others are positive"

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...base.units import FOOT_M
 from ...geodesy.conventions import exchanged, lengths, reversed_signs
-from ...geodesy.explain import APART, EXPLAINS, Candidate
+from ...geodesy.explain import EXPLAINS, LEAST_MISFIT_RATIO, Candidate
 from ...geodesy.frames import ecef_to_geodetic
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from .hypotheses import DIGITS, recognised, rms, taken_off
@@ -177,11 +177,11 @@ def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
         for rcond in (None, SMALLEST_SINGULAR)
     )
     reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
-    least = APART * left(across, plan)
+    least = LEAST_MISFIT_RATIO * left(across, plan)
     separable = left(joint[:3], up=joint[3]) <= reach
     if (
         np.linalg.norm(alone) <= LEVER_M
-        and left(alone) <= APART * left(joint[:3], up=joint[3])
+        and left(alone) <= LEAST_MISFIT_RATIO * left(joint[:3], up=joint[3])
         and left(alone, plan) <= least
     ):
         return alone, True, not separable

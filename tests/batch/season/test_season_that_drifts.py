@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from insgnss.batch.season.tables import read_season
-from insgnss.batch.season.trends import FEWEST
+from insgnss.batch.season.trends import FEWEST_FLIGHTS
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.sensors import Rig
 
@@ -26,7 +26,7 @@ def rig(k: int, rate_mm: float) -> Rig:
 
 def season(directory: Path, equipment: str, rate_mm: float, seed: int) -> None:
     """A flight a week of 72 s, 50 Hz, whose flight files share the mounting of the first."""
-    for k in range(FEWEST):
+    for k in range(FEWEST_FLIGHTS):
         root = directory / f"{equipment}_{k}"
         write_dataset(
             *(root, "ign8", 1.2),

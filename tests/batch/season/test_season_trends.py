@@ -5,7 +5,7 @@ import pytest
 from seasons import SIGMA_M, row
 
 from insgnss.batch.season.row import known_from_refusal
-from insgnss.batch.season.trends import FEWEST, QUANTITIES, fit, judged, trends
+from insgnss.batch.season.trends import FEWEST_FLIGHTS, QUANTITIES, fit, judged, trends
 
 FORWARD = QUANTITIES[0]
 MM = 1e3 * SIGMA_M
@@ -33,7 +33,7 @@ def test_the_line_is_that_of_weighted_least_squares() -> None:
     assert got[1] == pytest.approx(np.sqrt(cov[0, 0] * x))
 
 
-@pytest.mark.parametrize("count", [FEWEST, 40])
+@pytest.mark.parametrize("count", [FEWEST_FLIGHTS, 40])
 def test_constants_that_stay_are_left_alone(count: int) -> None:
     """Oracle: Monte Carlo of constant lever arms; two-sided 4 sigma are 6e-5 of all trends, a
     chi-square beyond 1e-4, and the physical limit takes most of these. 2000 trends: one at most.
@@ -99,11 +99,11 @@ def test_a_drift_that_does_not_matter_is_none() -> None:
 
 def test_too_few_flights_or_one_time_say_nothing() -> None:
     """Oracle: seven flights that drift wildly, eight on one day."""
-    few = [row(k, lever_arm_forward_m=0.1 * k) for k in range(FEWEST - 1)]
+    few = [row(k, lever_arm_forward_m=0.1 * k) for k in range(FEWEST_FLIGHTS - 1)]
     assert {trend.finding for trend in trends(few)} == {"too few"}
     assert "7 of 8 flights that a trend needs" in trends(few)[0].sentence()
     date = row(0)["date_utc"]
-    same = [row(k, lever_arm_forward_m=0.1 * k, date_utc=date) for k in range(FEWEST)]
+    same = [row(k, lever_arm_forward_m=0.1 * k, date_utc=date) for k in range(FEWEST_FLIGHTS)]
     assert {trend.finding for trend in trends(same)} == {"one time"}
     assert trends([row(0, date_utc="")]) == []
 

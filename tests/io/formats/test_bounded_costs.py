@@ -12,7 +12,7 @@ import pytest
 
 from insgnss.base import unpacking
 from insgnss.base.errors import InputError
-from insgnss.base.received.nesting import DEEPEST, parse_json, read_object
+from insgnss.base.received.nesting import DEEPEST_NESTING, parse_json, read_object
 from insgnss.base.tables import parse_toml
 from insgnss.io.formats.arrays.npy import load_numpy
 from insgnss.io.formats.blocks.dbat import read_dbat
@@ -68,7 +68,7 @@ def test_a_small_file_that_unpacks_to_much_is_refused(
 ) -> None:
     """Oracle: 3 MB of zeros pack to 3 kB; the free size made 1 MB stands for 100 MB."""
     monkeypatch.delenv(unpacking.VARIABLE, raising=False)
-    monkeypatch.setattr(unpacking, "FREE", 1e6)
+    monkeypatch.setattr(unpacking, "ALWAYS_UNPACKED_BYTES", 1e6)
     zeros = bytes(3_000_000)
     npz = tmp_path / "x.npz"
     np.savez_compressed(npz, tow=np.frombuffer(zeros, np.uint8))
@@ -86,7 +86,7 @@ def test_elements_of_xml_count_as_what_the_file_unpacks_to(
 ) -> None:
     """Oracle: 40 000 elements of 4 bytes count as 3 MB, of which 1 MB is free."""
     monkeypatch.delenv(unpacking.VARIABLE, raising=False)
-    monkeypatch.setattr(unpacking, "FREE", 1e6)
+    monkeypatch.setattr(unpacking, "ALWAYS_UNPACKED_BYTES", 1e6)
     content = DOCUMENT % (b"<a/>" * 40_000)
     psz = zipped(tmp_path / "x.psz", "doc.xml", content)
     assert "unpacks to at least 3.16 MB (limit 1 MB for" in refused(lambda: opened_project(psz))
@@ -128,7 +128,7 @@ def test_xml_is_parsed_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the document written; its pieces cut it within marks and letters."""
     content = '<?xml version="1.0"?><!-- a --><a b="ü">c<d>&lt;é</d></a>\n'.encode()
     for piece in (1, 3, 1 << 20):
-        monkeypatch.setattr(xml, "PIECE", piece)
+        monkeypatch.setattr(xml, "PARSED_AT_A_TIME", piece)
         root = parse_xml("x", content)
         assert (root.tag, root.get("b"), root.text, root[0].text) == ("a", "ü", "c", "<é")
     assert "x:3: is no XML: " in refused(lambda: parse_xml("x", b"<a>\n\n<b></a>"))
@@ -203,8 +203,8 @@ def test_steps_of_sqlite_are_limited_by_the_size_of_the_file(
     for offset in offsets:
         data[start + offset : start + offset + 4] = first
     file.write_bytes(data)
-    monkeypatch.setattr("insgnss.io.formats.text.database.FEWEST", 1000)
-    monkeypatch.setattr("insgnss.io.formats.text.database.STEP", 100)
+    monkeypatch.setattr("insgnss.io.formats.text.database.FEWEST_INSTRUCTIONS", 1000)
+    monkeypatch.setattr("insgnss.io.formats.text.database.INSTRUCTIONS_AT_A_TIME", 100)
     monkeypatch.setattr("insgnss.io.formats.text.database.BY_BYTE", 0)
     line = refused(lambda: read_colmap_database(file, ["a1"]))
     assert "more steps than a file of its size needs (limit 1000)" in line
@@ -212,10 +212,10 @@ def test_steps_of_sqlite_are_limited_by_the_size_of_the_file(
 
 def test_json_and_toml_are_followed_to_a_hundred_levels(tmp_path: Path) -> None:
     """Oracle: lists of 100 levels, and one more; levels that no recursion bears."""
-    for levels in (1, DEEPEST):
+    for levels in (1, DEEPEST_NESTING):
         text = "[" * levels + "]" * levels
         assert isinstance(parse_json("x", text), list)
-    for levels in (DEEPEST + 1, 990, 10**5):
+    for levels in (DEEPEST_NESTING + 1, 990, 10**5):
         lists = "[" * levels + "]" * levels
         assert "x: objects or lists within each other more than 100 deep" in refused(
             lambda lists=lists: parse_json("x", lists)  # type: ignore[misc]

@@ -46,7 +46,7 @@ def outcome(path: Path) -> ImuSamples | str:
 def check_same(path: Path, monkeypatch: pytest.MonkeyPatch) -> ImuSamples | str:
     expected = row_by_row(path, monkeypatch)
     for piece in (1, 37, 100, 1000, 10**6):
-        monkeypatch.setattr(direct, "PIECE", piece)
+        monkeypatch.setattr(direct, "PIECE_BYTES", piece)
         got = outcome(path)
         if isinstance(expected, str) or isinstance(got, str):
             assert got == expected
@@ -180,7 +180,7 @@ def test_of_a_large_file_pieces_are_in_memory(
             tracemalloc.stop()
     assert table is not None
     assert len(table["g"]) == 120 * 1500
-    assert peak < table["g"].nbytes + 12 * direct.PIECE < 0.8 * path.stat().st_size
+    assert peak < table["g"].nbytes + 12 * direct.PIECE_BYTES < 0.8 * path.stat().st_size
 
 
 @pytest.mark.parametrize("large", [True, False])

@@ -35,7 +35,7 @@ def posed():
 
 def solved(posed: Any, monkeypatch: Any, block: int, kept_bytes: float, rows: int) -> Solution:
     """A solution with blocks of so many epochs; all records are kept where they are no larger."""
-    monkeypatch.setattr(blocks, "BLOCK", block)
+    monkeypatch.setattr(blocks, "EPOCHS_OF_BLOCK", block)
     monkeypatch.setattr(blocks, "WHOLE_BYTES", kept_bytes)
     return solve(*posed, "on", rows=rows)
 

@@ -58,7 +58,7 @@ def test_a_rate_takes_the_first_instant_at_or_after_each_step(solution, dense, m
         wanted = dense.time[0] + np.arange(int((dense.time[-1] - dense.time[0]) * hz) + 1) / hz
         rows = np.unique(np.clip(np.searchsorted(dense.time, wanted - 1e-6), 0, len(dense) - 1))
         for chunk in (1024, 5):
-            monkeypatch.setattr(module, "CHUNK", chunk)
+            monkeypatch.setattr(module, "EPOCHS_AT_A_TIME", chunk)
             some = dense_trajectory(solution, 2008, hz)
             for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov"):
                 expected = getattr(dense, name)[rows]

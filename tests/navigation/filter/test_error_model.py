@@ -14,7 +14,7 @@ from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew, vector_from_rotation
 from insgnss.navigation.filter.codes import BIAS, DRIFT, NAV, POS, PSI, VEL
 from insgnss.navigation.filter.error_model import Interval, linearise_interval
-from insgnss.navigation.filter.filter import BLOCK_S
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.records import IntegrationIntervals
 from insgnss.navigation.filter.kernels.update import state_difference
 from insgnss.navigation.filter.layout import StateLayout, state_layout
@@ -89,7 +89,7 @@ def central_difference(flown: Flown, epoch: int, x, block_s: float, step) -> np.
 
 
 @pytest.mark.parametrize("epoch", [LINE, TURN])
-@pytest.mark.parametrize(("block_s", "finer"), [(BLOCK_S, 1.0), (0.002, 0.02)])
+@pytest.mark.parametrize(("block_s", "finer"), [(INCREMENT_BLOCK_S, 1.0), (0.002, 0.02)])
 def test_transition_is_the_derivative_of_the_nonlinear_kernel(flown, layout, epoch, block_s, finer):
     """Oracle: central differences about a state with all IMU errors present.
 
@@ -113,7 +113,9 @@ def test_transition_keeps_constants_and_lets_gauss_markov_decay(flown, layout):
 
     Blocks of lengths within 1e-10 s share one exponential: 1e-10 of it at most.
     """
-    Phi = interval(flown, TURN, flown.true_nav([TURN])[0], np.zeros(layout.size - 9), BLOCK_S).Phi
+    Phi = interval(
+        flown, TURN, flown.true_nav([TURN])[0], np.zeros(layout.size - 9), INCREMENT_BLOCK_S
+    ).Phi
     length = np.diff(flown.problem.inc.marks)[TURN]
     assert_allclose(np.diag(Phi)[9:], np.exp(-layout.beta * length), rtol=1e-10)
     off = Phi[9:] - np.diag(np.diag(Phi))[9:]
@@ -182,7 +184,7 @@ def test_transition_and_noise_are_van_loans(flown, layout, epoch):
     driven = sigma > 0.0
     scale = np.outer(sigma, sigma)[np.ix_(driven, driven)]
     size = np.concatenate([[1.0] * 3, [0.1] * 3, [1e-2] * 3, layout.sigma0])
-    for block_s, variance, correlation in ((BLOCK_S, 5e-4, 1e-2), (0.002, 2e-6, 2e-5)):
+    for block_s, variance, correlation in ((INCREMENT_BLOCK_S, 5e-4, 1e-2), (0.002, 2e-6, 2e-5)):
         got = interval(flown, epoch, nav, x, block_s)
         error = np.abs((got.Q - Q)[np.ix_(driven, driven)]) / scale
         assert np.diag(error).max() < variance
@@ -221,7 +223,7 @@ def test_bias_runs_linearly_over_a_block():
     ms, over each of which the bias runs linearly, err by (B / T)^2 / 12, 0.08 %; held constant over
     a block it is 5 % off.
     """
-    T, B, n = 0.5, BLOCK_S, 20
+    T, B, n = 0.5, INCREMENT_BLOCK_S, 20
     noisy = AxisNoise(gauss_markov=(GaussMarkov(T, 1e-3),))
     layout = state_layout(NoiseModel("one", "made up", (noisy,) * 3, (AxisNoise(),) * 3))
     frame = LocalFrame(0.8, 0.1, 400.0)
@@ -248,7 +250,7 @@ def test_a_drift_counts_the_time_since_the_start():
         np.full(n, h), np.tile(frame.earth_rate_l * h, (n, 1)), np.zeros((n, 3))
     )
     level = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    imu, x = layout.kernel_model(BLOCK_S, 0.1), np.array([1e-3, -1e-3, 1e-3])
+    imu, x = layout.kernel_model(INCREMENT_BLOCK_S, 0.1), np.array([1e-3, -1e-3, 1e-3])
     got = linearise_interval(with_zupt, 0, n, level, x, imu, kernel_earth(frame), 0.0)
     assert_allclose(
         vector_from_rotation(rotation_from_quaternion(got.nav[6:])), -x * 0.005, rtol=1e-3
@@ -296,7 +298,9 @@ def test_noise_is_positive_semidefinite(flown, layout):
     """Oracle: eigenvalues of the correlation matrix; rounding leaves -1e-15, a wrong cross term
     would leave -1e-3.
     """
-    Q = interval(flown, TURN, flown.true_nav([TURN])[0], np.zeros(layout.size - 9), BLOCK_S).Q
+    Q = interval(
+        flown, TURN, flown.true_nav([TURN])[0], np.zeros(layout.size - 9), INCREMENT_BLOCK_S
+    ).Q
     driven = np.diag(Q) > 0.0
     sigma = np.sqrt(np.diag(Q))[driven]
     correlation = Q[np.ix_(driven, driven)] / np.outer(sigma, sigma)
@@ -310,9 +314,9 @@ def test_two_intervals_are_one(flown, layout, epoch):
     """
     p = flown.problem
     nav, x = flown.true_nav([epoch])[0], 0.3 * layout.sigma0
-    first = interval(flown, epoch, nav, x, BLOCK_S)
-    second = interval(flown, epoch + 1, first.nav, first.x, BLOCK_S)
-    imu = layout.kernel_model(BLOCK_S, p.aiding_interval_s)
+    first = interval(flown, epoch, nav, x, INCREMENT_BLOCK_S)
+    second = interval(flown, epoch + 1, first.nav, first.x, INCREMENT_BLOCK_S)
+    imu = layout.kernel_model(INCREMENT_BLOCK_S, p.aiding_interval_s)
     span = p.inc.stop[epoch], p.inc.stop[epoch + 2]
     both = linearise_interval(
         kernel_intervals(p.inc), *span, nav, x, imu, kernel_earth(p.frame), p.epochs.time[epoch]

@@ -24,7 +24,7 @@ from insgnss.navigation.filter.codes import (
     ZUPT,
 )
 from insgnss.navigation.filter.epochs import make_epochs, with_zupt
-from insgnss.navigation.filter.filter import BLOCK_S
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
 from insgnss.navigation.filter.layout import BarometerErrors, FixErrors, state_layout
@@ -94,7 +94,7 @@ def rows(
         barometer_variance=np.ones(1),
     )
     triple = make_triple(LAYOUT.size - N_NAV)
-    imu, earth = LAYOUT.kernel_model(BLOCK_S, 0.1), kernel_earth(flown.problem.frame)
+    imu, earth = LAYOUT.kernel_model(INCREMENT_BLOCK_S, 0.1), kernel_earth(flown.problem.frame)
     assert measured_triple(kind, 0, ep, nav, x, lever, accel, imu, earth, triple)
     return triple.nu[:, 0].copy(), triple.H.copy()
 

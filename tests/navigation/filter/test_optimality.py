@@ -25,7 +25,7 @@ from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, ZUPT
 from insgnss.navigation.filter.common_errors import common_errors, nodes_of
 from insgnss.navigation.filter.error_model import linearise_interval
 from insgnss.navigation.filter.event_chain import EventChain, SharedError
-from insgnss.navigation.filter.filter import BLOCK_S, make_history, run_filter
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S, make_history, run_filter
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
 from insgnss.navigation.filter.kernels.update import state_difference
@@ -86,7 +86,7 @@ def measurements(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     ep, n = problem.epochs, problem.layout.size
     imu, earth = (
-        problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s),
+        problem.layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s),
         kernel_earth(problem.frame),
     )
     out = []
@@ -101,7 +101,10 @@ def in_matrices(problem: EstimationProblem, start: InitialState, nav, x) -> Line
     """The problem about the nominal nav (m, 10), x (m, ns)."""
     m, n = nav.shape[0], problem.layout.size
     intervals, earth = kernel_intervals(problem.inc), kernel_earth(problem.frame)
-    imu, ep = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), problem.epochs
+    imu, ep = (
+        problem.layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s),
+        problem.epochs,
+    )
     Phi, Q, gap, accel = (
         np.zeros((m, n, n)),
         np.zeros((m, n, n)),

@@ -11,7 +11,12 @@ from numpy.testing import assert_allclose
 
 from insgnss.base.errors import UsageError
 from insgnss.navigation.filter.error_model import linearise_interval
-from insgnss.navigation.filter.filter import BLOCK_S, gate_from_sigma, make_history, run_filter
+from insgnss.navigation.filter.filter import (
+    INCREMENT_BLOCK_S,
+    gate_from_sigma,
+    make_history,
+    run_filter,
+)
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.problem import InitialState
 from insgnss.navigation.filter.solution import Solution, solve
@@ -92,7 +97,7 @@ def density_of_all(
         velocity_gm_sigma_mps=factors[8] * (CORRELATED.velocity_gm_sigma_mps or 0.0),
     )
     layout = state_layout(scaled(factors), fixes=fixes)
-    imu, lin = layout.kernel_model(BLOCK_S, problem.aiding_interval_s), segment.linear
+    imu, lin = layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s), segment.linear
     intervals, earth, stop = (
         kernel_intervals(problem.inc),
         kernel_earth(problem.frame),

@@ -13,7 +13,7 @@ from insgnss.cli import main
 from insgnss.io.formats.imu.exchanged_columns import exchanged_columns
 from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.recognise.claims import compare
-from insgnss.navigation.recognise.handedness import PAIRS, exchanged, with_exchanges
+from insgnss.navigation.recognise.handedness import AXIS_PAIRS, exchanged, with_exchanges
 from insgnss.navigation.recognise.recognition import recognise
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
@@ -43,7 +43,7 @@ def compared(imu, gnss, C_b_imu=None, accel_sign=1):
     return {check.name: check for check in checks}
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids=IDS)
+@pytest.mark.parametrize("pair", AXIS_PAIRS, ids=IDS)
 def test_the_exchange_that_explains_the_motion_is_named(flown, pair):
     """Oracle: the exchange that the test made; its remedy is its own reverse. The sign of the force
     is no contradiction then, and nobody is sent to reverse it.

@@ -12,7 +12,7 @@ from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
 from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.recognise.axes import axes_words
 from insgnss.navigation.recognise.claims import compare
-from insgnss.navigation.recognise.findings import MOST
+from insgnss.navigation.recognise.findings import MOST_CONFIDENCE
 from insgnss.navigation.recognise.recognition import recognise
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
@@ -95,7 +95,7 @@ def test_all_orientations_units_and_signs(block, corridor, sign, units):
         assert answers(found) == ("mean_rate", *units, sign, axes_words(C_b_imu), "same")
         assert abs(found.time_offset_s) < 3.0 * found.time_offset_sigma_s
         assert tuple(f.name for f in found.findings) == PROPERTIES
-        assert all(0.98 < f.confidence <= MOST for f in found.findings), [
+        assert all(0.98 < f.confidence <= MOST_CONFIDENCE for f in found.findings), [
             (f.name, f.confidence) for f in found.findings
         ]
         best = int(np.argmax(found.curves["orientation_score"]))

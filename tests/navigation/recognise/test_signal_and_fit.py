@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.navigation.recognise.fit import (
-    PRIOR,
+    PRIOR_SIGMAS,
     _about_window_mean,
     _Model,
     _solve,
@@ -142,13 +142,13 @@ def test_a_step_is_that_of_all_normal_equations() -> None:
         A[3 * i : 3 * i + 3, 3 * w : 3 * w + 3] = np.cross(np.eye(3), -felt[i]) * scale[i][:, None]
         A[3 * i : 3 * i + 3, 9:] = C[w] @ J[i] * scale[i][:, None]
     free = np.r_[1e-6, np.ones(7)]
-    N = A.T @ A + np.diag([*np.ones(9), *(free / PRIOR**2)])
+    N = A.T @ A + np.diag([*np.ones(9), *(free / PRIOR_SIGMAS**2)])
     b = A.T @ (r * scale).ravel()
-    b[9:] -= np.r_[0.0, np.ones(7)] * theta / PRIOR**2
+    b[9:] -= np.r_[0.0, np.ones(7)] * theta / PRIOR_SIGMAS**2
     exact = np.linalg.solve(N, b)
     assert_allclose(psi.ravel(), exact[:9], atol=1e-9)
     assert_allclose(step, exact[9:], atol=1e-9)
-    whole = N - np.diag([*np.zeros(9), *(free / PRIOR**2)])
+    whole = N - np.diag([*np.zeros(9), *(free / PRIOR_SIGMAS**2)])
     reduced = whole[9:, 9:] - whole[9:, :9] @ np.linalg.solve(whole[:9, :9], whole[:9, 9:])
     assert_allclose(H, reduced, atol=1e-8)
     assert g.shape == (3, 8)

@@ -19,7 +19,7 @@ from ....base.tables import Source, Table, read_toml
 from ..flight_file import TABLES
 
 KEY = "include"
-LONGEST_CHAIN = 4  # files that a flight file may take keys over from
+MOST_INCLUDED_FILES = 4  # files that a flight file may take keys over from
 ALTERNATIVES: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "mounting": (("boresight", "boresight_deg"),),
     "gnss": (("file", "stationary", "rover"),),
@@ -61,8 +61,10 @@ def with_included(
         if any(os.path.samefile(path, other) for other in chain):
             names = " -> ".join(file.name for file in (*chain, path))
             raise last.error(KEY, f"a circle of files, {names}; take one of them out")
-        if len(chain) > LONGEST_CHAIN:
-            problem = f"more than {LONGEST_CHAIN} files that include each other; put two into one"
+        if len(chain) > MOST_INCLUDED_FILES:
+            problem = (
+                f"more than {MOST_INCLUDED_FILES} files that include each other; put two into one"
+            )
             raise last.error(KEY, problem)
         chain.append(path)
         last = read_toml(path, keys)

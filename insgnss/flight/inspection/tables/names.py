@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from ....io.formats import UNITS
 from ....io.formats.names import GNSS, TIME, TRIADS, taken_by_inspect
-from ....io.formats.text.headers import LONGEST_NAME, factor_of, unit_in, without_unit
+from ....io.formats.text.headers import LONGEST_COLUMN_NAME, factor_of, unit_in, without_unit
 from ....io.formats.text.units import usual_unit
 from ....records import Array
 
@@ -34,7 +34,7 @@ def bare(name: str, kinds: Sequence[str]) -> list[str]:
 
 def _parts(name: str) -> list[str]:
     """Name without brackets, and what follows each dot, :: or slash in it; of none an empty one."""
-    name = name if len(name) <= LONGEST_NAME else ""
+    name = name if len(name) <= LONGEST_COLUMN_NAME else ""
     plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name).strip().strip("\"'")
     parts = re.split(r"[./]" if plain.startswith("/") else r"::|\.", plain)
     return [".".join(parts[k:]) for k in range(len(parts))]

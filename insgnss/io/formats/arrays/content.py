@@ -23,7 +23,7 @@ from ....base.errors import InputError, UsageError
 Array = NDArray[np.float64]
 Content = Mapping[str, Any]
 
-FEW_ROWS, LONG = 16, 20  # rows, and columns for each: such are no samples, but channels
+FEW_ROWS, LONG_ROW_RATIO = 16, 20  # rows, and columns for each: such are no samples, but channels
 _INDEXED = re.compile(r"(.*)\[([0-9]+)\]", re.DOTALL)
 
 
@@ -43,7 +43,7 @@ def matrix_of(array: NDArray[Any]) -> Matrix | NDArray[Any]:
     if min(array.shape) == 1:
         return array.reshape(-1)
     rows, columns = array.shape
-    return Matrix(array.T if rows <= FEW_ROWS and columns >= LONG * rows else array)
+    return Matrix(array.T if rows <= FEW_ROWS and columns >= LONG_ROW_RATIO * rows else array)
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ from ..text.layout import printable
 
 Bytes = memoryview
 
-HEADER_BYTES, TAG_BYTES = 128, 8  # of the file's header and of an element's tag, in version 5 to 7
-INT8, INT32, UINT32, MATRIX, COMPRESSED = 1, 5, 6, 14, 15
+# of the file's header and of an element's tag, in version 5 to 7
+MAT_HEADER_BYTES, TAG_BYTES = 128, 8
+INT8, INT32, UINT32, MAT_MATRIX, COMPRESSED = 1, 5, 6, 14, 15
 """Types of elements; those of `WIDTHS` hold numbers or text."""
 WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
 """Bytes of a number, or of a letter at least, by the type of its element."""
@@ -33,7 +34,7 @@ HEADS = {
 }
 """Element types between flags and content: dimensions, name; of structs the fields' names."""
 COMPLEX = 0x800  # of the flags
-DEEPEST = 16  # structs within structs; those of recordings have three or four
+DEEPEST_STRUCT_OF_FILE = 16  # structs within structs; those of recordings have three or four
 
 
 class Damaged(ValueError):
@@ -65,7 +66,7 @@ def read_mat(data: bytes, path: object = "MAT-file") -> dict[str, Any]:
     """
     from scipy.io import loadmat
 
-    if len(data) >= HEADER_BYTES and data[126:128] in (b"IM", b"MI"):
+    if len(data) >= MAT_HEADER_BYTES and data[126:128] in (b"IM", b"MI"):
         data = _checked(data, "<" if data[126:128] == b"IM" else ">", path)
     try:
         with warnings.catch_warnings():
@@ -114,15 +115,15 @@ def _struct(item: Any) -> dict[str, Any]:
 
 def _checked(data: bytes, order: str, path: object) -> bytes:
     """The file with its variables inflated, after a look at every length."""
-    elements = list(_elements(memoryview(data)[HEADER_BYTES:], order))
+    elements = list(_elements(memoryview(data)[MAT_HEADER_BYTES:], order))
     stated = sum(_stated(kind, body, order) for kind, body in elements)
     check_unpacked(path, stated, packed=len(data))
     # without the offset of MATLAB's own subsystem data, which moves
-    parts = [data[:116] + bytes(8) + data[124:HEADER_BYTES]]
+    parts = [data[:116] + bytes(8) + data[124:MAT_HEADER_BYTES]]
     for kind, body in elements:
         if kind == COMPRESSED:
             kind, body = _inflated(body, order)
-        if kind != MATRIX:
+        if kind != MAT_MATRIX:
             raise Damaged(f"an element of type {kind} instead of a variable")
         _check_matrix(body, order, 0)
         parts += [np.array([kind, len(body)], order + "u4").tobytes(), bytes(body)]
@@ -184,7 +185,7 @@ def _check_matrix(body: Bytes, order: str, depth: int) -> None:
 
     scipy does not check them, and may crash.
     """
-    if depth > DEEPEST:
+    if depth > DEEPEST_STRUCT_OF_FILE:
         raise Damaged("structs within structs beyond reason")
     elements = list(_elements(body, order))
     if not elements:
@@ -210,7 +211,7 @@ def _check_matrix(body: Bytes, order: str, depth: int) -> None:
         if CHAR <= form < FUNCTION:
             if kind not in WIDTHS or (form > SPARSE and len(inner) != count * WIDTHS[kind]):
                 raise Damaged(f"{count} values in {len(inner)} bytes of type {kind}")
-        elif kind != MATRIX:
+        elif kind != MAT_MATRIX:
             raise Damaged(f"an element of type {kind} instead of a cell or a field")
         else:
             _check_matrix(inner, order, depth + 1)

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 LABEL = "_label"
 HDF5 = b"\x89HDF\r\n\x1a\n"
-DEEPEST = 8  # structs within structs
+DEEPEST_STRUCT = 8  # structs within structs
 
 
 def load_matlab(path: Source) -> Content:
@@ -82,12 +82,14 @@ def _hdf5(path: Source) -> dict[str, Any]:
         """Bytes of what a node holds, without reading it."""
         if not isinstance(node, h5py.Group):
             return int(node.nbytes)
-        return sum(stated(node[name], depth + 1) for name in node if depth < DEEPEST)
+        return sum(stated(node[name], depth + 1) for name in node if depth < DEEPEST_STRUCT)
 
     def plain(node: Any, depth: int = 0) -> Any:
         if isinstance(node, h5py.Group):
             return {
-                printable(name): plain(node[name], depth + 1) for name in node if depth < DEEPEST
+                printable(name): plain(node[name], depth + 1)
+                for name in node
+                if depth < DEEPEST_STRUCT
             }
         if node.attrs.get("MATLAB_class") == b"char":
             return "".join(map(chr, node[()].reshape(-1)))

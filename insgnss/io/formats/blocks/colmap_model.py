@@ -12,7 +12,7 @@ import numpy as np
 
 from ....base.errors import InputError, UsageError
 from ....base.files import lines_of
-from ....base.units import LARGEST, spells_zero
+from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
 from ....records.block import INTERIOR, Array, BrownCamera
 from ..bundle.camera import BROWN_NAMES, PARAMETERS
@@ -192,7 +192,7 @@ def _spells_numbers(text: str, words: list[str]) -> bool:
         return False
     pairs = zip(words, values, strict=True) if 0.0 in values else ()
     zeros = all(spells_zero(word) for word, x in pairs if x == 0.0)
-    return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST
+    return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST_UNIT
 
 
 def _camera(path: Source, number: int, given: Any) -> BrownCamera:

@@ -23,7 +23,7 @@ from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageB
 from ....records.block import ImageObservations as Observations
 from ..text.columns import first_repeat
 from ..text.layout import shown
-from ..text.numbers import EXACT, PLAIN, finite, whole, whole_rows
+from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
 from ..text.order import refuse_rows
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
 from ..text.xml import parse_xml
@@ -323,7 +323,9 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
             " DBAT's camera to it and adjust again",
         )
     width, height = of("image", 2)
-    if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
+    if not (
+        width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
+    ):
         problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
         raise InputError.at_line(path, None, f"{problem}; correct it")
     sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]

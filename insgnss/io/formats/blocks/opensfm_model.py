@@ -22,7 +22,7 @@ from ....geodesy.rotation import rotation_from_vector
 from ....records.block import INTERIOR, Array, BrownCamera
 from ..bundle.opensfm import REFERENCE
 from ..text.layout import decode, shown
-from ..text.numbers import EXACT, array_of, whole
+from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, whole
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
@@ -215,7 +215,9 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         return _value(file, given, key, default, f"camera {shown(name)}")
 
     width, height = value("width", None), value("height", None)
-    if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
+    if not (
+        width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
+    ):
         problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
         raise InputError.at_line(file, None, f"{problem}; export it again")
     size = max(width, height)

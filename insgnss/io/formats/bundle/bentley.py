@@ -24,7 +24,7 @@ from ....base.files import atomic_write
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from ..orientation.exported import (
-    CHUNK,
+    ROWS_AT_A_TIME,
     check_frame,
     check_names,
     comment_lines,
@@ -158,8 +158,8 @@ def _text(
     for k, name in enumerate(names):
         rows = np.flatnonzero(number == k)
         yield GROUP.format(name=xml_text(name or "camera"), camera=camera)
-        for first in range(0, rows.size, CHUNK):
-            piece = rows[first : first + CHUNK]
+        for first in range(0, rows.size, ROWS_AT_A_TIME):
+            piece = rows[first : first + ROWS_AT_A_TIME]
             values = zip(piece.tolist(), table[piece].tolist(), strict=True)
             yield "".join([photo % (row, xml_text(eo.images[row]), *of) for row, of in values])
         yield "  </Photogroup>"

@@ -6,9 +6,9 @@
                   camera's axes
 
 The camera's axes are ours (x right, y down, z viewing direction). A prior has no place for the
-heading, nor for the correlation of position and attitude. Coordinates beyond `FAR_M` lose digits in
-single precision: a shift is subtracted and said in the files. Numbers count from 1, or are those of
-a database (`colmap_database`).
+heading, nor for the correlation of position and attitude. Coordinates beyond `SHIFTED_FROM_M` lose
+digits in single precision: a shift is subtracted and said in the files. Numbers count from 1, or
+are those of a database (`colmap_database`).
 """
 
 import shutil
@@ -46,9 +46,11 @@ from .colmap_database import (
 )
 
 # coordinates (m) from which a shift is subtracted: single precision has steps of 8 mm there
-FAR_M = 1e5
-NEAR_M = 1e4  # shift of an axis (m) that is left out: single precision has steps of 1 mm there
-ROUND_M = 1e3  # step of the shift (m): whole kilometres are read and typed without error (chosen)
+SHIFTED_FROM_M = 1e5
+# shift of an axis (m) that is left out: single precision has steps of 1 mm there
+LEAST_SHIFT_M = 1e4
+# step of the shift (m): whole kilometres are read and typed without error (chosen)
+SHIFT_STEP_M = 1e3
 CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
 POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)  # quaternion to 1e-12, T to 1e-6 m: below any sigma
 # COLMAP takes a binary model before a text
@@ -232,10 +234,10 @@ def _model_texts(
 
 def _shift(eo: FramedOrientation, shift: str | Sequence[float] | None) -> Array:
     if shift is None:
-        if not eo.images or np.abs(eo.coordinates).max() <= FAR_M:
+        if not eo.images or np.abs(eo.coordinates).max() <= SHIFTED_FROM_M:
             return np.zeros(3)
-        whole = np.round(eo.coordinates.mean(axis=0) / ROUND_M) * ROUND_M
-        return np.where(np.abs(whole) > NEAR_M, whole, 0.0)
+        whole = np.round(eo.coordinates.mean(axis=0) / SHIFT_STEP_M) * SHIFT_STEP_M
+        return np.where(np.abs(whole) > LEAST_SHIFT_M, whole, 0.0)
     return vector(shift, "shift")
 
 

@@ -19,8 +19,8 @@ from ....geodesy.gpstime import WEEK_S
 from ....records import FramedOrientation
 from ....records.framed import PROJECTED, TANGENT
 from ..orientation.exported import (
-    CHUNK,
     OPK,
+    ROWS_AT_A_TIME,
     angles_of,
     check_frame,
     check_names,
@@ -157,8 +157,8 @@ def _blocks(
 ) -> Iterable[str]:
     since = (1000.0 * (WEEK_S * eo.gps_week + eo.time)).round().astype("timedelta64[ms]")
     when = np.datetime_as_string(GPS_EPOCH + since, unit="s")
-    for first in range(0, len(ids), CHUNK):
-        chunk = slice(first, first + CHUNK)
+    for first in range(0, len(ids), ROWS_AT_A_TIME):
+        chunk = slice(first, first + ROWS_AT_A_TIME)
         rows = zip(
             ids[chunk], eo.images[chunk], when[chunk].tolist(), table[chunk].tolist(), strict=True
         )

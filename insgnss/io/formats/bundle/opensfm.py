@@ -18,7 +18,7 @@ from ....base.files import atomic_writes
 from ....base.output.staging import destination
 from ....records import FramedOrientation
 from ....records.framed import TANGENT
-from ..orientation.exported import CHUNK, OPK, angles_of, check_frame, frame_attitude
+from ..orientation.exported import OPK, ROWS_AT_A_TIME, angles_of, check_frame, frame_attitude
 from ..text.text import Source
 
 REFERENCE = "reference_lla.json"
@@ -73,8 +73,8 @@ def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
     gps = '{"gps": {"latitude": %.10f, "longitude": %.10f, "altitude": %.4f, "dop": %.5f}'
     form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
     yield "{\n"
-    for first in range(0, len(images), CHUNK):
-        chunk = slice(first, first + CHUNK)
+    for first in range(0, len(images), ROWS_AT_A_TIME):
+        chunk = slice(first, first + ROWS_AT_A_TIME)
         text = [
             form % (json.dumps(name), *values)
             for name, values in zip(images[chunk], table[chunk].tolist(), strict=True)

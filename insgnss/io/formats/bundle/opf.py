@@ -63,7 +63,7 @@ SOURCES = {
 PIXELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
 BANDS = {"rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)), "gray": (("Gray", 1.0),)}
 # step of the scene's shift (m): a short number that leaves small coordinates (chosen)
-ROUND_M = 100.0
+SCENE_SHIFT_STEP_M = 100.0
 SENSOR = 1  # number of the first sensor; further ones count on from it
 
 
@@ -111,7 +111,11 @@ def write_opf(
             zip(cameras_of(camera, names, "opf"), names, strict=True), start=SENSOR
         )
     ]
-    shift = -np.round(eo.coordinates.mean(axis=0) / ROUND_M) * ROUND_M if eo.images else np.zeros(3)
+    shift = (
+        -np.round(eo.coordinates.mean(axis=0) / SCENE_SHIFT_STEP_M) * SCENE_SHIFT_STEP_M
+        if eo.images
+        else np.zeros(3)
+    )
     opk, sigma_opk = (np.degrees(a) for a in angles_of(eo, *frame_attitude(eo), OPK))
     ids = [(_uid("capture", name), _uid("camera", name)) for name in eo.images]
     uris = [f"{images.rstrip('/')}/{name}" if images else name for name in eo.images]

@@ -31,8 +31,9 @@ NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
 SIGMAS = ("sd_n", "sd_e", "sd_u")
-MOST = 999999  # largest number, week or quality: six digits, more than any drone counts (chosen)
-LEAST = 2  # number and time of week
+# largest number, week or quality: six digits, more than any drone counts (chosen)
+LARGEST_NUMBER = 999999
+LEAST_VALUES = 2  # number and time of week
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +158,7 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
         else:
             unnamed.append(value)
         i += 2 if name in NAMES else 1
-    if len(unnamed) not in (LEAST, LEAST + 3):
+    if len(unnamed) not in (LEAST_VALUES, LEAST_VALUES + 3):
         message = (
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"
@@ -169,13 +170,13 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
     if odd := [
         name
         for name in ("number", "week", "q")
-        if name in row and not (row[name].is_integer() and 0.0 <= row[name] <= MOST)
+        if name in row and not (row[name].is_integer() and 0.0 <= row[name] <= LARGEST_NUMBER)
     ]:
         raise InputError.at_line(
             path,
             line,
-            f"{odd[0]} {row[odd[0]]:g} is no whole number from 0 to {MOST}; correct or delete the"
-            " line",
+            f"{odd[0]} {row[odd[0]]:g} is no whole number from 0 to {LARGEST_NUMBER}; correct or"
+            " delete the line",
         )
     return row
 

@@ -35,8 +35,8 @@ from ..orientation.poses import sentences, true_north_ypr, utc
 from ..text.text import Source
 
 APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
-CARTESIAN = -1  # srs_id that the standard gives to undefined Cartesian coordinates
-OWN = 100000  # srs_id of a CRS without EPSG code: above the numbers of EPSG (chosen)
+UNDEFINED_CARTESIAN_ID = -1  # srs_id that the standard gives to undefined Cartesian coordinates
+FIRST_OWN_ID = 100000  # srs_id of a CRS without EPSG code: above the numbers of EPSG (chosen)
 REALS = (
     *("yaw_deg", "pitch_deg", "roll_deg", "sigma_yaw_deg", "sigma_pitch_deg", "sigma_roll_deg"),
     *("omega_deg", "phi_deg", "kappa_deg", "sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"),
@@ -138,9 +138,9 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     required = [
         _Srs(
             "Undefined Cartesian",
-            CARTESIAN,
+            UNDEFINED_CARTESIAN_ID,
             "NONE",
-            CARTESIAN,
+            UNDEFINED_CARTESIAN_ID,
             "undefined",
             "undefined Cartesian",
             "undefined",
@@ -194,9 +194,9 @@ def _srs(eo: FramedOrientation) -> _Srs:
     if frame.kind == TANGENT:
         return _Srs(
             "Undefined Cartesian",
-            CARTESIAN,
+            UNDEFINED_CARTESIAN_ID,
             "NONE",
-            CARTESIAN,
+            UNDEFINED_CARTESIAN_ID,
             "undefined",
             frame.name,
             "undefined",
@@ -208,7 +208,7 @@ def _srs(eo: FramedOrientation) -> _Srs:
         wkt1 = "undefined"
     authority, _, code = frame.crs.partition(":")
     single = authority == "EPSG" and code.isdigit() and not crs.is_compound
-    number, organization = (int(code), "EPSG") if single else (OWN, "insgnss")
+    number, organization = (int(code), "EPSG") if single else (FIRST_OWN_ID, "insgnss")
     heights = f"heights {frame.heights}" if frame.scaled_from_m is None else "scaled heights"
     return _Srs(
         crs.name, number, organization, number, wkt1, f"{frame.name}; {heights}", crs.to_wkt()

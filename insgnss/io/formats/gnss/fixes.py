@@ -32,7 +32,7 @@ MOST_QUALITY = 7  # of RTKLIB
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
 UNKNOWN_DOP = 99.0  # receivers write 99.9 or 99.99 for a dilution of precision they do not know
-LARGEST = 1e7  # m, m/s; beyond it no antenna is
+LARGEST_COORDINATE = 1e7  # m, m/s; beyond it no antenna is
 
 
 @dataclass(frozen=True)
@@ -183,8 +183,10 @@ def with_floors_of_zeros(
 
 
 def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
-    message = f"{name} {{:g}} {unit} exceeds {LARGEST:g}; check the columns and their unit"
-    refuse_rows(lines, np.abs(value) > LARGEST, message, value)
+    message = (
+        f"{name} {{:g}} {unit} exceeds {LARGEST_COORDINATE:g}; check the columns and their unit"
+    )
+    refuse_rows(lines, np.abs(value) > LARGEST_COORDINATE, message, value)
 
 
 def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
@@ -275,11 +277,11 @@ def _covariance(
         assumed = np.ones(n, dtype=np.bool_)
         if not (np.isfinite(sigma) & (sigma > 0.0)).all():
             raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
-    bad = ~((sigma > 0.0) & (sigma <= LARGEST))
+    bad = ~((sigma > 0.0) & (sigma <= LARGEST_COORDINATE))
     if bad.any():
         row, k = (int(i) for i in np.argwhere(bad)[0])
         limit = (
-            f"must be positive and at most {LARGEST:g}"
+            f"must be positive and at most {LARGEST_COORDINATE:g}"
             if sigma[row, k] > 0.0
             else "must be positive"
         )

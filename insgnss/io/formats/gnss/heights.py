@@ -16,7 +16,7 @@ from ..text.headers import normalised
 from ..text.layout import decode, is_comment, shown
 from ..text.order import note
 
-HEAD = 1 << 12  # bytes from the file's start in which comments are looked for (chosen)
+COMMENT_BYTES = 1 << 12  # bytes from the file's start in which comments are looked for (chosen)
 _GEOID = re.compile(
     r"(?<![a-z])a?msl(?![a-z])|(alt|height|hgt|h)_?msl|orthom|h_?orth|geoid|sea_?level"
     r"|egm_?(84|96|08|2008)|navd_?88|dhhn"
@@ -123,7 +123,7 @@ def _stated_geoid(path: object) -> tuple[int, str] | None:
 
     None where a comment speaks of an ellipsoid, too.
     """
-    head = lines_of(decode(first_bytes(str(path), HEAD)))
+    head = lines_of(decode(first_bytes(str(path), COMMENT_BYTES)))
     comments = [(k, text.strip()) for k, text in enumerate(head, 1) if is_comment(text)]
     if any("ellips" in text.lower() for _, text in comments):
         return None

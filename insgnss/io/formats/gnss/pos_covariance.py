@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 # between north-east-up and north-east-down: the third axis reversed
-NED = np.diag([1.0, 1.0, -1.0])
+DOWN_FROM_UP = np.diag([1.0, 1.0, -1.0])
 LARGEST_ROOT = 1e7  # largest signed root (m): more than the radius of the Earth is no accuracy
 
 
@@ -100,6 +100,6 @@ def signed_roots(P: Array) -> Array:
 
     Their order is RTKLIB's over north, east, up.
     """
-    U = NED @ P @ NED
+    U = DOWN_FROM_UP @ P @ DOWN_FROM_UP
     c = U[:, [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]
     return np.sign(c) * np.sqrt(np.abs(c))

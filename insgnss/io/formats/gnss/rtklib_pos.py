@@ -27,7 +27,7 @@ from ..text.order import note, open_end, put_in_order, refuse_rows
 from ..text.text import Source, Table, load, parse
 from .fixes import of_the_solution
 from .heights import GIVE, above_already
-from .pos_covariance import LARGEST_ROOT, NED, covariances
+from .pos_covariance import DOWN_FROM_UP, LARGEST_ROOT, covariances
 from .pos_header import (
     DATE,
     POSITION,
@@ -305,7 +305,7 @@ def _position(
             _refuse(table, np.abs(cols[name]) > limit, cols[name], message)
         height = _above_ellipsoid(table, header, given[:, 2], undulation_m)
         lat, lon = np.radians(given[:, :2].T)
-        return lat, lon, height, np.broadcast_to(NED, (n, 3, 3))
+        return lat, lon, height, np.broadcast_to(DOWN_FROM_UP, (n, 3, 3))
     C_e = np.eye(3)
     if header.kind == "e-baseline":
         origin, C_e = _base_frame(table, header)

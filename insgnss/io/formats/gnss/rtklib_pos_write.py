@@ -25,7 +25,7 @@ from ....geodesy.rotation import NED_ENU, skew
 from ....records import Array, FramedOrientation, GnssFixes, Trajectory
 from ..orientation.poses import local_covariance, vector
 from ..text.text import Source, format_rows
-from .pos_covariance import NED, signed_roots
+from .pos_covariance import DOWN_FROM_UP, signed_roots
 
 POSE = np.r_[0:3, 6:9]
 CODES = (1, 2, 3, 4, 5, 6)  # of quality, from fix to ppp, as the legend lists them
@@ -95,7 +95,7 @@ def write_rtklib_pos(
     head, form = HEAD, FORM.format(digits)
     if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
         head, form = head + OF_VELOCITY, form + FORM_OF_VELOCITY
-        table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
+        table += [fixes.velocity_ned @ DOWN_FROM_UP, signed_roots(fixes.velocity_cov_ned)]
     lines = (f"% {line}\n" for line in comments)
     rows = format_rows(form + "\n", np.column_stack(table))
     atomic_write(path, [*lines, LEGEND, head + "\n", *rows])

@@ -15,10 +15,11 @@ from ....base.errors import InputError
 from .jpeg import exif_of
 from .tiff_tags import Tiff
 
-# tags of Exif: Make, Model, DateTimeOriginal, SubSecTimeOriginal, OffsetTimeOriginal
-CAMERA_MAKE, CAMERA_MODEL, ORIGINAL, FRACTION, OFFSET = 0x010F, 0x0110, 0x9003, 0x9291, 0x9011
+# tags of Exif
+CAMERA_MAKE, CAMERA_MODEL, ORIGINAL = 0x010F, 0x0110, 0x9003
+FRACTION, OFFSET_ORIGINAL = 0x9291, 0x9011  # of DateTimeOriginal
 # PixelXDimension, PixelYDimension, FocalLengthIn35mm
-COLUMNS, ROWS, FOCAL_35_MM = 0xA002, 0xA003, 0xA405
+IMAGE_COLUMNS, IMAGE_ROWS, FOCAL_35_MM = 0xA002, 0xA003, 0xA405
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how TIFF and BigTIFF begin
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)  # of the film that FocalLengthIn35mmFilm speaks of
 
@@ -67,7 +68,9 @@ def camera_tags(stream: BinaryIO, who: str) -> CameraTags:
     if tiff is None:
         return CameraTags("", None, None)
     model = (tiff.bytes_of(tiff.first, CAMERA_MODEL) or b"").decode("ascii", "replace")
-    columns, rows, focal = (tiff.number_of(tiff.exif, tag) for tag in (COLUMNS, ROWS, FOCAL_35_MM))
+    columns, rows, focal = (
+        tiff.number_of(tiff.exif, tag) for tag in (IMAGE_COLUMNS, IMAGE_ROWS, FOCAL_35_MM)
+    )
     size = (int(columns), int(rows)) if columns and rows else None
     focal_px = focal * math.hypot(*size) / DIAGONAL_35_MM if focal and size else None
     return CameraTags(model.strip("\0 "), size, focal_px)
@@ -118,7 +121,7 @@ def _written_time(stream: BinaryIO, who: str) -> tuple[str, ...]:
         raise ValueError(f"{who}: has no Exif")
     second, fraction, offset = (
         (tiff.bytes_of(tiff.exif, tag) or b"").decode("latin-1").strip("\0 ")
-        for tag in (ORIGINAL, FRACTION, OFFSET)
+        for tag in (ORIGINAL, FRACTION, OFFSET_ORIGINAL)
     )
     if not second.strip(" :0"):
         raise ValueError(f"{who}: has no DateTimeOriginal")

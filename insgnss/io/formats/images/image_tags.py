@@ -97,7 +97,7 @@ LEFT_OUT = "left out"
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
 # bytes that are copied at a time, so that an image of any size takes 4 MB of memory
-CHUNK = 1 << 22
+COPIED_BYTES = 1 << 22
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,7 +397,7 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
 
 def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:
     stream.seek(offset)
-    while chunk := stream.read(CHUNK):
+    while chunk := stream.read(COPIED_BYTES):
         yield chunk
 
 

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from ....base.errors import InputError
 
 EXIF, PACKET = b"Exif\x00\x00", b"http://ns.adobe.com/xap/1.0/\x00"
-MOST = 0xFFFF - 2  # bytes that a segment holds: its length has 16 bits and counts its own two bytes
+# bytes that a segment holds: its length has 16 bits and counts its own two bytes
+SEGMENT_BYTES = 0xFFFF - 2
 APP0, APP1 = 0xE0, 0xE1  # markers of the segments of JFIF, and of Exif and XMP
 Read = Callable[[int, int], bytes]
 Change = Callable[[bytes | None], bytes]
@@ -49,10 +50,10 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
                 " ambiguous; remove the others"
             )
         content = start + change(segments.pop(places[0])[1][len(start) :] if places else None)
-        if len(content) > MOST:
+        if len(content) > SEGMENT_BYTES:
             raise InputError(
-                f"{who}: its {kind} would need {len(content)} bytes (limit {MOST}); remove the"
-                " thumbnail or the makers' note"
+                f"{who}: its {kind} would need {len(content)} bytes (limit {SEGMENT_BYTES});"
+                " remove the thumbnail or the makers' note"
             )
         segments.insert(_insert_index(segments, start), (APP1, content))
     parts = [

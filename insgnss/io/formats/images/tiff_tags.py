@@ -15,7 +15,7 @@ from ....base.errors import InputError
 
 EXIF_IFD, GPS_IFD, XMP = 0x8769, 0x8825, 700  # tags that hold or point to Exif, GPS and XMP
 # codes of types in TIFF 6.0 and BigTIFF
-BYTE, ASCII, LONG, RATIONAL, UNDEFINED, SRATIONAL, LONG8 = 1, 2, 4, 5, 7, 10, 16
+BYTE, ASCII, TIFF_LONG, RATIONAL, UNDEFINED, SRATIONAL, LONG8 = 1, 2, 4, 5, 7, 10, 16
 SIZES = {
     1: 1,
     2: 1,
@@ -121,7 +121,7 @@ class Tiff:
         for tag, old, new in ((EXIF_IFD, self.exif, exif), (GPS_IFD, self.gps, gps)):
             if new:
                 entry = _Entry(
-                    LONG8 if self.big else LONG,
+                    LONG8 if self.big else TIFF_LONG,
                     1,
                     struct.pack(self._order + self._word, self._append(tail, old, new, 0)),
                 )

@@ -22,7 +22,8 @@ from ..text.text import Source, number
 Array = NDArray[np.float64]
 
 N_FIELDS = 13  # numbers of a sentence, from sync to temperature
-SYNC, TIME, GYRO, ACCEL = 0, 1, slice(6, 9), slice(9, 12)  # their places in the sentence
+# their places in the sentence
+SYNC, TIME_FIELD, GYRO_FIELDS, ACCEL_FIELDS = 0, 1, slice(6, 9), slice(9, 12)
 LOCKED = 2  # sync of a sample that was stamped by a clock locked to the receiver's pulse
 
 
@@ -49,9 +50,9 @@ def read_aimu(
     table = table[locked]
     kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
     try:
-        week, time = gps_from_unix_utc(table[:, TIME])
+        week, time = gps_from_unix_utc(table[:, TIME_FIELD])
     except InputError as refusal:
-        raise kept.error_at(int(np.argmin(table[:, TIME])), str(refusal)) from None
+        raise kept.error_at(int(np.argmin(table[:, TIME_FIELD])), str(refusal)) from None
     time = np.round(time, 6)
     agree_on_week(kept, week, gps_week)
     rows, notes = put_in_order(
@@ -69,7 +70,13 @@ def read_aimu(
         done = note("IMU rows", finding, "a locked clock, whole sentences", advice)
         notes = (done, *notes)
     return ImuSamples(
-        time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path), notes
+        time,
+        np.radians(table[:, GYRO_FIELDS]),
+        table[:, ACCEL_FIELDS],
+        quantity,
+        week,
+        str(path),
+        notes,
     )
 
 

@@ -7,8 +7,8 @@ over an interval as differences of their integral, which keeps every change of v
     I(t_j) = sum over i <= j of f_i (t_i - t_i-1),    f(k) = (I(t_k) - I(t_k-1)) / (t_k - t_k-1)
 
 linear between its stamps, and rates at an instant as a straight line between two of them. Samples
-of gyros for which the accelerometers lack more than `LACKING` of their intervals are left out, and
-stand as a gap of the IMU like any other.
+of gyros for which the accelerometers lack more than `LOST_INTERVALS` of their intervals are left
+out, and stand as a gap of the IMU like any other.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ from ..text.order import note
 
 Array = NDArray[np.float64]
 
-LACKING = 2.5  # intervals of the accelerometers: a single sample may be lost
+LOST_INTERVALS = 2.5  # intervals of the accelerometers: a single sample may be lost
 LEAST_COMMON = 0.5  # of the gyro samples
 
 
@@ -97,7 +97,7 @@ def _resampled(
     """Return forces (n, 3) at the wanted stamps (n,), and where there are any."""
     step = np.diff(wanted)
     usual = float(np.median(step))
-    begin = wanted - np.concatenate([[usual], np.where(step > LACKING * usual, usual, step)])
+    begin = wanted - np.concatenate([[usual], np.where(step > LOST_INTERVALS * usual, usual, step)])
     if quantity == "instant_rate":
         begin = wanted
         out = np.column_stack([np.interp(wanted, time, force[:, c]) for c in range(3)])
@@ -112,7 +112,7 @@ def _resampled(
             ]
         )
     there = (begin >= time[0]) & (wanted <= time[-1])
-    lacking = np.diff(time) > LACKING * float(np.median(np.diff(time)))
+    lacking = np.diff(time) > LOST_INTERVALS * float(np.median(np.diff(time)))
     for k in np.flatnonzero(lacking):
         there &= (wanted <= time[k]) | (begin >= time[k + 1])
     return out, there

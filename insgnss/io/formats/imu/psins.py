@@ -28,9 +28,10 @@ from ..text.units import DEG
 
 Array = NDArray[np.float64]
 
-HEAD_LINES, FIELDS = 3, 6  # lines of the header, and values of a line, as PSINS writes them
+HEAD_LINES, LINE_VALUES = 3, 6  # lines of the header, and values of a line, as PSINS writes them
 AXES = "right forward up"
-LARGEST_COUNT = 1e9  # counts of an increment: a larger one is no reading of a sensor (chosen)
+# counts of an increment: a larger one is no reading of a sensor (chosen)
+LARGEST_INCREMENT_COUNTS = 1e9
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def read_psins(
     """
     buf, complete = load(path)
     header, offset, line = _header(path, buf)
-    layout = Layout(None, ".", FIELDS, None, None, None, offset, line)
+    layout = Layout(None, ".", LINE_VALUES, None, None, None, offset, line)
     table = parse(path, buf, complete, layout)
     if not len(table.values):
         raise InputError.at_line(path, None, "ends behind its header; copy it again")
@@ -96,8 +97,10 @@ def read_psins(
             len(table.values) - 1,
             "truncated: the file ends within this line; copy it again or delete the line",
         )
-    beyond = np.abs(table.values).max(axis=1, initial=0.0) > LARGEST_COUNT
-    refuse_rows(table, beyond, f"a count exceeds {LARGEST_COUNT:g}; correct or delete the line")
+    beyond = np.abs(table.values).max(axis=1, initial=0.0) > LARGEST_INCREMENT_COUNTS
+    refuse_rows(
+        table, beyond, f"a count exceeds {LARGEST_INCREMENT_COUNTS:g}; correct or delete the line"
+    )
     time = header.t0 + header.interval_s * np.arange(1.0, len(table.values) + 1.0)
     time, gps_week = gps_time(table, time, None, gps_week)
     increments = table.values * [*header.gyro_lsb, *header.accel_lsb]
@@ -123,12 +126,12 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
             if is_binary(text):
                 raise InputError.at_line(path, line, f"is no text; {BINARY}")
             fields = [number(field, path, line) for field in text.split()]
-            if len(fields) != FIELDS:
+            if len(fields) != LINE_VALUES:
                 raise InputError.at_line(
                     path,
                     line,
-                    f"{len(fields)} values in the header's line {len(rows) + 1}, expected {FIELDS};"
-                    " is it a PSINS log?",
+                    f"{len(fields)} values in the header's line {len(rows) + 1}, expected"
+                    f" {LINE_VALUES}; is it a PSINS log?",
                 )
             rows.append((line, fields))
     if len(rows) < HEAD_LINES:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError, UsageError
 from ....base.files import lines_of
 from ....base.received.nesting import parse_json
-from ....base.units import LARGEST, is_number
+from ....base.units import LARGEST_UNIT, is_number
 from ....records import WaveletVariance, chi_square_interval
 from ..text.columns import TableSpec
 from ..text.layout import decode, is_comment, shown
@@ -52,7 +52,7 @@ _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
 _ROUNDING = 0.01  # relative, of a published scale
 _AXIS = re.compile(r"(gyro|accel|acc|g|a)[a-z]*[\s._]*([xyz])", re.IGNORECASE)
 # coefficients at a scale: no recording is so long, and a float still counts one by one
-LARGEST_COUNT = 1e15
+MOST_COEFFICIENTS = 1e15
 _COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:](.*)")
 
 
@@ -322,7 +322,7 @@ def _curve(
                 f"the interval at scale {s:g} s does not hold its value, or starts below zero;"
                 " leave it out",
             )
-    if not (np.abs(count) < LARGEST_COUNT).all():
+    if not (np.abs(count) < MOST_COEFFICIENTS).all():
         raise refuse(0, f"{count.max():g} coefficients at a scale; a recording has fewer")
     if low is None or high is None:
         low, high = chi_square_interval(nu, np.maximum(count / 2.0**level, 1.0))
@@ -445,7 +445,9 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
     """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
     rows = value if isinstance(value, list) else [value]
     flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
-    numbers = np.array([float(x) if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
+    numbers = np.array(
+        [float(x) if is_number(x) and abs(x) < LARGEST_UNIT else np.nan for x in flat]
+    )
     if numbers.size == 0 or not np.isfinite(numbers).all():
         raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
     return numbers

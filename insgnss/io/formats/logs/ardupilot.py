@@ -20,7 +20,7 @@ from ..text.order import note
 from ..text.text import Source
 from ..text.units import DEG
 from .autopilot import Array, Fixes, Log, Message
-from .boot_clock import LONGEST_S
+from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
 LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix; DGPS and RTK have larger ones
@@ -47,7 +47,7 @@ def _fixes(log: Log, variable: str | None = None) -> Fixes:
     status, week, ms = (message.columns[name] for name in ("Status", *names))
     boot = _boot(message)
     fixed = (status >= LEAST_STATUS) & (status < 256.0) & (week > 0.0) & (week < 1e4)
-    fixed &= (ms >= 0.0) & (ms < 1e9) & (boot >= 0.0) & (boot < LONGEST_S)
+    fixed &= (ms >= 0.0) & (ms < 1e9) & (boot >= 0.0) & (boot < LONGEST_LOG_S)
     return Fixes.of(message, fixed, boot, week, 1e-3 * ms)
 
 

@@ -20,10 +20,10 @@ from ..text.order import Lines, note, refuse_rows
 
 Array = NDArray[np.float64]
 
-PAIRS = 200  # messages that the slope is taken from
-SHORT_S = 60.0  # below it the clock's drift is taken for zero
+MOST_MESSAGES = 200  # messages that the slope is taken from
+LEAST_DRIFT_SPAN_S = 60.0  # below it the clock's drift is taken for zero
 DRIFT_LIMIT = 500e-6  # s/s of the autopilot's clock: a crystal is ten times better (chosen)
-LONGEST_S = 1e8  # of a log
+LONGEST_LOG_S = 1e8  # of a log
 # median residual (s) about the line: latencies of messages are tenths (chosen)
 SPREAD_LIMIT_S = 1.0
 
@@ -50,8 +50,8 @@ class BootClock:
         InputError
             The first stamp that cannot be one.
         """
-        message = f"stamp {{:g}} s of the autopilot; it must be between 0 and {LONGEST_S:g} s"
-        refuse_rows(lines, ~((boot_s >= 0.0) & (boot_s < LONGEST_S)), message, boot_s)
+        message = f"stamp {{:g}} s of the autopilot; it must be between 0 and {LONGEST_LOG_S:g} s"
+        refuse_rows(lines, ~((boot_s >= 0.0) & (boot_s < LONGEST_LOG_S)), message, boot_s)
         return np.round(boot_s + self.offset_s + self.drift * (boot_s - self.at_s), 6)
 
     def note(self, name: str) -> Finding:
@@ -99,10 +99,10 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
     difference = (week - first) * WEEK_S + tow - boot_s
     reference_s = float(np.median(boot_s))
     drift = 0.0
-    pick = np.unique(np.linspace(0, boot_s.size - 1, PAIRS).astype(np.int64))
+    pick = np.unique(np.linspace(0, boot_s.size - 1, MOST_MESSAGES).astype(np.int64))
     i, k = np.triu_indices(pick.size, 1)
     apart = boot_s[pick[k]] - boot_s[pick[i]]
-    if (far := apart > SHORT_S).any():
+    if (far := apart > LEAST_DRIFT_SPAN_S).any():
         drift = float(np.median((difference[pick[k]] - difference[pick[i]])[far] / apart[far]))
     residual = difference - drift * (boot_s - reference_s)
     offset = float(np.median(residual))

@@ -26,13 +26,13 @@ from ..text.layout import printable
 from ..text.text import Source, load_bytes
 from ..text.units import DEG
 from .autopilot import Fixes, Log, Tables, as_float
-from .boot_clock import LONGEST_S
+from .boot_clock import LONGEST_LOG_S
 
 MISSING = (
     "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-HEADER_BYTES = 16  # magic, version and start of the log
+ULOG_HEADER_BYTES = 16  # magic, version and start of the log
 LEAST_FIX = 3  # fix_type of a three-dimensional fix; differential and RTK fixes have larger ones
 READ_AGAIN = 8  # times the size of a file that may be read
 MICRO = 1e-6  # s of a microsecond, PX4's unit of stamps
@@ -74,7 +74,7 @@ def read_log(path: Source) -> Log:
     except ImportError:
         raise InputError.at_line(path, None, MISSING) from None
     buf = load_bytes(path)
-    end = int(_kernels.ulog_end(buf, HEADER_BYTES)) if buf.size > HEADER_BYTES else 0
+    end = int(_kernels.ulog_end(buf, ULOG_HEADER_BYTES)) if buf.size > ULOG_HEADER_BYTES else 0
     try:
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("error")
@@ -109,7 +109,7 @@ def _fixes(log: Log, variable: str | None = None) -> Fixes:
     """Return the rows of a receiver's topic where there is a fix."""
     message = log.message(GNSS_TOPICS, variable)
     stamp, utc, fix = message.floats("timestamp", "time_utc_usec", "fix_type")
-    fixed = (fix >= LEAST_FIX) & (utc > 0.0) & (MICRO * stamp < LONGEST_S)
+    fixed = (fix >= LEAST_FIX) & (utc > 0.0) & (MICRO * stamp < LONGEST_LOG_S)
     try:
         week, seconds = gps_from_unix_utc(MICRO * np.where(fixed, utc, utc[np.argmax(fixed)]))
     except InputError as refusal:

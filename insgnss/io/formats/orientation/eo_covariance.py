@@ -25,7 +25,7 @@ FORMAT_VERSION = 1  # of the arrays in the file; the reader refuses another one
 NONE = -1  # strip of an image that is in none
 AGAIN = "process the flight again"
 SMALL = ("format", "format_version", "images", "segment", "common")
-ENOUGH = 1e-6  # of a variance, by which a part of it may exceed it
+PART_TOLERANCE = 1e-6  # of a variance, by which a part of it may exceed it
 AGREEMENT = 1e-9  # of the standard deviations, between a block on the diagonal and cov6
 
 
@@ -139,7 +139,7 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
         rows = _rows_in_file(path, images, eo)
         common = CommonErrors(segment[rows], factor[rows])
     variance = np.diagonal(eo.cov, axis1=1, axis2=2)
-    too_large = (common.factor**2).sum(axis=2) > variance * (1.0 + ENOUGH)
+    too_large = (common.factor**2).sum(axis=2) > variance * (1.0 + PART_TOLERANCE)
     if (off := too_large.any(axis=1)).any():
         name = eo.images[int(np.argmax(off))]
         raise _foreign(path, f"what image {name} shares with others exceeds its cov6")

@@ -27,7 +27,7 @@ from ....geodesy.rotation import is_rotation, quaternion_from_rotation, rotation
 from ....records import ExteriorOrientation
 from ....records.cameras.rig import RigCamera, RigImages
 from ....records.relative import RelativeControl
-from ..text.numbers import EXACT, array_of
+from ..text.numbers import LARGEST_EXACT_INTEGER, array_of
 from ..text.text import Source
 from . import eo_packed
 from .relative_csv import relative_member
@@ -408,7 +408,7 @@ def _of_shape(of: dict[str, Any], key: str, shape: tuple[int, ...]) -> Array:
 def _week(content: dict[str, Any]) -> int:
     """Return the GPS week, a whole number."""
     week = float(_of_shape(content, "gps_week", ()))
-    if not (week.is_integer() and abs(week) < EXACT):
+    if not (week.is_integer() and abs(week) < LARGEST_EXACT_INTEGER):
         raise ValueError(f"gps_week is {content['gps_week']!r}, no whole number")
     return int(week)
 

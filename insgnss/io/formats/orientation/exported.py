@@ -46,7 +46,7 @@ COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r\t]")
 """What XML 1.0 does not have, tab, carriage return and delete."""
 SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
-CHUNK = 20_000  # rows formatted at once
+ROWS_AT_A_TIME = 20_000  # rows formatted at once
 
 
 class UnfitName(InputError):
@@ -375,8 +375,8 @@ def table_text(
         Column of the name.
     """
     yield head
-    for first in range(0, len(images), CHUNK):
-        chunk = slice(first, first + CHUNK)
+    for first in range(0, len(images), ROWS_AT_A_TIME):
+        chunk = slice(first, first + ROWS_AT_A_TIME)
         yield "".join(
             [
                 form % (*row[:name_column], name, *row[name_column:])

@@ -50,7 +50,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "calibration.not_determined": (*VECTORS, "boresight", DELAY),
     "calibration.inputs": ("file", "sha256"),
 }
-DEG = np.degrees(1.0)  # degrees of a radian
+DEG_OF_RAD = np.degrees(1.0)  # degrees of a radian
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -248,7 +248,7 @@ def mounting_text(mounting: MountingFile) -> str:
         behind = (
             ""
             if sigma is None
-            else f"  # {_words(DEG * sigma, '.4f')} deg about the camera's x, y, z"
+            else f"  # {_words(DEG_OF_RAD * sigma, '.4f')} deg about the camera's x, y, z"
         )
         lines.append(f"boresight = {_rows(m.boresight, '.12f')}{behind}")
     lines += _not_determined(m, without=DELAY)
@@ -269,7 +269,7 @@ def _of_metashape(m: MountingFile) -> list[str]:
     if location is not None:
         lines.append(f"# X Y Z {_words(location, '.5f')} m, from the camera to the antenna")
     if angles is not None:
-        lines.append(f"# yaw pitch roll {_words(DEG * angles, '.5f')} deg")
+        lines.append(f"# yaw pitch roll {_words(DEG_OF_RAD * angles, '.5f')} deg")
     if not lines:
         return []
     head = [
@@ -310,8 +310,10 @@ def _provenance(m: MountingFile) -> list[str]:
             sigma.append(f"{key} = {_row(value, '.4g')}")
             cov.append(f"{key}2 = {_rows(getattr(m, key.removesuffix('_m') + '_cov'), '.6g')}")
     if m.boresight_cov is not None:
-        sigma.append(f"boresight_deg = {_row(DEG * np.sqrt(np.diag(m.boresight_cov)), '.4g')}")
-        cov.append(f"boresight_deg2 = {_rows(DEG**2 * m.boresight_cov, '.6g')}")
+        sigma.append(
+            f"boresight_deg = {_row(DEG_OF_RAD * np.sqrt(np.diag(m.boresight_cov)), '.4g')}"
+        )
+        cov.append(f"boresight_deg2 = {_rows(DEG_OF_RAD**2 * m.boresight_cov, '.6g')}")
     if m.time_offset_sigma_s is not None:
         sigma.append(f"time_offset_s = {m.time_offset_sigma_s:.4g}")
     lines += ["", "[calibration.sigma]", *sigma] if sigma else []
@@ -440,7 +442,7 @@ def _made(table: Table) -> dict[str, Any]:
     for name, key, unit in (
         ("antenna_cov", "antenna_m", 1.0),
         ("imu_cov", "imu_m", 1.0),
-        ("boresight_cov", "boresight_deg", DEG),
+        ("boresight_cov", "boresight_deg", DEG_OF_RAD),
     ):
         if f"{key}2" in cov.data:
             given[name] = cov.matrix(f"{key}2") / unit**2

@@ -13,7 +13,7 @@ from ....records import Array, FramedOrientation
 from .exported import YPR, angles_of, comment_lines
 
 EPOCH = np.datetime64("1970-01-01", "us")
-FAR = 110.0  # m, geoid heights lie within -107 and 86 m
+LARGEST_GEOID_M = 110.0  # m, geoid heights lie within -107 and 86 m
 
 
 def unix_seconds(eo: FramedOrientation) -> Array:
@@ -110,11 +110,11 @@ def sea_level(
             f"undulation_m: {N.size} geoid heights for {len(eo.images)} images; give one for each,"
             " or one for all"
         )
-    wrong = ~(np.abs(N) <= FAR)
+    wrong = ~(np.abs(N) <= LARGEST_GEOID_M)
     if wrong.any():
         raise InputError(
-            f"undulation_m: {N[wrong].flat[0]:g} m is no geoid height (limit {FAR:g} m); give those"
-            " of a geoid above WGS84"
+            f"undulation_m: {N[wrong].flat[0]:g} m is no geoid height (limit {LARGEST_GEOID_M:g}"
+            " m); give those of a geoid above WGS84"
         )
     return np.asarray(eo.geodetic[:, 2] - N)
 

@@ -18,10 +18,11 @@ COLUMNS = (
     " AS c WHERE t.schema = 'main' GROUP BY t.name"
 )
 """Of each table its kind and the largest mark of its columns, from 2 on of one that is computed."""
-STEP = 10_000  # instructions of SQLite between two looks at the budget
-FEWEST = 10_000_000  # instructions for a file of any size: a tenth of a second
+INSTRUCTIONS_AT_A_TIME = 10_000  # instructions of SQLite between two looks at the budget
+FEWEST_INSTRUCTIONS = 10_000_000  # instructions for a file of any size: a tenth of a second
 BY_BYTE = 20  # instructions for each byte: a row has 8 bytes or more and is joined by about 100
-LONGEST = 100_000_000  # bytes of a text or blob, or those of the file where they are fewer
+# bytes of a text or blob, or those of the file where they are fewer
+LONGEST_VALUE_BYTES = 100_000_000
 
 
 def is_database(file: Path) -> bool:
@@ -63,12 +64,12 @@ def opened_database(
     except OSError as error:
         problem = f"cannot be read: {error.strerror or error}"
         raise InputError.at_line(path, None, problem) from None
-    left = FEWEST + BY_BYTE * size
+    left = FEWEST_INSTRUCTIONS + BY_BYTE * size
     spent = 0
 
     def exhausted() -> bool:
         nonlocal spent
-        spent += STEP
+        spent += INSTRUCTIONS_AT_A_TIME
         return spent > left
 
     try:
@@ -76,8 +77,8 @@ def opened_database(
             raise ValueError("no SQLite file")
         address = f"{file.resolve().as_uri()}?mode=ro"
         with closing(sqlite3.connect(address, uri=True)) as connection:
-            connection.set_progress_handler(exhausted, STEP)
-            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(size, LONGEST))
+            connection.set_progress_handler(exhausted, INSTRUCTIONS_AT_A_TIME)
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(size, LONGEST_VALUE_BYTES))
             connection.execute("PRAGMA trusted_schema = OFF")
             for name, sort, hidden in connection.execute(COLUMNS).fetchall():
                 if str(name).lower() in tables and (sort != "table" or hidden):

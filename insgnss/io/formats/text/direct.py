@@ -29,7 +29,7 @@ from .pieces import FileBytes
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8] | FileBytes
 
-PIECE = 1 << 19  # bytes
+PIECE_BYTES = 1 << 19  # bytes
 THREADS = 2  # that parse pieces at a time (chosen)
 ROOM = 1.1  # times the rows that the first lines promise
 NEWLINE = b"\n"
@@ -131,7 +131,7 @@ class _Work:
 
         start, first = self.layout.skip_to, 0
         while start < self.buf.size:
-            size, end = PIECE, 0
+            size, end = PIECE_BYTES, 0
             while not end:
                 piece = self.buf[start : start + size]
                 whole = start + size >= self.buf.size
@@ -222,7 +222,7 @@ class _Work:
                     failed.append(error)
                     self.stopped.set()
 
-        several = self.buf.size - self.layout.skip_to > PIECE
+        several = self.buf.size - self.layout.skip_to > PIECE_BYTES
         threads = [threading.Thread(target=work) for _ in range(THREADS - 1 if several else 0)]
         for thread in threads:
             thread.start()

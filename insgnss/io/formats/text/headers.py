@@ -39,7 +39,7 @@ _SHORT = {  # behind a name only, where the kind tells what is meant
     "accel increment": {"ms": "m/s"},
     "velocity": {"ms": "m/s", "cms": "cm/s", "mms": "mm/s"},
 }
-LONGEST_NAME = 200  # characters; a longer field of a header is no name
+LONGEST_COLUMN_NAME = 200  # characters; a longer field of a header is no name
 _SAME = 1e-6  # of two factors
 
 
@@ -127,7 +127,7 @@ def names_of(fields: Sequence[str], names: Mapping[str, str], kinds: Kinds) -> l
     kinds : mapping
         Kinds of the units that may stand behind a canonical name.
     """
-    fields = [field if len(field) <= LONGEST_NAME else "" for field in fields]
+    fields = [field if len(field) <= LONGEST_COLUMN_NAME else "" for field in fields]
     plain = [names.get(normalised(field)[0]) for field in fields]
     return [
         name or (None if (canonical := _named(field, names, kinds)) in plain else canonical)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.inputs import BOM
-from ....base.units import LARGEST, spells_zero
+from ....base.units import LARGEST_UNIT, spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
@@ -44,7 +44,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
 NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
 _IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
-SMALLEST = 1e-280  # of a number with all its digits, as in tables; those below lose some
+SMALLEST_PRECISE = 1e-280  # of a number with all its digits, as in tables; those below lose some
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
@@ -97,7 +97,7 @@ def float_of(text: str, decimal: str = ".") -> float | None:
         return None
     x = float(text.replace(sign, "."))
     zero = x == 0.0 and spells_zero(text)
-    return x if zero or SMALLEST < abs(x) < LARGEST else None
+    return x if zero or SMALLEST_PRECISE < abs(x) < LARGEST_UNIT else None
 
 
 def decode(data: bytes) -> str:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.units import LARGEST
+from ....base.units import LARGEST_UNIT
 from .layout import float_of
 from .order import Lines, refuse_rows
 from .text import Array
 
 PLAIN = "write a plain decimal number, such as -1.5e-4"
-EXACT = 2**53  # whole numbers beyond it are not exact as a float
+LARGEST_EXACT_INTEGER = 2**53  # whole numbers beyond it are not exact as a float
 
 
 def finite(text: str | None) -> float:
@@ -28,12 +28,12 @@ def finite(text: str | None) -> float:
 def whole(text: str | None) -> int:
     """Return the whole number from zero on that a text is; -1 where it is none."""
     value = finite(text)
-    return int(value) if value.is_integer() and 0.0 <= value < EXACT else -1
+    return int(value) if value.is_integer() and 0.0 <= value < LARGEST_EXACT_INTEGER else -1
 
 
 def whole_rows(lines: Lines, values: Array, name: str) -> NDArray[np.int64]:
     """Return a column of whole numbers; InputError with the line for others."""
-    wrong = (values != np.round(values)) | (np.abs(values) > EXACT)
+    wrong = (values != np.round(values)) | (np.abs(values) > LARGEST_EXACT_INTEGER)
     refuse_rows(lines, wrong, f"{name} {{:g}} is no whole number; correct the line", values)
     return values.astype(np.int64)
 
@@ -49,4 +49,4 @@ def array_of(value: Any, shape: tuple[int, ...]) -> Array | None:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):  # no list, rows of unequal length, 10^400
         return None
-    return array if array.shape == shape and (np.abs(array) < LARGEST).all() else None
+    return array if array.shape == shape and (np.abs(array) < LARGEST_UNIT).all() else None

@@ -12,11 +12,12 @@ from xml.etree.ElementTree import Element, ParseError, XMLParser
 from xml.parsers import expat
 
 from ....base.errors import InputError
-from ....base.received.nesting import DEEPEST
+from ....base.received.nesting import DEEPEST_NESTING
 from ....base.unpacking import check_unpacked
 
-PIECE = 1 << 20  # bytes that are parsed between two looks at the limits
-SHARE = 2  # or this part of those before: a mark that does not end is scanned anew with each piece
+PARSED_AT_A_TIME = 1 << 20  # bytes that are parsed between two looks at the limits
+# or this part of those before: a mark that does not end is scanned anew with each piece
+SHARE_BEFORE = 2
 MARK_BYTES = 75  # of memory by "<": an element takes 150, with its name, an attribute and its end
 
 
@@ -74,7 +75,7 @@ def parse_xml(path: object, data: bytes | IO[bytes], packed: float = math.inf) -
         packed, data = len(data), io.BytesIO(data)
     parser, prolog, size, marks = XMLParser(), _Prolog(), 0, 0
     try:
-        while piece := data.read(max(PIECE, size // SHARE)):
+        while piece := data.read(max(PARSED_AT_A_TIME, size // SHARE_BEFORE)):
             prolog.feed(piece)
             if prolog.line:
                 problem = "declares a document type, which no file of this kind needs"
@@ -89,9 +90,9 @@ def parse_xml(path: object, data: bytes | IO[bytes], packed: float = math.inf) -
     except (ValueError, LookupError) as error:  # an encoding
         raise InputError.at_line(path, 1, f"is no XML: {error}; export it again") from None
     level = [root]
-    for _ in range(DEEPEST):
+    for _ in range(DEEPEST_NESTING):
         level = [element for parent in level for element in parent]
     if level:
-        problem = f"elements within each other more than {DEEPEST} deep"
+        problem = f"elements within each other more than {DEEPEST_NESTING} deep"
         raise InputError.at_line(path, None, f"{problem}; export it again")
     return root

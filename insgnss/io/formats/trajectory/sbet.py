@@ -37,7 +37,7 @@ _FIELDS = (
     " wander_angle x_acceleration y_acceleration z_acceleration x_rate y_rate z_rate"
 )
 FIELDS = tuple(_FIELDS.split())
-LARGEST = 1e9  # of any value in a record
+LARGEST_VALUE = 1e9  # of any value in a record
 OVERHANG_S = 1.5  # by which an SBET may exceed the span of its smrmsg
 ARC_MINUTE = np.pi / 180.0 / 60.0  # rad, the unit of angles in an smrmsg
 
@@ -297,8 +297,8 @@ def _records(path: Source, fields: int) -> Array:
         raise InputError.at_line(
             path, None, f"record {row + 1}, value {k + 1} is not finite; is it another format?"
         )
-    if np.abs(table).max() > LARGEST:
-        row, k = (int(i) for i in np.argwhere(np.abs(table) > LARGEST)[0])
+    if np.abs(table).max() > LARGEST_VALUE:
+        row, k = (int(i) for i in np.argwhere(np.abs(table) > LARGEST_VALUE)[0])
         raise InputError.at_line(
             path,
             None,

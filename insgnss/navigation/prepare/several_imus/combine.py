@@ -18,8 +18,8 @@ by a constant time offset: found where the rates correlate best, refined by
 
     d = omega_j(t) - omega_1(t) = tau d omega / dt + constant + noise                          (K.3)
 
-both smoothed over `SMOOTH_S` (vibration is not alike), until tau does not change; it is applied
-where it passes five of its standard deviations.
+both smoothed over `SMOOTHED_RATES_S` (vibration is not alike), until tau does not change; it is
+applied where it passes five of its standard deviations.
 
 alpha is the slope of a least-squares line over `SLOPE_S` of that IMU's own rates (a fault of one
 stays in it): a difference of two samples would have more gyro noise over a few centimetres than
@@ -39,22 +39,22 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError
 from ....base.findings.remedies import Step
 from ....records import Array, Finding, ImuSamples, Quantity, Question
-from ..gaps import LACKING, nominal_interval
+from ..gaps import LEAST_GAP_INTERVALS, nominal_interval
 from ._kernels import interpolate, running_sum
 from .parity import Parity, parity_of
 
 MOST_LACKING = 0.1  # share of the samples
 SLOPE_S = 0.02  # of the line whose slope is alpha (s): longer ones lose quick turns (chosen)
-SMOOTH_S = 0.1  # over which rates are smoothed for (K.3) (s): vibration is quicker
+SMOOTHED_RATES_S = 0.1  # over which rates are smoothed for (K.3) (s): vibration is quicker
 # that is looked for between two clocks (s): GPS against UTC is another fault (chosen)
-LARGEST_OFFSET_S = 2.0
+LARGEST_CLOCK_OFFSET_S = 2.0
 COARSE_S = 0.02  # step of the search (s): a fifth of the smoothing, refined by (K.3)
 # of an offset that is added, and of the change that ends its refinement
 APPLIED_SIGMAS, SETTLED_SIGMAS = 5.0, 0.1
-LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
-ALIKE = 0.7  # least correlation of rates of one body
-TURNING = 0.01  # rad/s, rms: less does not show the clocks
-ROUNDS = 6  # of (K.3) at most (chosen)
+LEAST_CLOCK_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
+LEAST_RATE_CORRELATION = 0.7  # least correlation of rates of one body
+LEAST_RMS_RATE = 0.01  # rad/s, rms: less does not show the clocks
+OFFSET_ITERATIONS = 6  # of (K.3) at most (chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +238,7 @@ def _body_rates(imu: ImuSamples, C_b_imu: Array) -> Array:
     if imu.quantity == "increments":
         nominal = nominal_interval(imu.time)
         step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-        per_s = 1.0 / np.where(step > LACKING * nominal, nominal, step)[:, None]  # type: ignore[assignment]
+        per_s = 1.0 / np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)[:, None]  # type: ignore[assignment]
     return np.hstack([imu.gyro @ C_b_imu.T, imu.accel @ C_b_imu.T]) * per_s
 
 
@@ -266,13 +266,13 @@ class _Track:
                 imu.time,
                 rates,
                 np.diff(rates, axis=0) / step[:, None],
-                step > LACKING * nominal,
+                step > LEAST_GAP_INTERVALS * nominal,
                 True,
             )
         time = np.concatenate([[imu.time[0] - nominal], imu.time])
         value = np.empty((time.size, 6))
         running_sum(time, rates, value)
-        return cls(time, value, rates, np.diff(time) > LACKING * nominal, False)
+        return cls(time, value, rates, np.diff(time) > LEAST_GAP_INTERVALS * nominal, False)
 
     def values_at(self, instants: Array) -> Array:
         """Values (n, c), cubic interpolation at increasing instants; constant beyond the ends."""
@@ -300,7 +300,11 @@ class _Track:
         end = base.time - offset
         nominal = nominal_interval(base.time)
         step = np.diff(base.time, prepend=base.time[0] - nominal)
-        begin = end if self.instant else end - np.where(step > LACKING * nominal, nominal, step)
+        begin = (
+            end
+            if self.instant
+            else end - np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)
+        )
         rates = (
             self.values_at(end)
             if self.instant
@@ -325,30 +329,34 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
     )
     a, b = _grid_rates(first, grid), _grid_rates(other, grid)
-    if min(np.mean(a**2), np.mean(b**2)) < max(TURNING**2, 10.0 * noise**2 / SMOOTH_S):
+    if min(np.mean(a**2), np.mean(b**2)) < max(
+        LEAST_RMS_RATE**2, 10.0 * noise**2 / SMOOTHED_RATES_S
+    ):
         finding = f"{name}: the body hardly turns; taken as one clock with the first"
         return 0.0, np.nan, ask.ok(finding)
     tau, alike = _coarse_offset(a, b)
-    if alike < ALIKE:
+    if alike < LEAST_RATE_CORRELATION:
         finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
-        ask = replace(ask, expected=f"{ALIKE} and more of one body")
+        ask = replace(ask, expected=f"{LEAST_RATE_CORRELATION} and more of one body")
         advice = Step("check {imu.further}: file, axes and clock")
         return 0.0, np.nan, ask.contradiction(finding, advice)
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
     inside = slice(
-        *np.searchsorted(grid, [grid[0] + abs(tau) + SMOOTH_S, grid[-1] - abs(tau) - SMOOTH_S])
+        *np.searchsorted(
+            grid, [grid[0] + abs(tau) + SMOOTHED_RATES_S, grid[-1] - abs(tau) - SMOOTHED_RATES_S]
+        )
     )
-    for _ in range(ROUNDS):
+    for _ in range(OFFSET_ITERATIONS):
         d, s = (a - _grid_rates(other, grid - tau))[inside], slope[inside]
         d, s = d - d.mean(axis=0), s - s.mean(axis=0)
         power = float(np.sum(s * s))
         change = -float(np.sum(s * d)) / power
         tau += change
         # neighbours within the window are one
-        sigma = float(np.sqrt(np.mean(d * d) / power * SMOOTH_S / COARSE_S))
+        sigma = float(np.sqrt(np.mean(d * d) / power * SMOOTHED_RATES_S / COARSE_S))
         if abs(change) < SETTLED_SIGMAS * sigma:
             break
-    applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)
+    applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_CLOCK_OFFSET_S)
     finding = (
         f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
         f" {'added' if applied else 'would fit, not added'} to its stamps"
@@ -360,7 +368,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
 def _grid_rates(angles: _Track, grid: Array) -> Array:
     """(n - 1, 3) mean rates between the instants of the grid, smoothed, free of their mean."""
     rates = np.diff(angles.values_at(grid), axis=0) / COARSE_S
-    reach = round(0.5 * SMOOTH_S / COARSE_S)
+    reach = round(0.5 * SMOOTHED_RATES_S / COARSE_S)
     kernel = 1.0 + np.cos(np.pi * np.arange(-reach, reach + 1) / (reach + 1))
     padded = np.pad(rates - rates.mean(axis=0), ((reach, reach), (0, 0)), mode="edge")
     return np.stack(
@@ -378,7 +386,7 @@ def _coarse_offset(a: Array, b: Array) -> tuple[float, float]:
     correlation = np.fft.irfft(
         (np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))).sum(axis=1), size
     )
-    reach = min(int(LARGEST_OFFSET_S / COARSE_S), n - 2)
+    reach = min(int(LARGEST_CLOCK_OFFSET_S / COARSE_S), n - 2)
     lag = np.arange(-reach, reach + 1)
     value = correlation[lag] / np.sqrt(np.sum(a**2) * np.sum(b**2))
     k = int(np.clip(np.argmax(value), 1, lag.size - 2))

@@ -1,12 +1,12 @@
 """Do several IMUs on one body say the same, and if not, which one is wrong.
 
-Of every pair, the difference of the readings in body axes is averaged over `BLOCK_S`, under a
-raised cosine, which leaves no vibration (lever arms to 0.1 m do not explain what rotors do). What
-may differ without a fault is taken off: a slow offset (running median and mean over `SLOW_S`:
-biases, temperature), and a constant matrix times the signal freed of its own slow part (scale
-factors, misalignments and mounting, robustly fitted, limited to `MATRIX_LIMIT` and `TURN_LIMIT`).
-The rest d has the variance of both white noises over a block, and a share `DYNAMIC` of the signal
-for what the matrix does not hold. Over windows of `WINDOW_BLOCKS` blocks
+Of every pair, the difference of the readings in body axes is averaged over `PARITY_BLOCK_S`, under
+a raised cosine, which leaves no vibration (lever arms to 0.1 m do not explain what rotors do). What
+may differ without a fault is taken off: a slow offset (running median and mean over
+`SLOW_OFFSET_S`: biases, temperature), and a constant matrix times the signal freed of its own slow
+part (scale factors, misalignments and mounting, robustly fitted, limited to `MATRIX_LIMIT` and
+`TURN_LIMIT`). The rest d has the variance of both white noises over a block, and a share `DYNAMIC`
+of the signal for what the matrix does not hold. Over windows of `WINDOW_BLOCKS` blocks
 
     q = 1/n sum d^2 / (noise + (DYNAMIC |signal|)^2),    1 if both are sound                   (J.1)
 
@@ -33,9 +33,10 @@ from ....records import Array, Finding, ImuSamples, Question
 from ....records.variances import MAD_TO_SIGMA
 from ..gaps import nominal_interval
 
-BLOCK_S = 0.1  # over which a difference is averaged (s): vibration is quicker
+PARITY_BLOCK_S = 0.1  # over which a difference is averaged (s): vibration is quicker
 WINDOW_BLOCKS = 10  # blocks of a window: with three axes (J.1) has the n = 30 values of its limit
-SLOW_S = 60.0  # over which an offset is slow (s): biases and temperature change no faster (chosen)
+# over which an offset is slow (s): biases and temperature change no faster (chosen)
+SLOW_OFFSET_S = 60.0
 DYNAMIC = 0.003  # share of the signal that the matrix may leave unexplained (chosen)
 MATRIX_LIMIT = 0.03  # of scale factors
 # rad, of one IMU's axes against the other's: mounted askew, and not as declared
@@ -44,10 +45,12 @@ ROOT2 = 2.0**0.5  # by which the norm of a skew matrix exceeds its angle
 LIMIT = 4.0  # of (J.1) to a pair's usual level: chance reaches it once in 1e9 windows
 LEVEL_LIMIT = 25.0  # of a pair's usual level: five times the stated noise all the time (chosen)
 WINDOWS = 3  # contradicting windows that make a fault
-STUCK_S = 0.5  # total time of a reading that repeats (s), above which its IMU is stuck (chosen)
+# total time of a reading that repeats (s), above which its IMU is stuck (chosen)
+STUCK_TOTAL_S = 0.5
 STUCK_RATIO = 4.0  # of that time to the other IMU's: rounding repeats readings of both (chosen)
-SPIKE = 12.0  # robust standard deviations of a sample against its neighbours
-SPIKES = 5  # samples beyond `SPIKE` that make a fault: fewer are single lost bits (chosen)
+SPIKE_DEVIATIONS = 12.0  # robust standard deviations of a sample against its neighbours
+# samples beyond `SPIKE_DEVIATIONS` that make a fault: fewer are single lost bits (chosen)
+SPIKES = 5
 NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, against the other's
 PARITY = Question("IMU parity", "all pairs agree within their noise")
 
@@ -113,7 +116,9 @@ def parity_of(
     m = len(stack)
     starts = _block_starts(time)
     bell = 1.0 - np.cos(
-        2.0 * np.pi * ((time - time[0]) / BLOCK_S + 0.5 * nominal_interval(time) / BLOCK_S)
+        2.0
+        * np.pi
+        * ((time - time[0]) / PARITY_BLOCK_S + 0.5 * nominal_interval(time) / PARITY_BLOCK_S)
     )
     total = np.add.reduceat(bell, starts)
     mean = (
@@ -147,7 +152,7 @@ def parity_of(
     contradicts |= always[:, None] & np.isfinite(ratio).any(axis=1)
     middle = (
         time[starts[: contradicts.shape[1] * WINDOW_BLOCKS : WINDOW_BLOCKS]]
-        + 0.5 * WINDOW_BLOCKS * BLOCK_S
+        + 0.5 * WINDOW_BLOCKS * PARITY_BLOCK_S
     )
     faulty, check = None, _agreement(level, turned[:, 0], pairs, names)
     if not np.isfinite(ratio).any():
@@ -168,7 +173,9 @@ class _Pair:
 
 def _block_starts(time: Array) -> NDArray[np.int64]:
     """Index of the first sample of every block that has any."""
-    return np.flatnonzero(np.diff(np.floor((time - time[0]) / BLOCK_S + 1e-6), prepend=-1.0) > 0.0)
+    return np.flatnonzero(
+        np.diff(np.floor((time - time[0]) / PARITY_BLOCK_S + 1e-6), prepend=-1.0) > 0.0
+    )
 
 
 def _pair(
@@ -214,11 +221,11 @@ def _robust_matrix(d: Array, signal: Array, noise: Array) -> Array:
 
 
 def _slow(x: Array) -> Array:
-    """Slow part (b, 3): running median over `SLOW_S` once a window, its running mean, interpolated.
+    """Slow part (b, 3): running median over `SLOW_OFFSET_S`, its running mean, interpolated.
 
-    A median alone follows a step.
+    It is taken once a window. A median alone follows a step.
     """
-    reach = round(0.5 * SLOW_S / BLOCK_S)
+    reach = round(0.5 * SLOW_OFFSET_S / PARITY_BLOCK_S)
     centres = np.arange(0, len(x) + WINDOW_BLOCKS, WINDOW_BLOCKS).clip(max=len(x) - 1)
     medians = np.stack([np.median(x[max(0, c - reach) : c + reach + 1], axis=0) for c in centres])
     span = 2 * (reach // WINDOW_BLOCKS) + 1
@@ -289,7 +296,7 @@ def _self_evident(imus: Sequence[ImuSamples], sigma: Array) -> tuple[int | None,
     ]
     stuck = [_stuck_samples(x) * dt for x, dt in zip(readings, steps, strict=True)]
     j = int(np.argmax(stuck))
-    if stuck[j] > max(STUCK_S, STUCK_RATIO * stuck[1 - j]):
+    if stuck[j] > max(STUCK_TOTAL_S, STUCK_RATIO * stuck[1 - j]):
         return (
             j,
             (
@@ -346,7 +353,7 @@ def _spikes(x: Array) -> int:
     off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
     apart = np.abs(x[2:] - x[:-2])
     usual = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), 1e-12)
-    return int(((np.abs(off) > SPIKE * usual) & (apart < np.abs(off))).any(axis=1).sum())
+    return int(((np.abs(off) > SPIKE_DEVIATIONS * usual) & (apart < np.abs(off))).any(axis=1).sum())
 
 
 def _fault(
