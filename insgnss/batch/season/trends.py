@@ -10,8 +10,8 @@ with t_0 the weighted mean of the times: errors that the flights do not claim wi
 flights that claim too much never narrow it. A drift is named where |b| exceeds `SLOPE_SIGMAS` of
 its standard deviations and moves the constant, over the season, by more than what matters
 (`PHYSICAL`); a scatter where X exceeds what chance leaves in one of `SCATTER_CHANCE` seasons
-(chi-square) and the flights differ by more than what matters. With fewer than `FEWEST_FLIGHTS` flights nothing
-is said.
+(chi-square) and the flights differ by more than what matters. With fewer than `FEWEST_FLIGHTS`
+flights nothing is said.
 
 The limits are physical because fixes of one base share errors of some millimetres that no flight's
 covariance holds.
