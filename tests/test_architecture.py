@@ -497,6 +497,7 @@ WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "gnss/engine/rtklib.py": "solutions of the engine in the run's scratch directory",
     "gnss/engine/runs.py": "the engine's own files, which grow while they are read",
     "gnss/engine/worker.py": "options that the run has written",
+    "batch/installation/limits.py": "the sources of the package itself",
     "batch/installation/surroundings.py": "what the kernel says of the processor",
     "photogrammetry/mounting_calibration/products.py": "a file that is going to be replaced",
     "report/markup.py": "files of the package",

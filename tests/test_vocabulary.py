@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from insgnss.batch.installation.limits import limits_of
+
 ROOT = Path(__file__).parents[1]
 MODULES = sorted((ROOT / "insgnss").rglob("*.py"))
 WINGS = sorted(path.parent.name for path in (ROOT / "insgnss").glob("*/__init__.py"))
@@ -127,7 +129,7 @@ def source(path: Path) -> tuple[tuple[tuple[str, int], ...], tuple[str, ...]]:
     """Names that a module defines, and its constants that are numbers without a reason."""
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
-    return tuple(names(tree)), tuple(numbers_without_a_reason(text, tree))
+    return tuple(names(tree)), tuple(limit.name for limit in limits_of(text) if not limit.reason)
 
 
 def test_names_are_the_terms_of_the_field() -> None:
@@ -145,37 +147,6 @@ def test_names_are_the_terms_of_the_field() -> None:
 def vague_names(path: Path) -> list[str]:
     """Names that a module defines and that say nothing of what they hold."""
     return [name for name, _ in source(path)[0] if name.strip("_") in VAGUE]
-
-
-def numbers_without_a_reason(text: str, tree: ast.Module) -> Iterator[str]:
-    """Constants of a module that are numbers, without a comment or a docstring beside them."""
-    lines = ["", *text.splitlines()]
-    for node, following in zip(tree.body, [*tree.body[1:], None], strict=True):
-        if not isinstance(node, ast.Assign) or not _is_number(node.value):
-            continue
-        name = ast.unparse(node.targets[0]).strip("()")
-        documented = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
-        commented = lines[node.lineno - 1].startswith("#") or any(
-            "#" in line for line in lines[node.lineno : (node.end_lineno or node.lineno) + 1]
-        )
-        if name.isupper() and not (documented or commented):
-            yield name
-
-
-def _is_number(node: ast.expr) -> bool:
-    """Whether an expression is made of numbers alone, in tuples, sums and conversions of units."""
-    match node:
-        case ast.Constant(value=value):
-            return isinstance(value, int | float) and not isinstance(value, bool)
-        case ast.UnaryOp(operand=inner):
-            return _is_number(inner)
-        case ast.BinOp(left=left, right=right):
-            return _is_number(left) or _is_number(right)
-        case ast.Tuple(elts=[_, *_] as parts):
-            return all(map(_is_number, parts))
-        case ast.Call(args=[inner, *_]):
-            return _is_number(ast.Tuple(inner.elts) if isinstance(inner, ast.List) else inner)
-    return False
 
 
 KINDS = {"names": vague_names, "constants": lambda path: source(path)[1]}

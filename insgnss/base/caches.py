@@ -58,12 +58,12 @@ def _writable_installation() -> bool:
 
 def _writable(directory: Path) -> bool:
     """Whether files can be made in a directory, which itself may have to be made."""
-    there = next((d for d in (directory, *directory.parents) if os.path.exists(d)), None)
+    existing = next((d for d in (directory, *directory.parents) if os.path.exists(d)), None)
     return (
         directory.is_absolute()
-        and there is not None
-        and there.is_dir()
-        and os.access(there, os.W_OK | os.X_OK)
+        and existing is not None
+        and existing.is_dir()
+        and os.access(existing, os.W_OK | os.X_OK)
     )
 
 

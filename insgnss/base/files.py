@@ -124,6 +124,6 @@ def expanded(paths: Iterable[Path]) -> tuple[Path, ...]:
     """
     out: list[Path] = []
     for path in paths:
-        there = sorted(path.parent.glob(path.name)) if is_pattern(path) else []
-        out += [file for file in there if file.is_file()] or [path]
+        matches = sorted(path.parent.glob(path.name)) if is_pattern(path) else []
+        out += [file for file in matches if file.is_file()] or [path]
     return tuple(out)

@@ -123,25 +123,25 @@ def relative(path: str | os.PathLike[str], start: str | os.PathLike[str]) -> str
         return os.path.abspath(path)
 
 
-def command_line(words: Sequence[str]) -> str:
-    """Return words as one types them: in the quotation marks of this system's shell."""
+def command_line(arguments: Sequence[str]) -> str:
+    """Return arguments as one types them: in the quotation marks of this system's shell."""
     if os.name == "nt":
         import subprocess
 
-        return subprocess.list2cmdline(words)
+        return subprocess.list2cmdline(arguments)
     import shlex
 
-    return shlex.join(words)
+    return shlex.join(arguments)
 
 
 def some(items: Iterable[object], most: int = 3, mark: str = ", ") -> str:
     """The first of many in one phrase, "a, b, c and 4 more"; all where they are not many."""
-    words = [*map(str, items)]
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return f"{mark.join(words[:most])}{more}"
+    texts = [*map(str, items)]
+    more = f" and {len(texts) - most} more" if len(texts) > most else ""
+    return f"{mark.join(texts[:most])}{more}"
 
 
-def listed(words: Sequence[object]) -> str:
+def listed(choices: Sequence[object]) -> str:
     """The words in one phrase, "a, b or c"."""
-    *first, last = map(str, words)
+    *first, last = map(str, choices)
     return f"{', '.join(first)} or {last}" if first else last

@@ -21,6 +21,7 @@ Where to look
     machine, kernels on disk, grids, the PPK engine: `installation/surroundings.py`
     kernels compiled ahead (`doctor --compile`): `installation/compiling.py`
     the compiled core against a closed form: `installation/self_test.py`
+    every numeric constant with its reason (`doctor --limits`): `installation/limits.py`
     a new finding of `doctor`: a function that returns a `Finding` (`insgnss/base/findings/`),
         listed in `installation/examination.py`
 """

@@ -3,13 +3,15 @@
 import argparse
 from dataclasses import dataclass
 
+from ..base.errors import UsageError
 from ..io.options.schema import argument
 from .console import Progress
 from .verb import Verb, report_error, show_result
 
 EXAMPLE = """  insgnss doctor
   insgnss doctor --compile
-  insgnss doctor --json > doctor.json"""
+  insgnss doctor --json > doctor.json
+  insgnss doctor --limits"""
 
 
 @dataclass(frozen=True)
@@ -19,10 +21,20 @@ class Request:
     compile: bool = argument(
         False, "compile the kernels of process and demo now, on all processors, for a first run"
     )
+    limits: bool = argument(
+        False,
+        "in place of it all, list the numeric constants of insgnss, each with its value and reason",
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
+    if options.limits:
+        if options.compile:
+            raise UsageError("--limits and --compile: --limits looks at nothing; leave one out")
+        from ..batch.installation.limits import read_limits
+
+        return show_result(options, progress, read_limits())
     from ..batch.installation.examination import examine
 
     result = examine(progress, options.compile)

@@ -108,11 +108,11 @@ def exchanged(names: Sequence[str]) -> Iterator[Convention]:
     """
     for order in list(permutations(range(len(names))))[1:]:
         moved = [name for k, name in enumerate(names) if order[k] != k]
-        words = f"{' '.join(names[k] for k in order)} for {' '.join(names)}"
+        description = f"{' '.join(names[k] for k in order)} for {' '.join(names)}"
         if len(moved) == 2:
-            words = f"{moved[0]} and {moved[1]} exchanged"
+            description = f"{moved[0]} and {moved[1]} exchanged"
         columns = [*order, *range(len(names), 3)]
-        yield Convention(words, _columns(columns), " for ".join(moved))
+        yield Convention(description, _columns(columns), " for ".join(moved))
 
 
 def reversed_signs(names: Sequence[str], most: int = 3) -> Iterator[Convention]:
@@ -133,8 +133,8 @@ def reversed_signs(names: Sequence[str], most: int = 3) -> Iterator[Convention]:
     for signs in list(product(*((1.0, -1.0) if name else (1.0,) for name in names)))[1:]:
         which = " and ".join(name for name, sign in zip(names, signs, strict=True) if sign < 0.0)
         if signs.count(-1.0) <= most:
-            words = f"{which} with the other sign"
-            yield Convention(words, _times(signs), f"{which} reversed")
+            description = f"{which} with the other sign"
+            yield Convention(description, _times(signs), f"{which} reversed")
 
 
 def lengths(quantity: str, units: Sequence[str] = tuple(LENGTHS)) -> Iterator[Convention]:
@@ -177,28 +177,30 @@ def angles(
     iterator of Convention
         Each with the change that undoes it.
     """
-    for name, others in (
+    for name, other_sets in (
         ("angles exchanged", exchanged(read_as.names)),
         ("sign of angles", reversed_signs(read_as.names)),
     ):
-        for one in others:
+        for one in other_sets:
             yield Convention(one.words, _after(one.change, read_as.rotation), name)
-    for (unit, other), factor in ANGLES.items():
-        if other in units:
-            words = f"angles in {unit} that were read as {other}"
-            yield Convention(words, _after(_times(factor), read_as.rotation), f"{unit} for {other}")
+    for (unit, read_unit), factor in ANGLES.items():
+        if read_unit in units:
+            description = f"angles in {unit} that were read as {read_unit}"
+            yield Convention(
+                description, _after(_times(factor), read_as.rotation), f"{unit} for {read_unit}"
+            )
     for other_set in sets.values():
         if other_set is read_as:
             continue
         for order in permutations(range(3)):
             names = tuple(other_set.names[order.index(k)] for k in range(3))
-            words = f"{' '.join(names)} that were read as {' '.join(read_as.names)}"
+            description = f"{' '.join(names)} that were read as {' '.join(read_as.names)}"
             if names == read_as.names:
-                words = (
+                description = (
                     f"angles of rotations in the order {' '.join(other_set.names)}"
                     f" ({other_set.names[0]} primary), read as {' '.join(read_as.names)}"
                 )
-            yield Convention(words, _after(_columns(order), other_set.rotation), "angle set")
+            yield Convention(description, _after(_columns(order), other_set.rotation), "angle set")
 
 
 def _columns(order: Sequence[int]) -> Change:
@@ -280,9 +282,9 @@ def time_scale(seconds: float, within_s: float = LEAP_WITHIN_S) -> str:
         return f"{abs(weeks)} GPS week{'s' if abs(weeks) > 1 else ''}: the week of one is wrong"
     size = abs(seconds)
     hours = round(size / 3600.0)
-    rest = abs(size - 3600.0 * hours)
-    if hours and (rest < 1.0 or OLDEST_LEAP_S <= round(rest) <= len(LEAP_DAYS)):
-        return f"a time zone of {hours} h" + (" and leap seconds" if rest > 1.0 else "")
+    remainder = abs(size - 3600.0 * hours)
+    if hours and (remainder < 1.0 or OLDEST_LEAP_S <= round(remainder) <= len(LEAP_DAYS)):
+        return f"a time zone of {hours} h" + (" and leap seconds" if remainder > 1.0 else "")
     if OLDEST_LEAP_S <= round(size) <= len(LEAP_DAYS) and abs(size - round(size)) < within_s:
         return f"the {round(size)} leap seconds between GPS time and UTC"
     return ""

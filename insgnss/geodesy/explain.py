@@ -159,21 +159,21 @@ def explain(
         if not abs(candidate.size) <= 1.0:
             continue
         before = whole if candidate.same is None else misfit_of(candidate.same)
-        left = misfit_of(candidate.read)
-        if left <= min(EXPLAINS * before, good) and np.isfinite(left):
-            cost = (left + floor) * LEAST_MISFIT_RATIO**candidate.parameters
-            judged.append((cost, left, before, candidate))
+        remaining = misfit_of(candidate.read)
+        if remaining <= min(EXPLAINS * before, good) and np.isfinite(remaining):
+            cost = (remaining + floor) * LEAST_MISFIT_RATIO**candidate.parameters
+            judged.append((cost, remaining, before, candidate))
     if not judged:
         return None
-    _, left, before, best = min(judged, key=lambda one: one[:2])
+    _, remaining, before, best = min(judged, key=lambda one: one[:2])
     alike = {
         one.statement: one
-        for _, other, _, one in judged
+        for _, remaining_of_one, _, one in judged
         if one.statement != best.statement
         and one.parameters <= best.parameters
-        and other + floor <= LEAST_MISFIT_RATIO * (left + floor)
+        and remaining_of_one + floor <= LEAST_MISFIT_RATIO * (remaining + floor)
     }
-    return Explanation(best, best.read(given), before, left, tuple(alike.values()))
+    return Explanation(best, best.read(given), before, remaining, tuple(alike.values()))
 
 
 def best_shift(

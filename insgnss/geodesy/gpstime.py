@@ -186,8 +186,8 @@ def gps_from_calendar(when: datetime, scale: Literal["utc", "gpst"] = "utc") -> 
     leap = int(leap_seconds(stamp.replace(microsecond=0).timestamp())) if scale == "utc" else 0
     elapsed += timedelta(seconds=leap)
     week = elapsed.days // 7
-    rest = elapsed - timedelta(weeks=week)
-    return week, rest.days * 86400.0 + rest.seconds + rest.microseconds * 1e-6
+    of_week = elapsed - timedelta(weeks=week)
+    return week, of_week.days * 86400.0 + of_week.seconds + of_week.microseconds * 1e-6
 
 
 def calendar_from_gps(week: int, tow: float, scale: Literal["utc", "gpst"] = "utc") -> datetime:

@@ -59,17 +59,17 @@ def geoid_file(geoid: Path) -> Path:
     """
     from pyproj.datadir import get_data_dir, get_user_data_dir
 
-    given = Path(geoid)
-    if given.is_file():
-        return given.resolve()
-    if given.name == str(given):
+    file = Path(geoid)
+    if file.is_file():
+        return file.resolve()
+    if file.name == str(file):
         for directory in (get_user_data_dir(), *re.split("[;:]", get_data_dir())):
-            if (Path(directory) / given).is_file():
-                return (Path(directory) / given).resolve()
-    if OF_PROJ.fullmatch(given.name):
+            if (Path(directory) / file).is_file():
+                return (Path(directory) / file).resolve()
+    if OF_PROJ.fullmatch(file.name):
         raise UsageError(
             f"geoid {geoid}: does not exist here nor among PROJ's grids; get it by"
-            f" {sync_commands([given.name])}"
+            f" {sync_commands([file.name])}"
         )
     raise UsageError(
         f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx"

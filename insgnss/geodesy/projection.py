@@ -241,8 +241,10 @@ class MapProjection:
             used = group.transformers[0].accuracy
             if 0.0 <= best[0].accuracy < used or used < 0.0:
                 grids = [grid.short_name for grid in best[0].grids if not grid.available]
-                own = self.horizontal.geodetic_crs
-                datum = " ".join([own.name, *(":".join(own.to_authority() or ()),)]).strip()
+                geodetic = self.horizontal.geodetic_crs
+                datum = " ".join(
+                    [geodetic.name, *(":".join(geodetic.to_authority() or ()),)]
+                ).strip()
                 raise InputError(lacking_plan(self.name, grids, best[0].accuracy, used, datum))
         self._looked.add(box)
 
@@ -436,9 +438,11 @@ class MapProjection:
         float
             m, against the projection of the same latitudes and longitudes in the CRS's own datum.
         """
-        own = transformer_between(self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d())
-        x, y, _ = transformed(own, self.name, np.degrees(lon), np.degrees(lat), h)
-        apart = np.column_stack([x, y]) * self.units[0].metres - self.forward_horizontal(
+        of_datum = transformer_between(
+            self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d()
+        )
+        x, y, _ = transformed(of_datum, self.name, np.degrees(lon), np.degrees(lat), h)
+        difference = np.column_stack([x, y]) * self.units[0].metres - self.forward_horizontal(
             lat, lon, h
         )
-        return float(np.hypot(*apart.T).max(initial=0.0))
+        return float(np.hypot(*difference.T).max(initial=0.0))

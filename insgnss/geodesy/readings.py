@@ -68,10 +68,8 @@ def of_attitudes(opk: Array | None = None) -> Iterator[Convention]:
 
     for one in angles(OPK, CAMERA_SETS, units=("degrees",)):
         yield Convention(one.words, of_angles(one.change))
-    words = "rotations that take the axes into the camera"
-    yield Convention(words, lambda C: C.transpose(0, 2, 1))
-    words = "angles of the camera x right, y down"
-    yield Convention(words, lambda C: C @ CV_RUB)
+    yield Convention("rotations that take the axes into the camera", lambda C: C.transpose(0, 2, 1))
+    yield Convention("angles of the camera x right, y down", lambda C: C @ CV_RUB)
 
 
 def suspected(

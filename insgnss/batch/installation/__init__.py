@@ -5,4 +5,5 @@
 `surroundings`  machine, kernels on disk, grids of PROJ, the PPK engine
 `compiling`     the kernels of the main job compiled ahead, on all processors
 `self_test`     the compiled strapdown against a closed form
+`limits`        the numeric constants of the package and their reasons (`doctor --limits`)
 """

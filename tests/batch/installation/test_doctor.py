@@ -13,6 +13,7 @@ import insgnss
 from insgnss.base.errors import UsageError
 from insgnss.base.findings import Finding, Question
 from insgnss.batch.installation import examination, packages, surroundings
+from insgnss.batch.installation.limits import limits_of, read_limits
 from insgnss.batch.installation.packages import import_failures, module_of, package_findings
 from insgnss.batch.installation.self_test import LIMIT_DEG, LIMIT_M, SelfTest, self_test
 from insgnss.batch.installation.surroundings import engine_finding, grid_findings, kernel_findings
@@ -258,6 +259,40 @@ def test_a_core_that_fails_is_code_1_and_one_line_after_all_others(looked, capsy
     assert json.loads(capsys.readouterr().out)["works"] is False
 
 
+def test_limits_are_listed_with_value_and_reason(capsys):
+    """Oracle: a constant by hand, its value by import; `docs/ARCHITECTURE.md`'s wings."""
+    from insgnss.records.cameras.mounting import MAX_LEVER_M
+
+    assert main(["doctor", "--limits", "-q"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    lever = f"MAX_LEVER_M = {MAX_LEVER_M}  longer ones are in another unit"
+    assert f"  records/cameras/mounting.py  {lever}" in lines
+    assert {"base", "io", "navigation", "flight", "batch", "cli"} < set(lines)
+    assert main(["doctor", "--limits", "--compile"]) == 2
+
+
+def test_a_reason_stands_behind_above_or_below():
+    """Oracle: a module by hand."""
+    text = (
+        'A = 1.0\n"""First, m."""\n\n# second\n# s\nB, C = 2, np.radians(3.0)  # third\n'
+        'D = 4\n\nE = "5"\nF = (\n    1,  # one\n    2,\n)\n'
+    )
+    assert [(limit.name, limit.value, limit.reason) for limit in limits_of(text)] == [
+        ("A", "1.0", "First, m."),
+        ("B, C", "(2, np.radians(3.0))", "second s third"),
+        ("D", "4", ""),
+        ("F", "(1, 2)", "one"),
+    ]
+
+
+def test_the_limits_of_a_wing_have_reasons():
+    """Oracle: the rule of docs/ARCHITECTURE.md: none of these wings has a number without one."""
+    wings = ("base", "geodesy", "records", "batch", "cli")
+    limits = [x for x in read_limits().limits if x.module.startswith(wings)]
+    assert len(limits) > 50
+    assert [f"{x.module}: {x.name}" for x in limits if not x.reason] == []
+
+
 def test_doctor_starts_without_numpy():
     """Oracle: an interpreter in which numpy and numba cannot be imported: each is a line, as a
     stranger with a broken installation needs it.
@@ -268,7 +303,8 @@ def test_doctor_starts_without_numpy():
         "import sys; sys.modules['numpy'] = sys.modules['numba'] = None;"
         " from insgnss.batch.installation import examination as e;"
         " e.package_findings = lambda: []; r = e.examine(lambda step: None);"
-        " print(r.summary())"
+        " print(r.summary());"
+        " from insgnss.cli import main; print('code', main(['doctor', '--limits', '-q']))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
@@ -276,3 +312,4 @@ def test_doctor_starts_without_numpy():
     assert done.returncode == 0, done.stderr
     assert "WRONG loading" in done.stdout
     assert "insgnss does not work here" in done.stdout
+    assert done.stdout.endswith("code 0\n")
