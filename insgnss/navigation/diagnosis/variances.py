@@ -74,7 +74,7 @@ SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 3
 # change of a logarithm, and gain in -2 log L, at which a search ends: 0.1, since its last step, of
 # quadratic convergence, leaves some per cent of a noise and at most a third of its sigma
 SETTLED = 0.1
-CERTAIN = 2.0  # sigmas of the logarithm of a factor below one, to whose upper limit it is adopted
+CERTAIN = 2.0  # sigmas of a factor below one, to whose upper limit it is adopted
 
 
 @dataclass(frozen=True)
@@ -89,20 +89,19 @@ class VarianceHypothesis:
         Logarithm of its evidence against the flight file's variances (V.2).
     factors : dict of str to float
         Factors of root densities and sigmas by parameter.
-    log_sigma : dict of str to float
-        Standard deviations of their logarithms; one that is not there is not determined.
+    upper : dict of str to float
+        Upper limits of factors below one; one that is not there is not determined.
     """
 
     family: str
     evidence: float
     factors: dict[str, float]
-    log_sigma: dict[str, float] = field(default_factory=dict)
+    upper: dict[str, float] = field(default_factory=dict)
 
     def of_imu(self, name: str) -> float:
         """Return the factor of a noise of the IMU that is adopted."""
         factor = self.factors.get(name, 1.0)
-        upper = np.log(factor) + CERTAIN * self.log_sigma.get(name, np.inf)
-        return max(factor, float(np.exp(min(upper, 0.0))))
+        return factor if factor >= 1.0 else self.upper.get(name, 1.0)
 
 
 class VarianceSearch:
@@ -162,9 +161,35 @@ class VarianceSearch:
         """Return the promising family of the largest positive evidence (V.2), or None."""
         hypotheses = [self._hypothesis(family) for family in self.promising()]
         best = max(hypotheses, key=lambda one: one.evidence, default=None)
+        fixes: dict[str, float] = {}
         if best is not None and best.family == OF_GNSS and max(best.factors.values()) < 1.0:
-            best = self._beside(best)
-        return best if best is not None and best.evidence > 0.0 else None
+            fixes, best = best.factors, self._beside(best)
+        if best is None or best.evidence <= 0.0:
+            return None
+        return best if best.family == OF_GNSS else self._limited(best, fixes)
+
+    def _limited(self, best: VarianceHypothesis, fixes: Mapping[str, float]) -> VarianceHypothesis:
+        """Return a hypothesis with upper limits of its factors below one, the others held.
+
+        Such a factor may have no maximum above nothing, so that its limit is where -2 log L has
+        risen by the square of `CERTAIN`.
+        """
+        own = {**fixes, **best.factors}
+
+        def cost(**other: float) -> float:
+            return self._at({**own, **other}).cost
+
+        most, upper = cost() + CERTAIN**2, {}
+        for name, factor in best.factors.items():
+            if factor >= 1.0 or cost(**{name: 1.0}) <= most:
+                continue
+            low, high = np.log(factor), 0.0
+            while high - low > SETTLED:
+                middle = 0.5 * (low + high)
+                inside = cost(**{name: float(np.exp(middle))}) <= most
+                low, high = (middle, high) if inside else (low, middle)
+            upper[name] = float(np.exp(high))
+        return replace(best, upper=upper)
 
     def _beside(self, better: VarianceHypothesis) -> VarianceHypothesis | None:
         """Return the strongest family of the IMU beside fixes that are better than they claim."""
@@ -252,14 +277,12 @@ class VarianceSearch:
         search = Search([self.segment.only(own)], own, self.progress, settled=SETTLED)
         self.progress(f"likelihood of the innovations, {len(own)} factors")
         maximum = search.climb(Maximum(theta, known), free)
-        spread = maximum.spread(free)[0]
-        pairs = list(zip(own, np.exp(maximum.theta).tolist(), spread.tolist(), strict=True))
-        pairs = pairs[: len(self.families[family])]
+        factors = dict(zip(own, np.exp(maximum.theta).tolist(), strict=True))
+        factors = {name: factors[name] for name in self.families[family]}
         return VarianceHypothesis(
             family,
-            self._evidence(maximum.evaluated.cost, len(pairs), base.cost),
-            {name: factor for name, factor, _ in pairs},
-            {name: sigma for name, _, sigma in pairs},
+            self._evidence(maximum.evaluated.cost, len(factors), base.cost),
+            factors,
         )
 
     def _evidence(self, cost: float, parameters: int, base: float | None = None) -> float:

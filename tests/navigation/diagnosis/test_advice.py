@@ -175,7 +175,7 @@ def test_a_factor_within_the_prior_of_the_source_is_no_remark(engine, factor, ve
 def test_noise_of_the_imu_that_is_smaller_is_no_remark():
     """Oracle: the direction; the factor is the one that is adopted, at its upper limit."""
     name = "gyro.white_noise"
-    smaller = VarianceHypothesis("IMU white noise", 90.0, {name: 0.2}, {name: 0.1})
+    smaller = VarianceHypothesis("IMU white noise", 90.0, {name: 0.2}, {name: 0.24})
     check = variance_check(smaller)
     assert (check.name, check.verdict) == ("IMU noise", "ok")
     assert f"{name} 0.24" in check.found
