@@ -233,17 +233,17 @@ def variance_check(
         for name, factor in suspected.factors.items()
     }
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in adopted.items() if factor != 1.0)
-    found = (
+    finding = (
         f"{suspected.family} times {factors} explains the innovations, log evidence"
         f" {suspected.evidence:.0f}; solved with it"
     )
     if of_gnss:
         limit = claims.limits[1]
         expected = f"a factor of at most {limit:.2g} of this source's sigmas"
-        return Question(OF_GNSS, expected).note(found, remedy, max(adopted.values()) > limit)
+        return Question(OF_GNSS, expected).note(finding, remedy, max(adopted.values()) > limit)
     measured = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
     larger = max(adopted.values()) > 1.0
-    return Question("IMU noise", "factors of one").note(found, measured, larger)
+    return Question("IMU noise", "factors of one").note(finding, measured, larger)
 
 
 def message(errors: FixErrors) -> str:

@@ -158,14 +158,14 @@ class ErrorModelSearch:
 
     def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
         """Solve again with another error model; None where there is no solution."""
-        return self.solved_and_followed(posed, model, follow=False)[0]
+        return self.solved_and_followed(posed, model, with_constants_beside=False)[0]
 
     def solved_and_followed(
-        self, posed: Posed, model: ErrorModel, follow: bool = True
+        self, posed: Posed, model: ErrorModel, with_constants_beside: bool = True
     ) -> tuple[Solution | None, Sensitivity | None]:
         """Solve again as `solved` does, and return what went along with the first pass."""
         again = widened(*with_layout(*posed, self.layout(model)), posed[0].layout)
-        followed = self.followed(again[0], model) if follow else None
+        followed = self.followed(again[0], model) if with_constants_beside else None
         through = None if followed is None else followed.through
         try:
             return solve(*again, self.second_pass, self.progress, follower=through), followed

@@ -115,13 +115,13 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
 
 
 def linearised_cost(
-    part: Solution, layout_factory: Callable[[FixErrors], StateLayout]
+    solution: Solution, layout_factory: Callable[[FixErrors], StateLayout]
 ) -> Callable[[FixErrors], float]:
     """Return the linearised -2 log L (L.4) of a solution as a function of the errors of its fixes.
 
     Parameters
     ----------
-    part : Solution
+    solution : Solution
         The solution, about which it is linearised once without a time-correlated error of the
         fixes and once with one.
     layout_factory : LayoutFactory
@@ -138,10 +138,10 @@ def linearised_cost(
         layout = layout_factory(errors)
         correlated = layout.gm >= 0
         if correlated not in segments:
-            segments[correlated] = linearised(part, layout)
+            segments[correlated] = linearised(solution, layout)
         segment = segments[correlated]
         if correlated:
-            segment = with_errors_of_fixes(segment, part.problem.epochs, layout)
+            segment = with_errors_of_fixes(segment, solution.problem.epochs, layout)
         return evaluate([segment], np.zeros(0)).cost
 
     return cost

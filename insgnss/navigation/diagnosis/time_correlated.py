@@ -130,9 +130,9 @@ def time_correlated_error(
         `errors` with the time-correlated error and the scale of the fixes' sigmas by (L.4); None
         where they gain less than `evidence.GAIN`.
     """
-    part = liveliest_part(solution, WINDOW_FIXES)
-    interval_s, code = part.problem.aiding_interval_s, only_code_fixes(part.problem)
-    likelihood = linearised_cost(part, layout_factory)
+    window = liveliest_part(solution, WINDOW_FIXES)
+    interval_s, code = window.problem.aiding_interval_s, only_code_fixes(window.problem)
+    likelihood = linearised_cost(window, layout_factory)
     least_white = LEAST_WHITE_CODE if code else LEAST_WHITE
 
     def model(p: Array) -> FixErrors:
@@ -146,7 +146,7 @@ def time_correlated_error(
         return likelihood(model(p))
 
     without = likelihood(errors)
-    first = min((np.log([*guess, 1.0]) for guess in guesses(part.problem)), key=cost)
+    first = min((np.log([*guess, 1.0]) for guess in guesses(window.problem)), key=cost)
     best = _descend(cost, first)
     # once more along the ridge: the first may have ended in a hollow
     again = _descend(cost, best.x + [0.0, 0.5 * FAR, FAR, 0.0])

@@ -126,9 +126,9 @@ class VarianceSearch:
         }
         self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
         self.segment, self.progress = linear_segment(self.part, self.names), progress
-        self.nothing = self._at({})
+        self.nothing = self._evaluated({})
 
-    def _at(self, factors: dict[str, float]) -> Evaluated:
+    def _evaluated(self, factors: dict[str, float]) -> Evaluated:
         """Evaluate the likelihood, with every slope, at some factors."""
         theta = np.log([factors.get(name, 1.0) for name in self.names])
         return evaluate([self.segment], theta)
@@ -177,7 +177,7 @@ class VarianceSearch:
         own = {**fixes, **best.factors}
 
         def cost(**other: float) -> float:
-            return self._at({**own, **other}).cost
+            return self._evaluated({**own, **other}).cost
 
         most, upper = cost() + CERTAIN**2, {}
         for name, factor in best.factors.items():
@@ -193,7 +193,7 @@ class VarianceSearch:
 
     def _beside(self, better: VarianceHypothesis) -> VarianceHypothesis | None:
         """Return the strongest family of the IMU beside fixes that are better than they claim."""
-        there = self._at(better.factors)
+        there = self._evaluated(better.factors)
         g, A = there.gradient, there.information
         hypotheses = [
             self._hypothesis(family, better.factors, there)
@@ -269,14 +269,14 @@ class VarianceSearch:
         base = self.nothing if base is None else base
         own = (*self.families[family], *beside)
         index = [self.names.index(name) for name in own]
-        known = replace(
+        start = replace(
             base, gradient=base.gradient[index], information=base.information[np.ix_(index, index)]
         )
         theta = np.log([beside.get(name, 1.0) for name in own])
         free = np.ones(len(own), dtype=np.bool_)
         search = Search([self.segment.only(own)], own, self.progress, settled=SETTLED)
         self.progress(f"likelihood of the innovations, {len(own)} factors")
-        maximum = search.climb(Maximum(theta, known), free)
+        maximum = search.climb(Maximum(theta, start), free)
         factors = dict(zip(own, np.exp(maximum.theta).tolist(), strict=True))
         factors = {name: factors[name] for name in self.families[family]}
         return VarianceHypothesis(
