@@ -11,7 +11,8 @@ Where to look
     a new verb: a module with a `VERB`, its name in `VERBS` of `main.py`; all steps under "How to
         add" in `docs/ARCHITECTURE.md`
     a verb with verbs below it: `calibrate/` (lever arms, mounting, IMU)
-    the verbs of many flights, `batch` and `archive`: `season/`
+    the verbs of many flights, `batch` and `archive`: `season/`; of pages, `figures` and `report`:
+        `pages/`
     what a verb declares, and how a result is shown: `verb.py`
     exit codes, interruption, completion for shells: `main.py`
     the parser's messages and the lines of progress: `console.py`

@@ -40,7 +40,7 @@ VERBS = (
     *("archive", "doctor"),
 )
 """The verbs, in the order of the help; each is the `VERB` of the module of its name."""
-FOLDERS = {"batch": "season", "archive": "season"}
+FOLDERS = {"batch": "season", "archive": "season", "figures": "pages", "report": "pages"}
 """Folders of verbs whose modules stand in one."""
 
 

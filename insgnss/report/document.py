@@ -70,9 +70,9 @@ class Marked(str):
     def __new__(
         cls, text: object, kind: str = "", *, tip: str = "", link: str = "", help: str = ""
     ) -> "Marked":
-        made = super().__new__(cls, text)
-        made.kind, made.tip, made.link, made.help = kind, tip, link, help
-        return made
+        marked = super().__new__(cls, text)
+        marked.kind, marked.tip, marked.link, marked.help = kind, tip, link, help
+        return marked
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ class Table:
         if not self.rows:
             return ""
         cells = [[_inline(cell) for cell in row] for row in self.rows]
-        made = table(cells, [*map(_inline, self.head)], self.numbers)
-        return folded(f"{len(cells)} {self.name}", made) if len(cells) > MOST_ROWS else made
+        whole = table(cells, [*map(_inline, self.head)], self.numbers)
+        return folded(f"{len(cells)} {self.name}", whole) if len(cells) > MOST_ROWS else whole
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal, columns aligned, the last one wrapped."""
@@ -112,10 +112,10 @@ class Table:
         last = max(len(row[-1]) for row in rows)
         for row in rows:
             sides = "<" + (">" if self.numbers else "<") * len(width)
-            own = (f"{c:{s}{w}}" for c, s, w in zip(row[:-1], sides, width, strict=False))
+            aligned = (f"{c:{s}{w}}" for c, s, w in zip(row[:-1], sides, width, strict=False))
             cells = textwrap.wrap(row[-1], most, break_long_words=False, break_on_hyphens=False)
             end = f"{row[-1]:>{last}}" if self.numbers and width else "".join(cells[:1])
-            yield "  ".join([*own, end]).rstrip()
+            yield "  ".join([*aligned, end]).rstrip()
             if not self.numbers:
                 yield from (" " * (sum(width) + 2 * len(width)) + more for more in cells[1:])
 
@@ -158,15 +158,15 @@ class Section:
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
         if self.more:
-            rest = f'<div class="soft">{_listed(self.more)}</div>\n'
+            remarks = f'<div class="soft">{_listed(self.more)}</div>\n'
             many = len(self.more) > FEW
-            inside += folded(f"and {len(self.more)} of less weight", rest) if many else rest
+            inside += folded(f"and {len(self.more)} of less weight", remarks) if many else remarks
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal."""
-        left = len(self.more) - FEW
-        more = [f"and {left} of less weight"] if left > 0 else []
+        hidden = len(self.more) - FEW
+        more = [f"and {hidden} of less weight"] if hidden > 0 else []
         for block in (*self.parts, *self.more[:FEW], *more):
             if isinstance(block, Table) and block.rows:
                 yield from block.lines()
@@ -248,7 +248,7 @@ class Document:
             SHA-256 of the JSON file of the same run; empty where there is none.
         """
         shown = [s for s in self.sections if isinstance(s, Chart) or s.on != "terminal"]
-        first, *rest = self._made_from() if made_from is None else made_from
+        first, *origins = self._made_from() if made_from is None else made_from
         whole = not any(isinstance(s, Section) and s.brief for s in shown)
 
         def placed(s: Section | Chart) -> str:
@@ -257,7 +257,7 @@ class Document:
             return html if brief or not html else f'<div class="{APPENDIX}">\n{html}</div>\n'
 
         body = "".join(map(placed, (*shown, first)))
-        origin = "".join(map(placed, rest))
+        origin = "".join(map(placed, origins))
         word, why, _ = self.verdict
         blocks = (embedded(name, script_safe(block)) for name, block in data.items())
         reason = f"<strong>{escape(self.verdict.shown)}</strong>: {escape(why)}."
@@ -279,10 +279,10 @@ class Document:
 
     def _made_from(self) -> Iterator[Section]:
         """Settings, input files, programs, date and place."""
-        there = [path for path in dict.fromkeys(self.inputs) if path.is_file()]
+        files = [path for path in dict.fromkeys(self.inputs) if path.is_file()]
         run_by = {"insgnss": __version__, "python": platform.python_version()}
         yield pairs("Settings", self.settings)
-        yield pairs("Inputs (SHA-256)", dict(self.hashes) | {str(p): sha256(p) for p in there})
+        yield pairs("Inputs (SHA-256)", dict(self.hashes) | {str(p): sha256(p) for p in files})
         yield pairs("The run", circumstances())
         yield pairs("Versions", run_by | {"numpy": np.__version__} | dict(self.versions))
 

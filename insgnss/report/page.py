@@ -113,10 +113,10 @@ def run_document(
 def _sections(
     s: Mapping[str, Any], shown: Sequence[Chart], with_images: bool
 ) -> Iterator[Section | Chart]:
-    left, moving = {chart.name: chart for chart in shown}, not s["standing"]
+    pending, moving = {chart.name: chart for chart in shown}, not s["standing"]
 
     def of(*names: str) -> Iterator[Chart]:
-        return (left.pop(name) for name in names if name in left)
+        return (pending.pop(name) for name in names if name in pending)
 
     yield sections.limits(s)
     notes = (note for export in s.get("exports", ()) for note in export["notes"])
@@ -138,7 +138,7 @@ def _sections(
         yield sections.residuals(s)
     yield from of("biases")
     yield sections.constants(s)
-    yield from of("constants", "separation", "gnss-solution", "gnss-signals", *left)
+    yield from of("constants", "separation", "gnss-solution", "gnss-signals", *pending)
     if moving:
         yield from (sections.rejected(s), sections.gaps(s))
     yield from (sections.segments_and_stationary_periods(s), sections.checks(s))

@@ -284,9 +284,9 @@ def test_the_programs_of_the_guide_run(program, recorded, monkeypatch):
     LEFT_BEHIND[program.splitlines()[0].removeprefix("# ")](names)
 
 
-def test_there_are_five_programs():
+def test_there_are_six_programs():
     """Oracle: the number of programs in the guide."""
-    assert len(programs()) == 5
+    assert len(programs()) == 6
 
 
 def test_what_a_stranger_looks_for_in_the_help_is_there():

@@ -110,8 +110,8 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
     )
     S, y = history.S[measured, :3], history.y[measured, :3]
     S = np.where(rejected[:, None], 1.0, S)
-    own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
-    return float(np.sum(own + log_R))
+    cost = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
+    return float(np.sum(cost + log_R))
 
 
 def linearised_cost(
@@ -162,11 +162,11 @@ def linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
     LinearSegment
         The segment, without parameters.
     """
-    own = solution.problem.layout.states
+    states = solution.problem.layout.states
     x = np.zeros((solution.x.shape[0], len(layout.states)))
     for s, state in enumerate(layout.states):
-        if state in own:
-            x[:, s] = solution.x[:, own.index(state)]
+        if state in states:
+            x[:, s] = solution.x[:, states.index(state)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
     return linear_segment(other, ())
 

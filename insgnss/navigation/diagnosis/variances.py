@@ -154,8 +154,8 @@ class VarianceSearch:
             The gain, zero without any.
         """
         g, A = self.nothing.gradient, self.nothing.information
-        own = [family for family in self.families if family in families]
-        return max((_promise(g, A, self._free(family)) for family in own), default=0.0)
+        chosen = [family for family in self.families if family in families]
+        return max((_promise(g, A, self._free(family)) for family in chosen), default=0.0)
 
     def strongest(self) -> VarianceHypothesis | None:
         """Return the promising family of the largest positive evidence (V.2), or None."""
@@ -174,10 +174,10 @@ class VarianceSearch:
         Such a factor may have no maximum above nothing, so that its limit is where -2 log L has
         risen by the square of `CERTAIN`.
         """
-        own = {**fixes, **best.factors}
+        best_factors = {**fixes, **best.factors}
 
         def cost(**other: float) -> float:
-            return self._evaluated({**own, **other}).cost
+            return self._evaluated({**best_factors, **other}).cost
 
         most, upper = cost() + CERTAIN**2, {}
         for name, factor in best.factors.items():
@@ -267,17 +267,17 @@ class VarianceSearch:
     ) -> VarianceHypothesis:
         """Find the maximum of a family; factors `beside`, at which `base` is, vary as well."""
         base = self.nothing if base is None else base
-        own = (*self.families[family], *beside)
-        index = [self.names.index(name) for name in own]
+        names = (*self.families[family], *beside)
+        index = [self.names.index(name) for name in names]
         start = replace(
             base, gradient=base.gradient[index], information=base.information[np.ix_(index, index)]
         )
-        theta = np.log([beside.get(name, 1.0) for name in own])
-        free = np.ones(len(own), dtype=np.bool_)
-        search = Search([self.segment.only(own)], own, self.progress, settled=SETTLED)
-        self.progress(f"likelihood of the innovations, {len(own)} factors")
+        theta = np.log([beside.get(name, 1.0) for name in names])
+        free = np.ones(len(names), dtype=np.bool_)
+        search = Search([self.segment.only(names)], names, self.progress, settled=SETTLED)
+        self.progress(f"likelihood of the innovations, {len(names)} factors")
         maximum = search.climb(Maximum(theta, start), free)
-        factors = dict(zip(own, np.exp(maximum.theta).tolist(), strict=True))
+        factors = dict(zip(names, np.exp(maximum.theta).tolist(), strict=True))
         factors = {name: factors[name] for name in self.families[family]}
         return VarianceHypothesis(
             family,
@@ -344,10 +344,10 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
         )
     white = suspected.family == "IMU white noise"
     kind = "white_noise" if white else "driving_noise"
-    own = model.imu.white_noise if white else model.imu.driving_noise
+    present = model.imu.white_noise if white else model.imu.driving_noise
     gyro, accel = (suspected.of_imu(f"{triad}.{kind}") for triad in ("gyro", "accel"))
     if gyro == accel == 1.0:
         return None
-    pair = (gyro * own[0], accel * own[1])
+    pair = (gyro * present[0], accel * present[1])
     imu = replace(model.imu, white_noise=pair) if white else replace(model.imu, driving_noise=pair)
     return replace(model, imu=imu)

@@ -118,8 +118,8 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
     how, sources = _how(path, options), list[Source]()
     try:
         imu = read_imu(path, **how)
-        own = options.time_unit or "sampling" in options.accept
-        if own or _is_rate(1.0 / nominal_interval(imu.time)):
+        is_given = options.time_unit or "sampling" in options.accept
+        if is_given or _is_rate(1.0 / nominal_interval(imu.time)):
             return imu
     except InputError:
         if how["columns"] is not None or options.time_unit or options.rate_hz is not None:

@@ -186,7 +186,7 @@ class CoordinateFrame:
         true_north: bool = False,
         cov_position: Array | None = None,
         cov_attitude: Array | None = None,
-        **others: Any,
+        **further: Any,
     ) -> Poses:
         """Poses of projection centres `x` (n, 3) in this frame.
 
@@ -194,7 +194,7 @@ class CoordinateFrame:
         ----------
         C : (n, 3, 3) camera into the axes of the frame; with `true_north` into east, north, up.
         cov_position, cov_attitude : (n, 3, 3) in the axes of the frame, and of C, or None.
-        others : further fields of `Poses`.
+        further : other fields of `Poses`.
         """
         lat, lon, h, C_fE = self.resolved(x, path)
         C_Ef = np.swapaxes(C_fE, 1, 2)
@@ -212,7 +212,7 @@ class CoordinateFrame:
             local=x if self.kind in (TANGENT, PROJECTED) else None,
             plane=self.plane,
             projection=self.projection,
-            **others,
+            **further,
         )
 
 

@@ -122,19 +122,19 @@ def _best(scores: Sequence[int]) -> int | None:
     return scores.index(highest) if highest > 0 and scores.count(highest) == 1 else None
 
 
-def _count(name: str, words: str) -> int:
-    return sum(word in name.lower() for word in words.split())
+def _count(name: str, terms: str) -> int:
+    return sum(word in name.lower() for word in terms.split())
 
 
 def _image(name: str, texts: Sequence[str]) -> int:
     """Score of a column as names of images; 0 for one that cannot hold them."""
     if len(set(texts)) < len(texts) or any(map(STAMP.fullmatch, texts)):
         return 0
-    words = _count(name, IMAGE_WORDS)
+    score = _count(name, IMAGE_WORDS)
     if all(text.lower().endswith(tuple(IMAGE_ENDINGS.split())) for text in texts):
-        return 10 + words
+        return 10 + score
     numbers = _numbers(texts)
-    return words if numbers is None or set(np.diff(numbers)) == {1.0} else 0
+    return score if numbers is None or set(np.diff(numbers)) == {1.0} else 0
 
 
 def _date(name: str, texts: Sequence[str]) -> int:
@@ -144,12 +144,12 @@ def _date(name: str, texts: Sequence[str]) -> int:
 
 def _seconds(name: str, texts: Sequence[str]) -> int:
     """Score of a column as seconds of week; 0 for one that cannot hold them."""
-    values, words = _numbers(texts), _time_words(name)
+    values, score = _numbers(texts), _time_words(name)
     if values is None:
         return 0
     fits = (np.diff(values) > 0.0).all() and values[0] >= 0.0 and values[-1] < LAST_TOW_S
     whole = (values == np.round(values)).all()  # a count of images is no time but by its name
-    return words if fits and not (whole and words < 2) else 0
+    return score if fits and not (whole and score < 2) else 0
 
 
 def _numbers(texts: Sequence[str]) -> Array | None:
@@ -162,5 +162,5 @@ def _numbers(texts: Sequence[str]) -> Array | None:
 
 def _time_words(name: str) -> int:
     """Return 1, more for each word of a time and most for one of the exposure; 1 at the least."""
-    words = _count(name, TIME_WORDS) + 3 * _count(name, EXPOSURE_WORDS)
-    return max(1, 1 + words - 4 * _count(name, OTHER_TIMES))
+    score = _count(name, TIME_WORDS) + 3 * _count(name, EXPOSURE_WORDS)
+    return max(1, 1 + score - 4 * _count(name, OTHER_TIMES))

@@ -4,10 +4,10 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..io.options.kinds import Checked
-from ..io.options.schema import argument
-from .console import Progress
-from .verb import Verb, show_result
+from ...io.options.kinds import Checked
+from ...io.options.schema import argument
+from ..console import Progress
+from ..verb import Verb, show_result
 
 EXAMPLE = """  insgnss report results/02_Processed/GPS-INS/report.json
   insgnss report report.html --pdf ign8.pdf --appendix"""
@@ -31,7 +31,7 @@ class Request(Checked):
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..report.printed import print_page
+    from ...report.printed import print_page
 
     progress("printing")
     result = print_page(options.source, options.pdf, options.appendix, options.force)

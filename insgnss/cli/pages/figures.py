@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..io.options.kinds import Checked
-from ..io.options.schema import argument
-from .console import Progress
-from .verb import Verb, show_result
+from ...io.options.kinds import Checked
+from ...io.options.schema import argument
+from ..console import Progress
+from ..verb import Verb, show_result
 
 EXAMPLE = """  insgnss figures results/02_Processed/GPS-INS/report.json --format pdf --out paper
   insgnss figures adjust.html --only map by-image --format svg
@@ -42,7 +42,7 @@ class Request(Checked):
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..report.charts.files import figure_files
+    from ...report.charts.files import figure_files
 
     progress("drawing")
     result = figure_files(

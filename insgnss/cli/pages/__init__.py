@@ -1,0 +1,1 @@
+"""Verbs of pages that insgnss wrote: `figures` and `report`."""
