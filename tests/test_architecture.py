@@ -71,7 +71,7 @@ HOUSE: dict[str, dict[str, str]] = {
         "filter": "noise_model",
         "align": "prepare filter",
         "innovations": "filter",
-        "diagnosis": "prepare noise_model filter innovations",
+        "diagnosis": "noise_model filter innovations",
     },
     "report": {
         "rules": "",

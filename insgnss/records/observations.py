@@ -199,8 +199,6 @@ class GnssFixes(Rows):
     base_ecef : (3,) m, position of the base that an engine solved them against; None: not stated.
     sigma_assumed : (n,) bool, fixes whose source states no covariance, so that `cov_ned` is what
         the reader was told to assume; None: none.
-    engine : what computed them, as `navigation.prepare.fix_covariance.numbers.CLAIMS` names it
-        ("rtklib", "ublox", ...): how well its standard deviations hold; "" where not known.
 
     Raises
     ------
@@ -232,7 +230,6 @@ class GnssFixes(Rows):
     hdop: Array | None = None
     base_ecef: Array | None = None
     sigma_assumed: NDArray[np.bool_] | None = None
-    engine: str = ""
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size

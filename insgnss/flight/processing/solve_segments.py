@@ -17,7 +17,6 @@ from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_a
 from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.prepare.clock import SHORTEST_OVERLAP_S, common_span
-from ...navigation.prepare.fix_covariance.numbers import claim_prior
 from ...navigation.recognise.claims import RECOGNISED
 from ...records import Finding
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
@@ -213,7 +212,6 @@ def _search(
     flight: Flight, recording: Recording, prepared: PreparedSegment, step: Progress
 ) -> ErrorModelSearch:
     """Return what the search for the error model of a segment may vary."""
-    assumed = prepared.fixes.sigma_assumed
     return ErrorModelSearch(
         prepared.requested_errors,
         prepared.layout_factory,
@@ -225,8 +223,6 @@ def _search(
         flight.filter.adaptive_noise == "auto",
         recording.of_receiver,
         recording.events is not None,
-        claim_prior(prepared.fixes.engine),
-        flight.gnss.sigma_m if assumed is not None and assumed.all() else None,
     )
 
 

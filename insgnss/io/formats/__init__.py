@@ -6,7 +6,6 @@ option. `describe` says which tables and columns a file holds. `EXPORTS` lists w
 orientation is written to.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,14 +38,12 @@ class Reader(NamedTuple):
     """A reader: module and function in `formats`, its options, and what tells its format.
 
     `tells` is the module and function that tells the format by the first bytes of a file; empty
-    where `detect` does, and of the last of a kind, which is any text. `engine` computes fixes of
-    this format, as `GnssFixes.engine` names it.
+    where `detect` does, and of the last of a kind, which is any text.
     """
 
     function: str
     options: str
     tells: str = ""
-    engine: str = ""
 
 
 READERS = {
@@ -65,17 +62,12 @@ READERS = {
     "gnss": {
         "matlab": Reader("arrays.mapped:gnss_of_content", _GNSS_MAP),
         "npy": Reader("arrays.mapped:gnss_of_content", _GNSS_MAP),
-        "sbet": Reader(
-            "trajectory.sbet:read_gnss_sbet", "sigma_m sigma_velocity gps_week", engine="trimble"
-        ),
+        "sbet": Reader("trajectory.sbet:read_gnss_sbet", "sigma_m sigma_velocity gps_week"),
         "ardupilot": Reader(
             "logs.ardupilot:read_gnss_ardupilot",
             "variable sigma_m sigma_velocity gps_week undulation_m",
-            engine="ublox",
         ),
-        "ulog": Reader(
-            "logs.ulog:read_gnss_ulog", "variable sigma_m sigma_velocity gps_week", engine="ublox"
-        ),
+        "ulog": Reader("logs.ulog:read_gnss_ulog", "variable sigma_m sigma_velocity gps_week"),
         "nmea": Reader(
             "gnss.nmea:read_nmea", "sigma_m sigma_velocity gps_week undulation_m", "detect:is_nmea"
         ),
@@ -175,8 +167,7 @@ def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
     reader = READERS[kind][form]
     options = _options(path, form, reader.options.split(), spec)
     content = (load_content(form, path),) if form in LOADERS else ()
-    record = function_at(reader.function)(path, *content, **options)
-    return replace(record, engine=reader.engine) if reader.engine else record
+    return function_at(reader.function)(path, *content, **options)
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:

@@ -32,8 +32,6 @@ from ...records.states import (
 from ..filter.codes import POS
 from ..filter.layout import FixErrors
 from ..filter.solution import Solution
-from ..prepare.fix_covariance.numbers import CLAIMS, ClaimPrior
-from .candidates import OF_GNSS
 from .constants import STRONG, ConstantsEvidence, Hypothesis
 from .estimated import rms_speed
 
@@ -200,43 +198,35 @@ def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
 
-def variance_check(
-    suspected: "VarianceHypothesis", claims: ClaimPrior = CLAIMS[""], remedy: Remedy = ""
-) -> Finding:
-    """Say whose noise is of another size than its model says.
+def variance_check(suspected: "VarianceHypothesis") -> Finding:
+    """Say whose noise is larger than its model says.
 
     Parameters
     ----------
     suspected : VarianceHypothesis
         The family and its factors.
-    claims : ClaimPrior
-        What is known beforehand of the factor of the fixes' sigmas.
-    remedy : Remedy
-        What takes a factor of the fixes into the flight file.
 
     Returns
     -------
     Finding
-        A note where the flight is solved with larger noise of the IMU, or with a factor of the
-        fixes that the prior does not expect; otherwise it is in order.
+        A note: the flight is solved with the larger noise.
     """
-    of_gnss = suspected.family == OF_GNSS
-    adopted = {
-        name: max(1.0, factor) if of_gnss else suspected.of_imu(name)
-        for name, factor in suspected.factors.items()
-    }
-    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in adopted.items() if factor != 1.0)
-    finding = (
+    # smaller noise than the model's is not adopted
+    larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
+    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
+    if suspected.family == "GNSS sigmas":
+        remedy: Remedy = Step(
+            "raise {gnss.sigma_m}, or the receiver's or the engine's sigmas, by this factor"
+        )
+        name = "GNSS sigmas"
+    else:
+        remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
+        name = "IMU noise"
+    return Question(name, "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, log evidence"
-        f" {suspected.evidence:.0f}; solved with it"
+        f" {suspected.evidence:.0f}; solved with it",
+        remedy,
     )
-    if of_gnss:
-        limit = claims.limits[1]
-        expected = f"a factor of at most {limit:.2g} of this source's sigmas"
-        return Question(OF_GNSS, expected).note(finding, remedy, max(adopted.values()) > limit)
-    measured = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
-    larger = max(adopted.values()) > 1.0
-    return Question("IMU noise", "factors of one").note(finding, measured, larger)
 
 
 def message(errors: FixErrors) -> str:

@@ -29,7 +29,6 @@ from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..noise_model.model import AxisNoise, NoiseModel
 
-OF_GNSS = "GNSS sigmas"  # the family of variances of the fixes, and the check that names it
 CLOCK_RATE_SIGMA = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
 WHITER = 1.6  # factor of the white share, each time that the filter loses fixes with a candidate
 

@@ -5,14 +5,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from ...base.beside import Beside
 from ...base.errors import DataError
-from ...base.findings.remedies import Remedy, SetKey
 from ...records import Finding
 from ...records.cameras.mounting import Mounting
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET, State
@@ -21,7 +19,6 @@ from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from ..prepare.fix_covariance.numbers import CLAIMS, ClaimPrior
 from .advice import advice, message, unseen, variance_check
 from .candidates import (
     FAR,
@@ -49,7 +46,7 @@ from .evidence import (
 )
 from .sensitivity import Sensitivity
 from .time_correlated import is_suspicious, time_correlated_error
-from .variances import LEAST_PROMISE, OF_IMU, VarianceHypothesis, VarianceSearch, with_variances
+from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 FEWEST_FIXES = 60  # below which the innovations are not looked at
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
@@ -93,10 +90,6 @@ class ErrorModelSearch:
         Whether the clock of the fixes stamps the exposures.
     exposures : bool
         Whether there are any, whose place depends on that of the IMU in the mounting.
-    claims : ClaimPrior
-        What is known beforehand of the factor of the fixes' sigmas.
-    sigma_m : tuple of float, optional
-        What the flight file states of fixes whose source has no sigmas; None where it has.
     """
 
     requested_errors: FixErrors
@@ -109,21 +102,6 @@ class ErrorModelSearch:
     variances: bool = True
     events_with_fixes: bool = False
     exposures: bool = False
-    claims: ClaimPrior = CLAIMS[""]
-    sigma_m: tuple[float, ...] | None = None
-
-    def variance_check(self, winner: VarianceHypothesis, adopted: ErrorModel) -> Finding:
-        """Say which variances are adopted, and what takes those of the fixes into the file."""
-        k = adopted.fixes.white_scale[0]
-        if self.sigma_m is not None:
-            relative = k / self.requested_errors.white_scale[0]
-            of_file = [float(f"{relative * sigma:.3g}") for sigma in self.sigma_m]
-            remedy: Remedy = SetKey("gnss.sigma_m", of_file)
-        elif winner.factors.get("fixes.position", 1.0) > 1.0:
-            remedy = SetKey("gnss.white_scale", float(f"{k:.3g}"))
-        else:
-            remedy = "nothing to do: the result allows for it"
-        return variance_check(winner, self.claims, remedy)
 
     @property
     def exact(self) -> tuple[str, ...]:
@@ -143,34 +121,24 @@ class ErrorModelSearch:
         own = self.layout(model)
         return constants_evidence(problem, start, own, wide, self.requested, self.exact)
 
-    def followed(
-        self, problem: EstimationProblem, model: ErrorModel | None = None
-    ) -> Sensitivity | None:
-        """Return what is to go along with the first pass over a flight, under an error model.
+    def followed(self, problem: EstimationProblem) -> Sensitivity | None:
+        """Return what is to go along with the first pass over a flight.
 
         What it finds of the constants may spare the pass of `constants`; None where there are too
         few fixes for it, or where they cannot be followed.
         """
         if np.count_nonzero(problem.epochs.has_position) < FEWEST_FIXES:
             return None
-        wide = self.layout(with_every_constant(model or ErrorModel(self.requested_errors)))
+        wide = self.layout(with_every_constant(ErrorModel(self.requested_errors)))
         return followed_constants(problem, wide)
 
     def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
         """Solve again with another error model; None where there is no solution."""
-        return self.solved_and_followed(posed, model, with_constants_beside=False)[0]
-
-    def solved_and_followed(
-        self, posed: Posed, model: ErrorModel, with_constants_beside: bool = True
-    ) -> tuple[Solution | None, Sensitivity | None]:
-        """Solve again as `solved` does, and return what went along with the first pass."""
         again = widened(*with_layout(*posed, self.layout(model)), posed[0].layout)
-        followed = self.followed(again[0], model) if with_constants_beside else None
-        through = None if followed is None else followed.through
         try:
-            return solve(*again, self.second_pass, self.progress, follower=through), followed
+            return solve(*again, self.second_pass, self.progress)
         except DataError:
-            return None, None
+            return None
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
@@ -228,11 +196,11 @@ def diagnose(
     if np.count_nonzero(solution.verdict[:, POSITION] != NOT_MEASURED) < FEWEST_FIXES:
         return Diagnosis(solution)
     posed = solution.problem, start
-    here = _State(search, solution, ErrorModel(search.requested_errors), followed=followed)
+    here = _State(solution, ErrorModel(search.requested_errors))
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
-        settled = settled_evidence(here.solution, here.followed, search.requested, search.exact)
+        settled = settled_evidence(here.solution, followed, search.requested, search.exact)
         constants = settled or search.constants(*posed, here.model) or constants
         there = _next(search, posed, here, constants)
         if there is None:
@@ -253,18 +221,11 @@ def diagnose(
 class _State:
     """Where the search stands: what is adopted, what it says, and what has been tried in vain."""
 
-    search: ErrorModelSearch
     solution: Solution
     model: ErrorModel
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     attempted: frozenset[State | str] = frozenset()
-    followed: Sensitivity | None = None
-
-    @cached_property
-    def variances(self) -> VarianceSearch:
-        """The search for variances about this solution, whose likelihood is worked out once."""
-        return VarianceSearch(self.solution, self.search.progress)
 
 
 Candidate = tuple[float, Callable[[], _State | None]]
@@ -317,7 +278,8 @@ def _next(
     suspected = None if constants is None else constants.strongest()
     correlates = search.time_correlated and "time-correlated" not in here.attempted
     suspicious = _looked_at(search, here) if correlates else None
-    promising = search.variances and bool(here.variances.promising())
+    variances = VarianceSearch(here.solution, search.progress)
+    promising = search.variances and bool(variances.promising())
     remedied = None
     if (
         constants is not None
@@ -326,14 +288,14 @@ def _next(
     ):
         remedied = _with_constants(search, posed, here, constants, suspected)
         after = promising and remedied is not None
-        left = remedied.variances.left(OF_IMU) if after and remedied else 0.0
+        left = _left(search, remedied.solution, OF_IMU) if after and remedied else 0.0
         if left > suspected.evidence:
             remedied = None  # a remedy that leaves more than it explains is none
         elif left < LEAST_PROMISE and remedied is not None:
             return _as_allowed(here, remedied, constants, suspected)
-    candidates = [_variance(search, posed, here)] if promising else []
+    candidates = [_variance(search, posed, here, variances)] if promising else []
     if suspicious is not None:
-        candidates.append(_time_correlated(search, posed, here, suspicious))
+        candidates.append(_time_correlated(search, posed, here, variances, suspicious))
     if constants is not None and suspected is not None and remedied is not None:
         allowed = _as_allowed(here, remedied, constants, suspected)
         candidates.append((suspected.evidence, lambda: allowed))
@@ -353,7 +315,7 @@ def _with_constants(
     rivals = constants.rivals(suspected)
     groups = together(suspected, rivals)
     model = with_constants(here.model, groups, suspected.factor)
-    solution, followed = search.solved_and_followed(posed, model)
+    solution = search.solved(posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
     gain = misfit(here.solution) - misfit(solution) + OPEN * len(groups)
@@ -364,10 +326,7 @@ def _with_constants(
     which = ", ".join(map(str, suspected.groups))
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
     attempted = here.attempted | set(suspected.groups)
-    return _State(
-        *(search, solution, model, (*here.checks, *checks), (*here.history, sentence)),
-        *(attempted, followed),
-    )
+    return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
 
 
 def _as_allowed(
@@ -387,9 +346,11 @@ def _as_allowed(
     return replace(here, checks=checks, history=history, attempted=remedied.attempted)
 
 
-def _variance(search: ErrorModelSearch, posed: Posed, here: _State) -> Candidate | None:
+def _variance(
+    search: ErrorModelSearch, posed: Posed, here: _State, variances: VarianceSearch
+) -> Candidate | None:
     """Return the strongest family of variances; None where there is none."""
-    winner = here.variances.strongest()
+    winner = variances.strongest()
     if winner is None or winner.family in here.attempted:
         return None
     model = with_variances(here.model, winner)
@@ -397,17 +358,14 @@ def _variance(search: ErrorModelSearch, posed: Posed, here: _State) -> Candidate
         return None
 
     def adopt() -> _State | None:
-        search.progress(f"filter, with other {winner.family}")
-        solution, followed = search.solved_and_followed(posed, model)
-        if solution is None:
+        search.progress(f"filter, with larger {winner.family}")
+        solution = search.solved(posed, model)
+        if solution is None or _left(search, solution) > winner.evidence:
             return None
-        check = search.variance_check(winner, model)
+        check = variance_check(winner)
         history = (*here.history, f"{check.name}: {check.found}")
         attempted = here.attempted | {winner.family}
-        there = _State(
-            *(search, solution, model, (*here.checks, check), history, attempted, followed)
-        )
-        return None if there.variances.left() > winner.evidence else there
+        return _State(solution, model, (*here.checks, check), history, attempted)
 
     return winner.evidence, adopt
 
@@ -422,6 +380,7 @@ def _time_correlated(
     search: ErrorModelSearch,
     posed: Posed,
     here: _State,
+    variances: VarianceSearch,
     suspicious: "Beside[bool]",
 ) -> Candidate | None:
     """Return the time-correlated GNSS error; None where the innovations show none."""
@@ -432,7 +391,7 @@ def _time_correlated(
         # what larger noise of the IMU leaves is no error of the fixes
         imu = here.model.imu
         alone = (imu.white_noise, imu.driving_noise) == ((1.0, 1.0), (1.0, 1.0))
-        errors = here.variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
+        errors = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
         parameters = SLOW_PARAMETERS
     else:
         search.progress("the innovations are not white: errors of the fixes")
@@ -441,7 +400,7 @@ def _time_correlated(
     if errors is None:
         return None
     model = replace(here.model, fixes=errors)
-    evidence = here.variances.evidence_of(search.layout(model), parameters)
+    evidence = variances.evidence_of(search.layout(model), parameters)
     return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
 
 
@@ -461,6 +420,13 @@ def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State
         Their groups, each once.
     """
     return tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
+
+
+def _left(
+    search: ErrorModelSearch, solution: Solution, families: Sequence[str] = tuple(FAMILIES)
+) -> float:
+    """Return what other variances still promise to explain of a solution's innovations."""
+    return VarianceSearch(solution, search.progress).left(families)
 
 
 def _resets(solution: Solution) -> int:
@@ -519,4 +485,4 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
         sentence = f"{message(model.fixes)}; given up, it explains the whole flight no better"
         return replace(here, history=(*here.history, sentence), attempted=attempted)
     history = (*here.history, message(adopted[0].fixes))
-    return _State(search, adopted[1], adopted[0], here.checks, history, attempted)
+    return _State(adopted[1], adopted[0], here.checks, history, attempted)

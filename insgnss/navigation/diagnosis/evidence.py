@@ -7,12 +7,9 @@ a fix and k the white share of its error,
                + (gate + log det k^2 R) for each rejected one                                  (C.1)
 
 The search evaluates it over a window of at most `WINDOW_FIXES` fixes, in which the velocity varies
-most; the decision compares `misfit`, the same of the whole flight. Errors of the fixes that differ
-by their shares and correlation times alone are compared by the linearised (L.4) instead, which
-needs no filter over the samples of the IMU for each.
+most; the decision compares `misfit`, the same of the whole flight.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,15 +17,8 @@ import numpy as np
 from ...base.errors import DataError
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter
-from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution
-from ..innovations.likelihood import (
-    LinearSegment,
-    evaluate,
-    linear_segment,
-    with_errors_of_fixes,
-)
 from ..innovations.pieces import sub_solution
 
 WINDOW_FIXES = 900  # of the window over which candidates are compared
@@ -110,65 +100,8 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
     )
     S, y = history.S[measured, :3], history.y[measured, :3]
     S = np.where(rejected[:, None], 1.0, S)
-    cost = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
-    return float(np.sum(cost + log_R))
-
-
-def linearised_cost(
-    solution: Solution, layout_factory: Callable[[FixErrors], StateLayout]
-) -> Callable[[FixErrors], float]:
-    """Return the linearised -2 log L (L.4) of a solution as a function of the errors of its fixes.
-
-    Parameters
-    ----------
-    solution : Solution
-        The solution, about which it is linearised once without a time-correlated error of the
-        fixes and once with one.
-    layout_factory : LayoutFactory
-        The error states of the flight as a function of those of its fixes.
-
-    Returns
-    -------
-    callable
-        -2 log L.
-    """
-    segments: dict[bool, LinearSegment] = {}
-
-    def cost(errors: FixErrors) -> float:
-        layout = layout_factory(errors)
-        correlated = layout.gm >= 0
-        if correlated not in segments:
-            segments[correlated] = linearised(solution, layout)
-        segment = segments[correlated]
-        if correlated:
-            segment = with_errors_of_fixes(segment, solution.problem.epochs, layout)
-        return evaluate([segment], np.zeros(0)).cost
-
-    return cost
-
-
-def linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
-    """Linearise about a solution with the states of another layout, at zero where they are new.
-
-    Parameters
-    ----------
-    solution : Solution
-        The solution.
-    layout : StateLayout
-        The states.
-
-    Returns
-    -------
-    LinearSegment
-        The segment, without parameters.
-    """
-    states = solution.problem.layout.states
-    x = np.zeros((solution.x.shape[0], len(layout.states)))
-    for s, state in enumerate(layout.states):
-        if state in states:
-            x[:, s] = solution.x[:, states.index(state)]
-    other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
-    return linear_segment(other, ())
+    own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
+    return float(np.sum(own + log_R))
 
 
 def misfit(solution: Solution) -> float:

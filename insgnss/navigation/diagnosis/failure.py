@@ -10,7 +10,7 @@ from ...records import Finding
 from ...records.states import OF_FIXES
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .advice import advice
+from .advice import advice, variance_check
 from .candidates import ErrorModel, widened, with_constants, with_layout
 from .constants import STRONG, Hypothesis
 from .decision import OF_CLOCK, ROUNDS, ErrorModelSearch, as_solved, step_under, together
@@ -99,7 +99,7 @@ def rescue(
             larger = None if winner is None else with_variances(model, winner)
             if winner is None or larger is None:
                 return None
-            model, check = larger, search.variance_check(winner, larger)
+            model, check = larger, variance_check(winner)
             solution = search.solved((problem, start), model)
             if solution is not None and follows(solution):
                 return solution, (check,)

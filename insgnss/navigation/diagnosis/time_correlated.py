@@ -1,7 +1,7 @@
 """The time-correlated (Gauss-Markov) errors of the fixes: of all of them, and of code solutions.
 
 Of all fixes the white share k, the time-correlated share c (both times a ratio in height) and the
-correlation time T are those that make (L.4) smallest over the window of `evidence`. The error is
+correlation time T are those that make (C.1) of `evidence` smallest over its window. The error is
 accepted where it gains more than `evidence.GAIN` in -2 log L. Over such a window the fixes tell how
 fast the error moves, c^2 / T, better than how far: along that ridge c and T go towards what the
 file claims, k^2 + c^2 = 1, as long as the likelihood allows it and k alone does not exhaust the
@@ -52,8 +52,6 @@ from .candidates import (
 from .evidence import (
     GAIN,
     IMPOSSIBLE,
-    WINDOW_FIXES,
-    linearised_cost,
     liveliest_part,
     liveliest_window,
     minus_two_log_likelihood,
@@ -127,12 +125,11 @@ def time_correlated_error(
     Returns
     -------
     FixErrors or None
-        `errors` with the time-correlated error and the scale of the fixes' sigmas by (L.4); None
+        `errors` with the time-correlated error and the scale of the fixes' sigmas by (C.1); None
         where they gain less than `evidence.GAIN`.
     """
-    window = liveliest_part(solution, WINDOW_FIXES)
-    interval_s, code = window.problem.aiding_interval_s, only_code_fixes(window.problem)
-    likelihood = linearised_cost(window, layout_factory)
+    problem, start = liveliest_window(solution)
+    interval_s, code = problem.aiding_interval_s, only_code_fixes(problem)
     least_white = LEAST_WHITE_CODE if code else LEAST_WHITE
 
     def model(p: Array) -> FixErrors:
@@ -143,10 +140,10 @@ def time_correlated_error(
     def cost(p: Array) -> float:
         if np.abs(p).max() > FARTHEST:
             return IMPOSSIBLE
-        return likelihood(model(p))
+        return minus_two_log_likelihood(*with_layout(problem, start, layout_factory(model(p))))
 
-    without = likelihood(errors)
-    first = min((np.log([*guess, 1.0]) for guess in guesses(window.problem)), key=cost)
+    without = minus_two_log_likelihood(*with_layout(problem, start, layout_factory(errors)))
+    first = min((np.log([*guess, 1.0]) for guess in guesses(problem)), key=cost)
     best = _descend(cost, first)
     # once more along the ridge: the first may have ended in a hollow
     again = _descend(cost, best.x + [0.0, 0.5 * FAR, FAR, 0.0])
@@ -313,11 +310,11 @@ def _maximum(
     liveliest = liveliest_part(solution, FIRST_FIXES if white_only else MOST_FIXES)
     layout = liveliest.problem.layout
     possible = available(layout, bool(liveliest.problem.epochs.has_velocity.any()))
-    every = tuple(name for name in possible if name in (*OF_FIXES, *CORRELATED_STATES))
-    names = tuple(name for name in every if name in OF_FIXES or not white_only)
-    segment = linear_segment(liveliest, every).only(names)
-    theta = Search([segment], names, progress, FACTORS).maximum(np.ones(len(names), bool)).theta
-    return dict.fromkeys(every, 1.0) | dict(zip(names, np.exp(theta).tolist(), strict=True))
+    names = tuple(name for name in possible if name in (*OF_FIXES, *CORRELATED_STATES))
+    search = Search([linear_segment(liveliest, names)], names, progress, FACTORS)
+    free = np.array([name in OF_FIXES or not white_only for name in names])
+    theta = search.maximum(free).theta
+    return dict(zip(names, np.exp(theta).tolist(), strict=True))
 
 
 def _as_claimed(model: FixErrors) -> FixErrors:

@@ -36,7 +36,7 @@ does; (L.5) holds the decisions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,7 +56,6 @@ from ..filter.codes import (
     VELOCITY,
 )
 from ..filter.filter import INCREMENT_BLOCK_S, RESET_AFTER_S, RESET_FIXES, measured_kinds
-from ..filter.kernels.records import Epochs
 from ..filter.layout import StateLayout
 from ..filter.solution import Solution
 from ..filter.strapdown import kernel_earth, kernel_intervals
@@ -140,24 +139,6 @@ class LinearSegment:
     of_kind: np.ndarray
     gate: float
     reset_s: float
-
-    def only(self, names: Sequence[str]) -> "LinearSegment":
-        """Return the segment with some of its parameters, the others held at one.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Some of its names, in the order of theta.
-
-        Returns
-        -------
-        LinearSegment
-            The same likelihood, with fewer slopes to work out.
-        """
-        index = {name: i for i, name in enumerate(names)}
-        kept = np.array([*(index.get(name, -1) for name in self.names), -1], dtype=np.int64)
-        own = {"of_part": kept[self.of_part], "of_kind": kept[self.of_kind]}
-        return replace(self, names=tuple(names), **own)
 
 
 def one_factor_each(names: Sequence[str]) -> None:
@@ -278,40 +259,6 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
     reset_s = max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)
     return LinearSegment(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
-
-
-def with_errors_of_fixes(
-    segment: LinearSegment, epochs: Epochs, layout: StateLayout
-) -> LinearSegment:
-    """Return a segment without parameters with other time-correlated errors of its positions.
-
-    With time they couple to no other state, so nothing else is to be linearised again.
-
-    Parameters
-    ----------
-    segment : LinearSegment
-        The segment, of the same states, linearised about these errors at zero.
-    epochs : Epochs
-        Its epochs.
-    layout : StateLayout
-        The states, with other shares and correlation times of the errors of the positions.
-
-    Returns
-    -------
-    LinearSegment
-        What `linear_segment` gives with that layout.
-    """
-    linear, states = segment.linear, slice(layout.gm, layout.gm + 3)
-    D, Q, R = linear.D.copy(), linear.Q_states.copy(), linear.R.copy()
-    P0, variance = segment.P0.copy(), layout.sigma0[states] ** 2
-    D[1:, states] = np.exp(-np.diff(linear.time)[:, None] * layout.beta[states])
-    Q[1:, 0, states] = variance * (1.0 - D[1:, states] ** 2)
-    own = IMU0 + np.arange(states.start, states.stop)
-    P0[0, own, own] = variance
-    scale = layout.white_scales[epochs.group]
-    column = int(np.flatnonzero(linear.kind == POSITION)[0])
-    R[:, column] = epochs.position_cov * scale[:, :, None] * scale[:, None, :]
-    return replace(segment, linear=linear._replace(D=D, Q_states=Q, R=R), P0=P0)
 
 
 def _start(solution: Solution) -> Array:

@@ -71,15 +71,12 @@ class Search:
         Receives the name of each step.
     range_of_fixes : tuple of float
         Bounds of the factors of the fixes.
-    settled : float
-        Change of a logarithm, and of -2 log L, below which the search ends.
     """
 
     segments: Sequence[LinearSegment]
     names: tuple[str, ...]
     progress: Callable[[str], None]
     range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
-    settled: float = DONE
 
     def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
         """Maximise over some parameters, the others at one, from the best start.
@@ -103,23 +100,10 @@ class Search:
         with within(0.0, STARTED):
             first = [Maximum(theta, evaluate(self.segments, theta)) for theta in through(thetas)]
         with within(STARTED, 1.0):
-            return self.climb(min(first, key=lambda m: m.evaluated.cost), free)
+            return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
 
-    def climb(self, here: Maximum, free: np.ndarray) -> Maximum:
-        """Climb from some factors to the maximum by (N.1).
-
-        Parameters
-        ----------
-        here : Maximum
-            The likelihood at the factors from which it is looked for.
-        free : ndarray of bool, (p,)
-            The parameters that vary.
-
-        Returns
-        -------
-        Maximum
-            The maximum.
-        """
+    def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
+        """Climb to the maximum by (N.1)."""
         low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
         damping, longest = 0.0, 0.0
         for _ in range(STEPS):
@@ -135,14 +119,13 @@ class Search:
             there = Maximum(moved, evaluate(self.segments, moved))
             size = float(np.abs(moved - theta).max())
             longest = max(longest, size)
-            share(converged(size, longest, self.settled))
+            share(converged(size, longest, DONE))
             if there.evaluated.cost <= here.evaluated.cost:
-                gain = here.evaluated.cost - there.evaluated.cost
-                small = gain < self.settled or size < self.settled
+                small = here.evaluated.cost - there.evaluated.cost < DONE or size < DONE
                 here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
                 if small:
                     break
-            elif size < self.settled or damping > 1e6:
+            elif size < DONE or damping > 1e6:
                 break
             else:
                 damping = max(10.0 * damping, 1e-2)

@@ -167,24 +167,6 @@ def test_sigmas_of_half_the_size_are_raised(sim):
 
 
 @pytest.mark.slow
-def test_the_advised_key_takes_the_finding_away(sim):
-    """Oracle: fixes that claim a third of what they are; with the advised key in the flight file
-    the finding is gone and the result is the same within a tenth of its sigmas.
-    """
-    gnss = replace(sim.gnss, cov_ned=sim.gnss.cov_ned / 9.0)
-    before = run(sim, gnss=gnss)
-    (check,) = [check for check in before.checks if check.name == "GNSS sigmas"]
-    assert check.verdict == "note"
-    advised = re.search(r"gnss\.white_scale = ([\d.]+)", check.advice)
-    assert advised is not None
-    assert float(advised[1]) == pytest.approx(3.0, rel=0.04)
-    after = run(sim, gnss=gnss, gnss__white_scale=float(advised[1]))
-    assert "GNSS sigmas" not in {check.name for check in after.checks}
-    sigma = np.sqrt(np.diagonal(before.eo.cov, axis1=1, axis2=2))[:, :3]
-    assert (np.abs(after.eo.position_m - before.eo.position_m) < 0.1 * sigma).all()
-
-
-@pytest.mark.slow
 def test_a_spell_of_wrong_fixes_is_no_constant(sim):
     """Oracle: what was planted: an incorrect ambiguity, 30 cm in height for ten seconds; the exact
     motion.

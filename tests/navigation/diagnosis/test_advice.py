@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.base.findings.remedies import SetKey
 from insgnss.geodesy.rotation import right_angle_rotations
 from insgnss.navigation.diagnosis.advice import advice, unseen, variance_check
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.navigation.diagnosis.variances import VarianceHypothesis
-from insgnss.navigation.prepare.fix_covariance.numbers import claim_prior
 from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
 from insgnss.records.states import (
     CLOCK_RATE,
@@ -154,31 +152,6 @@ def test_whose_noise_is_named():
     assert (check.name, check.verdict) == ("IMU noise", "note")
     assert "gyro.white_noise 3.00" in check.found
     assert "tune --flight" in check.advice
-
-
-@pytest.mark.parametrize(
-    ("engine", "factor", "verdict"),
-    [("calibrated", 1.32, "ok"), ("calibrated", 2.0, "note"), ("rtklib", 1.3, "ok")]
-    + [("", 1.3, "ok"), ("", 2.0, "note"), ("none of the table", 2.0, "note")],
-)
-def test_a_factor_within_the_prior_of_the_source_is_no_remark(engine, factor, verdict):
-    """Oracle: exp(mean + 2 widths) by hand: 1.73 of calibrated positions, 1.35 of RTKLIB's, 1.49
-    of an unknown source; 1.32 is what 0.75 of a default leaves of sigmas that were right.
-    """
-    winner = VarianceHypothesis("GNSS sigmas", 800.0, {"fixes.position": factor})
-    check = variance_check(winner, claim_prior(engine), SetKey("gnss.white_scale", factor))
-    assert check.verdict == verdict
-    assert f"fixes.position {factor:.2f}" in check.found
-    assert (f"gnss.white_scale = {factor}" in check.advice) == (verdict == "note")
-
-
-def test_noise_of_the_imu_that_is_smaller_is_no_remark():
-    """Oracle: the direction; the factor is the one that is adopted, at its upper limit."""
-    name = "gyro.white_noise"
-    smaller = VarianceHypothesis("IMU white noise", 90.0, {name: 0.2}, {name: 0.24})
-    check = variance_check(smaller)
-    assert (check.name, check.verdict) == ("IMU noise", "ok")
-    assert f"{name} 0.24" in check.found
 
 
 def test_an_offset_that_the_exposures_share_costs_them_nothing():

@@ -155,11 +155,13 @@ def test_which_time_correlated_error_is_taken(monkeypatch, gain, code, least) ->
         p = np.log([0.01, errors.gm_sigma[0], 1e3, errors.gm_sigma[2] / errors.gm_sigma[0]])
         return 30.0 * float(np.sum((p - best)[[1, 3]] ** 2))
 
-    part = SimpleNamespace(problem=SimpleNamespace(aiding_interval_s=0.2))
-    monkeypatch.setattr(time_correlated, "liveliest_part", lambda *_: part)
+    monkeypatch.setattr(
+        time_correlated, "liveliest_window", lambda _: (SimpleNamespace(aiding_interval_s=0.2), 0)
+    )
     monkeypatch.setattr(time_correlated, "only_code_fixes", lambda _: code)
     monkeypatch.setattr(time_correlated, "guesses", lambda _: ((0.01, 1.0, 1e3),))
-    monkeypatch.setattr(time_correlated, "linearised_cost", lambda *_: cost)
+    monkeypatch.setattr(time_correlated, "with_layout", lambda problem, start, layout: (layout,))
+    monkeypatch.setattr(time_correlated, "minus_two_log_likelihood", cost)
     monkeypatch.setattr(time_correlated, "_towards_claim", lambda cost, p, least: p)
     found = time_correlated.time_correlated_error(None, lambda errors: errors, FixErrors())
     if gain < 20.0:
@@ -307,10 +309,13 @@ def test_when_a_slow_error_is_carried_or_taken(monkeypatch, gain) -> None:
     }
     gains[0.5, 60.0] = gain  # what is looked at first
     cost = {key: 100.0 - value for key, value in gains.items()}
+    monkeypatch.setattr(variances_module, "_linearised", lambda part, layout: layout)
     monkeypatch.setattr(
         variances_module,
-        "linearised_cost",
-        lambda *_: lambda errors: cost[round(errors.gm_sigma[0], 9), errors.correlation_time_s],
+        "evaluate",
+        lambda layouts, _: SimpleNamespace(
+            cost=cost[round(layouts[0].gm_sigma[0], 9), layouts[0].correlation_time_s]
+        ),
     )
 
     def found(seconds):
@@ -347,9 +352,15 @@ def next_state(
     explained, and of a variance."""
     suspected = SimpleNamespace(groups=("g",), evidence=evidence)
     constants = SimpleNamespace(strongest=lambda: suspected)
-    variances = SimpleNamespace(promising=lambda: ("v",) if promising else (), left=lambda *_: left)
-    after = SimpleNamespace(variances=variances)
-    monkeypatch.setattr(decision, "_with_constants", lambda *_: after if remedied else None)
+    monkeypatch.setattr(
+        decision,
+        "VarianceSearch",
+        lambda *_: SimpleNamespace(promising=lambda: ("v",) if promising else ()),
+    )
+    monkeypatch.setattr(
+        decision, "_with_constants", lambda *_: SimpleNamespace(solution=1) if remedied else None
+    )
+    monkeypatch.setattr(decision, "_left", lambda *_: left)
     monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
     monkeypatch.setattr(
         decision,
@@ -357,7 +368,7 @@ def next_state(
         lambda *_: None if variance is None else (variance, lambda: "variance"),
     )
     search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
-    here = SimpleNamespace(attempted=frozenset(), solution=0, variances=variances)
+    here = SimpleNamespace(attempted=frozenset(), solution=0)
     return decision._next(search, (None, None), here, constants)
 
 

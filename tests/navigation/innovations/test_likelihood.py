@@ -27,7 +27,6 @@ from insgnss.navigation.innovations.likelihood import (
     available,
     evaluate,
     linear_segment,
-    with_errors_of_fixes,
 )
 from insgnss.navigation.noise_model.model import (
     AxisNoise,
@@ -261,33 +260,3 @@ def test_parameters_are_those_that_the_flight_has(short, disturbed):
         linear_segment(disturbed, ("fixes.velocity",))
     with pytest.raises(UsageError, match="both"):
         linear_segment(disturbed, ("white_noise", "gyro.white_noise"))
-
-
-def test_other_errors_of_the_fixes_need_no_other_linearisation(short):
-    """Oracle: the same segment linearised anew with them; shares, ratio of heights and correlation
-    time are all others. The filter integrates the noise between fixes by the trapezoidal rule.
-    """
-    layout = short.problem.layout
-    fixes = replace(CORRELATED, gm_sigma=(0.5, 0.5, 0.9), correlation_time_s=20.0)
-    fixes = replace(fixes, white_scale=(0.4, 0.5, 0.7), unfixed_white_scale=0.6)
-    other = state_layout(scaled(np.ones(len(NAMES))), fixes=fixes)
-    assert layout.states == other.states
-    x, none = short.x.copy(), np.zeros(0)
-    x[:, layout.gm : layout.gm + 3] = 0.0
-    about = replace(short, x=x)
-    before = linear_segment(about, ())
-    quick = with_errors_of_fixes(before, short.problem.epochs, other)
-    anew = linear_segment(replace(about, problem=replace(short.problem, layout=other)), ())
-    cost = evaluate([quick], none).cost
-    assert cost == pytest.approx(evaluate([anew], none).cost, abs=1e-4)
-    assert abs(cost - evaluate([before], none).cost) > 1.0
-
-
-def test_fewer_slopes_are_the_same_slopes(short):
-    """Oracle: the likelihood with every slope."""
-    segment, index = linear_segment(short, NAMES), [6, 0]
-    whole = evaluate([segment], np.zeros(len(NAMES)))
-    part = evaluate([segment.only([NAMES[i] for i in index])], np.zeros(2))
-    assert part.cost == whole.cost
-    assert_allclose(part.gradient, whole.gradient[index], rtol=1e-12)
-    assert_allclose(part.information, whole.information[np.ix_(index, index)], rtol=1e-12)

@@ -128,7 +128,6 @@ def fixes_from_columns(
         source,
         (*notes, *order_notes, *floor_notes),
         sigma_assumed=assumed if assumed.any() else None,
-        engine="",  # what its format names
         **of_the_solution(described),
     )
 

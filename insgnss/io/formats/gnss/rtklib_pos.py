@@ -207,7 +207,6 @@ def fixes_of_rows(
         (*notes, *read.notes),
         base_ecef=base,
         sigma_assumed=assumed if assumed.any() else None,
-        engine="rtklib",
         **of_the_solution(described),
     )
 

@@ -9,7 +9,7 @@ from ....base.errors import InputError
 from ....base.findings.remedies import joined
 from ....records import GnssFixes
 from .classes import base_distance, calibrate
-from .numbers import CALIBRATED, CLASSES, MEASURED, CalibrationNumbers, Triple
+from .numbers import CLASSES, MEASURED, CalibrationNumbers, Triple
 from .quality import with_floors, without_worthless
 from .rounding import with_rounding
 
@@ -61,12 +61,10 @@ def decide(fixes: GnssFixes, rules: CovarianceRules) -> tuple[GnssFixes, str]:
     InputError
         Where positions must be calibrated, and their source lacks quality, satellites or base.
     """
-    acted, calibrated = [_stated(fixes, rules)], rules.ppk is not None
+    acted = [_stated(fixes, rules)]
     if rules.numbers is not None and rules.ppk is None:
         fixes, counts = with_calibration(fixes, rules.numbers, rules.required)
-        calibrated = bool(counts)
         acted += [f"calibrated by class ({_classes(counts, rules.numbers)})"] if counts else []
-    fixes = replace(fixes, engine=CALIBRATED) if calibrated else fixes
     floored = with_floors(fixes, rules.floors)
     raised = _enlarged(fixes, floored)
     kept = without_worthless(floored)

@@ -1,6 +1,5 @@
 """The numbers of the rules: classes of an engine's positions, and floors of qualities."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -43,62 +42,6 @@ STATIONARY_SIGMA_M: Triple = (0.1, 0.1, 0.1)
 """m, of a sensor that stands at a known place, which is stated to decimetres as a rule."""
 UNKNOWN_SIGMA_M: Triple = (10.0, 10.0, 20.0)
 """m, of an epoch of PPK whose covariance the engine did not estimate."""
-
-
-@dataclass(frozen=True)
-class ClaimPrior:
-    """What is known beforehand of the factor k of an engine's sigmas that makes them right.
-
-    Parameters
-    ----------
-    mean, width : float
-        Mean and standard deviation of log k.
-    source : str
-        Where they come from.
-    """
-
-    mean: float
-    width: float
-    source: str
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Return the factors within `WITHIN` widths of the mean, which are nothing to say."""
-        low, high = math.exp(-WITHIN * self.width), math.exp(WITHIN * self.width)
-        return low * math.exp(self.mean), high * math.exp(self.mean)
-
-
-WITHIN = 2.0  # widths of the prior of log k, within which 95 % of flights are
-CALIBRATED = "calibrated"
-CLAIMS: Mapping[str, ClaimPrior] = {
-    CALIBRATED: ClaimPrior(-0.15, 0.35, "mean squares of 0.17 to 1.5 in the table of `classes`"),
-    "rtklib": ClaimPrior(-0.4, 0.35, "mean squares of 0.36 to 0.53 in the text of `classes`"),
-    "emlid": ClaimPrior(-0.4, 0.35, "assumed: its engine is RTKLIB"),
-    "ublox": ClaimPrior(0.0, 0.5, "assumed: one number for open sky and town; of autopilots' logs"),
-    "novatel": ClaimPrior(0.0, 0.35, "assumed"),
-    "trimble": ClaimPrior(0.0, 0.35, "assumed"),
-    "dji": ClaimPrior(0.0, 0.35, "assumed"),
-    "": ClaimPrior(0.0, 0.2, "assumed: who states sigmas and does not say how means them"),
-}
-"""Priors by `GnssFixes.engine`. The flight's own factor is known to per cent by thousands of
-innovations, so that a prior does not change it: it decides whether the factor is worth a word.
-"""
-
-
-def claim_prior(engine: str) -> ClaimPrior:
-    """Return the prior of an engine, that of an unknown one where the table lacks it.
-
-    Parameters
-    ----------
-    engine : str
-        As `GnssFixes.engine` names it.
-
-    Returns
-    -------
-    ClaimPrior
-        The prior of log k.
-    """
-    return CLAIMS.get(engine, CLAIMS[""])
 
 
 @dataclass(frozen=True)
