@@ -108,17 +108,23 @@ def test_images_near_a_covariance_reset_are_named(diagnostics, eo, summary) -> N
 def test_what_forbids_the_use_of_all_images_has_its_reason(diagnostics, eo, summary) -> None:
     """Oracle: by hand."""
     against = Check("axes, vertical", "turned by 180 deg", "down", "contradiction", "")
-    asks = Check("exposure clock", "by the other clock 2 m elsewhere", "-", "note", "say it")
     cases = {
         "turned by 180 deg (expected: down)": diagnostics(checks=(against,)),
         "no GNSS position was used": diagnostics(used=np.zeros(1200, dtype=bool)),
-        "2 m elsewhere; say it": diagnostics(checks=(asks,)),
     }
     for words, d in cases.items():
         s = summary(d, eo())
         assert s["use"]["verdict"] == "no"
         assert words in run_verdict(s)[1]
         assert run_verdict(s)[0] == "bad"
+
+
+def test_a_question_that_no_data_answer_holds_all_images_back(diagnostics, eo, summary) -> None:
+    """Oracle: by hand; the answer is in the flight file, so nothing is forbidden."""
+    asks = Check("exposure clock", "by the other clock 2 m elsewhere", "-", "note", "say it")
+    s = summary(diagnostics(checks=(asks,)), eo())
+    assert (s["use"]["verdict"], len(s["use"]["images"])) == ("except", 30)
+    assert s["use"]["reasons"] == ["exposure clock: by the other clock 2 m elsewhere; say it"]
 
 
 def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None:

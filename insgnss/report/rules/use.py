@@ -161,6 +161,8 @@ def use(
             topics.append(inflation.topic)
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
+    if verdict != NO and (asked := list(_questions(f))):
+        verdict, reasons, beyond = EXCEPT, [*asked, *reasons], np.ones_like(beyond)
     return {
         "verdict": verdict,
         "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
@@ -216,10 +218,15 @@ def _against(f: Figures) -> Iterator[str]:
                 f"the data contradict the flight file, {check['name']}: {check['found']} (expected:"
                 f" {check['expected']}){advice}"
             )
-        elif check["verdict"] == "note" and check["name"] == OPEN:
-            yield f"{check['name']}: {check['found']}; {check['advice']}"
     if not f["counts"]["fixes_used"]:
         yield "no GNSS position was used, nothing supports the images; check clock, axes and week"
+
+
+def _questions(f: Figures) -> Iterator[str]:
+    """Yield what no data of the flight can answer, and all images depend on."""
+    for check in f["checks"]:
+        if check["verdict"] == "note" and check["name"] == OPEN:
+            yield f"{check['name']}: {check['found']}; {check['advice']}"
 
 
 def _inflations(f: Figures) -> Iterator[Inflation]:

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from written import image_positions, write_imu_csv
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.io.formats import read_events, read_gnss, read_imu, sniff_gnss
+from insgnss.io.formats import read_events, read_gnss, read_imu, sniff_gnss, sniff_imu
 from insgnss.io.formats.events.events import write_events
 from insgnss.io.formats.gnss.gnss_text import (
     ImagePositions,
@@ -543,7 +543,9 @@ def aimu(sync: int, time: str, gyro: str = "+10.000,0,0") -> str:
 def test_aimu_leaves_out_the_free_clock(tmp_path: Path) -> None:
     """Oracle: Unix time to GPST, 18 leap seconds, in integers; 10 deg/s by hand."""
     content = aimu(1, "1700000000.000") + "".join(aimu(2, f"1774683140.{k:02d}8") for k in range(5))
-    imu = read_imu(write(tmp_path, content, "imu.aimu"), gps_week=2411)
+    file = write(tmp_path, content, "imu.aimu")
+    assert sniff_imu(file) == "aimu"
+    imu = read_imu(file, gps_week=2411)
     assert "1 samples before the clock was locked" in imu.notes[0].found
     whole = 1774683140 - 315964800 + 18
     assert imu.gps_week == whole // 604800
