@@ -83,10 +83,10 @@ def print_page(
         if getattr(os, "geteuid", lambda: 1)() == 0:
             options.append("--no-sandbox")  # root has none
         address = page.resolve().as_uri() + (f"#{APPENDIX}" if appendix else "")
-        words = [browser, *options, f"--user-data-dir={profile}", f"--print-to-pdf={out}"]
+        command = [browser, *options, f"--user-data-dir={profile}", f"--print-to-pdf={out}"]
         try:
             done = subprocess.run(
-                [*words, address], capture_output=True, timeout=LONGEST_S, check=False
+                [*command, address], capture_output=True, timeout=LONGEST_S, check=False
             )
         except subprocess.TimeoutExpired:
             problem = f"{browser} did not end in {LONGEST_S:.0f} s"

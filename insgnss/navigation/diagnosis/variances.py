@@ -126,8 +126,8 @@ class VarianceSearch:
             The gain, zero without any.
         """
         g, A = self.nothing.gradient, self.nothing.information
-        own = [family for family in self.families if family in families]
-        return max((_promise(g, A, self._free(family)) for family in own), default=0.0)
+        chosen = [family for family in self.families if family in families]
+        return max((_promise(g, A, self._free(family)) for family in chosen), default=0.0)
 
     def strongest(self) -> VarianceHypothesis | None:
         """Return the promising family of the largest positive evidence (V.2), or None."""
@@ -218,11 +218,11 @@ def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
 
 def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
     """Linearise about the solution with the states of another layout at zero where they are new."""
-    own = solution.problem.layout.states
+    states = solution.problem.layout.states
     x = np.zeros((solution.x.shape[0], len(layout.states)))
     for s, state in enumerate(layout.states):
-        if state in own:
-            x[:, s] = solution.x[:, own.index(state)]
+        if state in states:
+            x[:, s] = solution.x[:, states.index(state)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
     return linear_segment(other, ())
 
@@ -269,8 +269,8 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
         )
     white = suspected.family == "IMU white noise"
     kind = "white_noise" if white else "driving_noise"
-    own = model.imu.white_noise if white else model.imu.driving_noise
+    present = model.imu.white_noise if white else model.imu.driving_noise
     gyro, accel = (max(1.0, factors.get(f"{triad}.{kind}", 1.0)) for triad in ("gyro", "accel"))
-    pair = (gyro * own[0], accel * own[1])
+    pair = (gyro * present[0], accel * present[1])
     imu = replace(model.imu, white_noise=pair) if white else replace(model.imu, driving_noise=pair)
     return replace(model, imu=imu)

@@ -74,8 +74,8 @@ def _of_images(f: Figures) -> Iterator[Finding]:
             f"an error turns every image by as much: {_turned(BORESIGHT_DEG)}{stated}",
             f'calibrate it on control points; accept = ["{BORESIGHT}"] says that it is right',
         )
-    apart = [x["length_m"] / (x["images"] - 1) for x in f["lines"] if x["images"] > 1]
-    size = f" ({statistics.median(apart):.0f} m along the line)" if apart else ""
+    spacing = [x["length_m"] / (x["images"] - 1) for x in f["lines"] if x["images"] > 1]
+    size = f" ({statistics.median(spacing):.0f} m along the line)" if spacing else ""
     yield _note(
         "events shifted by one",
         "one missing event or image gives every later image the pose of its neighbour" + size,

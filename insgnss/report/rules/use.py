@@ -161,8 +161,8 @@ def use(
             topics.append(inflation.topic)
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
-    if verdict != NO and (asked := list(_questions(f))):
-        verdict, reasons, beyond = EXCEPT, [*asked, *reasons], np.ones_like(beyond)
+    if verdict != NO and (questions := list(_questions(f))):
+        verdict, reasons, beyond = EXCEPT, [*questions, *reasons], np.ones_like(beyond)
     return {
         "verdict": verdict,
         "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
