@@ -133,8 +133,8 @@ def use(
     dict
         `verdict` ("use", "except", "no"), `sentence`, `images` (names of those not to be used),
         `reasons`, `topics` (of the limits that say the same as the reasons), `largest_m` and
-        `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg`
-        and `measure` (where the needs are from).
+        `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg` and `measure` (where the
+        needs are from).
     """
     usual = _usual_need(f, judged)
     needs = [
@@ -146,16 +146,14 @@ def use(
     weakest = list(_insufficient(f, judged, sigma, needed))
     topics = [topic for _, same in weakest for topic in same]
     reasons = [text for text, _ in weakest]
-    inflations = list(_inflations(f))
+    inflations = [(each, *_enlarged(each, judged)) for each in _inflations(f)]
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
-    for inflation in inflations:
-        k, d = _enlarged(inflation, judged)
+    for _, k, d in inflations:
         factor, moved = np.maximum(factor, k), np.hypot(moved, d)
     enlarged = np.hypot(factor * sigma, moved)
     beyond = _beyond(enlarged, needed)
-    for inflation in inflations:
+    for inflation, k, d in inflations:
         concerned = beyond & judged.within(inflation.span)
-        k, d = _enlarged(inflation, judged)
         if (concerned & _beyond(np.hypot(k * sigma, d), needed) & ~insufficient).any():
             reasons.append(f"{inflation.text} ({judged.listed(concerned)}); {inflation.help}")
             topics.append(inflation.topic)
@@ -201,11 +199,8 @@ def _enlarged(inflation: Inflation, judged: Places) -> tuple[Array, Array]:
     """Return k and d (n, 6) of (U.1) of one inflation."""
     rows = judged.within(inflation.span)
     k, d = np.ones((judged.time.size, 6)), np.zeros((judged.time.size, 6))
-    k[rows, :3], k[rows, 3:], d[rows, :3] = (
-        inflation.position,
-        inflation.attitude,
-        inflation.moves_m,
-    )
+    k[rows, :3], k[rows, 3:] = inflation.position, inflation.attitude
+    d[rows, :3] = inflation.moves_m
     return k, d
 
 
