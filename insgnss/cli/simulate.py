@@ -102,7 +102,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         "seed": options.seed,
     }
     if options.raw_gnss:
-        from ..simulation.raw_gnss.scenario import RawGnssOptions
+        from ..simulation.raw_gnss.options import RawGnssOptions
 
         arguments["raw_gnss"] = RawGnssOptions()
     if options.block is not None:

@@ -10,7 +10,8 @@ combines both, `phase/` has what carrier phases say beyond it (velocity, cycle s
 ionosphere), `exposures/` takes event times to GPST, `quality/` judges.
 
 Where to look
-    the order of it all: `ppk.py`; for a flight file `from_flight_file.py`
+    the order of it all: `ppk.py`, what phases add to its fixes: `corrections.py`; for a flight file
+        `from_flight_file.py`
     options of PPK: `ppk_options.py`; the option file of RTKLIB: `options.py`
     which program RTKLIB is: `engine/program.py`; how its processes run and end: `engine/runs.py`
     forward and backward solutions combined: (C.1), (C.2) in `engine/combined.py`
@@ -21,7 +22,8 @@ Where to look
         `insgnss/navigation/prepare/fix_covariance/classes.py`, called by `ppk.py`
     C/N0, cycle slips, multipath: `phase/signal_quality.py` (reported, weighs nothing)
     TDCP: `phase/time_differences.py`, the velocity from it `velocity.py` there
-    wet delay and ionosphere: `phase/troposphere.py`, `ionosphere.py` there
+    wet delay and ionosphere: `phase/troposphere.py`, `ionosphere.py` there with its rays in
+        `ionosphere_shell.py`
     camera events by the rover's clock: `exposures/receiver_clock.py`; images without an IMU:
         `camera_positions.py` there
     what a solution says of itself: `quality/solution_quality.py`

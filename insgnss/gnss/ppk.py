@@ -2,8 +2,7 @@
 steps.
 
     read -> engine forward, backward -> `combined` -> covariance and validation (`covariance`)
-         -> wet delay (`troposphere`) -> ionosphere (`ionosphere`)
-         -> velocity from phase (TDCP, `velocity`)
+         -> wet delay, ionosphere and velocity from phase (TDCP) in `corrections`
          -> camera events (`camera_events`, `exposures`), in GPST (`receiver_clock`)
          -> figures and verdict (`solution_quality`, `signal_quality`)
 
@@ -11,9 +10,6 @@ The combination of both runs gives the positions, their difference a measure of 
 and ionosphere are taken off after the validation, which they do not touch: forward and backward
 share them. Of the camera events those of the rover's file are taken, with the names of the images
 where a directory or a list of them is given.
-
-An epoch without velocity from phase gets that of its neighbours' positions, with their covariance
-and `BETWEEN_MPS`.
 """
 
 from collections.abc import Mapping
@@ -24,16 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import DataError
 from ..base.output.scratch import scratch_directory
 from ..base.output.staging import together
-from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import WEEK_S
 from ..io.exposures.match import check_delay, delayed
 from ..io.exposures.naming import ImageMatch, events_of, named
 from ..io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from ..navigation.prepare.fix_covariance.classes import (
-    SAME_EPOCH_S,
     VALIDATED,
     Index,
     Separation,
@@ -41,33 +35,22 @@ from ..navigation.prepare.fix_covariance.classes import (
     calibrate,
     forward_backward,
 )
-from ..records import Array, CameraEvents, Finding, GnssFixes, Question
-from ..records.qualities import Quality
+from ..records import Array, CameraEvents, Finding, GnssFixes
 from .antenna_files import SOLUTION
+from .corrections import with_velocity, without_ionosphere, without_wet_delay
 from .covariance_model import MODEL, CovarianceModel
+from .engine.base_coordinates import check_base_point
 from .engine.convert import converted, log_format
 from .engine.normalised import MIXED
-from .engine.preflight import check_base_point, check_rover_antenna, within_navigation
+from .engine.preflight import check_rover_antenna, within_navigation
 from .engine.rtklib import EngineRun, Progress, solve
 from .exposures.event_times import check_beside, check_camera_delay
 from .exposures.receiver_clock import to_gpst
 from .options import EngineOptions, base_position
-from .phase.double_differences import FAR_M
-from .phase.ionosphere import (
-    LEAST_EPOCHS,
-    LEAST_GAIN,
-    LEAST_S,
-    engine_models_it,
-    ionosphere_correction,
-)
 from .phase.signal_quality import signal_numbers, signals_of
 from .phase.troposphere import (
     Atmosphere,
-    displacement_per_delay,
-    standard_atmosphere,
-    wet_delay_correction,
 )
-from .phase.velocity import at_stamps, time_differenced_velocity
 from .ppk_options import all_of
 from .quality.solution_quality import (
     Solution,
@@ -79,15 +62,11 @@ from .quality.solution_quality import (
 )
 from .rinex.camera_events import RoverEvents, camera_events, unasked_events
 from .rinex.joined import joined
-from .rinex.navigation_message import Navigation, read_navigation
-from .rinex.observations import Observations, read_observations
-from .satellites.satellite_geometry import Sky, common_sky, epochs_of
+from .rinex.navigation_message import read_navigation
+from .rinex.observation_record import Observations
+from .rinex.observations import read_observations
+from .satellites.satellite_geometry import common_sky, epochs_of
 from .satellites.visible_satellites import position_dilution
-
-# m/s, one sigma: a drone's velocity at a fix against its mean between the fixes before and after, 2
-# s apart at 1 Hz
-BETWEEN_MPS = 1.0
-MOST_VELOCITIES = 0.9
 
 
 @dataclass(frozen=True)
@@ -252,17 +231,18 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
         sky = common_sky(rover, base, navigation, fixes, given.options)
     if sky is not None and given.wet_delay:
         say("wet delay")
-        fixes, check = _without_wet_delay(fixes, sky, np.array(position), given)
+        fixes, check = without_wet_delay(fixes, sky, np.array(position), given.atmosphere)
         checks.append(check)
     if sky is not None and given.ionosphere:
         say("ionosphere")
-        fixes, check = _without_ionosphere(
-            fixes, (rover, base), navigation, sky, np.array(position), given
+        fixes, check = without_ionosphere(
+            *(fixes, (rover, base), navigation, sky, np.array(position)),
+            *(given.options, given.atmosphere),
         )
         checks.append(check)
     if given.velocity:
         say("velocity")
-        fixes, check = _with_velocity(fixes, rover, navigation)
+        fixes, check = with_velocity(fixes, rover, navigation)
         checks.append(check)
     signals = signals_of(rover)
     numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
@@ -426,134 +406,3 @@ def _at_exposures(
         events if isinstance(given.events, Path) else to_gpst(events, rover, fixes),
         given.camera_delay_s,
     )
-
-
-def _without_wet_delay(
-    fixes: GnssFixes, sky: Sky, base_ecef: Array, given: PpkInput
-) -> tuple[GnssFixes, Finding]:
-    """Fixes with the correction of `troposphere` and its covariance, and what it amounts to."""
-    blind = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
-    quality = np.where(
-        blind, Quality.SINGLE, Quality.FIXED if fixes.quality is None else fixes.quality
-    )  # single: not corrected
-    correction = wet_delay_correction(
-        replace(fixes, quality=quality), base_ecef, sky, _air(given, base_ecef)
-    )
-    down = 1e3 * correction.correction_ned[:, 2]
-    finding = f"heights raised by {-down.max():.1f} to {-down.min():.1f} mm"
-    if np.isfinite(correction.height_per_metre):
-        finding += f", {1e3 * correction.height_per_metre:+.3f} mm per metre above the base"
-    finding += (
-        f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
-    )
-    source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
-    ask = Question("GNSS wet delay", f"a correction from the {source}; the engine leaves it out")
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
-
-
-def _without_ionosphere(
-    fixes: GnssFixes,
-    observed: tuple[Observations, Observations],
-    navigation: Navigation,
-    sky: Sky,
-    base_ecef: Array,
-    given: PpkInput,
-) -> tuple[GnssFixes, Finding]:
-    """Fixes with the correction of `ionosphere` and its covariance, and what it amounts to."""
-    ask = Question("GNSS ionosphere", "a correction that the bands show; the engine leaves it out")
-    if engine_models_it(given.options):
-        return fixes, ask.ok("left to the engine, which models it")
-    air, frequencies = _air(given, base_ecef), given.options.frequencies
-    correction = ionosphere_correction(
-        fixes, *observed, navigation, base_ecef, sky, air, frequencies
-    )
-    if correction is None:
-        reason = (
-            f"left in: fewer than {LEAST_EPOCHS} epochs, or less than {LEAST_S / 60.0:.0f} minutes,"
-            " show it"
-        )
-        advice = (
-            "1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up"
-            f" to {FAR_M / 1e3:.0f} km away"
-        )
-        return fixes, ask.note(reason, advice)
-    vertical, north, east, *local = correction.ionosphere.value.mean(axis=0)
-    north, east = north + local[0], east + local[1]
-    moved = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
-    middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
-    finding = (
-        f"{vertical:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to"
-        " the east: "
-    )
-    finding += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
-    if correction.gain < LEAST_GAIN:
-        sigma = 1e3 * float(np.median(correction.cov_ned[:, 2, 2]) ** 0.5)
-        finding += (
-            f"; the gradient does not move heights, of whose variance the flight shows"
-            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_GAIN:.0f} % are needed):"
-            f" they are uncertain by {sigma:.1f} mm"
-        )
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
-
-
-def _air(given: PpkInput, base_ecef: Array) -> Atmosphere | None:
-    if isinstance(given.atmosphere, Mapping):
-        return standard_atmosphere(float(ecef_to_geodetic(base_ecef)[2]), **given.atmosphere)
-    return given.atmosphere
-
-
-def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
-    """Fixes with a correction (n, 3) m and its covariance (n, 3, 3) added."""
-    position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum(
-        "nij,nj->ni", rotation_en(fixes.lat, fixes.lon), ned
-    )
-    lat, lon, height = ecef_to_geodetic(position)
-    return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)
-
-
-def _with_velocity(
-    fixes: GnssFixes, rover: Observations, navigation: Navigation
-) -> tuple[GnssFixes, Finding]:
-    """Fixes with velocities from phase where there are some, else from positions."""
-    velocity, cov = _from_positions(fixes)
-    try:
-        intervals = time_differenced_velocity(rover, navigation, fixes)
-        weeks = 0.0 if fixes.gps_week is None else (fixes.gps_week - intervals.gps_week) * WEEK_S
-        phase, phase_cov = at_stamps(intervals, fixes.time + weeks)
-        from_phase = np.isfinite(phase).all(axis=1)
-        if not from_phase.any():
-            raise DataError(
-                f"{rover.header.path}: no two neighbouring intervals have a velocity from phase"
-            )
-    except DataError as error:
-        advice = (
-            "velocities are those of the positions; look at the loss-of-lock flags and the"
-            " navigation files"
-        )
-        check = Question("GNSS velocity", "velocities").note(str(error), advice)
-        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
-    velocity[from_phase], cov[from_phase] = phase[from_phase], phase_cov[from_phase]
-    sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[from_phase], axis1=1, axis2=2), axis=0))
-    finding = (
-        f"{from_phase.sum()} of {from_phase.size} epochs from phase, standard deviations"
-        f" {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
-    )
-    ask = Question("GNSS velocity", f"{100 * MOST_VELOCITIES:.0f} % at least")
-    advice = "the others have those of the positions; cycle slips or few satellites"
-    check = ask.note(finding, advice, when=from_phase.mean() < MOST_VELOCITIES)
-    return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
-
-
-def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
-    """Velocities (n, 3) m/s and covariances (n, 3, 3) from the positions beside each fix."""
-    n = fixes.time.size
-    before, after = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
-    interval = np.maximum(fixes.time[after] - fixes.time[before], SAME_EPOCH_S)
-    position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
-    moved = np.einsum(
-        "nji,nj->ni", rotation_en(fixes.lat, fixes.lon), position[after] - position[before]
-    )
-    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[
-        :, None, None
-    ] ** 2 + BETWEEN_MPS**2 * np.eye(3)
-    return moved / interval[:, None], cov

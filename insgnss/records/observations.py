@@ -493,33 +493,3 @@ def _diagonal(source: str, name: str, sigma: ArrayLike | None, count: int) -> Ar
 def _rate(time: Array) -> str:
     """The rate of stamps, for people."""
     return f"{1.0 / float(np.median(np.diff(time))):.4g} Hz" if time.size > 1 else "one instant"
-
-
-def decimal_step(
-    values: NDArray[np.float64], largest: float, smallest: float, exact: float
-) -> float:
-    """Return the largest power of ten of which all values are multiples.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        One number alone shows no step.
-    largest, smallest : float
-        Between which it is looked for.
-    exact : float
-        How far off its multiples values may be.
-
-    Returns
-    -------
-    float
-        The step; 0 where there is none.
-    """
-    values = np.unique(values)
-    if values.size < 2:
-        return 0.0
-    first, last = (int(np.floor(np.log10(limit))) for limit in (largest, smallest))
-    for power in range(first, last - 1, -1):
-        step = 10.0**power
-        if np.abs(values - step * np.rint(values / step)).max() < exact:
-            return step
-    return 0.0

@@ -62,9 +62,10 @@ from .description import (
 from .faults import ImuFaults, RowFaults
 from .image_block import BlockOptions, SimulatedBlock, simulate_block
 from .layout import FlightPlan
+from .raw_gnss.options import RawGnssOptions
 from .raw_gnss.receiver import GnssOptions
 from .raw_gnss.rinex_files import ObservationTable, Station, write_navigation, write_observations
-from .raw_gnss.scenario import SIGNALS, RawGnss, RawGnssOptions, RawObservations
+from .raw_gnss.scenario import SIGNALS, RawGnss, RawObservations
 from .scenario import SimulatedFlight, simulate_flight
 from .sensors import ImuOptions, Rig, SecondImu, antenna_states
 

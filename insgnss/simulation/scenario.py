@@ -14,8 +14,9 @@ from .flights import START_TOW, Flight, fly
 from .ground import drive, walk
 from .layout import PLANS, FlightPlan
 from .motion import Motion
+from .raw_gnss.options import RawGnssOptions
 from .raw_gnss.receiver import GnssOptions, simulate_gnss
-from .raw_gnss.scenario import RawGnss, RawGnssOptions, simulate_raw_gnss
+from .raw_gnss.scenario import RawGnss, simulate_raw_gnss
 from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from insgnss.gnss.corrections import without_ionosphere
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.phase import ionosphere as room
 from insgnss.gnss.phase.double_differences import DoubleDifferences, _two_bands, double_differences
@@ -12,7 +13,6 @@ from insgnss.gnss.phase.ionosphere import (
     GRADIENT,
     LEAST_S,
     LOCAL,
-    SHELL_M,
     VALUES,
     VERTICAL_M,
     Ionosphere,
@@ -23,10 +23,9 @@ from insgnss.gnss.phase.ionosphere import (
     ionosphere_correction,
     mean_kappa,
     moved_by,
-    shell_design,
 )
+from insgnss.gnss.phase.ionosphere_shell import SHELL_M, shell_design
 from insgnss.gnss.phase.troposphere import Atmosphere, mapping
-from insgnss.gnss.ppk import PpkInput, _without_ionosphere
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.gnss.satellites.engine_weighting import displacement
 from insgnss.gnss.satellites.satellite_geometry import Sky, common_bands, common_sky
@@ -36,8 +35,9 @@ from insgnss.simulation.layout import PLANS
 from insgnss.simulation.raw_gnss import atmosphere as raw_air
 from insgnss.simulation.raw_gnss import scenario as raw_gnss
 from insgnss.simulation.raw_gnss.errors import Tracking
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
 from insgnss.simulation.raw_gnss.rinex_files import ObservationTable, Station, write_observations
-from insgnss.simulation.raw_gnss.scenario import SIGNALS, RawGnssOptions, simulate_raw_gnss
+from insgnss.simulation.raw_gnss.scenario import SIGNALS, simulate_raw_gnss
 from insgnss.simulation.sensors import Rig, simulate_events
 
 LAT, LON, HEIGHT = 0.82, 0.11, 450.0
@@ -663,9 +663,9 @@ def test_ppk_tells_what_it_did(tmp_path, shells):
     """
     rover, base, navigation, fixes, raw = simulated(tmp_path, 5, **WITHOUT)
     found, sky = found_in(rover, base, navigation, fixes, raw)
-    given = PpkInput(tmp_path / "r", tmp_path / "b", (tmp_path / "n",), atmosphere=AIR)
-    moved, check = _without_ionosphere(
-        fixes, (rover, base), navigation, sky, raw.base_position_m, given
+    options = EngineOptions()
+    moved, check = without_ionosphere(
+        fixes, (rover, base), navigation, sky, raw.base_position_m, options, AIR
     )
     place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - geodetic_to_ecef(
         moved.lat, moved.lon, moved.height
@@ -676,14 +676,14 @@ def test_ppk_tells_what_it_did(tmp_path, shells):
     assert f"{found.ionosphere.value[:, 0].mean():.1f} m in zenith" in check.found
     assert check.verdict == "ok"
     few = replace(fixes, quality=np.where(fixes.time < fixes.time[0] + 300.0, 1, 2))
-    still, note = _without_ionosphere(
-        few, (rover, base), navigation, sky, raw.base_position_m, given
+    still, note = without_ionosphere(
+        few, (rover, base), navigation, sky, raw.base_position_m, options, AIR
     )
     assert still is few
     assert (note.verdict, note.found[:7]) == ("note", "left in")
-    engine = replace(given, options=EngineOptions(rtklib_options={"pos1-ionoopt": "4"}))
-    same, told = _without_ionosphere(
-        fixes, (rover, base), navigation, sky, raw.base_position_m, engine
+    engine = EngineOptions(rtklib_options={"pos1-ionoopt": "4"})
+    same, told = without_ionosphere(
+        fixes, (rover, base), navigation, sky, raw.base_position_m, engine, AIR
     )
     assert same is fixes
     assert (told.verdict, "left to the engine" in told.found) == ("ok", True)

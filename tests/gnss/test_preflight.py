@@ -13,13 +13,8 @@ from scripted_engine import BASE, BASE_LLH, Fake, navigation, observations, one_
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli import main
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.engine.preflight import (
-    Whereabouts,
-    check_base_point,
-    check_navigation,
-    check_observations,
-    check_rover_antenna,
-)
+from insgnss.gnss.engine.base_coordinates import Whereabouts, check_base_point
+from insgnss.gnss.engine.preflight import check_navigation, check_observations, check_rover_antenna
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.rinex.navigation_message import TOE, read_navigation
 from insgnss.gnss.rinex.observations import read_observations

@@ -14,7 +14,7 @@ from insgnss.gnss.quality.solution_quality import (
     verdict,
 )
 from insgnss.gnss.rinex.header import RinexHeader
-from insgnss.gnss.rinex.observations import Observations
+from insgnss.gnss.rinex.observation_record import Observations
 from insgnss.gnss.satellites.visible_satellites import Sky, position_dilution
 from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows
 from insgnss.navigation.prepare.fix_covariance.classes import (

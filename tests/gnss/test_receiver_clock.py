@@ -16,7 +16,7 @@ from insgnss.gnss.rinex.camera_events import camera_events
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.simulation.dataset import write_dataset
-from insgnss.simulation.raw_gnss.scenario import RawGnssOptions
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
 
 STAMP = 1000.0 + 0.1 * np.arange(100)
 

@@ -34,7 +34,7 @@ from insgnss.records import GnssFixes
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.raw_gnss.atmosphere import Weather
 from insgnss.simulation.raw_gnss.errors import Tracking
-from insgnss.simulation.raw_gnss.scenario import RawGnssOptions
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 WITHOUT = (

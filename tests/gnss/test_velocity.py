@@ -24,7 +24,8 @@ from insgnss.gnss.phase.velocity import (
 )
 from insgnss.gnss.rinex.header import RinexHeader
 from insgnss.gnss.rinex.navigation_message import read_navigation
-from insgnss.gnss.rinex.observations import Observations, read_observations
+from insgnss.gnss.rinex.observation_record import Observations
+from insgnss.gnss.rinex.observations import read_observations
 from insgnss.gnss.satellites.frequencies import HERTZ
 from insgnss.gnss.satellites.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
 from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos

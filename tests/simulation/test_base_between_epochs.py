@@ -13,7 +13,7 @@ from insgnss.gnss.options import EngineOptions
 from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.raw_gnss.errors import Tracking
-from insgnss.simulation.raw_gnss.scenario import RawGnssOptions
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
 
 RECEIVERS = RawGnssOptions(
     rate_hz=5.0,

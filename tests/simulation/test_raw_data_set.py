@@ -22,7 +22,8 @@ from insgnss.gnss.rinex.observations import read_observations
 from insgnss.io.formats.orientation.eo_json import read_eo_json
 from insgnss.simulation import dataset as writing
 from insgnss.simulation.dataset import Dataset, write_dataset
-from insgnss.simulation.raw_gnss.scenario import SIGNALS, RawGnssOptions
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
+from insgnss.simulation.raw_gnss.scenario import SIGNALS
 
 SHORT = {"minutes": 2.0, "imu_rate": 100.0, "start_in_air": True, "seed": 3}
 ROVER = "01_Observations/GPS/Data/Rover/rov01840.18"

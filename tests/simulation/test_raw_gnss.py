@@ -35,13 +35,14 @@ from insgnss.simulation.raw_gnss.errors import (
     noise,
     track,
 )
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
 from insgnss.simulation.raw_gnss.rinex_files import (
     ObservationTable,
     Station,
     write_navigation,
     write_observations,
 )
-from insgnss.simulation.raw_gnss.scenario import SIGNALS, RawGnssOptions, simulate_raw_gnss
+from insgnss.simulation.raw_gnss.scenario import SIGNALS, simulate_raw_gnss
 from insgnss.simulation.sensors import Rig, antenna_states
 
 LIGHT, EARTH_RATE = 299792458.0, 7.2921151467e-5

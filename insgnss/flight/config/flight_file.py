@@ -23,9 +23,7 @@ from ...io.options.camera_options import (
     CameraInput,
     CameraMounting,
     ImageMatch,
-    Matrix,
     RoverEvents,
-    angle_sets,
 )
 from ...io.options.kinds import Kind, accepted, as_tuple, check, no_texts, register
 from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
@@ -35,9 +33,9 @@ from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
 from .imu_options import ImuInput
 from .keys.changes import with_changes
+from .mounting_options import MountingSource, MountingTable
 
 if TYPE_CHECKING:
-    from ...io.formats.orientation.mounting_file import MountingFile
     from ...records import Array
     from ...records.cameras.mounting import Mounting
 
@@ -70,83 +68,6 @@ def _no_formats(item: Declared, value: Any) -> str:
 register("formats", Kind(_no_formats, as_tuple))
 
 ROLLOVER = 1024  # weeks that the signal of GPS can count
-
-
-@dataclass(frozen=True)
-class MountingTable:
-    """Table [mounting], of which `records.cameras.mounting.Mounting` is made."""
-
-    antenna_m: Triple = option(
-        (0.0, 0.0, 0.0),
-        "position of the antenna, from the camera, in camera axes",
-        kind="lever",
-        unit="m",
-    )
-    imu_m: Triple = option(
-        (0.0, 0.0, 0.0),
-        "position of the IMU, from the camera, in camera axes",
-        kind="lever",
-        unit="m",
-    )
-    antenna_sigma_m: float = option(
-        0.005,
-        "standard deviation of each component of the lever arm from the IMU to the antenna: what a "
-        "caliper gives, carried as states, so that every covariance holds it; 0: exact, "
-        "never estimated but where filter.lever_arm asks for it",
-        unit="m",
-        low=0.0,
-        high=10.0,
-    )
-    camera_from_body: Matrix | None = option(
-        None, "T_b'^c", kind="matrix", form="3 rows of 3 numbers", usual="diag(-1, -1, 1)"
-    )
-    boresight: Matrix | None = option(
-        None, "B_b^b'", kind="matrix", form="3 rows of 3 numbers", usual="identity"
-    )
-    boresight_deg: tuple[str, Triple] | None = option(
-        None,
-        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] }"
-        " (`records.cameras.mounting`)",
-        kind="angles",
-        unit="deg",
-        members=angle_sets,
-    )
-    file: Path | None = option(
-        None,
-        "calibrated mounting (mounting_file.md), as `insgnss calibrate` and `insgnss adjust` write "
-        "it: its keys of [mounting], and camera.time_offset_s, which then must not stand here",
-        kind="file",
-    )
-    max_age_days: float = option(
-        365.0,
-        "of mounting.file: a flight farther from the date of its data is told to have the mounting "
-        "calibrated anew, since screws, dampers and lenses are touched within a season; nothing is "
-        "refused",
-        unit="d",
-        low=0.0,
-    )
-
-
-@dataclass(frozen=True)
-class MountingSource:
-    """A file that the mounting of a flight was taken from.
-
-    Parameters
-    ----------
-    file : Path
-        The file.
-    keys : tuple of str
-        What was taken.
-    max_age_days : float
-        Days between flight and calibration above which the report tells of them.
-    made : MountingFile
-        What the file holds.
-    """
-
-    file: Path
-    keys: tuple[str, ...]
-    max_age_days: float
-    made: "MountingFile"
 
 
 @dataclass(frozen=True)

@@ -28,18 +28,11 @@ from ...records.cameras.mounting import (
 )
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
-from .flight_file import (
-    TABLES,
-    Flight,
-    MountingSource,
-    MountingTable,
-    Output,
-    TangentPlane,
-    TangentPlaneTable,
-)
+from .flight_file import TABLES, Flight, Output, TangentPlane, TangentPlaneTable
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
+from .mounting_options import MountingSource, MountingTable
 from .values import covariance_of, known_keys, made, take
 
 

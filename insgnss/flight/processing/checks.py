@@ -25,7 +25,8 @@ from ...navigation.recognise.positions import VELOCITY_UNITS
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question, Trajectory
 from ...records.cameras.mounting import Mounting
 from ...records.framed import PROJECTED
-from ..config.flight_file import Flight, MountingSource
+from ..config.flight_file import Flight
+from ..config.mounting_options import MountingSource
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
 OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ...records import Array
 from ..phase.time_differences import LOCK_LOST
-from ..rinex.observations import Observations
+from ..rinex.observation_record import Observations
 from ..satellites.frequencies import rows_of_systems
 from ..satellites.orbits import unique_satellites
 

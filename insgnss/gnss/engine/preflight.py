@@ -2,23 +2,11 @@
 minutes, and answered in one line.
 
 The engine itself says nothing: with a base of another day, without a second frequency or
-ephemerides it writes a file without epochs, and with rover and base swapped one full of them.
-Swapped files show in that the base moves, by its phases (5 mm/s of a receiver that stands, also
-from epochs every 30 s) or by its codes; in that it stands elsewhere than its coordinates say, where
-the rover stands; or in that the coordinates are, to a decimetre, those of the rover's header. Codes
-place a receiver to some metres: of two that both stand within `NEAR_M` of each other neither codes
-nor phases show which is which, nor whether the coordinates are metres off.
-
-Every position has the error of the base's coordinates, and nothing else shows it. The median of the
-codes at some 60 epochs, with the broadcast ionosphere, lies 0.5 to 3.7 m from the known coordinates
-in seven recordings of 2005 to 2024 and a simulated one. From `NEAR_M` on there is a note, and from
-`ELSEWHERE_M` on, more than the ionosphere leaves in them, a refusal: so is a height above sea level
-in the place of one above the ellipsoid where the two are further apart than that, as in most of
-Europe (40 to 55 m).
+ephemerides it writes a file without epochs. Whether the base stands, and where its coordinates say,
+is asked in `base_coordinates`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -26,29 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError
-from ...base.units import FOOT_M
 from ...base.wording import named, setting
-from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ...records import Array, Finding, GnssFixes, Question
-from ..options import EngineOptions, base_position
-from ..phase.time_differences import VelocityOptions
-from ..phase.velocity import time_differenced_velocity
+from ...records import Array, Finding, Question
+from ..options import EngineOptions
 from ..rinex.header import RinexHeader
 from ..rinex.navigation_message import TOE, Navigation
-from ..rinex.observations import Observations
+from ..rinex.observation_record import Observations
 from ..satellites.frequencies import engine_phases
 
+# satellites of an epoch from which it counts: 4, because fewer give no position
 FEWEST_SATELLITES = 4
+# share of the epochs with that many satellites: 0.5, because below it phases are not recorded
+# rather than shadowed
 FEWEST_SHARE = 0.5
+# age of an ephemeris (s): 4 hours, twice the interval of GPS ephemerides, because they serve that
+# long
 EPHEMERIS_AGE_S = 4 * 3600.0
 DAY_S = 86400.0  # s, of a day of GPS time
-ELSEWHERE_M, NEAR_M = 20.0, 5.0
-MOVES_M = 15.0
-MOVES_MPS, MOVES_SHARE = 0.2, 0.05
-SIGMAS = 3.0
-SAME_COORDINATES_M, OTHER_COORDINATES_M = 0.1, 1.0
-ROUGHLY_M = 500.0  # of an epoch between those with a position; its phases then show 0.08 m/s
+# the second frequency by system, in the words of a refusal
 SECOND = "L2, of Galileo E5b, of BeiDou B2"
 
 
@@ -291,233 +275,6 @@ def check_navigation(
     return (*checks, ask.note(finding, advice))
 
 
-@dataclass(frozen=True, eq=False)
-class Whereabouts:
-    """Where a receiver is, and whether it moves.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-        m ECEF, by codes alone.
-    speed, sd : ndarray, shape (m,)
-        m/s, by phases between epochs (TDCP), and its standard deviation; both empty where no phases
-        are fit for it.
-    """
-
-    points: Array
-    speed: Array
-    sd: Array
-
-    @classmethod
-    def of(
-        cls, fixes: GnssFixes, observations: Observations, navigation: Navigation
-    ) -> "Whereabouts":
-        """Build it from positions by codes at some epochs, and the phases."""
-        points = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
-        limits = VelocityOptions(
-            longest_s=max(2.0, 1.5 * interval(observations)), position_sd=ROUGHLY_M
-        )
-        try:
-            velocity = time_differenced_velocity(observations, navigation, fixes, limits)
-        except DataError:  # no phases, or of too few satellites: codes alone
-            return cls(points, np.empty(0), np.empty(0))
-        speed = np.linalg.norm(velocity.velocity_ned, axis=1)
-        return cls(points, speed, np.sqrt(np.trace(velocity.cov_ned, axis1=1, axis2=2)))
-
-    @property
-    def middle(self) -> Array:
-        """Return the median of the points (3,), m ECEF."""
-        return np.asarray(np.median(self.points, axis=0))
-
-    def motion(self) -> str:
-        """Return how the receiver moves, in words; empty where it stands."""
-        moving = self.speed > MOVES_MPS + SIGMAS * self.sd
-        if moving.size and moving.mean() > MOVES_SHARE:
-            fast = np.quantile(self.speed[moving], 0.9)
-            return (
-                f"at {fast:.1f} m/s, and in {moving.mean():.0%} of its time (limit"
-                f" {MOVES_SHARE:.0%}) above {MOVES_MPS:g} m/s, by phase"
-            )
-        spread = float(np.quantile(np.linalg.norm(self.points - self.middle, axis=1), 0.9))
-        return (
-            f"{spread:.0f} m about its median, by codes (limit {MOVES_M:.0f} m)"
-            if spread > MOVES_M
-            else ""
-        )
-
-
-def check_base_place(
-    rover: Observations,
-    base: Observations,
-    options: EngineOptions,
-    whereabouts: Callable[[Observations], Whereabouts],
-) -> tuple[Finding, ...]:
-    """Check whether the base stands, and where its coordinates say.
-
-    Parameters
-    ----------
-    rover, base : Observations
-        Observations of the two receivers.
-    options : EngineOptions
-        Hold the coordinates of the base.
-    whereabouts : callable
-        Finds where a receiver is; the rover's are computed only where the base looks wrong.
-
-    Returns
-    -------
-    tuple of Finding
-        A note where the base stands more than `NEAR_M` off its coordinates.
-
-    Raises
-    ------
-    InputError
-        Where the base moves, stands more than `ELSEWHERE_M` off its coordinates, or the rover is
-        where they say.
-    """
-    location = whereabouts(base)
-    given = np.array(base_position(options, base.header)[0])
-    off = float(np.linalg.norm(location.middle - given))
-    if motion := location.motion():
-        raise InputError.at_line(
-            base.header.path, None, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
-        )
-    if options.base_position_m is not None:
-        if _is_header_of_rover(given, base.header, rover.header):
-            message = (
-                f"the base coordinates are those of the header of the rover {rover.header.path},"
-                " not of its own; are the two swapped?"
-            )
-            raise InputError.at_line(base.header.path, None, message)
-        if off > NEAR_M and _stands_at(given, off, rover, whereabouts):
-            message = (
-                f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
-                " stands there: they are swapped"
-            )
-            raise InputError.at_line(base.header.path, None, message)
-    if off > ELSEWHERE_M:
-        whose = (
-            "the base coordinates"
-            if options.base_position_m is not None
-            else "APPROX POSITION XYZ of its header"
-        )
-        message = (
-            f"stands {off:.0f} m from {whose} (limit {ELSEWHERE_M:.0f} m), by codes at"
-            f" {in_degrees(location.middle)}"
-        )
-        raise InputError.at_line(
-            base.header.path, None, f"{message}; {_mistaken(given, location.middle, options)}"
-        )
-    return _coordinate_notes(options, base.header, off)
-
-
-def in_degrees(ecef: Array) -> str:
-    """Return a position (3,), m ECEF, as text for base_position, to the decimetre.
-
-    It is latitude deg, longitude deg, ellipsoidal height m.
-    """
-    lat, lon, height = (float(x) for x in ecef_to_geodetic(ecef))
-    return f"{np.degrees(lat):.6f},{np.degrees(lon):.6f},{height:.1f}"
-
-
-def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str:
-    """The mistake that makes coordinates (3,) of the position by codes (3,), else what to try."""
-    lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
-    if options.base_position_m is None:
-        return f"give {_coordinates()}"
-    mistakes = {
-        "latitude and longitude exchanged": (lon, lat, height),
-        "latitude and longitude in radians": (
-            float(np.degrees(lat)),
-            float(np.degrees(lon)),
-            height,
-        ),
-        "the height in feet": (lat, lon, FOOT_M * height),
-    }
-    for mistake, taken in mistakes.items():
-        if (
-            abs(taken[0]) <= np.pi / 2.0
-            and np.linalg.norm(geodetic_to_ecef(*taken) - code_position) < NEAR_M
-        ):
-            return f"with {mistake} they agree"
-    above = float(ecef_to_geodetic(code_position)[2]) - height
-    if np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - code_position) < NEAR_M:
-        side = "above" if above > 0.0 else "below"
-        return (
-            f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea"
-            " level? it must be above the ellipsoid"
-        )
-    return "check them, or are rover and base swapped?"
-
-
-def _coordinates() -> str:
-    return f"{named('gnss.base_position')} and {named('gnss.base_point')}"
-
-
-def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Whereabouts]) -> str:
-    """What to try where the base moves."""
-    try:
-        moves = bool(whereabouts(rover).motion())
-    except DataError:
-        return "are rover and base swapped?"
-    if moves:
-        return (
-            f"so does the rover {rover.header.path}; a base must stand: cut the file to the time in"
-            " which it does"
-        )
-    return f"the rover {rover.header.path} stands: are rover and base swapped?"
-
-
-def _stands_at(
-    given: Array,
-    off: float,
-    rover: Observations,
-    whereabouts: Callable[[Observations], Whereabouts],
-) -> bool:
-    """Whether the rover stands where the base is said to, several times closer than the base."""
-    try:
-        location = whereabouts(rover)
-    except DataError:
-        return False
-    return not location.motion() and float(np.linalg.norm(location.middle - given)) < off / 3.0
-
-
-def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> bool:
-    """Whether the base's coordinates are those of the rover's header, and not near those of its
-    own.
-    """
-    if (
-        rover.approx_position_m is None
-        or np.linalg.norm(rover.approx_position_m - given) > SAME_COORDINATES_M
-    ):
-        return False
-    return base.approx_position_m is None or bool(
-        np.linalg.norm(base.approx_position_m - given) > OTHER_COORDINATES_M
-    )
-
-
-def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = True) -> Finding:
-    """Report the base's coordinates that are taken, and the point that they are of.
-
-    It is a note where they are given and nobody has `chosen` what stands there.
-    """
-    position, point = base_position(options, base)
-    name = {
-        "apc": "the antenna's phase centre (apc)",
-        "arp": "the antenna's reference point (arp)",
-        "marker": "the marker (marker)",
-    }[point]
-    lat, lon, height = (float(x) for x in ecef_to_geodetic(np.array(position)))
-    finding = f"{np.degrees(lat):.9f},{np.degrees(lon):.9f},{height:.4f}, taken as {name}"
-    ask = Question("base point", "what stands at the coordinates is said")
-    if chosen or options.base_position_m is None:
-        return ask.ok(finding)
-    advice = (
-        f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the"
-        " reference point, and as such 0.05 to 0.2 m below the phase centre"
-    )
-    return ask.note(f"{finding}, as nothing says", advice)
-
-
 def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Finding, ...]:
     """Return what is said of the rover's antenna where an ANTEX file is given: that it is not used.
 
@@ -537,35 +294,3 @@ def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Fin
         " positions are of the rover's phase centre"
     )
     return (Question("rover antenna", expected).ok(finding),)
-
-
-def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Finding, ...]:
-    """Notes on coordinates of the header or far from the codes, and on a phase centre that is not
-    applied.
-    """
-    checks = []
-    _, point = base_position(options, base)
-    if options.base_position_m is None:
-        finding = (
-            f"APPROX POSITION XYZ of {base.path}, {off:.1f} m from its position by codes; taken as"
-            f" {point}"
-        )
-        advice = f"give {_coordinates()}; every position has the error of these coordinates"
-        ask = Question("base coordinates", "coordinates that are known")
-        checks.append(ask.note(finding, advice))
-    elif off > NEAR_M:
-        finding = f"{off:.1f} m from the position of {base.path} by codes"
-        advice = "check them, their datum and height (ellipsoidal); every position has their error"
-        checks.append(Question("base coordinates", f"within {NEAR_M:.0f} m").note(finding, advice))
-    if (
-        point != "apc"
-        and options.antex is None
-        and base.antenna.split()[:1] not in ([], ["NONE"], ["Unknown"])
-    ):
-        finding = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
-        advice = (
-            f"give {named('gnss.antex')}, or the coordinates of the phase centre; heights are off"
-            " by its offset, 0.05 to 0.2 m"
-        )
-        checks.append(Question("base antenna", "the phase centre").note(finding, advice))
-    return tuple(checks)

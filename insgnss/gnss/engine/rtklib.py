@@ -17,18 +17,12 @@ from ...io.formats.gnss.rtklib_pos import PosRows
 from ...records import Finding, Question
 from ..options import DIRECTIONS, KINEMATIC, EngineOptions, check_dynamics, option_file
 from ..rinex.navigation_message import read_navigation
-from ..rinex.observations import Observations, read_observations
+from ..rinex.observation_record import Observations
+from ..rinex.observations import read_observations
+from .base_coordinates import Whereabouts, check_base_place
 from .combined import combined
 from .normalised import engine_observations
-from .preflight import (
-    Whereabouts,
-    absolute,
-    check_base_place,
-    check_navigation,
-    check_observations,
-    interval,
-    within_navigation,
-)
+from .preflight import absolute, check_navigation, check_observations, interval, within_navigation
 from .program import check_names, check_version, engine_command, version
 from .runs import Progress, RunEnd, Runs, Source
 

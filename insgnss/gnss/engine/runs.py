@@ -30,7 +30,7 @@ from ...io.formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import GnssFixes
 from ..options import ANTENNAS, EngineOptions, single_point_file
 from ..rinex.navigation_message import navigation_bytes
-from ..rinex.observations import Observations
+from ..rinex.observation_record import Observations
 from .preflight import absolute, interval
 from .program import OF_ALL_VERSIONS, binary
 

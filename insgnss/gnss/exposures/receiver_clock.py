@@ -34,7 +34,7 @@ from ..quality.solution_quality import LONG_GAP_S
 from ..satellites.satellite_geometry import epochs_of
 
 if TYPE_CHECKING:
-    from ..rinex.observations import Observations
+    from ..rinex.observation_record import Observations
 
 JUMP_S = 5e-5  # in a step between epochs, beyond the drift
 MOST_DRIFT = 1e-5  # s/s, of a bad crystal

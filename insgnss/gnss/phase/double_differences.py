@@ -38,7 +38,7 @@ from .troposphere import (
 )
 
 if TYPE_CHECKING:
-    from ..rinex.observations import Observations
+    from ..rinex.observation_record import Observations
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -66,7 +66,7 @@ class DoubleDifferences:
     kappa : ndarray, shape (m, 2)
         Of these bands.
     design : ndarray, shape (m, 3)
-        Of `ionosphere.shell_design`.
+        Of `ionosphere_shell.shell_design`.
     azimuth, elevation : ndarray, shape (m,)
         rad.
     rise : ndarray, shape (m,)
@@ -110,7 +110,7 @@ def double_differences(
     satellites : Sky
         Satellites at the epochs of `fixes`.
     design : ndarray, shape (m, 3)
-        Of `ionosphere.shell_design`.
+        Of `ionosphere_shell.shell_design`.
     air : Atmosphere, optional
         At the base, None for the standard one.
     """

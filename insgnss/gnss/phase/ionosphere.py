@@ -95,7 +95,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...records import GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..options import EngineOptions
@@ -104,17 +103,15 @@ from ..satellites.engine_weighting import displacement
 from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
 from ..satellites.satellite_geometry import Sky, common_bands
 from .double_differences import DoubleDifferences, double_differences, measurable
+from .ionosphere_shell import shell_design
 from .troposphere import Atmosphere, mapping
 
 if TYPE_CHECKING:
-    from ..rinex.observations import Observations
+    from ..rinex.observation_record import Observations
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-RADIUS_M, SHELL_M = 6.371e6, 4.0e5
-# of a satellite from the Earth's centre; only the parallax of the two receivers depends on it
-ORBIT_M = 2.66e7
 KNOT_S = 600.0
 VERTICAL_M = (2.0, 2.0)  # V expected, and its standard deviation
 # standard deviations: G and L m/m, h m, t m/m, z m, p m
@@ -293,43 +290,6 @@ def moved_by(
 def engine_models_it(options: EngineOptions) -> bool:
     """Return whether the engine's options model the ionosphere, or combine the bands against it."""
     return str(options.rtklib_options.get("pos1-ionoopt", "")) in MODELLED
-
-
-def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
-    """Return D (m, 5) of (I.1) for each of the satellites; base (3,) in m ECEF."""
-    cos = np.cos(satellites.elevation)
-    ned = np.column_stack(
-        [
-            cos * np.cos(satellites.azimuth),
-            cos * np.sin(satellites.azimuth),
-            -np.sin(satellites.elevation),
-        ]
-    )
-    sight = np.einsum("mij,mj->mi", rotation_en(fixes.lat, fixes.lon)[satellites.epoch], ned)
-    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch]
-    lat, lon, _ = ecef_to_geodetic(base)
-    axes = rotation_en(lat, lon)
-    centre = base + RADIUS_M * axes[:, 2]
-    other = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
-    other /= np.linalg.norm(other, axis=1)[:, None]
-    here, there = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
-    ours, theirs = (_pierced(*of, axes, base - centre) for of in ((here, sight), (there, other)))
-    slant = 0.5 * (ours[:, :1] + theirs[:, :1])
-    apart = ours[:, 1:] / ours[:, :1] - theirs[:, 1:] / theirs[:, :1]
-    return np.column_stack([ours - theirs, slant * apart])
-
-
-def _reach(origin: Array, sight: Array, radius: float) -> Array:
-    """Distance (m,) along rays (m, 3) from origins (m, 3) to a sphere around the origin."""
-    along = np.einsum("mi,mi->m", origin, sight)
-    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", origin, origin) + along**2) - along)
-
-
-def _pierced(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
-    """(1, n, e) / cos z' (m, 3) of rays; origins (m, 3) and base (3,) from the shell's centre."""
-    point = origin + _reach(origin, sight, RADIUS_M + SHELL_M)[:, None] * sight
-    slant = (RADIUS_M + SHELL_M) / np.einsum("mi,mi->m", point, sight)
-    return np.column_stack([slant, slant[:, None] * ((point - base) @ axes[:, :2])])
 
 
 def fit(d: DoubleDifferences) -> Ionosphere | None:

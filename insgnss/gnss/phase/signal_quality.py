@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import DataError
 from ...records import Array
-from ..rinex.observations import Observations
+from ..rinex.observation_record import Observations
 from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
 from ..satellites.orbits import LIGHT
 from .time_differences import LOCK_LOST

@@ -19,7 +19,7 @@ from ...geodesy.gpstime import WEEK_S
 from ...records import GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..rinex.navigation_message import Navigation
-from ..rinex.observations import Observations
+from ..rinex.observation_record import Observations
 from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
 from ..satellites.orbits import (
     LIGHT,

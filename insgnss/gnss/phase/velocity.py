@@ -77,7 +77,7 @@ from ...geodesy.frames import ecef_to_geodetic, rotation_en
 from ...records import GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..rinex.navigation_message import Navigation
-from ..rinex.observations import Observations
+from ..rinex.observation_record import Observations
 from ..satellites.orbits import LIGHT
 from .time_differences import (
     Antenna,

@@ -19,7 +19,7 @@ from ...io.formats.text.layout import shown
 from ...io.formats.text.order import note, put_in_order
 from ...io.options.camera_options import RoverEvents
 from ...records import CameraEvents, Finding
-from .observations import EventRecord, Observations
+from .observation_record import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
 MOST_LISTED = 5

@@ -19,7 +19,8 @@ from ...base.errors import InputError
 from ...geodesy.gpstime import WEEK_S
 from ...records import Finding, Question
 from .header import RinexHeader, header_of, load_rinex
-from .observations import Observations, read_observations
+from .observation_record import Observations
+from .observations import read_observations
 
 SAME_PLACE_M = 100.0  # a rover's first epochs of two files; of a base its coordinates are looked at
 SAME_EPOCH_S = 1e-3

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .orbits import unique_satellites
 
 if TYPE_CHECKING:
-    from ..rinex.observations import Observations
+    from ..rinex.observation_record import Observations
 
 ENGINE_BANDS = {
     "G": ("1", "2", "5"),

@@ -21,7 +21,7 @@ from .orbits import ranges, satellite_states, sky, unique_satellites
 from .visible_satellites import Sky
 
 if TYPE_CHECKING:
-    from ..rinex.observations import Observations
+    from ..rinex.observation_record import Observations
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...records import Array, CameraEvents, Question
-from ...records.observations import decimal_step
+from ...records.variances import decimal_step
 
 LARGEST_S, SMALLEST_S = 1.0, 0.01  # of a step; a finer one costs 1 cm at 10 m/s
 MULTIPLE_TOLERANCE_S = 1e-6  # off the multiples of a step: conversions of units, no measurement

@@ -11,7 +11,8 @@ from .recordings import AXES
 from .trend import Trend
 
 if TYPE_CHECKING:
-    from ..estimation.selection import NearStationarity, Ranking
+    from ..estimation.near_stationarity import NearStationarity
+    from ..estimation.selection import Ranking
 
 
 @dataclass(frozen=True, eq=False)

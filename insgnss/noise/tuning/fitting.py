@@ -133,7 +133,7 @@ def tune_axes(
     )
     stationarity = None
     if len(recordings) > 1:
-        from ..estimation.selection import near_stationarity
+        from ..estimation.near_stationarity import near_stationarity
 
         progress(f"{name}: does one model serve all recordings?")
         stationarity = near_stationarity(

@@ -22,7 +22,8 @@ from .products.words import FITS_P, goodness_p, sensor_words, sentences, trends
 from .recordings import AXES, SENSORS, StaticRecording
 
 if TYPE_CHECKING:
-    from ..estimation.selection import NearStationarity, Ranking
+    from ..estimation.near_stationarity import NearStationarity
+    from ..estimation.selection import Ranking
 
 
 @dataclass(frozen=True, eq=False)

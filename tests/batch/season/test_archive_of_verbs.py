@@ -16,7 +16,7 @@ from insgnss.batch.season.archive import examine_archive
 from insgnss.cli import main
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.image_block import BlockOptions
-from insgnss.simulation.raw_gnss.scenario import RawGnssOptions
+from insgnss.simulation.raw_gnss.options import RawGnssOptions
 
 pytestmark = pytest.mark.slow
 RINEX, BLOCK = "01_Observations/GPS/Data", "01_Observations/Camera/Block"

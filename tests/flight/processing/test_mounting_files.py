@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.flight.config.flight_file import MountingSource
+from insgnss.flight.config.mounting_options import MountingSource
 from insgnss.flight.processing.checks import check_mounting_files
 from insgnss.geodesy.gpstime import gps_from_calendar
 from insgnss.io.formats.images.exif import camera_tags

@@ -16,7 +16,8 @@ from insgnss.noise.estimation.bootstrap import simulate_axis
 from insgnss.noise.estimation.estimates import Linearised
 from insgnss.noise.estimation.gmwm import fit, interval_weights, objective
 from insgnss.noise.estimation.inference import covariances, efficient
-from insgnss.noise.estimation.selection import closed_optimism, near_stationarity, rank
+from insgnss.noise.estimation.near_stationarity import near_stationarity
+from insgnss.noise.estimation.selection import closed_optimism, rank
 from insgnss.noise.moments.haar_covariance import haar_covariance
 from insgnss.noise.moments.theory import haar_variance
 from insgnss.noise.moments.wavelet import wavelet_variance

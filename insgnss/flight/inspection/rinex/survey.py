@@ -21,7 +21,8 @@ from ....geodesy.gpstime import WEEK_S
 from ....gnss.engine.preflight import interval
 from ....gnss.rinex.header import RinexHeader, load_rinex
 from ....gnss.rinex.navigation_message import Navigation, read_navigation
-from ....gnss.rinex.observations import Observations, read_observations
+from ....gnss.rinex.observation_record import Observations
+from ....gnss.rinex.observations import read_observations
 
 NAME = re.compile(r"\.(obs|rnx|crx|nav|\d\d[odnghplq])(\.(gz|z|bz2|zip))?$", re.IGNORECASE)
 DEEPEST, MOST_FILES = 6, 500

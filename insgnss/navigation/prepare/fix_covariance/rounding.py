@@ -17,7 +17,7 @@ import numpy as np
 
 from ....geodesy.earth import curvature_radii
 from ....records import Array, GnssFixes, Question
-from ....records.observations import decimal_step
+from ....records.variances import decimal_step
 
 PROBED = 2000  # positions that show the step
 LARGEST_M, SMALLEST_M = 20.0, 1e-4  # of a step that is looked for

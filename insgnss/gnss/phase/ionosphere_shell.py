@@ -1,0 +1,53 @@
+"""Rays that pierce the ionosphere, taken for a shell at 400 km: (I.1) of `ionosphere`."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ...records import GnssFixes
+from ..satellites.satellite_geometry import Sky
+
+Array = NDArray[np.float64]
+
+# radius of the Earth and height of the shell above it, m (IS-GPS-200 has 350 km, maps 450)
+RADIUS_M, SHELL_M = 6.371e6, 4.0e5
+
+# of a satellite from the Earth's centre; only the parallax of the two receivers depends on it
+ORBIT_M = 2.66e7
+
+
+def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
+    """Return D (m, 5) of (I.1) for each of the satellites; base (3,) in m ECEF."""
+    cos = np.cos(satellites.elevation)
+    ned = np.column_stack(
+        [
+            cos * np.cos(satellites.azimuth),
+            cos * np.sin(satellites.azimuth),
+            -np.sin(satellites.elevation),
+        ]
+    )
+    sight = np.einsum("mij,mj->mi", rotation_en(fixes.lat, fixes.lon)[satellites.epoch], ned)
+    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch]
+    lat, lon, _ = ecef_to_geodetic(base)
+    axes = rotation_en(lat, lon)
+    centre = base + RADIUS_M * axes[:, 2]
+    other = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
+    other /= np.linalg.norm(other, axis=1)[:, None]
+    here, there = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
+    ours, theirs = (_pierced(*of, axes, base - centre) for of in ((here, sight), (there, other)))
+    slant = 0.5 * (ours[:, :1] + theirs[:, :1])
+    apart = ours[:, 1:] / ours[:, :1] - theirs[:, 1:] / theirs[:, :1]
+    return np.column_stack([ours - theirs, slant * apart])
+
+
+def _reach(origin: Array, sight: Array, radius: float) -> Array:
+    """Distance (m,) along rays (m, 3) from origins (m, 3) to a sphere around the origin."""
+    along = np.einsum("mi,mi->m", origin, sight)
+    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", origin, origin) + along**2) - along)
+
+
+def _pierced(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
+    """(1, n, e) / cos z' (m, 3) of rays; origins (m, 3) and base (3,) from the shell's centre."""
+    point = origin + _reach(origin, sight, RADIUS_M + SHELL_M)[:, None] * sight
+    slant = (RADIUS_M + SHELL_M) / np.einsum("mi,mi->m", point, sight)
+    return np.column_stack([slant, slant[:, None] * ((point - base) @ axes[:, :2])])

@@ -1,0 +1,123 @@
+"""Observations of a RINEX file as a record: values by epoch, satellite and signal, and the events
+between the epochs.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...geodesy.gpstime import WEEK_S
+from ...records import Array, Finding
+from .header import RinexHeader
+
+
+@dataclass(frozen=True)
+class EventRecord:
+    """An event between the epochs.
+
+    Parameters
+    ----------
+    flag : int
+        2 to 5.
+    time : float, optional
+        s, GPST, None where it has none.
+    line : int
+        Line of the file, from 1.
+    records : tuple of str
+        The lines that belong to it.
+    """
+
+    flag: int
+    time: float | None
+    line: int
+    records: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Observations of n epochs, m satellites in them, k signals.
+
+    Parameters
+    ----------
+    header : RinexHeader
+        Header of the file.
+    gps_week : int
+        Of the first epoch within `LONGEST_WEEKS` of the middle one.
+    time : ndarray, shape (n,)
+        s, GPST of that week as stamped by the receiver; past the week's end it counts on.
+    flag : ndarray of int, shape (n,)
+        0, or 1 after a power failure.
+    clock_offset_s : ndarray, shape (n,)
+        s, of the receiver's clock as the file has it, else NaN.
+    epoch : ndarray of int, shape (m,)
+        Index of the row's epoch in `time`, not decreasing.
+    satellite : ndarray of str, shape (m,)
+        Such as "G05".
+    signals : tuple of str
+        RINEX 3 codes ("C1C", "L2W").
+    values : ndarray, shape (m, k)
+        m, cycles, Hz or dB-Hz, NaN where missing, scale factors taken out.
+    loss_of_lock : ndarray of int, shape (m, k)
+        0 to 7: 1 lock lost since the last epoch, 2 half-cycle ambiguity, 4 anti-spoofing.
+    strength : ndarray of int, shape (m, k)
+        Signal strength indicator (SSI), 0 to 9.
+    events : ndarray, shape (e,)
+        s, of the external events (flag 5), as they stand in the file.
+    records : tuple of EventRecord
+        All events.
+    notes : tuple of Finding
+        Of the reader.
+    """
+
+    header: RinexHeader
+    gps_week: int
+    time: Array
+    flag: NDArray[np.int8]
+    clock_offset_s: Array
+    epoch: NDArray[np.int64]
+    satellite: NDArray[np.str_]
+    signals: tuple[str, ...]
+    values: Array
+    loss_of_lock: NDArray[np.int8]
+    strength: NDArray[np.int8]
+    events: Array
+    records: tuple[EventRecord, ...] = ()
+    notes: tuple[Finding, ...] = ()
+
+    def of(self, signal: str) -> Array:
+        """Return the values (m,) of a signal; raise InputError where the file does not have it."""
+        return self.values[:, self.column(signal)]
+
+    def only(self, taken: NDArray[np.bool_]) -> "Observations":
+        """Return the observations of the epochs `taken` (n,), times from the week of the first."""
+        first = float(self.time[np.argmax(taken)])
+        week = self.gps_week + int(first // WEEK_S)
+        back = (week - self.gps_week) * WEEK_S
+        rows = taken[self.epoch]
+        records = tuple(
+            replace(r, time=None if r.time is None else r.time - back) for r in self.records
+        )
+        return replace(
+            self,
+            gps_week=week,
+            time=self.time[taken] - back,
+            flag=self.flag[taken],
+            clock_offset_s=self.clock_offset_s[taken],
+            epoch=(np.cumsum(taken) - 1)[self.epoch][rows],
+            satellite=self.satellite[rows],
+            values=self.values[rows],
+            loss_of_lock=self.loss_of_lock[rows],
+            strength=self.strength[rows],
+            events=self.events - back,
+            records=records,
+        )
+
+    def column(self, signal: str) -> int:
+        """Return the index of a signal among the columns."""
+        if signal not in self.signals:
+            raise InputError.at_line(
+                self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
+            )
+        return self.signals.index(signal)

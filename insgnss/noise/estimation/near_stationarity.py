@@ -1,0 +1,175 @@
+"""Whether one model serves all recordings.
+
+Near-stationarity (Bakalli et al. 2018): do all recordings have the same parameters? With efficient
+weights the joint fit is worse than the single ones by
+
+    S = Q(theta_joint) - sum_i Q_i(theta_i) ~ chi-square(p (R - 1))                            (S.3)
+
+for R recordings; since slow processes are far from that limit, the distribution is bootstrapped:
+draws from the joint fit, re-fitted jointly and singly. Each recording's share of S says which of
+them differs.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...base.errors import UsageError
+from ...records import Array
+from .bootstrap import draw_variances, redrawn
+from .estimates import Linearised
+from .gmwm import Fit, fit, objective
+from .goodness import p_text
+from .inference import covariances, efficient
+from .selection import recording_numbers, refitted
+
+
+@dataclass(frozen=True, eq=False)
+class NearStationarity:
+    """The test of near-stationarity (S.3).
+
+    Parameters
+    ----------
+    statistic, degrees, p_value : float
+        S, its degrees of freedom, and its asymptotic p-value.
+    bootstrapped, bootstrapped_error : float
+        p-value over `draws` and its Monte Carlo standard deviation; NaN for no draws.
+    draws : int
+        Number of draws.
+    shares : ndarray, (R,)
+        Share of each recording in the statistic.
+    joint : Fit
+        Fit of all recordings.
+    single : tuple of Fit
+        Fit of each.
+    spread : tuple of (str, float, float)
+        Of each parameter the standard deviation of its logarithm over the recordings, and what it
+        is by chance; NaN at edges.
+    sentence : str
+        The verdict.
+    """
+
+    statistic: float
+    degrees: int
+    p_value: float
+    bootstrapped: float
+    bootstrapped_error: float
+    draws: int
+    shares: Array
+    joint: Fit
+    single: tuple[Fit, ...]
+    spread: tuple[tuple[str, float, float], ...]
+    sentence: str
+
+
+def near_stationarity(
+    joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
+) -> NearStationarity:
+    """Test whether one parameter set serves all recordings (S.3).
+
+    Parameters
+    ----------
+    joint : Fit
+        Fit of all curves; its weights are replaced by efficient ones.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    draws, seed : int
+        Draws of the bootstrap, 0 for none, and their seed.
+
+    Returns
+    -------
+    NearStationarity
+        The test.
+
+    Raises
+    ------
+    UsageError
+        For fewer than two recordings, and where recording numbers and curves differ in number.
+    """
+    from scipy.special import chdtrc
+
+    groups = recording_numbers(joint.curves, recordings)
+    if np.unique(groups).size < 2:
+        raise UsageError("one recording; near-stationarity is a comparison of two or more")
+    joint = efficient(joint)
+    statistic, shares, single = _excess(joint, groups)
+    degrees = joint.composition.size * (len(single) - 1)
+    p, error = math.nan, math.nan
+    if draws:
+        null = [
+            _excess(refitted(joint, curves), groups)[0]
+            for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))
+        ]
+        p = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
+        error = math.sqrt(p * (1.0 - p) / draws)
+    asymptotic = float(chdtrc(degrees, statistic))
+    decisive = p if draws else asymptotic
+    sentence = _stationarity_sentence(statistic, decisive, shares)
+    spread = _spread(joint, single, groups)
+    return NearStationarity(
+        statistic, degrees, asymptotic, p, error, draws, shares, joint, single, spread, sentence
+    )
+
+
+def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ...]]:
+    """Return S (S.3), its share (R,) by recording, and the single fits.
+
+    These have the weights of the joint fit.
+    """
+    single, shares = [], []
+    for recording in np.unique(groups):
+        members = np.flatnonzero(groups == recording)
+        curves, weights = [joint.curves[i] for i in members], [joint.weights[i] for i in members]
+        single_fit = fit(
+            curves,
+            joint.composition,
+            weights=weights,
+            sampling=joint.sampling,
+            times_s=joint.times_s,
+        )
+        single.append(single_fit)
+        shares.append(objective(joint.axis, curves, weights, joint.sampling) - single_fit.objective)
+    return float(np.sum(shares)), np.array(shares), tuple(single)
+
+
+def _spread(
+    joint: Fit, single: tuple[Fit, ...], groups: np.ndarray
+) -> tuple[tuple[str, float, float], ...]:
+    out = []
+    V = covariances(joint)
+    members = np.flatnonzero(groups == groups[0])
+    alone = replace(
+        joint,
+        curves=tuple(joint.curves[i] for i in members),
+        weights=tuple(joint.weights[i] for i in members),
+    )
+    linear = Linearised(alone, [V[i] for i in members])
+    expected = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
+    for i, name in enumerate(joint.composition.parameters):
+        values = [f.parameters[i] for f in single if name not in f.at_bound]
+        scatter = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
+        out.append((name, scatter, math.nan if name in joint.at_bound else float(expected[i])))
+    return tuple(out)
+
+
+def _stationarity_sentence(statistic: float, p: float, shares: Array) -> str:
+    R = shares.size
+    if p >= 0.05:
+        return (
+            f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse"
+            f" than singly, {p_text(p)}"
+        )
+    if R == 2:
+        return (
+            f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune them"
+            " singly and compare"
+        )
+    worst = int(np.argmax(shares))
+    share = 100.0 * shares[worst] / statistic
+    return (
+        f"one parameter set does not serve all {R} recordings: {p_text(p)}; recording {worst + 1}"
+        f" has {share:.0f} % of the difference; look at it, or leave it out"
+    )
