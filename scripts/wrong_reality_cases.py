@@ -19,6 +19,7 @@ DEG_H, MG = np.radians(1.0) / 3600.0, 9.80665e-3
 
 LEVER, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "clock rate"
 NOISE, SIGMAS = "IMU noise:", "GNSS sigmas:|: the GNSS sigmas are too small"
+WARM_UP = "IMU warm-up"
 CORRELATED, LOST = "time-correlated", "rejected by the gate|lost the fixes|were rejected"
 SCALE = {"gyro": r"gyro( \w+)? scale factor", "accel": r"accel(erometer)?( \w+)? scale factor"}
 MISALIGNED = {"gyro": r"gyro (\w+ from|misal)", "accel": r"accel(erometer)? (\w+ from|misal)"}
@@ -133,6 +134,19 @@ def drifting(gyro: float, accel: float, jump_s: float | None = None) -> Plant:
         of_gyro, of_accel = course[:, None] * draw.choice([-1.0, 1.0], (2, 1, 3))
         return scene.of_imu(
             gyro=scene.imu.gyro + gyro * of_gyro, accel=scene.imu.accel + accel * of_accel
+        )
+
+    return plant
+
+
+def warming(gyro: float, accel: float, time_s: float) -> Plant:
+    """Biases of these sizes decay from the first sample on; factors 1, -0.7, 0.5 on the axes."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        course = np.exp(-(scene.imu.time - scene.imu.time[0]) / time_s)[:, None]
+        shape = course * np.array([1.0, -0.7, 0.5])
+        return scene.of_imu(
+            gyro=scene.imu.gyro + gyro * shape, accel=scene.imu.accel + accel * shape
         )
 
     return plant
@@ -266,8 +280,12 @@ CASES = (
     Case("accel white noise x 10", noisy(accel=10.0), NOISE),
     Case("IMU white noise x 30", noisy(30.0, 30.0), NOISE),
     Case("vibration factor 5", culprit=NOISE, simulated=(("vibration", 5.0),)),
+    Case("IMU warms up, 150 deg/h, 5 mg, 90 s", warming(150.0 * DEG_H, 5.0 * MG, 90.0), WARM_UP),
+    Case("IMU warms up, 500 deg/h, 15 mg, 90 s", warming(500.0 * DEG_H, 15.0 * MG, 90.0), WARM_UP),
+    Case("IMU warms up, 150 deg/h, 5 mg, 60 s", warming(150.0 * DEG_H, 5.0 * MG, 60.0), WARM_UP),
+    Case("biases drift by 200 deg/h, 3 mg", drifting(200.0 * DEG_H, 3.0 * MG), WARM_UP),
     Case("biases drift by 50 deg/h, 0.5 mg", drifting(50.0 * DEG_H, 0.5 * MG), NOISE, True),
-    Case("biases drift by 1000 deg/h, 20 mg", drifting(1000.0 * DEG_H, 20.0 * MG), NOISE),
+    Case("biases drift by 1000 deg/h, 20 mg", drifting(1000.0 * DEG_H, 20.0 * MG), WARM_UP),
     Case("gyro biases jump by 200 deg/h", drifting(200.0 * DEG_H, 0.0, 150.0), NOISE),
     Case("gyro biases jump by 2000 deg/h", drifting(2000.0 * DEG_H, 0.0, 150.0), NOISE),
     Case("IMU stamps tremble by 1 ms", jitter, f"{NOISE}|IMU rate|jitter"),

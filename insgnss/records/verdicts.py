@@ -63,6 +63,7 @@ CHECKS: Mapping[str, float] = {
     "exposure clock": NOTED_FACTOR,
     "IMU scale factors": REMARK,
     "IMU misalignments": REMARK,
+    "IMU warm-up": ADOPTED,
     "IMU noise": ADOPTED,
     "drift": ADOPTED,
     "GNSS sigmas": ADOPTED,

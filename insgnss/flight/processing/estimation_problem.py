@@ -168,6 +168,7 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
             options.misalignment or imu.misalignment is not None,
             errors,
             of_barometer,
+            imu.slow,
         )
 
     return layout

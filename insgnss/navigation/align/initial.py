@@ -334,6 +334,9 @@ def _run_back(
     if layout.offset >= 0:
         sign[IMU0 + layout.offset] = -1.0
     back = _reversed(problem, first)
+    # what follows a course, and no noise, grows backwards as it decays forwards
+    beta = np.where(layout.drive > 0.0, layout.beta, -layout.beta)
+    back = replace(back, layout=replace(layout, beta=beta))
     nav = nav.copy()
     nav[VEL] *= -1.0
     start = InitialState(nav, x * sign[IMU], np.zeros(layout.size), P * np.outer(sign, sign))

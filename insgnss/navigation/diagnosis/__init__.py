@@ -12,7 +12,7 @@ it reads no file. The modules follow the way of the search:
     turn_on_bias     the evidence for biases that the noise model lacks
     decision         which candidate is adopted: `diagnose`
     failure          why a flight has no solution, and with which errors of the IMU it has one
-    drift            what larger noise of the whole flight smooths over
+    drift            biases that warm up or drift; what larger noise smooths over
     advice           the notes for the user: checks against the flight file, a message
     remedies         the list of what is tried for a segment, in order: `REMEDIES`
     estimated        what a solution says of the constants and GNSS errors among its states

@@ -25,7 +25,7 @@ from ...records.states import (
     State,
 )
 from ..filter.codes import NAV
-from ..filter.layout import FixErrors, StateLayout
+from ..filter.layout import FixErrors, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..noise_model.model import AxisNoise, NoiseModel
 
@@ -64,12 +64,15 @@ class ImuErrors:
     white_noise, driving_noise : tuple of float
         (2,) factors of the root densities of white noise, and of what drives random walks and
         Gauss-Markov processes, of gyros and of accelerometers.
+    slow : SlowBias, optional
+        A slow bias of every channel.
     """
 
     scale_factor: float | None = None
     misalignment: float | None = None
     white_noise: tuple[float, float] = (1.0, 1.0)
     driving_noise: tuple[float, float] = (1.0, 1.0)
+    slow: SlowBias | None = None
 
     def of(self, model: NoiseModel) -> NoiseModel:
         """Return the noise model with these errors.

@@ -5,50 +5,37 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ...base.beside import Beside
-from ...base.errors import DataError
 from ...records import Finding
-from ...records.cameras.mounting import Mounting
-from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET, State
+from ...records.states import CLOCK_RATE, TIME_OFFSET, State
 from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
-from ..filter.layout import FixErrors, StateLayout
-from ..filter.problem import EstimationProblem, InitialState
-from ..filter.solution import Solution, solve
+from ..filter.layout import SLOW
+from ..filter.problem import InitialState
+from ..filter.solution import Solution
 from .advice import advice, message, unseen, variance_check
 from .candidates import (
     FAR,
     ErrorModel,
-    LayoutFactory,
-    widened,
     with_constants,
-    with_every_constant,
     with_larger_white_share,
-    with_layout,
 )
 from .clock_step import find_clock_step, step_check
 from .constants import (
     ConstantsEvidence,
     Hypothesis,
-    constants_evidence,
-    followed_constants,
     settled_evidence,
 )
+from .drift import slow_bias_candidate
 from .estimated import constant
-from .evidence import (
-    follows,
-    loses_fixes,
-    misfit,
-)
+from .evidence import FEWEST_FIXES, ErrorModelSearch, Posed, follows, loses_fixes, misfit
 from .sensitivity import Sensitivity
 from .time_correlated import is_suspicious, time_correlated_error
-from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
+from .variances import BIAS_NOISE, FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
-FEWEST_FIXES = 60  # below which the innovations are not looked at
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
@@ -59,90 +46,6 @@ EXPLAINED, OPEN = 0.25, 5.0
 # shares of the gain of a time-correlated error: of one that loses no fixes, and of one that does
 LEAST_OF_GAIN, MOST_OF_GAIN = 0.5, 0.9
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
-
-SecondPass = Literal["auto", "on", "off"]
-Posed = tuple[EstimationProblem, InitialState]
-
-
-@dataclass(frozen=True)
-class ErrorModelSearch:
-    """What the search may vary, and how its candidates are solved.
-
-    Parameters
-    ----------
-    requested_errors : FixErrors
-        The errors of the fixes that the flight file asks for.
-    layout_factory : LayoutFactory
-        The error states of the flight as a function of those of its fixes.
-    mounting : Mounting
-        The mounting of the flight file, with which estimates are compared.
-    time_correlated : bool
-        Whether a time-correlated GNSS error may be adopted.
-    second_pass : str
-        Of the adopted solution, as `navigation.filter.solution.solve` takes it.
-    progress : callable
-        Receives the name of each step.
-    variances : bool
-        Whether variances compete; `tune` estimates them by itself.
-    requested : tuple of str
-        Groups of constants that the flight file has estimated; they are not suspected.
-    events_with_fixes : bool
-        Whether the clock of the fixes stamps the exposures.
-    exposures : bool
-        Whether there are any, whose place depends on that of the IMU in the mounting.
-    """
-
-    requested_errors: FixErrors
-    layout_factory: LayoutFactory
-    mounting: Mounting
-    time_correlated: bool
-    second_pass: SecondPass
-    progress: Callable[[str], None]
-    requested: tuple[str, ...] = ()
-    variances: bool = True
-    events_with_fixes: bool = False
-    exposures: bool = False
-
-    @property
-    def exact(self) -> tuple[str, ...]:
-        """Groups of constants that the flight file states as exact."""
-        of_arm = self.mounting.antenna_sigma_m == 0.0 and LEVER_ARM not in self.requested
-        return (LEVER_ARM,) if of_arm else ()
-
-    def layout(self, model: ErrorModel) -> StateLayout:
-        """Return the error states of an error model."""
-        return self.layout_factory(model.fixes, model.imu)
-
-    def constants(
-        self, problem: EstimationProblem, start: InitialState, model: ErrorModel
-    ) -> ConstantsEvidence | None:
-        """Return what a flight says of its constants under an error model."""
-        wide = self.layout(with_every_constant(model))
-        own = self.layout(model)
-        return constants_evidence(problem, start, own, wide, self.requested, self.exact)
-
-    def followed(self, problem: EstimationProblem) -> Sensitivity | None:
-        """Return what is to go along with the first pass over a flight.
-
-        What it finds of the constants may spare the pass of `constants`; None where there are too
-        few fixes for it, or where they cannot be followed.
-        """
-        if np.count_nonzero(problem.epochs.has_position) < FEWEST_FIXES:
-            return None
-        wide = self.layout(with_every_constant(ErrorModel(self.requested_errors)))
-        return followed_constants(problem, wide)
-
-    def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
-        """Solve again with another error model; None where there is no solution."""
-        again = widened(*with_layout(*posed, self.layout(model)), posed[0].layout)
-        try:
-            return solve(*again, self.second_pass, self.progress)
-        except DataError:
-            return None
-
-    def of_fixes(self, model: ErrorModel) -> LayoutFactory:
-        """Return the error states as a function of those of the fixes, with the model's IMU."""
-        return lambda fixes: self.layout_factory(fixes, model.imu)
 
 
 @dataclass(frozen=True)
@@ -205,7 +108,7 @@ def diagnose(
         there = _next(search, posed, here, constants)
         if there is None:
             break
-        here = there
+        here, posed = there, there.posed or posed
     step = _clock_step(search, posed, here)
     if step is not None:  # what was adopted instead is no finding of its own
         return Diagnosis(here.solution, (step,), here.history)
@@ -219,13 +122,17 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _State:
-    """Where the search stands: what is adopted, what it says, and what has been tried in vain."""
+    """Where the search stands: what is adopted, what it says, and what has been tried in vain.
+
+    `posed` is the problem with another start, where what is adopted has aligned it anew.
+    """
 
     solution: Solution
     model: ErrorModel
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     attempted: frozenset[State | str] = frozenset()
+    posed: Posed | None = None
 
 
 Candidate = tuple[float, Callable[[], _State | None]]
@@ -280,6 +187,7 @@ def _next(
     suspicious = _looked_at(search, here) if correlates else None
     variances = VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
+    slow = _slow_bias(search, posed, here, variances) if promising else None
     remedied = None
     if (
         constants is not None
@@ -291,9 +199,13 @@ def _next(
         left = _left(search, remedied.solution, OF_IMU) if after and remedied else 0.0
         if left > suspected.evidence:
             remedied = None  # a remedy that leaves more than it explains is none
-        elif left < LEAST_PROMISE and remedied is not None:
+        elif (
+            left < LEAST_PROMISE
+            and remedied is not None
+            and (slow is None or slow[0] < suspected.evidence)
+        ):
             return _as_allowed(here, remedied, constants, suspected)
-    candidates = [_variance(search, posed, here, variances)] if promising else []
+    candidates = [slow, _variance(search, posed, here, variances)] if promising else []
     if suspicious is not None:
         candidates.append(_time_correlated(search, posed, here, variances, suspicious))
     if constants is not None and suspected is not None and remedied is not None:
@@ -368,6 +280,32 @@ def _variance(
         return _State(solution, model, (*here.checks, check), history, attempted)
 
     return winner.evidence, adopt
+
+
+def _slow_bias(
+    search: ErrorModelSearch, posed: Posed, state: _State, variances: VarianceSearch
+) -> Candidate | None:
+    """Return the strongest slow bias of the IMU; None where there is none."""
+    candidate = None
+    if SLOW not in state.attempted and BIAS_NOISE in variances.promising():
+        candidate = slow_bias_candidate(search, state.model, posed[0], variances)
+    if candidate is None:
+        return None
+
+    def adopt() -> _State | None:
+        solved = candidate.solved(search)
+        if solved is None:
+            return None
+        solution, start = solved
+        if misfit(state.solution) - misfit(solution) < EXPLAINED * candidate.evidence:
+            return None
+        check = candidate.check(solution)
+        history = (*state.history, f"{check.name}: {check.found}")
+        attempted, checks = state.attempted | {SLOW}, (*state.checks, check)
+        again = solution.problem, start
+        return _State(solution, candidate.model, checks, history, attempted, again)
+
+    return candidate.evidence, adopt
 
 
 def _looked_at(search: ErrorModelSearch, here: _State) -> "Beside[bool]":

@@ -10,22 +10,119 @@ The search evaluates it over a window of at most `WINDOW_FIXES` fixes, in which 
 most; the decision compares `misfit`, the same of the whole flight.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from ...base.errors import DataError
+from ...records.cameras.mounting import Mounting
+from ...records.states import LEVER_ARM
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter
+from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
-from ..filter.solution import Solution
+from ..filter.solution import Solution, solve
 from ..innovations.pieces import sub_solution
+from .candidates import ErrorModel, LayoutFactory, widened, with_every_constant, with_layout
+from .constants import ConstantsEvidence, constants_evidence, followed_constants
+from .sensitivity import Sensitivity
 
 WINDOW_FIXES = 900  # of the window over which candidates are compared
 GAIN = 20.0  # in -2 log L, from which a candidate is accepted
 IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
 MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
+FEWEST_FIXES = 60  # below which the innovations are not looked at
+
+SecondPass = Literal["auto", "on", "off"]
+Posed = tuple[EstimationProblem, InitialState]
+
+
+@dataclass(frozen=True)
+class ErrorModelSearch:
+    """What the search may vary, and how its candidates are solved.
+
+    Parameters
+    ----------
+    requested_errors : FixErrors
+        The errors of the fixes that the flight file asks for.
+    layout_factory : LayoutFactory
+        The error states of the flight as a function of those of its fixes.
+    mounting : Mounting
+        The mounting of the flight file, with which estimates are compared.
+    time_correlated : bool
+        Whether a time-correlated GNSS error may be adopted.
+    second_pass : str
+        Of the adopted solution, as `navigation.filter.solution.solve` takes it.
+    progress : callable
+        Receives the name of each step.
+    variances : bool
+        Whether variances compete; `tune` estimates them by itself.
+    requested : tuple of str
+        Groups of constants that the flight file has estimated; they are not suspected.
+    events_with_fixes : bool
+        Whether the clock of the fixes stamps the exposures.
+    exposures : bool
+        Whether there are any, whose place depends on that of the IMU in the mounting.
+    align : callable, optional
+        Gives the initial state of a problem; without it no slow bias of the IMU is tried, whose
+        alignment is part of it.
+    """
+
+    requested_errors: FixErrors
+    layout_factory: LayoutFactory
+    mounting: Mounting
+    time_correlated: bool
+    second_pass: SecondPass
+    progress: Callable[[str], None]
+    requested: tuple[str, ...] = ()
+    variances: bool = True
+    events_with_fixes: bool = False
+    exposures: bool = False
+    align: Callable[[EstimationProblem], InitialState] | None = None
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Groups of constants that the flight file states as exact."""
+        of_arm = self.mounting.antenna_sigma_m == 0.0 and LEVER_ARM not in self.requested
+        return (LEVER_ARM,) if of_arm else ()
+
+    def layout(self, model: ErrorModel) -> StateLayout:
+        """Return the error states of an error model."""
+        return self.layout_factory(model.fixes, model.imu)
+
+    def constants(
+        self, problem: EstimationProblem, start: InitialState, model: ErrorModel
+    ) -> ConstantsEvidence | None:
+        """Return what a flight says of its constants under an error model."""
+        wide = self.layout(with_every_constant(model))
+        own = self.layout(model)
+        return constants_evidence(problem, start, own, wide, self.requested, self.exact)
+
+    def followed(self, problem: EstimationProblem) -> Sensitivity | None:
+        """Return what is to go along with the first pass over a flight.
+
+        What it finds of the constants may spare the pass of `constants`; None where there are too
+        few fixes for it, or where they cannot be followed.
+        """
+        if np.count_nonzero(problem.epochs.has_position) < FEWEST_FIXES:
+            return None
+        wide = self.layout(with_every_constant(ErrorModel(self.requested_errors)))
+        return followed_constants(problem, wide)
+
+    def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
+        """Solve again with another error model; None where there is no solution."""
+        again = widened(*with_layout(*posed, self.layout(model)), posed[0].layout)
+        try:
+            return solve(*again, self.second_pass, self.progress)
+        except DataError:
+            return None
+
+    def of_fixes(self, model: ErrorModel) -> LayoutFactory:
+        """Return the error states as a function of those of the fixes, with the model's IMU."""
+        return lambda fixes: self.layout_factory(fixes, model.imu)
 
 
 def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialState]:

@@ -13,8 +13,9 @@ from ..filter.solution import Solution, solve
 from .advice import advice, variance_check
 from .candidates import ErrorModel, widened, with_constants, with_layout
 from .constants import STRONG, Hypothesis
-from .decision import OF_CLOCK, ROUNDS, ErrorModelSearch, as_solved, step_under, together
-from .evidence import follows
+from .decision import OF_CLOCK, ROUNDS, as_solved, step_under, together
+from .drift import slow_bias_candidate
+from .evidence import ErrorModelSearch, follows
 from .variances import VarianceSearch, with_variances
 
 
@@ -72,8 +73,8 @@ def rescue(
 ) -> tuple[Solution, tuple[Finding, ...]] | None:
     """Look for the error of the IMU with which a flight has a solution that has none without.
 
-    Scale factors and misalignments are tried first, where the evidence is for them; larger noise,
-    which would take them for vibration, after.
+    Scale factors and misalignments are tried first, where the evidence is for them; slow biases and
+    larger noise, which would take them for vibration, after.
 
     Parameters
     ----------
@@ -95,7 +96,13 @@ def rescue(
     try:
         shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
         for _ in range(ROUNDS):
-            winner = VarianceSearch(shown, search.progress).strongest()
+            variances = VarianceSearch(shown, search.progress)
+            winner = variances.strongest()
+            slow = slow_bias_candidate(search, model, problem, variances)
+            if slow is not None and (winner is None or slow.evidence > winner.evidence):
+                solved = slow.solved(search)
+                if solved is not None and follows(solved[0]):
+                    return solved[0], (slow.check(solved[0]),)
             larger = None if winner is None else with_variances(model, winner)
             if winner is None or larger is None:
                 return None

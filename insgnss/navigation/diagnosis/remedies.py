@@ -24,9 +24,10 @@ from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
-from .decision import ErrorModelSearch, diagnose
+from .decision import diagnose
 from .drift import hidden_drift
 from .estimated import constant
+from .evidence import ErrorModelSearch
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
     Spell,
@@ -279,12 +280,17 @@ def _with_other_imu(case: Case) -> Case | None:
         start, how = case.align(replace(case.problem, gate=np.inf))
     except DataError:
         return None
-    rescued = rescue(case.search, case.problem, start)
+    rescued = rescue(_aligning(case), case.problem, start)
     if rescued is None:
         return None
     solution, checks = rescued
     case = replace(case, failure=None, checks=checks, other_imu=bool(checks))
     return replace(case, start=start, how=how, solution=solution)
+
+
+def _aligning(case: Case) -> ErrorModelSearch:
+    """Return the search of a case, with the alignment that a slow bias of the IMU asks for."""
+    return replace(case.search, align=lambda problem: case.align(problem)[0])
 
 
 def _biases(case: Case) -> Finding | None:
@@ -315,7 +321,7 @@ def _with_error_model(case: Case) -> Case:
     before, start = case.solution, case.start
     assert before is not None
     assert start is not None
-    diagnosis = diagnose(case.search, start, before, case.followed)
+    diagnosis = diagnose(_aligning(case), start, before, case.followed)
     drift = hidden_drift(before, diagnosis.solution, diagnosis.checks)
     return replace(
         case,

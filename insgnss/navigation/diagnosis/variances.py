@@ -44,12 +44,13 @@ from ..innovations.search import Search
 from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
 from .evidence import liveliest_part
 
+BIAS_NOISE = "IMU bias noise"
 FAMILIES = {
     "IMU white noise": ("gyro.white_noise", "accel.white_noise"),
-    "IMU bias noise": ("gyro.driving_noise", "accel.driving_noise"),
+    BIAS_NOISE: ("gyro.driving_noise", "accel.driving_noise"),
     "GNSS sigmas": ("fixes.position", "fixes.velocity"),
 }
-OF_IMU = ("IMU white noise", "IMU bias noise")
+OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500

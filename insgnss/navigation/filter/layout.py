@@ -11,6 +11,8 @@ start for a drift, the measured rate of a channel for a scale factor or a misali
     random walk                                        beta = 0, drive > 0
     Gauss-Markov                                       beta = 1/T, drive > 0  started in its
                                                                               stationary state
+    slow bias                                          beta = 1/T, drive = 0  a exp(-t/T); of
+                                                                              infinite T a drift
 
 A turn-on bias stays a state of its own. Folded into the longest Gauss-Markov process its fed-back
 estimate would decay with that process's correlation time, and the filter would take for certain a
@@ -27,6 +29,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...base.units import STANDARD_GRAVITY
 from ...records import Array
 from ...records.states import (
     BAROMETER_BIAS,
@@ -47,6 +50,12 @@ from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
+
+# a-priori sigma of a slow bias, rad/s and m/s^2: MEMS that warm up by 20 to 40 K change by 100 to
+# 500 deg/h and by 3 to 15 mg
+SLOW_BIAS = {"gyro": np.radians(200.0) / 3600.0, "accel": 5e-3 * STANDARD_GRAVITY}
+UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
+SLOW = "slow bias"  # group of its states
 
 Row = tuple[State, int, int, float, float, float]  # state, channel, factor, beta, drive, sigma0
 
@@ -97,6 +106,22 @@ class FixErrors:
     velocity_gm_sigma_mps: float | None = None
     velocity_correlation_time_s: float = 60.0
     velocity_white_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class SlowBias:
+    """A bias of every channel that follows one deterministic course, as of an IMU that warms up.
+
+    Parameters
+    ----------
+    time_s : float
+        T of its course exp(-t/T), s; infinite for one that grows linearly with time.
+    duration_s : float
+        Length of the flight, s, over which the latter grows to `SLOW_BIAS`.
+    """
+
+    time_s: float
+    duration_s: float
 
 
 @dataclass(frozen=True)
@@ -252,6 +277,7 @@ def state_layout(
     misalignment: bool = False,
     fixes: FixErrors = FixErrors(),
     barometer: BarometerErrors | None = None,
+    slow: SlowBias | None = None,
 ) -> StateLayout:
     """Return the states that a noise model asks for, and those that are asked for besides.
 
@@ -267,6 +293,8 @@ def state_layout(
         Which errors of the GNSS fixes are states.
     barometer : BarometerErrors, optional
         The errors of a barometer, where there is one.
+    slow : SlowBias, optional
+        A slow bias of every channel, where there is one.
 
     Returns
     -------
@@ -277,6 +305,8 @@ def state_layout(
     axes = [*model.gyro, *model.accel]
     for c, axis in enumerate(axes):
         rows += _axis_states(c, axis)
+    if slow is not None:
+        rows += [_slow_state(c, slow) for c in range(N_CHANNELS)]
     for c, axis in enumerate(axes):
         sensor, letter = CHANNELS[c]
         if scale_factor:
@@ -350,10 +380,20 @@ def _gauss_markov(group: str, sigma: tuple[float, ...], time_s: float) -> list[R
     ]
 
 
+def _slow_state(c: int, slow: SlowBias) -> Row:
+    """Return the slow bias of channel c."""
+    sensor, letter = CHANNELS[c]
+    if np.isfinite(slow.time_s):
+        state = State(SLOW, letter, UNITS[sensor], sensor)
+        return state, c, BIAS, 1.0 / slow.time_s, 0.0, SLOW_BIAS[sensor]
+    state = State(SLOW, letter, f"{UNITS[sensor]}/s", sensor)
+    return state, c, DRIFT, 0.0, 0.0, SLOW_BIAS[sensor] / slow.duration_s
+
+
 def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
     """Return the bias-like states of channel c."""
     sensor, letter = CHANNELS[c]
-    unit, rows = {"gyro": "rad/s", "accel": "m/s^2"}[sensor], []
+    unit, rows = UNITS[sensor], []
     if axis.turn_on_bias > 0.0 or axis.random_walk > 0.0:
         bias = State("bias", letter, unit, sensor)
         rows.append((bias, c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))

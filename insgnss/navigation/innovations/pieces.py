@@ -7,7 +7,7 @@ import numpy as np
 
 from ...records import Array
 from ...records.states import CORRELATED_ERROR
-from ..filter.codes import IMU0
+from ..filter.codes import BIAS, DRIFT, IMU0
 from ..filter.layout import StateLayout
 from ..filter.problem import sub_problem
 from ..filter.solution import Solution
@@ -55,6 +55,10 @@ def sub_solution(solution: Solution, first: int, last: int) -> Solution:
         k: getattr(solution, k)[epochs]
         for k in ("nav", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
     }
+    for s in np.flatnonzero(layout.factor == DRIFT):
+        bias = (layout.channel == layout.channel[s]) & (layout.factor == BIAS) & (layout.beta == 0)
+        if bias.any():
+            x[:, np.argmax(bias)] += x[:, s] * solution.problem.epochs.time[first]
     covariances = solution.covariances.piece(first, last)
     return replace(solution, problem=problem, x=x, covariances=covariances, **arrays)
 

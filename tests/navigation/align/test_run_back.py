@@ -8,7 +8,7 @@ from flown import fly
 
 from insgnss.navigation.align.initial import _run_back
 from insgnss.navigation.filter.codes import DRIFT
-from insgnss.navigation.filter.layout import state_layout
+from insgnss.navigation.filter.layout import SlowBias, state_layout
 from insgnss.navigation.noise_model.model import AxisNoise, NoiseModel
 
 AXIS = AxisNoise(
@@ -20,7 +20,10 @@ AXIS = AxisNoise(
 def problem():
     """Eight seconds without fixes."""
     layout = state_layout(
-        NoiseModel("test", "", (AXIS,) * 3, (AXIS,) * 3), scale_factor=True, misalignment=True
+        NoiseModel("test", "", (AXIS,) * 3, (AXIS,) * 3),
+        scale_factor=True,
+        misalignment=True,
+        slow=SlowBias(5.0, 8.0),
     )
     flown = fly(8.0, noise=None, imu_hz=100.0, layout=layout)
     without = flown.problem.epochs._replace(
@@ -29,7 +32,7 @@ def problem():
     return replace(flown.problem, epochs=without), flown.true_nav()
 
 
-@pytest.mark.parametrize("kind", ["bias", "drift", "scale factor", "from z"])
+@pytest.mark.parametrize("kind", ["bias", "drift", "slow bias", "scale factor", "from z"])
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
 def test_an_error_state_takes_off_what_was_put_into_the_readings(problem, sensor, kind):
     """Oracle: exact motion; readings with a known error, counted from the last epoch, and its state
@@ -40,7 +43,9 @@ def test_an_error_state_takes_off_what_was_put_into_the_readings(problem, sensor
     last = inc.marks.size - 1
     s = [str(state) for state in layout.states].index(f"{sensor} x {kind}")
     c, f, x = layout.channel[s], layout.factor[s], np.zeros(layout.size - 9)
-    x[s] = {"bias": 1e-2, "drift": 1e-3, "scale factor": 1e-2, "from z": 1e-2}[kind]
+    x[s] = {"bias": 1e-2, "slow bias": 1e-2, "drift": 1e-3, "scale factor": 1e-2, "from z": 1e-2}[
+        kind
+    ]
     since = np.cumsum(inc.dt) - 0.5 * inc.dt - (inc.marks[-1] - inc.marks[0])
     readings = np.hstack([inc.dtheta, inc.dvel])
     if f >= 0:
@@ -50,7 +55,8 @@ def test_an_error_state_takes_off_what_was_put_into_the_readings(problem, sensor
             readings[:, c] / (1.0 - x[s]) if f == c else readings[:, c] + x[s] * readings[:, f]
         )
     else:
-        readings[:, c] += x[s] * inc.dt * (since if f == DRIFT else 1.0)
+        # a slow bias is larger before: exp(-t / 5 s)
+        readings[:, c] += x[s] * inc.dt * (since if f == DRIFT else np.exp(-layout.beta[s] * since))
     spoiled = replace(given, inc=replace(inc, dtheta=readings[:, :3], dvel=readings[:, 3:]))
     P = 1e-12 * np.eye(layout.size)
     back, _, _ = _run_back(spoiled, last, true[last], x, P)

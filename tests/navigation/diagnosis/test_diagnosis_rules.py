@@ -346,10 +346,10 @@ def test_the_average_over_models_weighs_by_likelihood() -> None:
 
 
 def next_state(
-    monkeypatch, *, evidence=10.0, left=0.0, variance=None, promising=True, remedied=True
+    monkeypatch, *, evidence=10.0, left=0.0, variance=None, promising=True, remedied=True, slow=None
 ):
     """What is adopted next: of a constant of some evidence, after which so much is left to be
-    explained, and of a variance."""
+    explained, of a variance, and of a slow bias."""
     suspected = SimpleNamespace(groups=("g",), evidence=evidence)
     constants = SimpleNamespace(strongest=lambda: suspected)
     monkeypatch.setattr(
@@ -366,6 +366,9 @@ def next_state(
         decision,
         "_variance",
         lambda *_: None if variance is None else (variance, lambda: "variance"),
+    )
+    monkeypatch.setattr(
+        decision, "_slow_bias", lambda *_: None if slow is None else (slow, lambda: "slow")
     )
     search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
     here = SimpleNamespace(attempted=frozenset(), solution=0)
@@ -384,11 +387,19 @@ def next_state(
         ({"left": 31.0, "evidence": 50.0, "variance": 49.0}, "constant"),
         ({"left": 51.0, "evidence": 50.0, "variance": 1.0}, "variance"),  # explains less than left
         ({"left": 51.0, "evidence": 50.0}, None),
+        (
+            {"slow": 51.0, "left": 29.0, "evidence": 50.0},
+            "slow",
+        ),  # a constant is blamed after it has lost
+        ({"slow": 49.0, "left": 29.0, "evidence": 50.0}, "constant"),
+        ({"slow": 9.0, "remedied": False, "variance": 8.0}, "slow"),
+        ({"slow": 7.0, "remedied": False, "variance": 8.0}, "variance"),
     ],
 )
 def test_which_explanation_is_adopted(monkeypatch, changes, adopted) -> None:
     """Oracle: the rules of the decision by hand: by evidence, but a constant that leaves little is
-    taken at once, and one that leaves more than it explains is not."""
+    taken at once unless a slow bias explains more, and one that leaves more than it explains is
+    not."""
     assert next_state(monkeypatch, **changes) == adopted
 
 
