@@ -19,7 +19,7 @@ from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .advice import advice, message, unseen, variance_check
+from .advice import NO_CLAIMS, FixClaims, advice, message, unseen, variance_check
 from .candidates import (
     FAR,
     ErrorModel,
@@ -90,6 +90,8 @@ class ErrorModelSearch:
         Whether the clock of the fixes stamps the exposures.
     exposures : bool
         Whether there are any, whose place depends on that of the IMU in the mounting.
+    claims : FixClaims
+        What is known beforehand of the sigmas of the fixes.
     """
 
     requested_errors: FixErrors
@@ -102,6 +104,7 @@ class ErrorModelSearch:
     variances: bool = True
     events_with_fixes: bool = False
     exposures: bool = False
+    claims: FixClaims = NO_CLAIMS
 
     @property
     def exact(self) -> tuple[str, ...]:
@@ -362,7 +365,7 @@ def _variance(
         solution = search.solved(posed, model)
         if solution is None or _left(search, solution) > winner.evidence:
             return None
-        check = variance_check(winner)
+        check = variance_check(winner, search.claims)
         history = (*here.history, f"{check.name}: {check.found}")
         attempted = here.attempted | {winner.family}
         return _State(solution, model, (*here.checks, check), history, attempted)
