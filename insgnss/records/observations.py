@@ -199,6 +199,8 @@ class GnssFixes(Rows):
     base_ecef : (3,) m, position of the base that an engine solved them against; None: not stated.
     sigma_assumed : (n,) bool, fixes whose source states no covariance, so that `cov_ned` is what
         the reader was told to assume; None: none.
+    source_format : format of the source by its reader's name ("rtklib_pos", "ulog", ...), which
+        tells how well its sigmas hold (`navigation.prepare.fix_covariance.numbers`); "": unknown.
 
     Raises
     ------
@@ -230,6 +232,7 @@ class GnssFixes(Rows):
     hdop: Array | None = None
     base_ecef: Array | None = None
     sigma_assumed: NDArray[np.bool_] | None = None
+    source_format: str = ""
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size

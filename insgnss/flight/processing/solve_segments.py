@@ -12,11 +12,13 @@ import numpy as np
 from ...base.errors import DataError
 from ...geodesy.frames import LocalFrame
 from ...navigation.align.initial import given_attitude, initial_state
+from ...navigation.diagnosis.advice import FixClaims
 from ...navigation.diagnosis.evidence import ErrorModelSearch
 from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
 from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.prepare.clock import SHORTEST_OVERLAP_S, common_span
+from ...navigation.prepare.fix_covariance.numbers import largest_usual_scale
 from ...navigation.recognise.claims import RECOGNISED
 from ...records import Finding
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
@@ -212,6 +214,7 @@ def _search(
     flight: Flight, recording: Recording, prepared: PreparedSegment, step: Progress
 ) -> ErrorModelSearch:
     """Return what the search for the error model of a segment may vary."""
+    assumed = prepared.fixes.sigma_assumed
     return ErrorModelSearch(
         prepared.requested_errors,
         prepared.layout_factory,
@@ -223,6 +226,11 @@ def _search(
         flight.filter.adaptive_noise == "auto",
         recording.of_receiver,
         recording.events is not None,
+        claims=FixClaims(
+            largest_usual_scale(prepared.fixes.source_format),
+            flight.gnss.sigma_m if assumed is not None and assumed.all() else None,
+            flight.gnss.white_scale,
+        ),
     )
 
 

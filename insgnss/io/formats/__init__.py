@@ -6,6 +6,7 @@ option. `describe` says which tables and columns a file holds. `EXPORTS` lists w
 orientation is written to.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -167,7 +168,8 @@ def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
     reader = READERS[kind][form]
     options = _options(path, form, reader.options.split(), spec)
     content = (load_content(form, path),) if form in LOADERS else ()
-    return function_at(reader.function)(path, *content, **options)
+    record = function_at(reader.function)(path, *content, **options)
+    return replace(record, source_format=form) if kind == "gnss" else record
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:

@@ -9,7 +9,7 @@ with it.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -198,34 +198,72 @@ def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
 
-def variance_check(suspected: "VarianceHypothesis") -> Finding:
+@dataclass(frozen=True)
+class FixClaims:
+    """What is known beforehand of the sigmas that the fixes claim, and which key scales them.
+
+    Parameters
+    ----------
+    usual_scale : float
+        The largest factor that makes sigmas of such a source right and is nothing to say.
+    sigma_m : tuple of float, optional
+        (3,) the flight file's, m, north, east, down, where their source states none.
+    white_scale : float
+        The flight file's factor of the sigmas that a source states.
+    """
+
+    usual_scale: float = 1.0
+    sigma_m: tuple[float, ...] | None = None
+    white_scale: float = 1.0
+
+    def advised(self, k: float) -> Remedy:
+        """Return the key that takes the factor `k` of the positions' sigmas into the flight."""
+        if k <= 1.0:
+            return "nothing to do: the result allows for it"
+        if self.sigma_m is not None:
+            return SetKey("gnss.sigma_m", [float(f"{k * sigma:.3g}") for sigma in self.sigma_m])
+        return SetKey("gnss.white_scale", float(f"{k * self.white_scale:.3g}"))
+
+
+NO_CLAIMS = FixClaims()
+"""Nothing is known beforehand: every factor is said, and `gnss.white_scale` advised."""
+
+
+def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIMS) -> Finding:
     """Say whose noise is larger than its model says.
 
     Parameters
     ----------
     suspected : VarianceHypothesis
         The family and its factors.
+    claims : FixClaims
+        What is known beforehand of the sigmas of the fixes.
 
     Returns
     -------
     Finding
-        A note: the flight is solved with the larger noise.
+        A note: the flight is solved with the larger noise; in order where the fixes' sigmas are
+        off by no more than usual of their source.
     """
     # smaller noise than the model's is not adopted
     larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
-    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
+    evidence = f"log evidence {suspected.evidence:.0f}"
     if suspected.family == "GNSS sigmas":
-        remedy: Remedy = Step(
-            "raise {gnss.sigma_m}, or the receiver's or the engine's sigmas, by this factor"
+        kinds = {"fixes.position": "positions", "fixes.velocity": "velocities"}
+        scatter = " and ".join(
+            f"the GNSS {kinds[name]} scatter {factor:.2f} times as much as their sigmas claim"
+            for name, factor in larger.items()
         )
-        name = "GNSS sigmas"
-    else:
-        remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
-        name = "IMU noise"
-    return Question(name, "factors of one").note(
-        f"{suspected.family} times {factors} explains the innovations, log evidence"
-        f" {suspected.evidence:.0f}; solved with it",
-        remedy,
+        expected = f"factors up to {claims.usual_scale:.2g}, as usual of such a source"
+        return Question("GNSS sigmas", expected).note(
+            f"{scatter} ({evidence}); the result allows for it",
+            claims.advised(larger.get("fixes.position", 1.0)),
+            when=max(larger.values()) > claims.usual_scale,
+        )
+    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
+    return Question("IMU noise", "factors of one").note(
+        f"{suspected.family} times {factors} explains the innovations, {evidence}; solved with it",
+        "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors",
     )
 
 

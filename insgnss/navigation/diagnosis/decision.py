@@ -274,7 +274,7 @@ def _variance(
         solution = search.solved(posed, model)
         if solution is None or _left(search, solution) > winner.evidence:
             return None
-        check = variance_check(winner)
+        check = variance_check(winner, search.claims)
         history = (*here.history, f"{check.name}: {check.found}")
         attempted = here.attempted | {winner.family}
         return _State(solution, model, (*here.checks, check), history, attempted)

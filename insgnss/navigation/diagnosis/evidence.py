@@ -25,6 +25,7 @@ from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution, solve
 from ..innovations.pieces import sub_solution
+from .advice import NO_CLAIMS, FixClaims
 from .candidates import ErrorModel, LayoutFactory, widened, with_every_constant, with_layout
 from .constants import ConstantsEvidence, constants_evidence, followed_constants
 from .sensitivity import Sensitivity
@@ -69,6 +70,8 @@ class ErrorModelSearch:
     align : callable, optional
         Gives the initial state of a problem; without it no slow bias of the IMU is tried, whose
         alignment is part of it.
+    claims : FixClaims
+        What is known beforehand of the sigmas of the fixes.
     """
 
     requested_errors: FixErrors
@@ -82,6 +85,7 @@ class ErrorModelSearch:
     events_with_fixes: bool = False
     exposures: bool = False
     align: Callable[[EstimationProblem], InitialState] | None = None
+    claims: FixClaims = NO_CLAIMS
 
     @property
     def exact(self) -> tuple[str, ...]:

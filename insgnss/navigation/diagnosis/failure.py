@@ -106,7 +106,7 @@ def rescue(
             larger = None if winner is None else with_variances(model, winner)
             if winner is None or larger is None:
                 return None
-            model, check = larger, variance_check(winner)
+            model, check = larger, variance_check(winner, search.claims)
             solution = search.solved((problem, start), model)
             if solution is not None and follows(solution):
                 return solution, (check,)

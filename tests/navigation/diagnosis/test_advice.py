@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from insgnss.geodesy.rotation import right_angle_rotations
-from insgnss.navigation.diagnosis.advice import advice, unseen, variance_check
+from insgnss.navigation.diagnosis.advice import FixClaims, advice, unseen, variance_check
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.navigation.diagnosis.variances import VarianceHypothesis
+from insgnss.navigation.prepare.fix_covariance.numbers import largest_usual_scale
 from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
 from insgnss.records.states import (
     CLOCK_RATE,
@@ -152,6 +153,36 @@ def test_whose_noise_is_named():
     assert (check.name, check.verdict) == ("IMU noise", "note")
     assert "gyro.white_noise 3.00" in check.found
     assert "tune --flight" in check.advice
+
+
+@pytest.mark.parametrize(
+    ("source", "factor", "verdict"),
+    [("calibrated", 1.32, "ok"), ("calibrated", 2.0, "note"), ("rtklib_pos", 1.3, "ok")]
+    + [("", 1.3, "ok"), ("", 2.0, "note"), ("none of the table", 2.0, "note")],
+)
+def test_a_scale_that_is_usual_of_the_source_is_no_remark(source, factor, verdict):
+    """Oracle: exp(mean + 2 widths) by hand: 1.73 of calibrated positions, 1.35 of RTKLIB's, 1.49
+    of an unknown source; 1.32 is what 0.75 of a default leaves of sigmas that were right.
+    """
+    winner = VarianceHypothesis("GNSS sigmas", 800.0, {"fixes.position": factor})
+    check = variance_check(winner, FixClaims(largest_usual_scale(source)))
+    assert check.verdict == verdict
+    assert f"positions scatter {factor:.2f} times" in check.found
+
+
+@pytest.mark.parametrize(
+    ("claims", "factors", "advised"),
+    [
+        (FixClaims(), {"fixes.position": 3.0}, "gnss.white_scale = 3.0"),
+        (FixClaims(white_scale=0.5), {"fixes.position": 3.0}, "gnss.white_scale = 1.5"),
+        (FixClaims(sigma_m=(0.02, 0.02, 0.04)), {"fixes.position": 3.0}, "sigma_m = [0.06, 0.06"),
+        (FixClaims(), {"fixes.position": 1.0, "fixes.velocity": 3.0}, "nothing to do"),
+    ],
+)
+def test_the_advised_key_is_one_that_acts(claims, factors, advised):
+    """Oracle: by hand; `gnss.sigma_m` acts where a file has no sigmas, on velocities no key."""
+    suspected = VarianceHypothesis("GNSS sigmas", 800.0, factors)
+    assert advised in variance_check(suspected, claims).advice
 
 
 def test_an_offset_that_the_exposures_share_costs_them_nothing():

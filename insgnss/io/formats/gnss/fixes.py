@@ -128,6 +128,7 @@ def fixes_from_columns(
         source,
         (*notes, *order_notes, *floor_notes),
         sigma_assumed=assumed if assumed.any() else None,
+        source_format="",  # the door to all readers names it
         **of_the_solution(described),
     )
 

@@ -207,6 +207,7 @@ def fixes_of_rows(
         (*notes, *read.notes),
         base_ecef=base,
         sigma_assumed=assumed if assumed.any() else None,
+        source_format="rtklib_pos",
         **of_the_solution(described),
     )
 

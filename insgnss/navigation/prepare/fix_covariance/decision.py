@@ -9,7 +9,7 @@ from ....base.errors import InputError
 from ....base.findings.remedies import joined
 from ....records import GnssFixes
 from .classes import base_distance, calibrate
-from .numbers import CLASSES, MEASURED, CalibrationNumbers, Triple
+from .numbers import CALIBRATED, CLASSES, MEASURED, CalibrationNumbers, Triple
 from .quality import with_floors, without_worthless
 from .rounding import with_rounding
 
@@ -65,6 +65,8 @@ def decide(fixes: GnssFixes, rules: CovarianceRules) -> tuple[GnssFixes, str]:
     if rules.numbers is not None and rules.ppk is None:
         fixes, counts = with_calibration(fixes, rules.numbers, rules.required)
         acted += [f"calibrated by class ({_classes(counts, rules.numbers)})"] if counts else []
+    if len(acted) > 1 or rules.ppk is not None:
+        fixes = replace(fixes, source_format=CALIBRATED)
     floored = with_floors(fixes, rules.floors)
     raised = _enlarged(fixes, floored)
     kept = without_worthless(floored)

@@ -1,5 +1,6 @@
-"""The numbers of the rules: classes of an engine's positions, and floors of qualities."""
+"""The numbers of the rules: classes of an engine's positions, floors of qualities, their scale."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -42,6 +43,45 @@ STATIONARY_SIGMA_M: Triple = (0.1, 0.1, 0.1)
 """m, of a sensor that stands at a known place, which is stated to decimetres as a rule."""
 UNKNOWN_SIGMA_M: Triple = (10.0, 10.0, 20.0)
 """m, of an epoch of PPK whose covariance the engine did not estimate."""
+
+CALIBRATED = "calibrated"
+"""`GnssFixes.source_format` of fixes whose covariances are calibrated by class."""
+CLAIMED_SCALE: Mapping[str, tuple[float, float]] = {
+    # squares of 0.17 to 1.5 in the table of `classes`; right sigmas times 0.75 have 1.33
+    CALIBRATED: (-0.15, 0.35),
+    # squares of 0.36 to 0.53 with the engine's own sigmas there; also of Emlid, whose engine it is
+    "rtklib_pos": (-0.4, 0.35),
+    # of a u-blox as a rule, whose estimate is one number for open sky and for town; chosen
+    "ardupilot": (0.0, 0.5),
+    "ulog": (0.0, 0.5),
+    # of an inertial solution (Trimble's POSPac, NovAtel's Inertial Explorer); chosen
+    "sbet": (0.0, 0.35),
+    # who states sigmas in a table (NovAtel, DJI) and does not say how: as they are; chosen
+    "": (0.0, 0.2),
+}
+"""Prior of log k, k the factor that makes claimed sigmas right: mean and width by format."""
+WIDTHS = 2.0  # of the prior, within which 95 % of flights are: nothing to say
+
+
+def largest_usual_scale(source_format: str) -> float:
+    """Return the factor of claimed sigmas up to which they are as usual of such a source.
+
+    Thousands of innovations tell a flight's own factor to a per cent, which no prior of this width
+    changes: it is used as it is, and the prior decides whether it is worth a word.
+
+    Parameters
+    ----------
+    source_format : str
+        As `GnssFixes.source_format` has it.
+
+    Returns
+    -------
+    float
+        The factor that lies `WIDTHS` widths above the mean of the prior of its logarithm, at least
+        1: sigmas that are right are nothing to say.
+    """
+    mean, width = CLAIMED_SCALE.get(source_format, CLAIMED_SCALE[""])
+    return max(1.0, math.exp(mean + WIDTHS * width))
 
 
 @dataclass(frozen=True)
