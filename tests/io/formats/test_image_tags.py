@@ -305,6 +305,63 @@ def test_gimbal_nadir_and_none(photos: Path, tmp_path: Path) -> None:
     )
 
 
+def _as_opendronemap(xmp: dict[str, str]) -> np.ndarray:
+    """Attitude (right, down, view) in east, north, up of opendm/photo.py for a camera of DJI."""
+    y, p, r = (float(xmp[f"dji:Gimbal{name}Degree"]) for name in ("Yaw", "Pitch", "Roll"))
+    C_nb = Rotation.from_euler("ZYX", [y, p + 90.0, r], degrees=True).as_matrix()
+    S = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    return S @ C_nb @ np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("ypr", "looks_down", "error_deg"),
+    [
+        ((30.0, 2.0, -3.0), True, 3.7),
+        ((120.0, -1.0, 1.5), True, 1.9),
+        ((80.0, 60.0, 0.0), False, 0.01),
+        ((200.0, 25.0, 0.0), False, 0.01),
+        ((200.0, -25.0, 0.0), True, 25.1),
+        ((310.0, 0.0, 0.0), True, 0.01),
+    ],
+)
+def test_each_image_has_the_angles_that_readers_take_rightly(
+    tmp_path: Path, ypr: tuple[float, ...], looks_down: bool, error_deg: float
+) -> None:
+    """Oracle: OpenDroneMap's attitude by scipy differs by the tilt that -90 leaves out, by nothing
+    for an image pitched forward; an oblique image among them changes nothing.
+    """
+    folder, exif = tmp_path / "photos", Image.Exif()
+    folder.mkdir()
+    exif[0x010F] = "DJI"
+    angles = [ypr, (10.0, 60.0, 0.0)]
+    for name in ("1.jpg", "2.jpg"):
+        Image.fromarray(pixels()).save(folder / name, exif=exif)
+    C = np.array(
+        [Rotation.from_euler("ZXY", [-y, p, r], degrees=True).as_matrix() @ D for y, p, r in angles]
+    )
+    eo = framed(exterior(C, np.array([[0.0, 0, 200], [5.0, 0, 200]])), "geographic")
+    write_image_tags(replace(eo, images=("1.jpg", "2.jpg")), tmp_path / "out", images=folder)
+    for k, (down, most) in enumerate(((looks_down, error_deg), (False, 0.01))):
+        xmp = tags(tmp_path / "out" / f"{k + 1}.jpg")[2]
+        pitch, roll = (float(xmp[f"dji:Gimbal{name}Degree"]) for name in ("Pitch", "Roll"))
+        assert ((pitch, roll) == (-90.0, 0.0)) == down
+        turn = Rotation.from_matrix(_as_opendronemap(xmp).T @ C[k]).magnitude()
+        assert np.degrees(turn) < most
+
+
+@pytest.mark.parametrize("tilt_rad", [0.0, 1e-13, 1e-11, 1e-8, 1e-6])
+def test_exact_angles_at_the_nadir(photos: Path, tmp_path: Path, tilt_rad: float) -> None:
+    """Oracle: yaw plus roll is the azimuth of the image's top, 47 deg, where yaw alone is none."""
+    C = Rotation.from_euler("ZXY", [-np.radians(47), tilt_rad, -0.3 * tilt_rad]).as_matrix() @ D
+    one = framed(exterior(C[None], np.array([[0.0, 0, 200]])), "geographic")
+    one = replace(one, images=(NAMES[0],))
+    write_image_tags(one, tmp_path / "one", images=photos, gimbal="exact", missing="skip")
+    xmp = tags(tmp_path / "one" / NAMES[0])[2]
+    yaw, pitch, roll = (float(xmp[f"dji:Gimbal{a}Degree"]) for a in ("Yaw", "Pitch", "Roll"))
+    assert (yaw + roll) % 360.0 == pytest.approx(47.0, abs=2e-6)
+    assert pitch == pytest.approx(-90.0, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("maker", "written"), [("DJI", True), ("Hasselblad", True), ("SONY", False), (None, False)]
 )

@@ -14,17 +14,7 @@ with 0 and 1 where the image's Exif is older than 3.0, and with 2 and 3 where it
     drone-dji:Gimbal...            of DJI: north-east-down, Z-Y-X, of a camera that looks forward at
                                    zero
 
-A DJI gimbal that looks into the nadir is at the singularity of its own angles: exact ones are large
-and nearly opposite there, and many readers take the yaw alone for the heading. So `gimbal` "nadir"
-writes the yaw of the image's top, -90 and 0 and leaves the tilt to `Camera:`; "exact" writes the
-angles of the definition, with (x view, y right, z down) of the camera in north, east, down
-
-    C_nE C_Ec [[0,1,0],[0,0,1],[1,0,0]] = Rz(yaw) Ry(pitch) Rx(roll)                           (I.1)
-
-OpenDroneMap takes a gimbal's pitch before that of `Camera:`, and counts it from the horizon only
-where the image says that DJI or Hasselblad made its camera, from the nadir elsewhere. So "auto"
-writes angles of a gimbal for those alone: a camera of others would be turned by 90 degrees by them,
-and one of DJI without them.
+Angles of a DJI gimbal are those of `gimbal`.
 
 Nothing is decoded: of a JPEG the segments of Exif and XMP are replaced, to a TIFF a directory is
 appended (`tiff_tags`).
@@ -41,20 +31,20 @@ from typing import BinaryIO, Literal
 import numpy as np
 
 from ....base import __version__
-from ....base.errors import DataError, InputError, UsageError
+from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
 from ....base.inputs import opened
 from ....base.output.staging import together
 from ....geodesy.gpstime import calendar_from_gps
-from ....geodesy.rotation import NED_ENU, rpy_from_rotation
 from ....records import Array, FramedOrientation
 from ..orientation.exported import check_only, frame_words
 from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
 from .exif import camera_maker
+from .gimbal import GIMBALS, LEFT_OUT, gimbal_angles
 from .jpeg import with_tags
 from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, Value
-from .xmp import Properties, set_properties
+from .xmp import set_properties
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
 PIX4D, DJI, OWN = (
@@ -89,11 +79,6 @@ STALE = {
         *("AbsoluteAltitude", "RtkFlag", "RtkStdLon", "RtkStdLat", "RtkStdHgt", "RtkDiffAge"),
     ),
 }
-FORWARD_FROM_CV = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-# off the nadir (deg): a camera tilted farther looks nearer to the horizon than down
-MOST_TILT_DEG = 45.0
-GIMBALS = ("auto", "none", "nadir", "exact")
-LEFT_OUT = "left out"
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
 # bytes that are copied at a time, so that an image of any size takes 4 MB of memory
@@ -175,7 +160,7 @@ def write_image_tags(
     undulation_m : float or (n,), optional
         Geoid heights, m, for sea level.
     gimbal : {"auto", "none", "nadir", "exact"}
-        Angles of a DJI gimbal, see the module's description; by default for cameras of DJI alone.
+        Angles of a DJI gimbal, see `gimbal`; by default for cameras of DJI alone.
     rtk_flag : {0, 16, 34, 50}, optional
         RtkFlag of drone-dji.
 
@@ -299,10 +284,9 @@ def _tags(
     """Return a function that makes the tags of a row."""
     ypr, sigma_ypr = true_north_ypr(eo)
     sigma = local_sigma(eo)
-    view = eo.C_Ec[:, :, 2]
-    turn, words = _gimbal(eo, ypr, view, gimbal)
+    turn, words = gimbal_angles(eo, ypr[:, 0], gimbal)
     position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
-    elevation = np.degrees(np.arcsin(np.clip(view[:, 2], -1.0, 1.0)))
+    elevation = np.degrees(np.arcsin(np.clip(eo.C_Ec[:, 2, 2], -1.0, 1.0)))
 
     def triple(a: Array, k: int) -> tuple[float, float, float]:
         x, y, z = a[k].tolist()
@@ -316,7 +300,7 @@ def _tags(
             triple(np.degrees(sigma_ypr), k),
             float(elevation[k]),
             None if turn is None else triple(turn, k),
-            words,
+            words[k],
             calendar_from_gps(eo.gps_week, float(eo.time[k])),
             at_sea,
             frame_words(eo),
@@ -324,32 +308,6 @@ def _tags(
         )
 
     return of
-
-
-def _gimbal(
-    eo: FramedOrientation, ypr: Array, view: Array, gimbal: str
-) -> tuple[Array | None, str]:
-    """Return yaw, pitch, roll (n, 3), deg, of DJI, and what they mean."""
-    if gimbal == "none":
-        return None, LEFT_OUT
-    tilt = np.degrees(np.arccos(np.clip(-view[:, 2], -1.0, 1.0)))
-    far = tilt > MOST_TILT_DEG
-    if gimbal == "exact" or (gimbal == "auto" and far.any()):
-        turn = np.degrees(rpy_from_rotation(NED_ENU @ eo.C_Ec @ FORWARD_FROM_CV)[:, ::-1])
-        return turn, "exact: north east down, Z-Y-X, camera forward at zero"
-    if far.any():
-        k = int(np.argmax(far))
-        message = (
-            f"looks {tilt[k]:.1f} deg off the nadir (limit {MOST_TILT_DEG:.0f} deg for gimbal"
-            " 'nadir')"
-        )
-        raise DataError(f"image {eo.images[k]}: {message}; take gimbal 'exact' or 'none'")
-    yaw = (np.degrees(ypr[:, 0]) + 180.0) % 360.0 - 180.0
-    turn = np.column_stack([yaw, np.full_like(yaw, -90.0), np.zeros_like(yaw)])
-    return (
-        turn,
-        "nadir: yaw of the image's top, the tilt is left out; Camera:Yaw, Pitch, Roll are exact",
-    )
 
 
 def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
@@ -452,6 +410,19 @@ def _sexagesimal(degrees: float) -> list[tuple[int, int]]:
 
 def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
     """Return the XMP packet with the tags."""
+    own = {
+        "Software": f"insgnss {__version__}",
+        "Frame": tags.frame,
+        "Heights": "above mean sea level" if tags.sea_level else "above the ellipsoid of WGS84",
+        "GimbalAngles": tags.gimbal_words,
+        "Position": "projection centre; lever arm and bore-sight applied",
+    }
+    new = {**properties(tags), ("insgnss", OWN): own}
+    return set_properties(xmp, new, STALE, who)
+
+
+def properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
+    """Return the XMP tags of Pix4D and DJI."""
     lat, lon, height = tags.place
     east, north, up = tags.sigma
     camera = dict(zip(("Yaw", "Pitch", "Roll"), (f"{a:.6f}" for a in tags.ypr), strict=True))
@@ -482,12 +453,4 @@ def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
         }
     if tags.rtk_flag is not None:
         dji["RtkFlag"] = str(tags.rtk_flag)
-    own = {
-        "Software": f"insgnss {__version__}",
-        "Frame": tags.frame,
-        "Heights": "above mean sea level" if tags.sea_level else "above the ellipsoid of WGS84",
-        "GimbalAngles": tags.gimbal_words,
-        "Position": "projection centre; lever arm and bore-sight applied",
-    }
-    new: Properties = {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN): own}
-    return set_properties(xmp, new, STALE, who)
+    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji}
