@@ -12,8 +12,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...geodesy.frames import LocalFrame
 from ...navigation.align.initial import given_attitude, initial_state
-from ...navigation.diagnosis.advice import FixClaims
-from ...navigation.diagnosis.evidence import ErrorModelSearch
+from ...navigation.diagnosis.evidence import ErrorModelSearch, FixClaims
 from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
 from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState

@@ -9,7 +9,7 @@ with it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ from ..filter.layout import FixErrors
 from ..filter.solution import Solution
 from .constants import STRONG, ConstantsEvidence, Hypothesis
 from .estimated import rms_speed
+from .evidence import NO_CLAIMS, FixClaims
 
 if TYPE_CHECKING:
     from .variances import VarianceHypothesis
@@ -196,37 +197,6 @@ def unseen(
 def _millimetres(metres: float) -> str:
     """Return a length in millimetres, three digits at most."""
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
-
-
-@dataclass(frozen=True)
-class FixClaims:
-    """What is known beforehand of the sigmas that the fixes claim, and which key scales them.
-
-    Parameters
-    ----------
-    usual_scale : float
-        The largest factor that makes sigmas of such a source right and is nothing to say.
-    sigma_m : tuple of float, optional
-        (3,) the flight file's, m, north, east, down, where their source states none.
-    white_scale : float
-        The flight file's factor of the sigmas that a source states.
-    """
-
-    usual_scale: float = 1.0
-    sigma_m: tuple[float, ...] | None = None
-    white_scale: float = 1.0
-
-    def advised(self, k: float) -> Remedy:
-        """Return the key that takes the factor `k` of the positions' sigmas into the flight."""
-        if k <= 1.0:
-            return "nothing to do: the result allows for it"
-        if self.sigma_m is not None:
-            return SetKey("gnss.sigma_m", [float(f"{k * sigma:.3g}") for sigma in self.sigma_m])
-        return SetKey("gnss.white_scale", float(f"{k * self.white_scale:.3g}"))
-
-
-NO_CLAIMS = FixClaims()
-"""Nothing is known beforehand: every factor is said, and `gnss.white_scale` advised."""
 
 
 def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIMS) -> Finding:

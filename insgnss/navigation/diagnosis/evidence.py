@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.findings.remedies import Remedy, SetKey
 from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
@@ -25,7 +26,6 @@ from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution, solve
 from ..innovations.pieces import sub_solution
-from .advice import NO_CLAIMS, FixClaims
 from .candidates import ErrorModel, LayoutFactory, widened, with_every_constant, with_layout
 from .constants import ConstantsEvidence, constants_evidence, followed_constants
 from .sensitivity import Sensitivity
@@ -39,6 +39,37 @@ FEWEST_FIXES = 60  # below which the innovations are not looked at
 
 SecondPass = Literal["auto", "on", "off"]
 Posed = tuple[EstimationProblem, InitialState]
+
+
+@dataclass(frozen=True)
+class FixClaims:
+    """What is known beforehand of the sigmas that the fixes claim, and which key scales them.
+
+    Parameters
+    ----------
+    usual_scale : float
+        The largest factor that makes sigmas of such a source right and is nothing to say.
+    sigma_m : tuple of float, optional
+        (3,) the flight file's, m, north, east, down, where their source states none.
+    white_scale : float
+        The flight file's factor of the sigmas that a source states.
+    """
+
+    usual_scale: float = 1.0
+    sigma_m: tuple[float, ...] | None = None
+    white_scale: float = 1.0
+
+    def advised(self, k: float) -> Remedy:
+        """Return the key that takes the factor `k` of the positions' sigmas into the flight."""
+        if k <= 1.0:
+            return "nothing to do: the result allows for it"
+        if self.sigma_m is not None:
+            return SetKey("gnss.sigma_m", [float(f"{k * sigma:.3g}") for sigma in self.sigma_m])
+        return SetKey("gnss.white_scale", float(f"{k * self.white_scale:.3g}"))
+
+
+NO_CLAIMS = FixClaims()
+"""Nothing is known beforehand: every factor is said, and `gnss.white_scale` advised."""
 
 
 @dataclass(frozen=True)
