@@ -262,12 +262,16 @@ def step_check(step: ClockStep) -> Finding:
         "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond any rate"
     )
     back = step.of_imu and step.size < 0.0
-    how = "go back near there" if back else "have a gap as long there"
-    whose = f"; the IMU's stamps {how}, so its clock it is" if step.of_imu else ""
+    whose = ""
+    if step.of_imu:
+        whose = (
+            "; the IMU's stamps fall behind there: its clock went back, or samples were lost and"
+            " the stamps counted on without them"
+            if back
+            else "; the IMU's stamps have a gap as long there, so its clock it is"
+        )
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
-    if back:
-        mended = f"add {to_imu} from the row on where they go back, and to events of its clock"
-    elif step.of_imu:
+    if step.of_imu:
         mended = f"add {to_imu} from there on, and to events of its clock"
     else:
         mended = (
