@@ -103,7 +103,11 @@ IMAGE_ENDINGS = (
     ".jpg .jpeg .tif .tiff .png .dng .raw .iiq .arw .cr2 .cr3 .nef .nrw .raf .rw2 .orf .3fr .fff"
     " .pef .srw .x3f .webp .jp2 .heic"
 )
-EVENTS: Names = {**TIME, "image": f"{IMAGES} event event_id id"}
+EVENTS: Names = {
+    **TIME,
+    "image": f"{IMAGES} event event_id id",
+    "sigma_s": "sigma_s time_sigma_s sigma_time_s",
+}
 DATED: Names = {
     "image": f"{IMAGES} file_name image_name imagename photo_name sourcefile picture camera",
     "date": "date day gps_date gpsdate date_utc utc_date gpst_date",

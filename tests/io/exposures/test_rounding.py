@@ -5,7 +5,9 @@ theirs.
 import numpy as np
 import pytest
 
-from insgnss.io.exposures.rounding import stamp_step, with_stamp_rounding
+from insgnss.base.errors import InputError
+from insgnss.io.exposures.rounding import stamp_grid, with_stamp_rounding
+from insgnss.io.formats.events.events import read_events
 from insgnss.records import CameraEvents
 
 RNG = np.random.default_rng(5)
@@ -38,17 +40,68 @@ def test_stamps_with_their_digits_stay_as_they_are():
     for time in (TIME, np.round(TIME, 3), np.round(TIME[:7], 0)):
         own = events(time)
         assert with_stamp_rounding(own) is own
-    assert stamp_step(np.round(TIME, 1)) == 0.1
+    assert stamp_grid(np.round(TIME, 1))[0] == pytest.approx(0.1)
 
 
 def test_eight_stamps_and_two_changes_by_a_step_show_a_rounding():
     """Oracle: counts by hand: seven stamps show none; one interval a step longer is a trigger's."""
-    assert stamp_step(np.round(TIME[:8], 1)) == 0.1
+    assert stamp_grid(np.round(TIME[:8], 1))[0] == pytest.approx(0.1)
     for changes, rounded in ((1, False), (2, True)):
         interval = np.full(20, 2.0)
         interval[5 : 5 + changes] += 1.0
         got = with_stamp_rounding(events(100.0 + np.cumsum(interval)))
         assert (got.sigma_s is not None) == rounded
+
+
+def lines(interval: np.ndarray) -> np.ndarray:
+    """Stamps of lines of ten images, with turns of any length between them."""
+    interval = interval.copy()
+    interval[::10] = RNG.uniform(8.0, 20.0, interval[::10].size)
+    return 205344.8 + np.cumsum(interval)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.05, 1 / 30, 1 / 60, 0.25])
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_a_loop_that_stamps_exposures_is_found_by_its_grid(step, jitter):
+    """Oracle: the instants before a loop read them, which begins anywhere; (S.1) by hand."""
+    instants = lines(2.6 + 0.05 * RNG.standard_normal(60))
+    begin = RNG.uniform(0.0, step)
+    stamps = begin + step * (np.ceil((instants - begin) / step) + jitter * RNG.standard_normal(60))
+    got = with_stamp_rounding(events(stamps))
+    assert got.sigma_s == pytest.approx(step / 3.0**0.5, rel=1e-3)
+    assert np.sqrt(np.mean(((stamps - instants) / got.sigma_s) ** 2)) < 1.2
+    (note,) = got.notes
+    assert f"{step:.4g} s" in note.found
+    assert "m along the path" in note.found
+
+
+def unsteady(interval: float, sigma: float) -> np.ndarray:
+    """Stamps of an intervalometer whose lag varies."""
+    return lines(np.full(60, interval)) + sigma * RNG.standard_normal(60)
+
+
+TRIGGERS = {
+    "intervalometer": lambda: lines(np.full(60, 2.0)),
+    "intervalometer in milliseconds": lambda: np.round(lines(np.full(60, 2.0)), 3),
+    "intervalometer set from 1.5 to 2 s": lambda: (
+        0.123 + np.cumsum(np.repeat([1.5, 2.0], 30)) + 1e-4 * RNG.standard_normal(60)
+    ),
+    "intervalometer that misses images": lambda: (
+        0.123 + np.cumsum(0.7 + 0.7 * (RNG.random(60) < 0.1))
+    ),
+    "lag of 1 ms": lambda: unsteady(2.0, 1e-3),
+    "lag of 10 ms": lambda: unsteady(2.0, 1e-2),
+    "interval that wanders": lambda: lines(2.0 + 0.01 * RNG.standard_normal(60)),
+    "distance": lambda: np.round(lines(RNG.uniform(2.0, 3.0, 60)), 3),
+}
+
+
+@pytest.mark.parametrize("trigger", TRIGGERS)
+def test_a_trigger_of_its_own_instants_is_no_grid(trigger):
+    """Oracle: stamps that lost nothing, 20 flights of each trigger."""
+    for _ in range(20):
+        own = events(TRIGGERS[trigger]())
+        assert with_stamp_rounding(own) is own
 
 
 def test_an_intervalometer_is_asked_about_and_not_doubted():
@@ -67,3 +120,16 @@ def test_what_the_file_says_of_its_stamps_counts():
         sigma_s=np.full(TIME.size, 0.29),
     )
     assert with_stamp_rounding(own) is own
+
+
+def test_a_table_states_how_well_its_stamps_are_known(tmp_path):
+    """Oracle: the numbers written; a standard deviation of zero is refused with its line."""
+    path = tmp_path / "events.csv"
+    rows = [f"{k}.jpg,{time:.1f},0.0{1 + k % 2}" for k, time in enumerate(TIME[::-1])]
+    path.write_text("\n".join(["image,tow,sigma_s", *rows[::-1]]) + "\n")
+    read = read_events(path)
+    assert read.sigma_s[:2] == pytest.approx([0.02, 0.01])
+    assert with_stamp_rounding(read) is read
+    path.write_text("image,tow,sigma_s\na.jpg,1.0,0.01\nb.jpg,2.0,0.0\n")
+    with pytest.raises(InputError, match=r":3: sigma_s 0 s"):
+        read_events(path)

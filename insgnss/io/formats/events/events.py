@@ -1,4 +1,4 @@
-"""Mid-exposure instants of the camera: `[image] tow`, data_specs/events.md."""
+"""Mid-exposure instants of the camera: `[image] tow [sigma_s]`, data_specs/events.md."""
 
 from collections.abc import Mapping
 
@@ -37,8 +37,8 @@ def read_events(
     path : path
         The file.
     columns : sequence or mapping, optional
-        Name of each column out of image, week, tow; any other name leaves a column out; or a table
-        of them to the header's.
+        Name of each column out of image, week, tow, sigma_s; any other name leaves a column out;
+        or a table of them to the header's.
     gps_week : int, optional
         The week, where no column holds it.
     units : mapping, optional
@@ -60,7 +60,8 @@ def read_events(
     settled = table.settled(units)
     time, gps_week = table.gps_time(gps_week, settled.units["time"])
     images = table.strings("image") if "image" in table else None
-    return events_in_order(images, time, table, str(path), gps_week, settled.notes)
+    sigma = table.positive("sigma_s", "s")[:, 0] if "sigma_s" in table else None
+    return events_in_order(images, time, table, str(path), gps_week, settled.notes, sigma)
 
 
 def events_in_order(
@@ -70,6 +71,7 @@ def events_in_order(
     source: str,
     gps_week: int | None,
     notes: tuple[Finding, ...] = (),
+    sigma_s: Array | None = None,
 ) -> CameraEvents:
     """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
     if images is None:
@@ -79,6 +81,7 @@ def events_in_order(
     rows, odd = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
     if rows is not None:
         time, images, lines = time[rows], tuple(names[k] for k in rows), Picked(lines, rows)
+        sigma_s = None if sigma_s is None else sigma_s[rows]
     first: dict[str, int] = {}
     for row, name in enumerate(images):
         if first.setdefault(name, row) != row:
@@ -88,7 +91,7 @@ def events_in_order(
                 f" {where if ' ' in where else 'line ' + where}; is the first column the image?"
             )
             raise lines.error_at(row, f"{message} else set columns = [...] of image, week, tow")
-    return CameraEvents(images, time, gps_week, source, (*notes, *odd))
+    return CameraEvents(images, time, gps_week, source, (*notes, *odd), sigma_s=sigma_s)
 
 
 def numbered(count: int) -> tuple[tuple[str, ...], Finding]:
