@@ -19,6 +19,7 @@ whose stamps lie on a grid of its own and lost nothing, and pauses between lines
 Where too few differ nobody can tell, so nothing is added; on a grid of decimals a note asks.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -115,7 +116,7 @@ def stamp_grid(time: Array) -> tuple[float, bool]:
 
 def _chance(step: float, jitter: float, changes: int, digit: float) -> float:
     """Return (S.2) of one trial, of stamps that are multiples of `digit`, s."""
-    return float(max((2.0 * np.pi * np.e) ** 0.5 * jitter, digit / step) ** changes)
+    return float(max((2.0 * np.pi * math.e) ** 0.5 * jitter, digit / step) ** changes)
 
 
 def _likely_frequencies(time: Array) -> Array:
