@@ -137,7 +137,7 @@ class SlowBiasCandidate:
         Returns
         -------
         Finding
-            A note: the slow bias is estimated, and the sigmas of the images hold it.
+            A note: the slow bias is estimated, and the sigmas of the images allow for it.
         """
         states = [s for s, one in enumerate(solution.problem.layout.states) if one.group == SLOW]
         warms_up = np.isfinite(self.slow.time_s)
@@ -161,7 +161,7 @@ class SlowBiasCandidate:
             remedy = "let the IMU warm up before take-off, and keep sun and wind off it"
         return Question("IMU warm-up", "biases that change no more than the noise model says").note(
             f"the IMU {course} by up to {gyro} and {accel} in the flight, log evidence"
-            f" {self.evidence:.0f}; estimated, and the sigmas of the images hold it",
+            f" {self.evidence:.0f}; estimated, and the sigmas of the images allow for it",
             remedy,
         )
 
