@@ -377,13 +377,7 @@ class MapProjection:
         int
             Number of points; 0 where the registry names no area.
         """
-        area = self.horizontal.area_of_use
-        if area is None:
-            return 0
-        east = (np.degrees(lon) - area.west) % 360.0 > (area.east - area.west) % 360.0
-        return int(
-            np.count_nonzero(east | (np.degrees(lat) < area.south) | (np.degrees(lat) > area.north))
-        )
+        return int(np.count_nonzero(self._beyond(lat, lon) > 0.0))
 
     def degrees_outside(self, lat: Array, lon: Array) -> float:
         """Return how far the points lie outside the area for which the CRS is made.
@@ -399,13 +393,17 @@ class MapProjection:
             Degrees of longitude or latitude, the median of the points; 0 where the registry names
             no area.
         """
+        return float(np.median(self._beyond(lat, lon))) if lat.size else 0.0
+
+    def _beyond(self, lat: Array, lon: Array) -> Array:
+        """Return the degrees (n,) by which points lie beyond the area, 0 inside or without one."""
         area = self.horizontal.area_of_use
-        if area is None or not lat.size:
-            return 0.0
+        if area is None:
+            return np.zeros(lat.shape)
         width = (area.east - area.west) % 360.0 or 360.0
         lat, east = np.degrees(lat), (np.degrees(lon) - area.west) % 360.0
         beyond = np.where(east > width, np.minimum(east - width, 360.0 - east), 0.0)
-        return float(np.median(np.maximum(beyond, np.maximum(area.south - lat, lat - area.north))))
+        return np.maximum(beyond, np.maximum(area.south - lat, lat - area.north))
 
     def operation(self) -> tuple[str, float]:
         """Return the datum transformation that was last used.

@@ -394,3 +394,12 @@ def test_datums_that_are_none(datum: str | None, epoch: float | None, why: str) 
     """Oracle: the registry's definitions."""
     with pytest.raises(UsageError, match=why):
         MapProjection("EPSG:25832", None, datum, epoch)
+
+
+@pytest.mark.parametrize(("code", "outside"), [("EPSG:3395", 0), ("EPSG:32632", 2)])
+def test_what_is_outside_is_counted_by_what_it_is_beyond(code, outside):
+    """Oracle: areas of use of the registry: 180 W to 180 E, 80 S to 84 N; 6 to 12 E, 0 to 84 N."""
+    projection = MapProjection(code)
+    lat, lon = np.radians([47.0, 47.0, -33.0]), np.radians([8.0, 20.0, 9.0])
+    assert projection.outside(lat, lon) == outside
+    assert projection.degrees_outside(lat[1:2], lon[1:2]) == pytest.approx(8.0 * bool(outside))
