@@ -20,6 +20,7 @@ from typing import Any
 from .errors import InputError, near
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+DEG_PER_H, MILLI_G = math.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY  # rad/s, m/s^2
 FOOT_M = 0.3048  # m, the international foot
 # of a quantity whose square is a float, too; more, and less, than any has
 SMALLEST_UNIT, LARGEST_UNIT = 1e-150, 1e150

@@ -1,7 +1,8 @@
 """The noise model of a drafted flight file: a shipped one, or one of what was measured."""
 
+from ...base.units import MILLI_G
 from .draft import NOISE_FILE, Draft
-from .sensing import DEG_S, MG, Sensing, fitting_model, noise_model
+from .sensing import DEG_S, Sensing, fitting_model, noise_model
 
 
 def draft_noise(draft: Draft, sensing: Sensing) -> None:
@@ -15,9 +16,11 @@ def draft_noise(draft: Draft, sensing: Sensing) -> None:
     """
     quiet = (
         f"{sensing.rest_gyro.max() / DEG_S:.2g} deg/s/sqrt(Hz) and"
-        f" {sensing.rest_accel.max() / MG:.2g} mg/sqrt(Hz)"
+        f" {sensing.rest_accel.max() / MILLI_G:.2g} mg/sqrt(Hz)"
     )
-    moving = f"{sensing.moving_gyro.max() / DEG_S:.2g} and {sensing.moving_accel.max() / MG:.2g}"
+    moving = (
+        f"{sensing.moving_gyro.max() / DEG_S:.2g} and {sensing.moving_accel.max() / MILLI_G:.2g}"
+    )
     state = "at rest" if sensing.rest_s > 0.0 else "where it is quietest"
     measured = f"white noise measured: {quiet} {state}"
     if not sensing.is_static:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.files import json_ready, picked
+from ...base.units import DEG_PER_H, MILLI_G
 from ...navigation.prepare.fix_path import north_east
 from ...report.charts.chart import Chart
 from ...report.document import Document, Drawing, Section, Table, checked
 from ...report.figures.recognition import answers_in_words
 from ...report.verdict import worst_of
 from .mounting_drawing import drawn_as_svg
-from .sensing import DEG_H, DEG_S, EARTH_RATE, MG, Sensing
+from .sensing import DEG_S, EARTH_RATE, Sensing
 
 if TYPE_CHECKING:
     from ...navigation.recognise.findings import Finding
@@ -132,7 +133,7 @@ def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
     for state, gyro, accel in noises:
         yield (
             f"white noise {state}: gyro {_three(gyro / factor)} {unit}/sqrt(Hz), accelerometer"
-            f" {_three(accel / MG)} mg/sqrt(Hz)"
+            f" {_three(accel / MILLI_G)} mg/sqrt(Hz)"
         )
     if not s.rest_s:
         yield "no stationary period of a second"
@@ -147,8 +148,8 @@ def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
     if s.sees_earth:
         size = float(np.linalg.norm(s.mean_gyro))
         yield (
-            f"the gyros see the Earth turn: {size / DEG_H:.2f} of"
-            f" {EARTH_RATE / DEG_H:.2f} deg/h, so they can find north at rest"
+            f"the gyros see the Earth turn: {size / DEG_PER_H:.2f} of"
+            f" {EARTH_RATE / DEG_PER_H:.2f} deg/h, so they can find north at rest"
         )
 
 

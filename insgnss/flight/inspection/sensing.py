@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...base.units import STANDARD_GRAVITY, rounded
+from ...base.units import DEG_PER_H, MILLI_G, STANDARD_GRAVITY, rounded
 from ...geodesy.earth import EARTH_RATE
 from ...navigation.noise_model.model import (
     AxisNoise,
@@ -38,15 +38,15 @@ QUIETEST_S = 10.0
 KEPT, VARIANCE_KEPT = 0.95, 0.7588
 EARTH_SHARE = 0.1
 STATIC_SHARE = 0.1  # of a recording in motion that makes it no static one
-MG, DEG_S, DEG_H = 1e-3 * STANDARD_GRAVITY, np.pi / 180.0, np.pi / 180.0 / 3600.0
+DEG_S = np.pi / 180.0  # rad/s
 Grade = Literal["consumer", "tactical", "navigation"]
 
 # a-priori by class where the recording does not show it: turn-on bias, Gauss-Markov sigma (gyro
 # rad/s, accelerometer m/s^2), its time, s
 _CLASSES: dict[Grade, tuple[float, float, float, float, float]] = {
-    "consumer": (1.0 * DEG_S, 50.0 * MG, 0.02 * DEG_S, 3.0 * MG, 200.0),
-    "tactical": (20.0 * DEG_H, 5.0 * MG, 2.0 * DEG_H, 0.2 * MG, 300.0),
-    "navigation": (0.05 * DEG_H, 0.2 * MG, 0.01 * DEG_H, 0.02 * MG, 3600.0),
+    "consumer": (1.0 * DEG_S, 50.0 * MILLI_G, 0.02 * DEG_S, 3.0 * MILLI_G, 200.0),
+    "tactical": (20.0 * DEG_PER_H, 5.0 * MILLI_G, 2.0 * DEG_PER_H, 0.2 * MILLI_G, 300.0),
+    "navigation": (0.05 * DEG_PER_H, 0.2 * MILLI_G, 0.01 * DEG_PER_H, 0.02 * MILLI_G, 3600.0),
 }
 # a-priori sigma of scale factors, and of misalignments in rad: tolerances of data sheets, 3 % and
 # 2 % at most without a calibration of the single sensor; of a navigation sensor they do not count
@@ -55,7 +55,7 @@ _CONSTANTS: dict[Grade, tuple[float, float] | None] = {
     "tactical": (1e-3, 1e-3),
     "navigation": None,
 }
-TACTICAL_WHITE, TACTICAL_BIAS = 2e-3 * DEG_S, 30.0 * DEG_H
+TACTICAL_WHITE, TACTICAL_BIAS = 2e-3 * DEG_S, 30.0 * DEG_PER_H
 SIGMAS = 3.0  # of the turn-on bias of a shipped model, within which the mean at rest may lie
 FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the two sensors
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.units import STANDARD_GRAVITY
+from ...base.units import DEG_PER_H, MILLI_G
 from ...records import Finding, Question
 from ..filter.codes import IMU0
 from ..filter.layout import SLOW, SlowBias
@@ -40,7 +40,6 @@ TIMES_S = (30.0, 90.0, 300.0, np.inf)  # T of the course
 FINER = (3.0**0.5, 3.0**0.25)  # of T about the best, which leaves it 14 % off at most
 PARAMETERS = 1  # T, which the evidence is charged for
 SETTLED = 3.0  # times T, after which 5 % of a warm-up are left
-DEG_H, MG = np.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY  # rad/s, m/s^2
 APART = 6.0  # sigmas: of a thousand normal variables the largest is beyond once in a million
 USUAL, FEW = 3.0, 0.2  # sigmas that noise leaves behind now and then; share of the epochs beyond
 LARGER_NOISE = ("IMU noise", "GNSS sigmas")  # names of checks
@@ -147,8 +146,8 @@ class SlowBiasCandidate:
         gyro, accel = (
             f"{abs(value[c]) / unit:.{digits}f} +- {sigma[c] / unit:.{digits}f} {name}"
             for c, unit, digits, name in (
-                (int(np.argmax(np.abs(value[:3]))), DEG_H, 0, "deg/h"),
-                (3 + int(np.argmax(np.abs(value[3:]))), MG, 1, "mg"),
+                (int(np.argmax(np.abs(value[:3]))), DEG_PER_H, 0, "deg/h"),
+                (3 + int(np.argmax(np.abs(value[3:]))), MILLI_G, 1, "mg"),
             )
         )
         course = f"warms up over about {self.slow.time_s:.0f} s: its biases change"

@@ -29,7 +29,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...base.units import STANDARD_GRAVITY
+from ...base.units import DEG_PER_H, MILLI_G
 from ...records import Array
 from ...records.states import (
     BAROMETER_BIAS,
@@ -53,7 +53,7 @@ DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrate
 
 # a-priori sigma of a slow bias, rad/s and m/s^2: MEMS that warm up by 20 to 40 K change by 100 to
 # 500 deg/h and by 3 to 15 mg
-SLOW_BIAS = {"gyro": np.radians(200.0) / 3600.0, "accel": 5e-3 * STANDARD_GRAVITY}
+SLOW_BIAS = {"gyro": 200.0 * DEG_PER_H, "accel": 5.0 * MILLI_G}
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 SLOW = "slow bias"  # group of its states
 

@@ -12,13 +12,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...base.units import STANDARD_GRAVITY
+from ...base.units import DEG_PER_H, MILLI_G, STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
 from ...records import Array
 from .recordings import StaticRecording
 
 GRAVITY_SPREAD = 0.015  # m/s^2, by which gravity varies over the Earth: no bias below it shows
-DEG_PER_H, MILLI_G = np.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY  # rad/s, m/s^2
 SEES_EARTH = 0.1  # of the Earth's rate, within which |mean rate| is it (chosen): 1.5 deg/h of bias
 
 
