@@ -104,15 +104,12 @@ class SlowBiasCandidate:
         Logarithm of its evidence (V.2).
     model : ErrorModel
         The error model with it.
-    slow : SlowBias
-        The bias.
     problem : EstimationProblem
         The flight with its states.
     """
 
     evidence: float
     model: ErrorModel
-    slow: SlowBias
     problem: EstimationProblem
 
     def solved(self, search: ErrorModelSearch) -> tuple[Solution, InitialState] | None:
@@ -139,8 +136,10 @@ class SlowBiasCandidate:
             A note: the slow bias is estimated, and the sigmas of the images allow for it.
         """
         states = [s for s, one in enumerate(solution.problem.layout.states) if one.group == SLOW]
-        warms_up = np.isfinite(self.slow.time_s)
-        factor = 1.0 if warms_up else self.slow.duration_s
+        slow = self.model.imu.slow
+        assert slow is not None
+        warms_up = np.isfinite(slow.time_s)
+        factor = 1.0 if warms_up else slow.duration_s
         value = factor * solution.x[0, states]
         sigma = factor * np.sqrt(solution.variance(np.array([0]))[0, IMU0 + np.array(states)])
         gyro, accel = (
@@ -150,10 +149,9 @@ class SlowBiasCandidate:
                 (3 + int(np.argmax(np.abs(value[3:]))), MILLI_G, 1, "mg"),
             )
         )
-        course = f"warms up over about {self.slow.time_s:.0f} s: its biases change"
+        course = f"warms up over about {slow.time_s:.0f} s: its biases change"
         remedy = (
-            f"switch the IMU on {SETTLED * self.slow.time_s / 60.0:.1f} minutes or more before"
-            " take-off"
+            f"switch the IMU on {SETTLED * slow.time_s / 60.0:.1f} minutes or more before take-off"
         )
         if not warms_up:
             course = "changes its temperature: its biases drift linearly"
@@ -210,4 +208,4 @@ def slow_bias_candidate(
         return None
     best = with_slow(time_s)
     posed = replace(problem, layout=search.layout(best))
-    return SlowBiasCandidate(evidence[time_s], best, SlowBias(time_s, duration_s), posed)
+    return SlowBiasCandidate(evidence[time_s], best, posed)

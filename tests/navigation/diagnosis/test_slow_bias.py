@@ -87,7 +87,7 @@ def test_the_time_constant_is_found_on_a_grid_and_between(true_s, found_s):
     problem = Posed(SimpleNamespace(time=np.array([0.0, 360.0])))
     found = slow_bias_candidate(search, model, problem, variances)
     assert found is not None
-    assert found.slow.time_s == pytest.approx(found_s, rel=1e-3)
+    assert found.model.imu.slow.time_s == pytest.approx(found_s, rel=1e-3)
     nothing = SimpleNamespace(evidence_of=lambda *_: 3.9)
     assert slow_bias_candidate(search, model, problem, nothing) is None
     assert slow_bias_candidate(search, found.model, problem, variances) is None
