@@ -19,7 +19,8 @@ Where to look
         `insgnss/io/formats/text/xml.py`, `database.py` there)
     which file a key of a flight file came from: `Source` in `tables.py`
     units of noise models: `units.py` (units of a header: `insgnss/io/formats/text/headers.py`)
-    the cache of compiled kernels: `compilation.py`, where it is `caches.py`; the helpers that fill
+    the cache of compiled kernels: `compilation/`, where it is `caches.py`, what a platform wheel
+        ships: `shipped.py`; the helpers that fill
         it in a first run `ahead.py`, by the list `kernels.json`
     memory that is available: `memory.py`; a second thread: `beside.py`; how far a step has come:
         `advance.py`

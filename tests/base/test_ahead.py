@@ -1,6 +1,7 @@
 """Kernels compiled by helpers beside the main line of a first run."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -59,8 +60,10 @@ def start(
     for name in ("", "base", "navigation", "navigation/filter", "calibrate"):
         (house / name).mkdir()
         (house / name / "__init__.py").write_text("")
-    for name in ("advance", "ahead", "beside", "compilation"):
+    for name in ("advance", "ahead", "beside", "shipped"):
         (house / "base" / f"{name}.py").write_bytes((BASE / f"{name}.py").read_bytes())
+    sources = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(BASE / "compilation", house / "base" / "compilation", ignore=sources)
     (house / "base" / "kernels.json").write_text('{"navigation.filter.outer.outer": ["f8"]}')
     (house / "navigation" / "filter" / "outer.py").write_text(OUTER)
     (house / "calibrate" / "inner.py").write_text(INNER)

@@ -2,8 +2,10 @@
 
 import errno
 import importlib
+import json
 import os
 import pickle
+import shutil
 import signal
 import stat
 import subprocess
@@ -14,12 +16,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import llvmlite
 import numpy as np
 import pytest
 
 import insgnss
 from insgnss.base import compilation
 from insgnss.base.advance import listening
+from insgnss.base.compilation import kept
 
 BASE = Path(insgnss.__file__).parent / "base"
 SOURCES = {
@@ -56,9 +60,10 @@ def house(tmp_path):
     folder.mkdir()
     for name, text in SOURCES.items():
         (folder / name).write_text(text.replace("\n        ", "\n"))
-    for name in ("compilation.py", "advance.py"):
-        source = BASE / name
-        (folder / name).write_bytes(source.read_bytes())
+    for name in ("advance.py", "shipped.py"):
+        (folder / name).write_bytes((BASE / name).read_bytes())
+    sources = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(BASE / "compilation", folder / "compilation", ignore=sources)
     return folder
 
 
@@ -132,8 +137,8 @@ def test_what_only_callers_need_is_read_when_one_is_compiled(house, monkeypatch)
     assert _printed(house, unread) == "2.0 20.0 True True"
     (house / "outer.py").write_text((house / "outer.py").read_text().replace("10.0 *", "5.0 *"))
     assert _printed(house, unread) == "2.0 10.0 True False"
-    text = (house / "compilation.py").read_text()
-    (house / "compilation.py").write_text(text.replace('"_unserialize"', '"_renamed"'))
+    linking = house / "compilation" / "linking.py"
+    linking.write_text(linking.read_text().replace('"_unserialize"', '"_renamed"'))
     for _ in range(2):
         assert _printed(house, unread) == "2.0 10.0 False False"
     assert _run(house) == (10.0, 1)
@@ -207,11 +212,32 @@ def test_the_directory_that_the_user_names_is_taken(house, tmp_path):
 
 
 @pytest.mark.slow
+def test_what_a_wheel_ships_is_run_where_nothing_else_is_kept(house, tmp_path):
+    """Oracle: numba's count of what came from the disk: a copy of sources and code elsewhere, whose
+    user keeps code in another directory; without the wheel's mark, or with other sources, nothing
+    is taken.
+    """
+    kept_elsewhere = str(tmp_path / "user")
+    assert _run(house, NUMBA_CACHE_DIR="") == (20.0, 0)
+    installed = tmp_path / "root" / "house"
+    shutil.copytree(house, installed)
+    assert _run(installed, NUMBA_CACHE_DIR=kept_elsewhere + "0") == (20.0, 0)
+    described = {"name": "", "features": ["none such"], "llvmlite": llvmlite.__version__}
+    (installed / "processor.json").write_text(json.dumps(described))
+    assert _run(installed, NUMBA_CACHE_DIR=kept_elsewhere) == (20.0, 1)
+    assert not list(Path(kept_elsewhere).rglob("*.nb?"))
+    (installed / "constants.py").write_text("STEP = 3.0\n")
+    assert _run(installed, NUMBA_CACHE_DIR=kept_elsewhere) == (40.0, 0)
+    assert _run(installed, NUMBA_CACHE_DIR=kept_elsewhere) == (40.0, 1)
+    assert list(Path(kept_elsewhere).rglob("outer.outer*.nbc"))
+
+
+@pytest.mark.slow
 def test_a_numba_of_other_inner_names_keeps_nothing(house, monkeypatch):
     """Oracle: no code on disk, and right results: better slow than outdated."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    text = (house / "compilation.py").read_text()
-    (house / "compilation.py").write_text(text.replace('"_cache_file"', '"_renamed"'))
+    kept_source = house / "compilation" / "kept.py"
+    kept_source.write_text(kept_source.read_text().replace('"_cache_file"', '"_renamed"'))
     for _ in range(2):
         assert _run(house) == (20.0, 0)
     assert not list(house.rglob("*.nbc"))
@@ -236,7 +262,7 @@ def twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tupl
     from numba.core import config
 
     monkeypatch.setattr(config, "CACHE_DIR", "")
-    monkeypatch.setattr(compilation, "_warned", [])
+    monkeypatch.setattr(kept, "_warned", [])
     (tmp_path / "twice.py").write_text("def twice(x):\n    return 2 * x\n")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "twice", raising=False)
@@ -295,7 +321,6 @@ def test_a_damaged_file_is_compiled_again_in_silence(twice, tmp_path, damage, wh
 
 def test_code_of_other_versions_or_another_processor_is_not_run(twice, tmp_path, monkeypatch):
     """Oracle: numba's own count of what came from the disk."""
-    import llvmlite
     import numba
     from numba.core.codegen import CPUCodegen
 
@@ -345,8 +370,8 @@ def test_what_others_may_have_written_is_not_run(twice, tmp_path):
     for file_owner, file_mode, owner, mode, expected in table:
         file = SimpleNamespace(st_uid=file_owner, st_mode=file_mode | stat.S_IFREG)
         source = SimpleNamespace(st_uid=owner, st_mode=mode | stat.S_IFREG)
-        assert compilation._trusted(file, source) is expected
-    assert not compilation._trusted(SimpleNamespace(st_uid=me + 1, st_mode=0o100644), None)
+        assert kept._trusted(file, source) is expected
+    assert not kept._trusted(SimpleNamespace(st_uid=me + 1, st_mode=0o100644), None)
     assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
     _files(tmp_path)[1].chmod(0o666)
     assert (twice(), twice()) == ((2.0, 0), (2.0, 1))

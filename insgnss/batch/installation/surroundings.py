@@ -15,6 +15,7 @@ from ...base.caches import KERNELS
 from ...base.errors import InsgnssError
 from ...base.findings import Finding, Question, Verdict
 from ...base.memory import available
+from ...base.shipped import VARIABLES, read_processor
 
 GRIDS = (".tif", ".gtx", ".gsb")
 CPUINFO = Path("/proc/cpuinfo")
@@ -44,7 +45,7 @@ def machine_findings(cpuinfo: Path = CPUINFO) -> list[Finding]:
 
 
 def kernel_findings(kernel: Any) -> list[Finding]:
-    """Return where compiled kernels are kept, and whether that can be written.
+    """Return where compiled kernels are kept, whether that can be written, and what is shipped.
 
     Parameters
     ----------
@@ -54,19 +55,37 @@ def kernel_findings(kernel: Any) -> list[Finding]:
     Returns
     -------
     list of Finding
-        One line.
+        One line, and one more of a platform wheel.
     """
+    return [_cache_finding(kernel), *_shipped_findings(read_processor())]
+
+
+def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
+    """Return whether the kernels that the wheel ships are used."""
+    if not shipped:
+        return []
+    question = Question("shipped", topic="kernels")
+    name, version = shipped["name"], shipped["llvmlite"]
+    origin = f"for {name} by llvmlite {version}"
+    if os.environ.get(VARIABLES[0]) == name and metadata.version("llvmlite") == version:
+        return [question.ok(origin)]
+    advice = f"pip install llvmlite=={version}, if this processor is of that kind"
+    return [question.note(f"{origin}, not used here: the first run compiles", advice)]
+
+
+def _cache_finding(kernel: Any) -> Finding:
+    """Return where compiled kernels are kept."""
     cache, given = Question("cache", topic="kernels"), os.environ.get(KERNELS)
     origin = f" ({KERNELS})" if given else ""
     path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
     if path is None:
         advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS} to a directory that you can write"
         value = "none: kernels are interpreted, or compiled anew by every command"
-        return [cache.note(value, advice)]
+        return cache.note(value, advice)
     if _writable(Path(path)):
-        return [cache.ok(f"{path}{origin}, writable")]
+        return cache.ok(f"{path}{origin}, writable")
     advice = f"set {KERNELS} to a directory that is kept and that you can write"
-    return [cache.note(f"{path}{origin} cannot be written", advice)]
+    return cache.note(f"{path}{origin} cannot be written", advice)
 
 
 def grid_findings() -> list[Finding]:
