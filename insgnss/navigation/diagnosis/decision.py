@@ -34,7 +34,7 @@ from .estimated import constant
 from .evidence import FEWEST_FIXES, ErrorModelSearch, Posed, follows, loses_fixes, misfit
 from .sensitivity import Sensitivity
 from .time_correlated import is_suspicious, time_correlated_error
-from .variances import BIAS_NOISE, FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
+from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 ROUNDS = 3  # of winners that are adopted one after the other
@@ -124,7 +124,8 @@ def diagnose(
 class _State:
     """Where the search stands: what is adopted, what it says, and what has been tried in vain.
 
-    `posed` is the problem with another start, where what is adopted has aligned it anew.
+    `posed` is the problem with another start, where what is adopted has aligned it anew;
+    `variances` the search on its solution, where that has been linearised already.
     """
 
     solution: Solution
@@ -133,6 +134,7 @@ class _State:
     history: tuple[str, ...] = ()
     attempted: frozenset[State | str] = frozenset()
     posed: Posed | None = None
+    variances: VarianceSearch | None = None
 
 
 Candidate = tuple[float, Callable[[], _State | None]]
@@ -185,7 +187,7 @@ def _next(
     suspected = None if constants is None else constants.strongest()
     correlates = search.time_correlated and "time-correlated" not in here.attempted
     suspicious = _looked_at(search, here) if correlates else None
-    variances = VarianceSearch(here.solution, search.progress)
+    variances = here.variances or VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
     slow = _slow_bias(search, posed, here, variances) if promising else None
     remedied = None
@@ -195,8 +197,10 @@ def _next(
         and not here.attempted & set(suspected.groups)
     ):
         remedied = _with_constants(search, posed, here, constants, suspected)
-        after = promising and remedied is not None
-        left = _left(search, remedied.solution, OF_IMU) if after and remedied else 0.0
+        left = 0.0
+        if promising and remedied is not None:
+            after = VarianceSearch(remedied.solution, search.progress)
+            left, remedied = after.left(OF_IMU), replace(remedied, variances=after)
         if left > suspected.evidence:
             remedied = None  # a remedy that leaves more than it explains is none
         elif (
@@ -272,12 +276,16 @@ def _variance(
     def adopt() -> _State | None:
         search.progress(f"filter, with larger {winner.family}")
         solution = search.solved(posed, model)
-        if solution is None or _left(search, solution) > winner.evidence:
+        if solution is None:
+            return None
+        after = VarianceSearch(solution, search.progress)
+        if after.left() > winner.evidence:
             return None
         check = variance_check(winner, search.claims)
         history = (*here.history, f"{check.name}: {check.found}")
         attempted = here.attempted | {winner.family}
-        return _State(solution, model, (*here.checks, check), history, attempted)
+        checks = (*here.checks, check)
+        return _State(solution, model, checks, history, attempted, variances=after)
 
     return winner.evidence, adopt
 
@@ -358,13 +366,6 @@ def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State
         Their groups, each once.
     """
     return tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
-
-
-def _left(
-    search: ErrorModelSearch, solution: Solution, families: Sequence[str] = tuple(FAMILIES)
-) -> float:
-    """Return what other variances still promise to explain of a solution's innovations."""
-    return VarianceSearch(solution, search.progress).left(families)
 
 
 def _resets(solution: Solution) -> int:

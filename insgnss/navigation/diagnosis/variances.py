@@ -52,6 +52,7 @@ FAMILIES = {
 }
 OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
+ENOUGH = 0.01  # gain of a step in -2 log L that ends the search: a tenth of a sigma of a factor
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
 LEAST_SLOW, DOUBTFUL = 8.0, 2.0
@@ -103,7 +104,7 @@ class VarianceSearch:
         }
         self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
         segment = linear_segment(self.part, self.names)
-        self.search = Search([segment], self.names, progress)
+        self.search = Search([segment], self.names, progress, gain=ENOUGH)
         self.nothing = evaluate([segment], np.zeros(len(self.names)))
 
     def promising(self) -> tuple[str, ...]:

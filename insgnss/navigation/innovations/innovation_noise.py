@@ -252,7 +252,8 @@ def in_flight_noise(
     imu = np.array([name in IMU for name in names])
     static = search.maximum(~imu)
     held: dict[str, str] = {}
-    minutes, every = _minutes(static, duration / 60.0), np.inf
+    whole = Maximum(static.theta, evaluate(segments, static.theta))
+    minutes, every = _minutes(whole, duration / 60.0), np.inf
     while True:
         free = np.array([name not in held for name in names])
         best = search.maximum(free) if (free & imu).any() else static

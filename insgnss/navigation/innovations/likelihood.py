@@ -299,7 +299,9 @@ def _linear(solution: Solution, parts: int, driven: int) -> Linear:
     )
 
 
-def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
+def evaluate(
+    segments: Sequence[LinearSegment], theta: Array, free: np.ndarray | None = None
+) -> Evaluated:
     """Evaluate (L.4) and (L.5) of all segments together.
 
     Parameters
@@ -308,13 +310,18 @@ def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
         The segments.
     theta : ndarray, (p,)
         Logarithms of the factors (L.3).
+    free : ndarray of bool, (p,), optional
+        The parameters whose slopes are wanted, each of which costs as much as the likelihood; those
+        of the others are NaN. All where it is left out.
 
     Returns
     -------
     Evaluated
         The likelihood and its slopes.
     """
-    p = theta.size
+    free = np.ones(theta.size, dtype=np.bool_) if free is None else free
+    slope_of = np.where(np.append(free, False), np.cumsum(np.append(free, False)) - 1, -1)
+    p = int(np.count_nonzero(free))
     total, cost = np.zeros((1 + p, p)), 0.0
     # the last, of index -1, is that of what stays as it is
     variance = np.exp(2.0 * np.append(theta, 0.0))
@@ -332,9 +339,9 @@ def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
             s.P0,
             s.mean0,
             share,
-            s.of_part,
+            slope_of[s.of_part],
             scale,
-            s.of_kind,
+            slope_of[s.of_kind],
             s.gate,
             s.reset_s,
             total,
@@ -346,4 +353,6 @@ def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
         every.append((white[measured, 0], nis[measured, 0], verdict[measured, 0]))
     white, nis, verdict = (np.concatenate([arrays[i] for arrays in every]) for i in range(3))
     rejected = int(np.count_nonzero(verdict == REJECTED))
-    return Evaluated(cost, total[0], total[1:], white[verdict == USED], nis, rejected, nis.size)
+    slopes = np.full((1 + theta.size, theta.size), np.nan)
+    slopes[np.ix_(np.append(True, free), free)] = total
+    return Evaluated(cost, slopes[0], slopes[1:], white[verdict == USED], nis, rejected, nis.size)

@@ -71,12 +71,16 @@ class Search:
         Receives the name of each step.
     range_of_fixes : tuple of float
         Bounds of the factors of the fixes.
+    gain : float
+        Gain of a step in -2 log L below which it was the last: 0.01 is a tenth of a parameter's
+        standard deviation.
     """
 
     segments: Sequence[LinearSegment]
     names: tuple[str, ...]
     progress: Callable[[str], None]
     range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
+    gain: float = DONE
 
     def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
         """Maximise over some parameters, the others at one, from the best start.
@@ -98,7 +102,9 @@ class Search:
         count = int(np.count_nonzero(free))
         self.progress(f"likelihood of the innovations, {count} factor{'s' if count > 1 else ''}")
         with within(0.0, STARTED):
-            first = [Maximum(theta, evaluate(self.segments, theta)) for theta in through(thetas)]
+            first = [
+                Maximum(theta, evaluate(self.segments, theta, free)) for theta in through(thetas)
+            ]
         with within(STARTED, 1.0):
             return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
 
@@ -116,12 +122,12 @@ class Search:
             moved = theta.copy()
             moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
-            there = Maximum(moved, evaluate(self.segments, moved))
+            there = Maximum(moved, evaluate(self.segments, moved, free))
             size = float(np.abs(moved - theta).max())
             longest = max(longest, size)
             share(converged(size, longest, DONE))
             if there.evaluated.cost <= here.evaluated.cost:
-                small = here.evaluated.cost - there.evaluated.cost < DONE or size < DONE
+                small = here.evaluated.cost - there.evaluated.cost < self.gain or size < DONE
                 here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
                 if small:
                     break

@@ -355,12 +355,13 @@ def next_state(
     monkeypatch.setattr(
         decision,
         "VarianceSearch",
-        lambda *_: SimpleNamespace(promising=lambda: ("v",) if promising else ()),
+        lambda *_: SimpleNamespace(
+            promising=lambda: ("v",) if promising else (), left=lambda *_: left
+        ),
     )
     monkeypatch.setattr(
-        decision, "_with_constants", lambda *_: SimpleNamespace(solution=1) if remedied else None
+        decision, "_with_constants", lambda *_: decision._State(1, None) if remedied else None
     )
-    monkeypatch.setattr(decision, "_left", lambda *_: left)
     monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
     monkeypatch.setattr(
         decision,
@@ -371,7 +372,7 @@ def next_state(
         decision, "_slow_bias", lambda *_: None if slow is None else (slow, lambda: "slow")
     )
     search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
-    here = SimpleNamespace(attempted=frozenset(), solution=0)
+    here = decision._State(0, None)
     return decision._next(search, (None, None), here, constants)
 
 

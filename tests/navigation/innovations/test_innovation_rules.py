@@ -114,7 +114,7 @@ def test_whiteness_is_ljung_and_boxs() -> None:
 def quadratic(A, best):
     """A likelihood whose -2 log L is a parabola about `best`, as the search evaluates it."""
 
-    def evaluate(_, theta):
+    def evaluate(_, theta, free):
         off = theta - best
         return SimpleNamespace(cost=off @ A @ off / 2.0, gradient=A @ off, information=A)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flown import NO_GATE, Flown, fly, start_near
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import UsageError
 from insgnss.navigation.filter.error_model import linearise_interval
@@ -146,6 +146,17 @@ def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
     mean, covariance, z = density_of_all(short, segment, theta)
     cost = np.linalg.slogdet(covariance)[1] + (z - mean) @ np.linalg.solve(covariance, z - mean)
     assert evaluate([segment], theta).cost == pytest.approx(cost, abs=1e-5)
+
+
+def test_slopes_of_some_factors_are_those_that_all_have(short):
+    """Oracle: the slopes of all factors, which are held against differences."""
+    segment, free = linear_segment(short, NAMES), np.arange(len(NAMES)) % 2 == 1
+    every, some = evaluate([segment], THETA), evaluate([segment], THETA, free)
+    assert some.cost == every.cost
+    assert_array_equal(some.gradient[free], every.gradient[free])
+    assert_array_equal(some.information[np.ix_(free, free)], every.information[np.ix_(free, free)])
+    assert np.isnan(some.gradient[~free]).all()
+    assert np.isnan(some.information[~free]).all()
 
 
 def test_two_segments_count_twice(short):
