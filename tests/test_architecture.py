@@ -106,7 +106,7 @@ HOUSE: dict[str, dict[str, str]] = {
         "comparison": "",
         "lever_arm": "",
         "targets": "",
-        "block_adjustment": "adjust",
+        "block_adjustment": "adjust comparison",
         "mounting_calibration": "adjust comparison lever_arm",
         "target_measurement": "targets block_adjustment",
     },

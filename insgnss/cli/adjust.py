@@ -22,6 +22,7 @@ EXAMPLE = """\
   insgnss adjust 02_Processed/GPS-INS/eo.json --images image_points.csv \\
       --camera camera.toml --ground ground_points.csv
   insgnss adjust eo.json --images project.psx --ground gcp.csv --crs EPSG:2056+5728 --check G4 G7
+  insgnss adjust DJI_202411_Timestamp.MRK --images project.xml --ground gcp.csv --crs EPSG:2056
   insgnss adjust simulated/02_Processed/GPS-INS/eo.json --plan --camera camera.toml \\
       --ground-height 510"""
 
@@ -32,8 +33,9 @@ class Request:
 
     block: Path = argument(
         ...,
-        "the block file, whose keys the options below change, its directory, or the eo.json of a"
-        " processed flight with --images",
+        "the block file, whose keys the options below change, its directory, or with --images the"
+        " eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
+        " camera_positions.csv, _events.pos, references of Metashape or Pix4D",
         cli="BLOCK",
     )
     plan: bool = argument(
@@ -65,7 +67,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     """
     given = {name: given_of(options, kind, name) for name, (kind,) in BLOCK_TABLES.items()}
     named = names_of(BLOCK_TABLES)
-    if options.block.suffix.lower() != ".json":
+    if options.block.is_dir() or options.block.suffix.lower() == ".toml":
         file = load_block(options.block)
         with spoken_as(named):
             changed = {

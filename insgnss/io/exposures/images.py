@@ -45,7 +45,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
         ]
         endings = IMAGE_ENDINGS if ending is None else {"." + ending.lower().lstrip(".")}
         names = sorted(
-            (name for name in files if Path(name).suffix.lower() in endings), key=_natural
+            (name for name in files if Path(name).suffix.lower() in endings), key=natural
         )
         if len({Path(name).stem for name in names}) < len(names):
             kinds = sorted({Path(name).suffix for name in names})
@@ -73,7 +73,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
     return tuple(names)
 
 
-def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
+def natural(name: str) -> tuple[tuple[int, int, str], ...]:
     """Order in which IMG_9 stands before IMG_10."""
     return tuple(
         (1, int(piece), "") if piece.isdecimal() and len(piece) < 1000 else (0, 0, piece.lower())

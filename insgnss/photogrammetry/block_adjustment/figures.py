@@ -16,6 +16,8 @@ from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
+from .aerial.control import stated_lever_arm
+from .aerial.positions import has_positions_alone
 from .aerial.relative import weakly_held
 from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
@@ -94,6 +96,12 @@ def _weighed(solved: Solved) -> list[str]:
     if solved.control.covariance not in ("chain", "image"):
         return []
     how = {"chain": "by covariances of neighbours alone", "image": "each image alone"}
+    if has_positions_alone(solved.inputs.file.aerial_control.file):
+        return [
+            "positions are weighed as if each image had errors of its own: those of RTK and PPK"
+            " last for minutes, and so sigmas are too small where aerial_control.shift_sigma_m does"
+            " not give each flight line its shift"
+        ]
     return [
         f"the aerial control weighs {how[solved.control.covariance]}: standard deviations of"
         " bore-sight and camera are too small, several times in long flights; put the"
@@ -195,15 +203,18 @@ def _mounting(solved: Solved) -> dict[str, Any]:
         (BORESIGHT, (np.radians(options.boresight_sigma_deg),) * 3),
         (TIME_OFFSET, (options.time_offset_sigma_s,)),
     ):
-        if (value := blocks.get((name, 0))) is None:
+        if (value := blocks.get((name, 0))) is None or prior is None:
             continue
         vector = vector_from_rotation(value) if value.ndim == 2 else value
+        if name == LEVER_ARM:
+            vector = vector - stated_lever_arm(options)
         sigma = np.sqrt(np.diagonal(solved.precision.cov((name, 0))))
         out[name] = {
             "unit": {LEVER_ARM: "m", BORESIGHT: "rad", TIME_OFFSET: "s"}[name],
             "value": vector.tolist(),
             "sigma": sigma.tolist(),
             "sigma_before": list(map(float, prior or ())),
+            "stated_in": "block file" if has_positions_alone(options.file) else "flight file",
         }
     return out
 

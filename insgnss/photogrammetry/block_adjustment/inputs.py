@@ -21,6 +21,7 @@ from ...io.formats.orientation.eo_json import read_one_camera
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, BrownCamera, ImageBlock
 from ..adjust.groups import InteriorObservation, weight_of
+from .aerial.positions import has_positions_alone, orientation_of
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .placing import placed
 from .vehicle.places import Vehicle, vehicle_of
@@ -110,9 +111,13 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     ):
         source = replace(source, camera=np.zeros_like(source.camera))
     eo = None
-    if file.aerial_control.file is not None:
+    if (poses := file.aerial_control.file) is not None:
         progress("reading aerial control")
-        eo = read_one_camera(file.aerial_control.file, "an adjustment")
+        if has_positions_alone(poses):
+            eo, table = orientation_of(file.aerial_control, source, notes)
+            file = replace(file, aerial_control=table)
+        else:
+            eo = read_one_camera(poses, "an adjustment")
     ground = ground_in_plane(file, source, eo, notes)
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
@@ -332,6 +337,13 @@ def ground_in_plane(
     if eo is None:
         return ground if crs is None else _in_own_plane(ground, crs, file.ground.geoid, notes)
     plane = TangentPlane(*eo.origin)
+    if crs is None and has_positions_alone(file.aerial_control.file):
+        raise InputError.in_file(
+            path,
+            "does not say in which CRS its ground points are, and without a flight there is no"
+            " tangent plane that they could stand in; name it by ground.crs or --crs, such as"
+            " EPSG:2056+5728",
+        )
     as_read = ground
     if crs is not None:
         ground = ground.in_plane(GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch), plane)

@@ -453,9 +453,11 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
             yield ranked(
                 name,
                 0.4,
-                f"the {name} differs from that of the flight file by {values} {unit}"
+                f"the {name} differs from that of the {estimate['stated_in']} by {values} {unit}"
                 f" ({np.max(np.abs(value) / sigma):.0f} sigma)",
-                "process the flight with --mounting mounting.toml to have it in every product",
+                "process the flight with --mounting mounting.toml to have it in every product"
+                if estimate["stated_in"] == "flight file"
+                else "the poses that are written have it already",
             )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.received.nesting import read_object
+from .aerial.positions import has_positions_alone
 from .inputs import Inputs
 
 
@@ -21,6 +22,8 @@ def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
     mapping or None
         Its tables; None where no report says them.
     """
+    if has_positions_alone(inputs.file.aerial_control.file):
+        return None
     beside = Path(inputs.file.aerial_control.file or ".").parent / "report.json"
     flight = read_object(beside).get("flight")
     return flight if isinstance(flight, dict) and "mounting" in flight else None

@@ -30,7 +30,7 @@ from ..adjust.outliers import without_outliers
 from ..adjust.precision import image_components
 from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
 from ..adjust.variance_components import with_factors
-from .aerial.control import control_of
+from .aerial.control import control_of, motion_is_known, stated_lever_arm
 from .check_points import check_points
 from .inputs import Inputs
 from .mode import CAMERA_HELD
@@ -266,7 +266,7 @@ def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
         return _LeftOut(name, option, unit, wider, vehicle_table, key)
 
     if inputs.eo is not None and mode != "indirect":
-        if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
+        if options.time_offset_sigma_s == 0.0 and motion_is_known(inputs.eo, options):
             wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
             yield one("delay of the exposures", key, "s", (TIME_OFFSET, 0), wider)
@@ -345,6 +345,8 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
     value = _value(again.values, key, columns)
     if key[0] == CAMERA:
         value = value - _value(result.values, key, columns)
+    if key == (LEVER_ARM, 0):
+        value = value - stated_lever_arm(inputs.file.aerial_control)
     value = value + began
     sigma = np.sqrt(np.diagonal(cov))
     if reconnects:

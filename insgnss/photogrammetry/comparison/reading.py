@@ -24,7 +24,9 @@ from ...geodesy.rotation import (
     rotation_from_rpy,
     rpy_jacobian,
 )
+from ...io.formats.events.mrk import is_mrk
 from ...io.formats.returned.reading import RETURNED, returned_form
+from ...io.formats.text.clock import gps_time
 from ...records import ExteriorOrientation, Trajectory
 from ...records.observations import UNKNOWN_MPS
 from .hints import HEAD, Hints, diagonal, origin_in, turned
@@ -50,6 +52,7 @@ HEADERS = {  # of files that other programs take, in lower case
     "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
     "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
+CAMERA_POSITIONS = "image,gps_week,tow,lat_deg"  # first columns of insgnss' own table
 # stands in for fixes without standard deviations, and is left out again
 UNKNOWN_M = 0.98765, 0.98765, 0.98765
 
@@ -117,7 +120,11 @@ def sniff_poses(path: str | Path) -> str:
     name = Path(path).name.lower()
     if name.endswith(".sbet") or (name.startswith("sbet") and name.endswith(".out")):
         return "sbet"
+    if is_mrk(head.encode("latin-1")):
+        return "mrk"
     first = next((line for line in lines_of(text) if line.strip()), "")
+    if first.startswith(CAMERA_POSITIONS):
+        return "camera_positions"
     if "# frame kind:" in text and "# camera axes:" in text:
         return "generic_ascii"
     if (label := re.search(r"^#?[ \t]*label[,;\t].*", text, re.MULTILINE)) is not None:
@@ -327,6 +334,51 @@ def _gnss(path: Path, hints: Hints) -> Poses:
     )
 
 
+def _mrk(path: Path, hints: Hints) -> Poses:
+    """Cameras of a drone's own solution at the exposures, which are named by their numbers."""
+    from ...io.formats.events.mrk import CAMERA, read_mrk
+
+    mrk = read_mrk(path)
+    if mrk.camera is None:
+        names = ", ".join(name.capitalize() for name in CAMERA)
+        raise InputError.in_file(path, f"has times alone and no {names} of the camera")
+    week = mrk.week.astype(np.float64) if (mrk.week >= 0).all() else None
+    time, gps_week = gps_time(mrk, mrk.tow, week, hints.gps_week)
+    lat, lon, height = mrk.camera.T
+    sigma = None if mrk.sigma_neu is None else mrk.sigma_neu[:, [1, 0, 2]]
+    return Poses(
+        str(path),
+        "mrk",
+        "projection centre",
+        np.radians(lat),
+        np.radians(lon),
+        height,
+        images=tuple(map(str, mrk.number.tolist())),
+        time=time,
+        gps_week=gps_week,
+        cov_position=diagonal(path, sigma),
+    )
+
+
+def _camera_positions(path: Path, hints: Hints) -> Poses:
+    """Cameras, or antennas, at the exposures by PPK."""
+    from ...io.formats.positions.camera_positions import read_camera_positions
+
+    table = read_camera_positions(path)
+    return Poses(
+        str(path),
+        "camera_positions",
+        "projection centre" if table.of_camera.all() else "antenna",
+        table.lat,
+        table.lon,
+        table.height,
+        images=table.images,
+        time=table.time,
+        gps_week=table.gps_week,
+        cov_position=turned(NED_ENU, table.cov_ned),
+    )
+
+
 def _odyn(path: Path, hints: Hints) -> Poses:
     from ...io.formats.trajectory.odyn import read_odyn_poses
 
@@ -353,6 +405,8 @@ FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "trajectory_csv": _trajectory_csv,
     "sbet": _sbet,
     "gnss": _gnss,
+    "mrk": _mrk,
+    "camera_positions": _camera_positions,
     "odyn": _odyn,
     **{form: partial(read_adjusted_poses, form) for form in RETURNED},
 }

@@ -18,7 +18,40 @@ class AerialControlTable:
     """Table [aerial_control]: poses of the images by GNSS and IMU, and what stands between."""
 
     file: Path | None = option(
-        None, "eo.json of a processed flight; without it the block has no aerial control"
+        None,
+        "eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
+        " camera_positions.csv, _events.pos of RTKLIB, references of Metashape or Pix4D, a table;"
+        " without it the block has no aerial control",
+    )
+    crs: str | None = option(
+        None,
+        "CRS of positions that do not say it, such as EPSG:2056+5728",
+        cli="--positions-crs",
+    )
+    geoid: Path | None = option(
+        None, "grid of geoid heights of these positions", usual="heights as `crs` has them"
+    )
+    initial: Path | None = option(
+        None,
+        "poses whose attitudes are first values, in any format that `insgnss compare` reads",
+        usual="the poses of the image observations",
+        cli="--initial",
+    )
+    sigma_m: Triple | None = option(
+        None,
+        "standard deviations of positions, east, north, up, in place of those of the file",
+        unit="m",
+        kind="sigmas",
+        usual="those of the file",
+        cli="--position-sigma",
+    )
+    lever_arm_m: Triple | None = option(
+        None,
+        "from the projection centre to the point whose positions the file has (the antenna of a"
+        " .pos), camera x right, y down, z viewing direction",
+        unit="m",
+        usual="the file has projection centres",
+        cli="--lever-arm",
     )
     covariance: Literal["auto", "strip", "chain", "image"] = option(
         "auto",

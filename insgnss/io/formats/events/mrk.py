@@ -7,8 +7,8 @@ the quality of the fix, each value with or without its name:
     1  275295.301059  [2024]  -26,N  19,E  191,V  -36.41144502,Lat  174.63075195,Lon
         170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
 
-The line is read as its numbers and names, whatever separates them. What the drone computed at the
-exposure must be numbers and is used by nothing here: positions come from `gnss.file`.
+The line is read as its numbers and names, whatever separates them. A flight's positions come from
+`gnss.file`; what the drone itself computed of the camera at the exposure is for blocks without one.
 """
 
 import re
@@ -30,6 +30,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
+CAMERA = ("lat", "lon", "ellh")
 SIGMAS = ("sd_n", "sd_e", "sd_u")
 # largest number, week or quality: six digits, more than any drone counts (chosen)
 LARGEST_NUMBER = 999999
@@ -52,6 +53,10 @@ class MrkFile:
         (n,) time of week, s.
     offset_ned : ndarray, optional
         (n, 3) m, camera minus antenna, north, east, down; None where the lines do not state it.
+    camera : ndarray, optional
+        (n, 3) latitude, longitude, deg, height above the ellipsoid, m; None likewise.
+    sigma_neu : ndarray, optional
+        (n, 3) m, standard deviations north, east, up; None likewise.
     """
 
     path: str
@@ -60,6 +65,8 @@ class MrkFile:
     tow: Array
     week: NDArray[np.int64]
     offset_ned: Array | None = None
+    camera: Array | None = None
+    sigma_neu: Array | None = None
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
@@ -117,13 +124,15 @@ def read_mrk(path: Source) -> MrkFile:
     number, tow, week = (
         np.array([row.get(name, -1.0) for row in rows]) for name in ("number", "tow", "week")
     )
-    offset = (
-        1e-3 * np.array([[row[name] for name in OFFSET] for row in rows])
-        if all(name in rows[0] for name in OFFSET)
+    offset, camera, sigma = (
+        np.array([[row[name] for name in names] for row in rows])
+        if all(name in rows[0] for name in names)
         else None
+        for names in (OFFSET, CAMERA, SIGMAS)
     )
     return MrkFile(
-        str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64), offset
+        *(str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64)),
+        *(None if offset is None else 1e-3 * offset, camera, sigma),
     )
 
 

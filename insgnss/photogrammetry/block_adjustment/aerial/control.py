@@ -37,9 +37,12 @@ from ...adjust.aerial import (
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.unknowns import Key
 from ..inputs import Inputs
+from .positions import has_positions_alone
 from .relative import Strip, breaks, relative_groups
 
 MOUNTING = "mounting"
+SHORTEST_STEP_S = 1e-3  # between images: no camera is as fast, and equal stamps divide by nothing
+HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estimated
 LONGEST_CHAIN_IMAGES = 200  # of one group (chosen): its dense covariance is 1200 x 1200, 12 MB
 RELATIVE = ("Ap/Ra", "Rp/Ra", "Rp")
 Rows = NDArray[np.int64]
@@ -166,10 +169,18 @@ def _absolute(
     )
 
 
+def motion_is_known(eo: ExteriorOrientation, options: AerialControlTable) -> bool:
+    """Tell whether a delay of the exposures can be estimated."""
+    if has_positions_alone(options.file):
+        return eo.gps_week > 0
+    return eo.velocity_mps is not None and eo.rate_radps is not None
+
+
 def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array, Array]:
     """Return velocities and rates of the images, zero where they are not known and not needed."""
-    missing = eo.velocity_mps is None or eo.rate_radps is None
-    if options.time_offset_sigma_s > 0.0 and missing:
+    if has_positions_alone(options.file) and motion_is_known(eo, options):
+        return differenced(eo), np.zeros((len(eo), 3))
+    if options.time_offset_sigma_s > 0.0 and not motion_is_known(eo, options):
         raise InputError.in_file(
             options.file,
             "no velocities of the images, which a delay needs; process the flight again, or leave"
@@ -180,6 +191,22 @@ def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array
         zeros if eo.velocity_mps is None else eo.velocity_mps,
         zeros if eo.rate_radps is None else eo.rate_radps,
     )
+
+
+def differenced(eo: ExteriorOrientation) -> Array:
+    """Return velocities (n, 3), m/s, of positions by the differences to their neighbours in time.
+
+    The nearer of both neighbours counts by the fourth power of the intervals, so that at the end of
+    a flight line the turn to the next one, which takes longer, has no part.
+    """
+    if len(eo) < 2:
+        return np.zeros((len(eo), 3))
+    step = np.maximum(np.diff(eo.time), SHORTEST_STEP_S)
+    slope = np.diff(eo.position_m, axis=0) / step[:, None]
+    before, after = np.append(np.inf, step), np.append(step, np.inf)
+    ahead = (1.0 / (1.0 + (after / before) ** 4))[:, None]
+    first, last = np.vstack([slope[:1], slope]), np.vstack([slope, slope[-1:]])
+    return np.asarray(ahead * last + (1.0 - ahead) * first)
 
 
 def _other_lines(eo: ExteriorOrientation, options: AerialControlTable) -> dict[int, str]:
@@ -209,11 +236,17 @@ def _control_of_line(
     return next(iter(requested), options.control)
 
 
+def stated_lever_arm(options: AerialControlTable) -> Array:
+    """Return the lever arm (3,), m, that estimates are corrections of."""
+    return np.array(options.lever_arm_m or (0.0,) * 3)
+
+
 def _shared(options: AerialControlTable) -> dict[str, tuple[Array, Array]]:
     """Return first values and standard deviations of the parameters of the whole block."""
     shared: dict[str, tuple[Array, Array]] = {}
-    if options.lever_arm_sigma_m is not None:
-        shared[LEVER_ARM] = np.zeros(3), np.array(options.lever_arm_sigma_m)
+    if options.lever_arm_sigma_m is not None or options.lever_arm_m is not None:
+        sigma = options.lever_arm_sigma_m or (HELD_M,) * 3
+        shared[LEVER_ARM] = stated_lever_arm(options), np.array(sigma)
     if options.boresight_sigma_deg > 0.0 and options.absolute_attitudes:
         shared[BORESIGHT] = np.eye(3), np.full(3, np.radians(options.boresight_sigma_deg))
     if options.time_offset_sigma_s > 0.0:
@@ -235,6 +268,14 @@ def _pieces(
     """Return which covariances weigh the poses, and rows with their covariance, line by line."""
     beside = _beside(options)
     kind: Any = options.covariance
+    if has_positions_alone(options.file):
+        if kind not in ("auto", "image"):
+            raise InputError.in_file(
+                options.file,
+                f'has no covariances of neighbours, which aerial_control.covariance = "{kind}"'
+                ' needs; take "auto"',
+            )
+        return "image", ((rows, _independent_cov(eo.cov[rows])) for rows in _lines(eo))
     if kind == "auto":
         kind = "strip" if beside.is_file() else "chain" if eo.cross is not None else "image"
     if kind == "strip":

@@ -1,0 +1,260 @@
+"""Blocks whose aerial control is positions alone: of drones with RTK or PPK and no IMU log."""
+
+import os
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from insgnss.base.errors import InputError
+from insgnss.cli.main import main
+from insgnss.geodesy.frames import TangentPlane
+from insgnss.geodesy.projection import MapProjection
+from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
+from insgnss.io.formats.blocks.ground_points import read_ground_points
+from insgnss.photogrammetry.block_adjustment.aerial.control import differenced
+from insgnss.photogrammetry.block_adjustment.aerial.positions import (
+    _of_images,
+    oriented_similarity,
+)
+from insgnss.photogrammetry.block_adjustment.run import adjust
+from insgnss.photogrammetry.comparison.reading import read_poses
+
+BLOCK = "01_Observations/Camera/Block"
+SIGMA_ENU = np.array([0.02, 0.02, 0.03])
+NADIR = np.diag([1.0, -1.0, -1.0])
+
+
+@pytest.fixture(scope="module")
+def without_imu(flown, tmp_path_factory):
+    """A function that writes a .MRK of the true cameras with noise, ground points in UTM, and first
+    attitudes that are off by a third of a degree."""
+    root = flown.directory
+    with np.load(root / "truth/eo.npz") as file:
+        true = {key: file[key] for key in file.files}
+    plane = TangentPlane(*true["origin"])
+
+    def write(seed=1, lever_arm_m=(0.0, 0.0, 0.0)):
+        directory = tmp_path_factory.mktemp("positions")
+        draw = np.random.default_rng(seed)
+        X = true["position_enu"] + true["C_mc"] @ np.array(lever_arm_m)
+        X = X + SIGMA_ENU * draw.normal(size=X.shape)
+        place = np.transpose(plane.geodetic_from_position(X))
+        lines = [
+            f"{int(name[:4])}\t{tow:.6f}\t[2200]\t0,N\t0,E\t0,V\t{np.degrees(lat):.9f},Lat"
+            f"\t{np.degrees(lon):.9f},Lon\t{h:.4f},Ellh\t0.02, 0.02, 0.03\t50,Q\n"
+            for name, tow, (lat, lon, h) in zip(true["images"], true["tow"], place, strict=True)
+        ]
+        (directory / "Timestamp.MRK").write_text("".join(lines))
+        ground = read_ground_points(root / BLOCK / "ground_points.csv")
+        grid = MapProjection("EPSG:32632").forward(*plane.geodetic_from_position(ground.position_m))
+        rows = [
+            f"{name},{x:.4f},{y:.4f},{z:.4f},0.01,0.01,0.015,{'check' if check else 'control'}\n"
+            for name, (x, y, z), check in zip(ground.points, grid, ground.check, strict=True)
+        ]
+        head = "point,x,y,z,sigma_x,sigma_y,sigma_z,role\n"
+        (directory / "ground.csv").write_text("".join([head, *rows]))
+        text = (root / "truth/EO_local-plane.txt").read_text().splitlines()
+        table = [line.split() for line in text if not line.startswith("#")]
+        off = 0.33 * draw.normal(size=(len(table), 3))
+        rows = [
+            " ".join(
+                [*row[:4], *(f"{float(a) + b:.5f}" for a, b in zip(row[4:7], turn, strict=True))]
+            )
+            + " 0 0 0 0 0 0"
+            for row, turn in zip(table, off, strict=True)
+        ]
+        heads = [line for line in text if line.startswith("#")]
+        (directory / "EO.txt").write_text("\n".join([*heads, *rows]) + "\n")
+        return directory
+
+    return write
+
+
+def block_of(flown, directory, **changes):
+    """The block file with positions in place of the flight."""
+    block = flown.block
+    control = replace(
+        block.aerial_control,
+        file=directory / "Timestamp.MRK",
+        initial=directory / "EO.txt",
+        **changes,
+    )
+    ground = replace(block.ground, file=directory / "ground.csv", crs="EPSG:32632")
+    return replace(block, aerial_control=control, ground=ground)
+
+
+def normalised(flown, done):
+    """Normalised squares (n,) of all poses against the truth, over their degrees of freedom."""
+    solved = done.solved
+    values, images = solved.result.values, solved.result.problem.block.images
+    with np.load(flown.directory / "truth/eo.npz") as file:
+        row = {str(name): k for k, name in enumerate(file["images"])}
+        rows = [row[name] for name in images]
+        own, its = TangentPlane(*solved.inputs.eo.origin), TangentPlane(*file["origin"])
+        X = own.position_from_geodetic(*its.geodetic_from_position(file["position_enu"][rows]))
+        C = own.C_em.T @ its.C_em @ file["C_mc"][rows]
+    e = np.hstack([X - values.position, vector_from_rotation(C @ values.C_mc.swapaxes(1, 2))])
+    return np.einsum("ni,nij,nj->n", e, np.linalg.inv(solved.precision.pose_cov), e) / 6.0
+
+
+@pytest.mark.slow
+def test_a_drone_without_imu_is_adjusted_by_one_command(flown, without_imu, tmp_path, capsys):
+    """Oracle: the truth of the simulation: normalised squares of all poses near one, although
+    neighbours share errors; the products of a block with an IMU but its mounting."""
+    directory = without_imu()
+    words = ["adjust", str(directory / "Timestamp.MRK")]
+    words += ["--images", str(flown.directory / BLOCK / "image_points.csv")]
+    words += ["--camera", str(flown.directory / BLOCK / "camera.toml")]
+    words += ["--ground", str(directory / "ground.csv"), "--crs", "EPSG:32632"]
+    words += ["--initial", str(directory / "EO.txt"), "--out", str(tmp_path / "out")]
+    assert main(words) == 0
+    text = capsys.readouterr().out
+    assert "no observation group contradicts another" in text
+    assert "attitudes follow from the image observations" in " ".join(text.split())
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        *("EO_local-plane.txt", "adjust.html", "adjust.json", "camera.toml", "eo.json"),
+        *("camera_metashape.xml", "poses.csv"),
+    }
+    z = normalised(flown, adjust(block_of(flown, directory), write=False))
+    assert 0.5 < z.mean() < 1.6
+    assert np.max(z) < 6.0
+
+
+@pytest.mark.slow
+def test_a_lever_arm_that_is_not_stated_is_named_and_one_that_is_stated_is_used(flown, without_imu):
+    """Oracle: the planted lever arm of the antenna, 15 cm; normalised squares where it is stated or
+    estimated."""
+    arm = (0.15, 0.0, -0.1)
+    directory = without_imu(2, arm)
+    unknown = adjust(block_of(flown, directory), write=False)
+    assert "lever arm" in unknown.judgement.headline
+    (trial,) = [t for t in unknown.judgement.trials_made if t.name == "lever arm"]
+    assert_allclose(trial.value, arm, atol=4.0 * np.max(trial.sigma))
+    stated = adjust(block_of(flown, directory, lever_arm_m=arm), write=False)
+    assert stated.figures["mounting"] == {}
+    assert 0.5 < normalised(flown, stated).mean() < 1.6
+    half = block_of(flown, directory, lever_arm_m=(0.1, 0.0, 0.0), lever_arm_sigma_m=(0.3,) * 3)
+    estimated = adjust(half, write=False).figures["mounting"]["lever arm"]
+    off = (np.array(estimated["value"]) - [0.05, 0.0, -0.1]) / estimated["sigma"]
+    assert np.abs(off).max() < 4.0
+
+
+@pytest.mark.slow
+def test_what_positions_alone_lack_is_asked_for(flown, without_imu, tmp_path, monkeypatch):
+    """Oracle: the rules by hand: a CRS of the ground points, a pose to begin with, standard
+    deviations."""
+    directory = without_imu()
+    monkeypatch.setenv("INSGNSS_SHOWN", f"{directory}{os.pathsep}{tmp_path}")
+    block = block_of(flown, directory)
+    with pytest.raises(InputError, match=r"does not say in which CRS .*--crs"):
+        adjust(replace(block, ground=replace(block.ground, crs=None)), write=False)
+    control = replace(block.aerial_control, initial=None)
+    with pytest.raises(InputError, match=r"0 of .* images have a pose"):
+        adjust(replace(block, aerial_control=control), write=False)
+    bare = tmp_path / "bare.MRK"
+    text = (directory / "Timestamp.MRK").read_text()
+    bare.write_text(text.replace("\t0.02, 0.02, 0.03", ""))
+    control = replace(block.aerial_control, file=bare)
+    with pytest.raises(InputError, match=r"no standard deviations .*--position-sigma"):
+        adjust(replace(block, aerial_control=control), write=False)
+    with pytest.raises(InputError, match='covariance = "chain"'):
+        adjust(block_of(flown, directory, covariance="chain"), write=False)
+
+
+def turned_block(n_lines, seed=3):
+    """Positions in the program's axes, the same measured, and attitudes near the nadir."""
+    draw = np.random.default_rng(seed)
+    along, across = np.meshgrid(np.arange(12.0), np.arange(float(n_lines)))
+    Y = np.column_stack([40.0 * along.ravel(), 60.0 * across.ravel(), 0.0 * along.ravel()])
+    C = rotation_from_vector(0.02 * draw.normal(size=(len(Y), 3))) @ NADIR
+    R = rotation_from_vector(np.array([0.7, -1.1, 2.0]))  # from the program's axes
+    return (Y - 7.0) @ R / 3.5, Y + [500.0, 20.0, 90.0], R.T @ C, R
+
+
+@pytest.mark.parametrize(("n_lines", "limit_deg"), [(5, 0.1), (1, 1.5)])
+def test_a_similarity_turns_the_program_to_the_positions(n_lines, limit_deg):
+    """Oracle: the rotation by construction; about a single line it is that of views which are
+    straight down on average, here to 0.02 rad / sqrt(12) or so."""
+    X, Y, C, R = turned_block(n_lines)
+    fitted = oriented_similarity(X, Y, C)
+    off = np.degrees(np.linalg.norm(vector_from_rotation(fitted.rotation @ R.T)))
+    assert off < limit_deg
+    assert fitted.scale == pytest.approx(3.5, rel=1e-4)
+
+
+class SimpleRows(SimpleNamespace):
+    """Rows with a length."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def test_velocities_are_differences_within_a_line():
+    """Oracle: by hand: two lines at 10 m/s east and west, 2 s between images, a turn of 20 s."""
+    time = np.array([0.0, 2.0, 4.0, 24.0, 26.0, 28.0])
+    x = np.array([0.0, 20.0, 40.0, 40.0, 20.0, 0.0])
+    position = np.column_stack([x, 50.0 * (time > 10.0), 0.0 * x])
+    images = SimpleRows(time=time, position_m=position)
+    got = differenced(images)
+    assert got[:, 0] == pytest.approx([10.0, 10.0, 10.0, -10.0, -10.0, -10.0], abs=2e-3)
+    assert np.abs(got[:, 1:]).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("names", "images", "expected"),
+    [
+        (("a.jpg", "b.jpg"), ("b.JPG", "c.JPG"), {"b.JPG": "b.jpg"}),
+        (
+            tuple(str(k) for k in range(3, 40)),
+            tuple(f"DJI_{k:04d}.JPG" for k in range(4, 39) if k != 9),
+            {"DJI_0010.JPG": "10"},
+        ),
+        ((), ("x5.tif", "x9.tif", "x10.tif"), {"x10.tif": "3"}),
+    ],
+)
+def test_positions_find_their_images(names, images, expected):
+    """Oracle: by hand: by name, by the counter in the names, by their natural order."""
+    n = len(names) or len(images)
+    poses = SimpleNamespace(images=names, n=n, time=None, source="f.MRK")
+    notes = []
+    source = SimpleNamespace(measured=SimpleNamespace(images=images[::-1]))
+    row, found = _of_images(poses, source, notes)
+    names = names or tuple(str(k + 1) for k in range(n))
+    pairs = dict(zip(found, (names[k] for k in row), strict=True))
+    assert expected.items() <= pairs.items()
+    assert len(pairs) == (1 if "a.jpg" in names else len(images))
+    assert bool(notes) == ("a.jpg" not in names)
+
+
+def test_positions_of_other_images_are_refused():
+    """Oracle: by hand: no name, no counter and another number of them."""
+    poses = SimpleNamespace(images=("1", "2"), n=2, time=None, source="f.MRK")
+    source = SimpleNamespace(measured=SimpleNamespace(images=("x.tif", "y.tif", "z.tif")))
+    with pytest.raises(InputError, match=r"none of its 2 positions \(1, \.\.\.\)"):
+        _of_images(poses, source, [])
+
+
+MRK = (
+    "7\t275295.301059\t[2024]\t-26,N\t19,E\t191,V\t-36.41144502,Lat\t174.63075195,Lon"
+    "\t170.415,Ellh\t0.012, 0.013, 0.021\t50,Q\n"
+)
+CSV = (
+    "image,gps_week,tow,lat_deg,lon_deg,h_m,sd_n_m,sd_e_m,sd_d_m,quality,of_camera\n"
+    "7,2024,275295.301059,-36.41144502,174.63075195,170.415,0.012,0.013,0.021,1,1\n"
+)
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.MRK", MRK), ("camera_positions.csv", CSV)])
+def test_positions_at_exposures_are_poses_without_attitude(tmp_path, name, text):
+    """Oracle: the numbers of the line."""
+    (tmp_path / name).write_text(text)
+    poses = read_poses(tmp_path / name)
+    assert (poses.images, poses.point, poses.gps_week) == (("7",), "projection centre", 2024)
+    assert poses.C_Ex is None
+    place = [np.degrees(poses.lat[0]), np.degrees(poses.lon[0]), poses.height[0]]
+    assert_allclose(place, [-36.41144502, 174.63075195, 170.415], rtol=1e-12)
+    assert_allclose(poses.time, [275295.301059])
+    assert_allclose(np.sqrt(np.diagonal(poses.cov_position[0])), [0.013, 0.012, 0.021])
