@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import DataError
+from ...base.errors import DataError, InputError, UsageError
+from ...geodesy.crs import between_datums
 from ...records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
@@ -113,7 +114,27 @@ def _read_both(
     first, second = read
     assert first is not None
     assert second is not None
-    return (first, second), notes
+    second, of_datum = _in_datum_of(first, second)
+    return (first, second), (*notes, *of_datum)
+
+
+def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
+    """b in the datum of a, and what was done."""
+    datums = (a.datum, a.epoch), (b.datum, b.epoch)
+    if datums[0] == datums[1]:
+        return b, ()
+    names = [
+        "no named datum" if name is None else name if epoch is None else f"{name} at {epoch:g}"
+        for name, epoch in datums
+    ]
+    statement = f"positions of a are of {names[0]}, those of b of {names[1]}"
+    if None in (a.datum, b.datum):
+        return b, (f"{statement}: compared as they stand; datums differ by up to 2 m",)
+    try:
+        moved = b.moved(*between_datums(b.lat, b.lon, b.height, *datums[::-1]))
+    except (InputError, UsageError) as refusal:
+        return b, (f"{statement}: compared as they stand, since {refusal}",)
+    return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed",)
 
 
 def _may_be_master(given: str | Path | ExteriorOrientation | Trajectory) -> bool:

@@ -115,12 +115,14 @@ class CoordinateFrame:
     """Frame of the coordinates in a file.
 
     It has a kind as in `MapFrame`, origin (rad, rad, m) of a tangent plane, definition of a
-    projected CRS.
+    projected CRS, datum and epoch of a geographic or geocentric one that is not WGS 84.
     """
 
     kind: str
     plane: TangentPlane | None = None
     projection: MapProjection | None = None
+    datum: str | None = None
+    epoch: float | None = None
 
     def _exchanged(self, x: Array) -> str:
         """Words on easting and northing where they would reach the area of the CRS if exchanged."""
@@ -212,6 +214,8 @@ class CoordinateFrame:
             local=x if self.kind in (TANGENT, PROJECTED) else None,
             plane=self.plane,
             projection=self.projection,
+            datum=self.datum,
+            epoch=self.epoch,
             **further,
         )
 

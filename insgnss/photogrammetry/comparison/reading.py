@@ -27,7 +27,7 @@ from ...geodesy.rotation import (
 from ...io.formats.returned.reading import RETURNED, returned_form
 from ...records import ExteriorOrientation, Trajectory
 from ...records.observations import UNKNOWN_MPS
-from .hints import HEAD, Hints, diagonal, origin_in, turned
+from .hints import HEAD, Hints, diagonal, globe_of, origin_in, turned
 from .of_records import poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
 from .returned import read_adjusted_poses
@@ -86,7 +86,10 @@ def read_poses(
             " the geoid out"
         )
     try:
-        return FORMS[form](Path(path), hints)
+        poses = FORMS[form](Path(path), hints)
+        if form != "eo_json" and poses.datum is None:
+            poses = replace(poses, datum=hints.datum, epoch=hints.epoch)
+        return poses
     except NoOriginError:
         raise
     except InputError as error:
@@ -203,6 +206,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         C = C_Ef @ eo.C_fc
     sigma = eo.block("s_xyz")
     time = columns.get("tow")
+    _, datum, epoch = globe_of(_frame_line(path))
     return Poses(
         str(path),
         "generic_ascii",
@@ -219,23 +223,21 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         local=x if frame.kind in ("tangent plane", "projected") else None,
         plane=frame.plane,
         projection=frame.projection,
+        datum=datum,
+        epoch=epoch,
     )
+
+
+def _frame_line(path: Path) -> str:
+    """The line of a header that names the frame, empty where there is none."""
+    with opened_text(path, errors="replace") as stream:
+        return next((line for line in stream if line.startswith("# frame:")), "")
 
 
 def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
     """The CRS that the header of a projected frame names by its code."""
-    if kind != "projected":
-        return None
-    with opened_text(path, errors="replace") as stream:
-        code = next(
-            (
-                re.search(r"EPSG:\d+(?:\+\d+)?", line)
-                for line in stream
-                if line.startswith("# frame:")
-            ),
-            None,
-        )
-    return None if code is None else hints.projected(code[0])
+    code = re.search(r"EPSG:\d+(?:\+\d+)?", _frame_line(path))
+    return None if code is None or kind != "projected" else hints.projected(code[0])
 
 
 def _trajectory_csv(path: Path, hints: Hints) -> Poses:

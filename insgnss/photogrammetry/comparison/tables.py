@@ -36,12 +36,11 @@ from ...geodesy.rotation import (
     ypr_jacobian,
 )
 from ...io.formats.text.text import TextTable, read_text_table
-from .hints import HEAD, Hints, diagonal, origin_in
+from .hints import HEAD, Hints, diagonal, globe_of, origin_in
 from .poses import CoordinateFrame, Poses, tangent_frame
 
 Array = NDArray[np.float64]
 
-WORLD_CODES = {"EPSG:4326": "geographic", "EPSG:4979": "geographic", "EPSG:4978": "geocentric"}
 # how the first coordinate begins where the second is the one to the east
 NORTHINGS = "lat", "north"
 
@@ -197,15 +196,15 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
     first : name of the column of x.
     """
     head = _head(path)
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", head)
-    kind = WORLD_CODES.get(code[0], "projected") if code is not None else ""
+    kind, datum, epoch = globe_of(head)
     if first.startswith(("lat", "lon")) or (
         first == "x" and form.startswith("metashape") and float(np.abs(x[:, :2]).max()) <= 360.0
     ):
         kind = "geographic"
     if kind in ("geographic", "geocentric"):
-        return CoordinateFrame(kind)
+        return CoordinateFrame(kind, datum=datum, epoch=epoch)
     plane = origin_in(path)
+    code = re.search(r"EPSG:\d+(?:\+\d+)?", head) if kind else None
     if plane is None and (code is not None or hints.crs is not None):
         return CoordinateFrame(
             "projected",
