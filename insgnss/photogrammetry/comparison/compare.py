@@ -18,10 +18,11 @@ from .clock import by_motion, by_names
 from .hints import Hints, Origin
 from .matching import Matched, match
 from .names import by_order
-from .poses import NoOriginError, Poses
+from .poses import FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
+from .shifts import shift_from_positions
 
 Array = NDArray[np.float64]
 
@@ -85,6 +86,7 @@ def _read_both(
     """
     read: list[Poses | None] = [None, None]
     without_origin: list[tuple[int, NoOriginError]] = []
+    notes: list[str] = []
     hints = list(hints)
     for k in sorted(range(2), key=lambda k: not _may_be_master(given[k][0])):
         path, form = given[k]
@@ -94,28 +96,43 @@ def _read_both(
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
             without_origin.append((k, refusal))
-    notes: tuple[str, ...] = ()
+        except FarError:
+            shifted = other and shift_from_positions(Path(str(path)), form, hints[k], other)
+            if not shifted:
+                raise
+            read[k] = read_poses(path, form, shifted)
+            notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
     for k, error in without_origin:
         other = read[1 - k]
         if other is None or other.plane is None:
             raise error
+        if shifted := shift_from_positions(Path(str(given[k][0])), given[k][1], hints[k], other):
+            read[k] = read_poses(*given[k], shifted)
+            notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
+            continue
         plane = other.plane
         borrowed = replace(
             hints[k],
             origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height),
         )
         read[k] = read_poses(given[k][0], given[k][1], borrowed)
-        notes = (
-            (
-                f"{given[k][0]} does not give the origin of its tangent plane; that of"
-                f" {given[1 - k][0]} was taken"
-            ),
+        notes.append(
+            f"{given[k][0]} does not give the origin of its tangent plane; that of"
+            f" {given[1 - k][0]} was taken"
         )
     first, second = read
     assert first is not None
     assert second is not None
     second, of_datum = _in_datum_of(first, second)
     return (first, second), (*notes, *of_datum)
+
+
+def _of_shift(file: object, reference: object, hints: Hints) -> str:
+    e, n, h = hints.shift or (0.0, 0.0, 0.0)
+    return (
+        f"{file}: {e:.0f} {n:.0f} {h:.0f} were subtracted from its coordinates ({hints.crs}): whole"
+        f" kilometres, told by the positions of {reference}"
+    )
 
 
 def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:

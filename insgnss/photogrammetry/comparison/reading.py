@@ -24,13 +24,16 @@ from ...geodesy.rotation import (
     rotation_from_rpy,
     rpy_jacobian,
 )
+from ...io.formats.returned.crs import kind_of_wkt
+from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
+from ...io.formats.returned.tables import read_odm_geo
 from ...records import ExteriorOrientation, Trajectory
 from ...records.observations import UNKNOWN_MPS
 from .hints import HEAD, Hints, diagonal, globe_of, origin_in, turned
 from .of_records import poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
-from .returned import read_adjusted_poses
+from .returned import framed_coordinates, placed_poses, read_adjusted_poses
 from .tables import read_table_poses
 
 Array = NDArray[np.float64]
@@ -41,12 +44,16 @@ TABLES = (
     "pix4d_matic",
     "pix4d_mapper",
     "realitycapture",
+    "micmac",
     "inpho_ascii",
     "tum",
 )
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
-    "realitycapture": r"^#?[ \t]*name,.*,yaw,pitch,roll",
+    "realitycapture": r"^#?[ \t]*name,.*,(yaw|heading),pitch,roll",
+    "micmac": r"^#f=n x y z w p k",
+    "odm": r"\A\s*(epsg:\d+|wgs84( utm \d+[ns]?)?|\+proj.*)\s*$",
+    "pix4d_mapper": r"\A[^,#]*\.\w+(,[-+\d.e]+){6}\s*$",
     "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
     "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
@@ -168,6 +175,17 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
         angle_set="opk",
         angles=eo.opk,
     )
+
+
+def _odm_geo(path: Path, hints: Hints) -> Poses:
+    images, x, sigma, crs = read_odm_geo(path)
+    kind, crs = kind_of_wkt(crs, path)
+    if kind == "geographic":
+        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
+    C = np.broadcast_to(np.eye(3), (len(images), 3, 3))
+    positions = ReturnedPoses(images, x, C, kind, crs, cov_position=diagonal(path, sigma))
+    poses = placed_poses(positions, framed_coordinates(positions, hints, path), path, "odm")
+    return replace(poses, C_Ex=None)
 
 
 def _table(form: str) -> Callable[[Path, Hints], Poses]:
@@ -351,6 +369,7 @@ FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "eo_json": _eo_json,
     "eo_local_plane": _eo_local_plane,
     **{form: _table(form) for form in TABLES},
+    "odm": _odm_geo,
     "generic_ascii": _generic_ascii,
     "trajectory_csv": _trajectory_csv,
     "sbet": _sbet,
