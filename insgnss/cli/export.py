@@ -73,7 +73,8 @@ class Request:
     )
     crs: str | None = argument(
         None,
-        "projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it",
+        "projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it; or the "
+        "datum of geographic coordinates, EPSG:6319",
         metavar="CRS",
     )
     geoid: Path | None = argument(

@@ -60,12 +60,131 @@ def source_crs(datum: str | None, epoch: float | None) -> Any:
         raise UsageError(f"datum {datum[:60]!r} is unknown; {DATUMS}") from None
     if not crs.is_geographic:
         raise UsageError(f"datum {datum!r} is {crs.name}, which is not geographic; {DATUMS}")
-    if crs.datum is not None and crs.datum.type_name.startswith("Dynamic") and epoch is None:
+    if moves(crs) and epoch is None:
         raise UsageError(
             f"datum {datum!r} is {crs.name}, which moves by centimetres a year against the ground;"
             " give the epoch of the positions too, such as 2024.5"
         )
     return crs.to_3d()
+
+
+def moves(crs: Any) -> bool:
+    """Whether the datum of a CRS moves by centimetres a year against the ground.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        The CRS.
+
+    Returns
+    -------
+    bool
+        Whether its coordinates need an epoch.
+    """
+    return crs.datum is not None and str(crs.datum.type_name).startswith("Dynamic")
+
+
+def datum_words(crs: Any, epoch: float | None) -> str:
+    """Return what people call the datum of positions.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        As of `source_crs`.
+    epoch : float, optional
+        Decimal year of the positions.
+
+    Returns
+    -------
+    str
+        Such as "ITRF2014, epoch 2023.5".
+    """
+    return crs.name if epoch is None else f"{crs.name}, epoch {epoch:.10g}"
+
+
+def code_of(crs: Any) -> str:
+    """Return the authority code of a CRS.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        The CRS.
+
+    Returns
+    -------
+    str
+        Such as EPSG:6319; empty where it has none.
+    """
+    return ":".join(crs.to_authority() or ())
+
+
+def sibling_code(crs: Any, kind: str) -> str:
+    """Return the code of the CRS of the same datum and another kind.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        A geographic or geocentric CRS.
+    kind : str
+        Name of a `pyproj.enums.PJType`: GEOCENTRIC_CRS or GEOGRAPHIC_3D_CRS.
+
+    Returns
+    -------
+    str
+        Its EPSG code, whose name is the same there; empty where there is none.
+    """
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+
+    siblings = query_crs_info("EPSG", [PJType[kind]])
+    return next((f"EPSG:{info.code}" for info in siblings if info.name == crs.name), "")
+
+
+def between_datums(
+    lat: Array,
+    lon: Array,
+    h: Array,
+    source: tuple[str | None, float | None],
+    target: tuple[str | None, float | None],
+) -> tuple[Array, Array, Array]:
+    """Return geodetic positions in another datum.
+
+    Parameters
+    ----------
+    lat, lon : ndarray, (n,)
+        Latitude and longitude, rad.
+    h : ndarray, (n,)
+        Height above the ellipsoid, m.
+    source, target : tuple
+        Datum and epoch as of `source_crs`, of these positions and of the result.
+
+    Returns
+    -------
+    tuple of ndarray
+        Latitude, longitude and height, each (n,).
+
+    Raises
+    ------
+    UsageError
+        As `source_crs`.
+    InputError
+        PROJ knows no transformation, its grid is not installed, or both datums move and the epochs
+        differ: no motion of the ground is known here.
+    """
+    crs_from, crs_to = source_crs(*source), source_crs(*target)
+    epochs = {epoch for crs, (_, epoch) in ((crs_from, source), (crs_to, target)) if moves(crs)}
+    if len(epochs) > 1:
+        raise InputError(
+            f"{datum_words(crs_from, source[1])} and {datum_words(crs_to, target[1])}: the ground"
+            " moves by centimetres a year, by how much here is not known; process the data of both"
+            " at one epoch"
+        )
+    if crs_from == crs_to:
+        return lat, lon, h
+    transformer = transformer_between(crs_from, crs_to)
+    degrees = np.degrees(lon), np.degrees(lat)
+    lon, lat, h = transformed(transformer, crs_to.name, *degrees, h, epoch=next(iter(epochs), None))
+    return np.radians(lat), np.radians(lon), h
 
 
 def geodetic_from_geographic(
@@ -151,6 +270,27 @@ def is_geographic(definition: str) -> bool:
         A CRS that is unknown.
     """
     return bool(crs_of(definition).is_geographic)
+
+
+def is_globe(definition: str) -> bool:
+    """Whether a CRS counts longitude and latitude, and heights from its ellipsoid.
+
+    Parameters
+    ----------
+    definition : str
+        As of `MapProjection`.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown.
+    """
+    return is_geographic(definition) and not crs_of(definition).is_compound
 
 
 def not_metric(definition: str, crs: Any, units: tuple[LengthUnit, LengthUnit]) -> str:
@@ -263,6 +403,22 @@ def above(geoid: Path) -> str:
         Such as "above the geoid us_noaa_g2018u0.tif".
     """
     return f"above the geoid {geoid.name}"
+
+
+def above_ellipsoid(crs: Any) -> str:
+    """Return what heights above the ellipsoid of a datum are called.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        Geographic CRS of the datum.
+
+    Returns
+    -------
+    str
+        Such as "above the ellipsoid of WGS84".
+    """
+    return f"above the ellipsoid of {'WGS84' if crs.name == 'WGS 84' else crs.name}"
 
 
 def geoid_transformer(geoid: Path) -> Any:

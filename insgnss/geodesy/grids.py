@@ -5,8 +5,10 @@ directory of PROJ; the program `projsync` of PROJ does not come with Python's pa
 """
 
 import re
+import sqlite3
 import warnings
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,8 @@ from ..base.wording import DOCTOR
 Array = NDArray[np.float64]
 
 AROUND_DEG = 0.1  # of the area of the points, in which transformations are looked for
+SHORTEST_NAME = 4  # letters and digits of a geoid's name: fewer stand in names of other grids
+MOST_NAMED = 3  # grids that an error proposes: more do not fit into a line
 # how PROJ names its grids: country, agency, name
 OF_PROJ = re.compile(r"[a-z]{2,3}_[a-z0-9]+_\S+\.tif")
 
@@ -66,14 +70,48 @@ def geoid_file(geoid: Path) -> Path:
         for directory in (get_user_data_dir(), *re.split("[;:]", get_data_dir())):
             if (Path(directory) / file).is_file():
                 return (Path(directory) / file).resolve()
-    if OF_PROJ.fullmatch(file.name):
+    if grids := [file.name] if OF_PROJ.fullmatch(file.name) else grids_called(file.name):
         raise UsageError(
             f"geoid {geoid}: does not exist here nor among PROJ's grids; get it by"
-            f" {sync_commands([file.name])}"
+            f" {sync_commands(grids)}, and give its name"
         )
     raise UsageError(
-        f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx"
+        f"geoid {geoid}: does not exist, and PROJ has none of that name; give a grid of geoid"
+        " heights such as us_nga_egm96_15.tif"
     )
+
+
+def grids_called(name: str) -> list[str]:
+    """Return PROJ's grids of geoid heights that people or agencies call so.
+
+    Parameters
+    ----------
+    name : str
+        Such as EGM96, egm08_25.gtx, GEOID18, RAF20; its ending is left out.
+
+    Returns
+    -------
+    list of str
+        File names, at most three; none of a name of fewer than four letters and digits.
+    """
+    from pyproj.datadir import get_data_dir
+
+    plain = re.sub(r"[^a-z0-9]", "", Path(name).stem.lower())
+    plain = re.sub(r"^geoid(\d\d)", r"g20\1", plain).replace("egm2008", "egm08")
+    if len(plain) < SHORTEST_NAME:
+        return []
+    database = Path(re.split("[;:]", get_data_dir())[0]) / "proj.db"
+    with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as proj:
+        rows = proj.execute(
+            "SELECT DISTINCT proj_grid_name, original_grid_name, old_proj_grid_name"
+            " FROM grid_alternatives WHERE proj_method IN ('geoid_like', 'vgridshift') ORDER BY 1"
+        ).fetchall()
+    grids = [
+        row[0]
+        for row in rows
+        if any(plain in re.sub(r"[^a-z0-9]", "", str(alias).lower()) for alias in row)
+    ]
+    return list(dict.fromkeys(grids))[:MOST_NAMED]
 
 
 def operations(source: Any, target: Any, lat: Array, lon: Array) -> Any:

@@ -18,8 +18,10 @@ for every projection, for axes that are not east and north, and with what the da
 Coordinates here are metres, also those of a CRS that counts in feet: `units` says in which.
 
 Horizontal coordinates go through the datum of the CRS in three dimensions: the normals of two
-ellipsoids differ by seconds of arc. Heights do not: they stay those above WGS84's ellipsoid, as
-GNSS gives them, unless the CRS has a vertical part or a geoid is named.
+ellipsoids differ by seconds of arc. Heights go along where the datum of the positions is named and
+the CRS has an ellipsoid of their size (ITRF2014 to NAD83(2011): 0.86 m), or three axes. Elsewhere
+they stay above the ellipsoid of the positions, as GNSS gives them (LV95: nobody counts heights from
+Bessel's ellipsoid), unless the CRS has a vertical part or a geoid is named.
 
 Positions are of WGS 84 unless their datum is named, and an epoch where that datum moves with the
 Earth's crust (ITRF). PROJ chooses among the transformations between two datums those whose grids
@@ -39,6 +41,7 @@ from ..base.units import METRE, LengthUnit
 from .crs import (
     HOW,
     above,
+    above_ellipsoid,
     crs_of,
     geoid_transformer,
     is_projected,
@@ -53,6 +56,8 @@ from .grids import box_around, geoid_file, lacking_heights, lacking_plan, operat
 Array = NDArray[np.float64]
 
 STEP_RAD = 1e-6  # over which G and m are differences (rad): 6 m, by which they are exact to 1e-9
+# difference up to which an ellipsoid has the size of that of WGS 84 (m): the nearest other has 2 m
+SAME_AXIS_M = 1.0
 # rad: by how much the axes of a conformal projection may fail to be perpendicular, or of one scale;
 # 0.1 px
 CONFORMAL_TOLERANCE = 2e-5
@@ -94,6 +99,7 @@ class MapProjection:
         any_unit: bool = False,
     ) -> None:
         self._source, self._epoch = source_crs(datum, epoch), epoch
+        self._named = datum is not None
         self._looked: set[tuple[float, ...]] = set()
         self.crs = crs_of(definition)
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
@@ -123,7 +129,18 @@ class MapProjection:
         """The name of what the third coordinate is."""
         if self.crs.is_compound:
             return str(self.crs.sub_crs_list[1].name)
-        return "above the ellipsoid of WGS84" if self.geoid is None else above(self.geoid)
+        if self.geoid is not None:
+            return above(self.geoid)
+        of = self.horizontal.geodetic_crs if self._heights_of_datum else self._source
+        return above_ellipsoid(of)
+
+    @cached_property
+    def _heights_of_datum(self) -> bool:
+        """Whether heights go along into the datum of the CRS."""
+        axes_m = [crs.ellipsoid.semi_major_metre for crs in (self.horizontal, self._source)]
+        return len(self.horizontal.axis_info) > 2 or (
+            self._named and abs(axes_m[0] - axes_m[1]) < SAME_AXIS_M
+        )
 
     @cached_property
     def units(self) -> tuple[LengthUnit, LengthUnit]:
@@ -186,9 +203,11 @@ class MapProjection:
         InputError
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
-        horizontal = self.forward_horizontal(lat, lon, h)
+        x = self._of_datum(lat, lon, h)
+        horizontal, h_crs = x[:, :2], x[:, 2] if self._heights_of_datum else h
         if not self.crs.is_compound and self.geoid is None:
-            return np.column_stack([horizontal, h])
+            return np.column_stack([horizontal, h_crs])
+        h = h if self.crs.is_compound else h_crs
         epoch = self._epoch if self.crs.is_compound else None
         try:
             _, _, z = transformed(
@@ -222,11 +241,16 @@ class MapProjection:
         InputError
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
+        return self._of_datum(lat, lon, h)[:, :2]
+
+    def _of_datum(self, lat: Array, lon: Array, h: Array) -> Array:
+        """Return easting, northing, m, and the height above the ellipsoid of the CRS's datum."""
         self._refuse_missing_grid(lat, lon)
-        x, y, _ = transformed(
+        x, y, z = transformed(
             self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h, epoch=self._epoch
         )
-        return np.column_stack([x, y]) * self.units[0].metres
+        unit = self.units[0].metres
+        return np.column_stack([x * unit, y * unit, z])
 
     def _refuse_missing_grid(self, lat: Array, lon: Array) -> None:
         """InputError where PROJ knows a better transformation here, whose grid is not there."""

@@ -49,6 +49,10 @@ class MapFrame:
     units : tuple of LengthUnit
         Those of the CRS, of plan and of heights. Coordinates here are metres all the same; a
         file that names the CRS has them in its units.
+    datum : str
+        Code of the geographic CRS of the positions, in which `geodetic` stands.
+    datum_name : str
+        Its name, with its epoch, of a tangent plane.
     """
 
     kind: str
@@ -60,6 +64,8 @@ class MapFrame:
     northing_first: bool = False
     scaled_from_m: float | None = None
     units: tuple[LengthUnit, LengthUnit] = (METRE, METRE)
+    datum: str = "EPSG:4979"
+    datum_name: str = "WGS84"
 
     @property
     def unit_m(self) -> Array:
@@ -97,7 +103,7 @@ class FramedOrientation:
         (max(n - 1, 0), 6, 6) covariance of the errors of image k with those of image k + 1; None
         where it is not known.
     geodetic : ndarray
-        (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
+        (n, 3) latitude rad, longitude rad, height m above the ellipsoid, of `frame.datum`.
     boresight, camera_from_body : ndarray
         (3, 3) matrices B and T of the mounting that were applied.
     history : tuple of str

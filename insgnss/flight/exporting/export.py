@@ -18,12 +18,12 @@ from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_writes
 from ...base.output.staging import together
 from ...base.units import METRE
-from ...geodesy.crs import undulation
+from ...geodesy.crs import is_globe, undulation
 from ...geodesy.projection import MapProjection
 from ...io.formats.exports import EXPORTS, Export
 from ...io.formats.orientation.exported import UnfitName, check_names
 from ...navigation.noise_model.model import NoiseModel, load_noise_model
-from ...navigation.orient.frame import in_frame
+from ...navigation.orient.frame import in_datum, in_frame
 from ...navigation.orient.relative import gyro_figures, relative_control
 from ...records import Array, ExteriorOrientation, FramedOrientation
 from ...records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
@@ -45,7 +45,7 @@ class Target:
 
     Parameters
     ----------
-    crs : projected CRS as `MapProjection` takes it.
+    crs : projected CRS as `MapProjection` takes it, or a geographic one: the datum of the export.
     geoid : grid of geoid heights.
     frame : one of `records.framed.KINDS` where no CRS is named; None for the format's own.
     ground_m : height of the ground, from which heights in a projected CRS are scaled.
@@ -183,6 +183,14 @@ def _export(
         control = _relative(name, in_frame(eo, TANGENT), eo, options) if options else None
         form.write(eo, path, relative=control)
         return Exported(path, "tangent plane", ())
+    notes = []
+    if target.crs is not None and is_globe(target.crs):
+        if eo.datum is None:
+            notes.append(
+                f"positions name no datum (gnss.datum): PROJ takes WGS 84 for {target.crs}, to some"
+                " metres"
+            )
+        eo, target = in_datum(eo, target.crs), replace(target, crs=None, frame=GEOGRAPHIC)
     kind = _kind(name, form, target)
     projection = (
         MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch, form.any_unit)
@@ -205,7 +213,7 @@ def _export(
     beside = form.helpers(framed, path)
     if beside:
         atomic_writes(beside)
-    notes = [
+    notes += [
         *(own or ()),
         *_on_frame(form, projection, framed, eo, target),
         *([] if "length_unit" in options else _on_units(projection)),

@@ -23,6 +23,15 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import UsageError
+from ...geodesy.crs import (
+    above_ellipsoid,
+    between_datums,
+    code_of,
+    datum_words,
+    moves,
+    sibling_code,
+    source_crs,
+)
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
@@ -113,6 +122,36 @@ def in_frame(
     )
 
 
+def in_datum(eo: ExteriorOrientation, datum: str) -> ExteriorOrientation:
+    """Move an exterior orientation into another datum.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The orientation.
+    datum : str
+        Geographic CRS; where it moves, positions stay of their epoch.
+
+    Returns
+    -------
+    ExteriorOrientation
+        Positions about an origin that moved along. Attitudes and covariances stay: datums of
+        today's ellipsoids are turned by less than 1e-5 deg against each other.
+
+    Raises
+    ------
+    UsageError, InputError
+        As `between_datums`.
+    """
+    new = datum, eo.epoch if moves(source_crs(datum, eo.epoch or 0.0)) else None
+    plane = TangentPlane(*eo.origin)
+    places = np.vstack([np.zeros(3), eo.position_m])
+    lat, lon, h = between_datums(*plane.geodetic_from_position(places), (eo.datum, eo.epoch), new)
+    origin = np.array([lat[0], lon[0], h[0]])
+    position = TangentPlane(*origin).position_from_geodetic(lat[1:], lon[1:], h[1:])
+    return replace(eo, origin=origin, position_m=position, datum=new[0], epoch=new[1])
+
+
 def _rig(eo: ExteriorOrientation, J: Array) -> RigImages | None:
     """The cameras, with what neighbours of one share in the axes of the frame."""
     if eo.rig is None or eo.rig.cross is None:
@@ -131,32 +170,40 @@ def _axes(
     """C_fm (n, 3, 3), coordinates (n, 3) and the frame (W.1)."""
     lat, lon, h = geodetic
     n = len(eo.images)
+    globe = source_crs(eo.datum, eo.epoch)
+    datum, code = datum_words(globe, eo.epoch), code_of(globe)
     if kind == TANGENT:
         lat_d, lon_d = np.degrees(eo.origin[:2])
+        name = "WGS84" if eo.datum is None else datum
         words = (
-            f"tangent plane of WGS84 at latitude {lat_d:.10f} deg, longitude {lon_d:.10f} deg,"
-            f" {plane.height:.4f} m"
+            f"tangent plane of {name} at latitude"
+            f" {lat_d:.10f} deg, longitude {lon_d:.10f} deg, {plane.height:.4f} m"
         )
         frame = MapFrame(
-            kind, words, "along the vertical of the origin", origin=tuple(eo.origin.tolist())
+            kind,
+            words,
+            "along the vertical of the origin",
+            origin=tuple(eo.origin.tolist()),
+            datum=code,
+            datum_name=name,
         )
         return np.broadcast_to(np.eye(3), (n, 3, 3)), eo.position_m.copy(), frame
     if kind == GEOCENTRIC:
         C_em = plane.C_em
         x = plane.origin_ecef + eo.position_m @ C_em.T
-        return (
-            np.broadcast_to(C_em, (n, 3, 3)),
-            x,
-            MapFrame(kind, "EPSG:4978 WGS 84 (geocentric)", "", crs="EPSG:4978"),
-        )
+        geocentric = sibling_code(globe, "GEOCENTRIC_CRS")
+        name = f"{geocentric} {datum} (geocentric)".strip()
+        return np.broadcast_to(C_em, (n, 3, 3)), x, MapFrame(kind, name, "", geocentric, datum=code)
     C_Em = NED_ENU @ np.swapaxes(plane.C_mn(lat, lon), 1, 2)
     if projection is None:
         frame = MapFrame(
             kind,
-            "EPSG:4979 WGS 84",
-            "above the ellipsoid of WGS84",
-            crs="EPSG:4979",
+            f"{code} {datum}".strip(),
+            above_ellipsoid(globe),
+            crs=code,
+            wkt="" if code else globe.to_wkt(),
             northing_first=True,
+            datum=code,
         )
         return C_Em, np.column_stack([lon, lat, h]), frame
     x = projection.forward(lat, lon, h)
@@ -169,5 +216,6 @@ def _axes(
         wkt=wkt,
         northing_first=projection.northing_first,
         units=projection.units,
+        datum=code,
     )
     return projection.axes(lat, lon, h) @ C_Em, x, frame

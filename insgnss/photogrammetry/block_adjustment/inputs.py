@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, InsgnssError, near
 from ...base.tables import Columns
+from ...base.units import FOOT_M
 from ...base.wording import some
 from ...flight.config.block_file import BlockFile
 from ...geodesy.frames import TangentPlane
@@ -345,20 +346,22 @@ def ground_in_plane(
             " EPSG:2056+5728",
         )
     as_read = ground
-    if crs is not None:
-        ground = ground.in_plane(GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch), plane)
+    axes = None if crs is None else GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch)
+    if axes is not None:
+        ground = ground.in_plane(axes, plane)
+        notes += [axes.unit_note] if axes.unit_note else []
     away = np.linalg.norm(
         ground.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0), axis=1
     )
     if (away > FAR_GROUND_M).any():
         k = int(np.argmax(away))
         x, y, z = ground.position_m[k]
-        if crs is None:
+        if axes is None:
             advice = "they stand in a CRS: name it by ground.crs or --crs, such as EPSG:2056"
-        elif _near_if_exchanged(as_read, GroundAxes(crs, file.ground.geoid), plane, eo):
-            advice = "they lie there with easting and northing exchanged: exchange the columns"
         else:
-            advice = f"{crs} is not their CRS; name the right one, with its zone"
+            advice = _otherwise_near(as_read, axes, plane, eo) or (
+                f"{crs} is not their CRS; name the right one, with its zone"
+            )
         raise InputError.in_file(
             path,
             f"point {ground.points[k]!r} ({x:.0f}, {y:.0f}, {z:.0f}) lies {away[k] / 1e3:.0f} km"
@@ -367,16 +370,29 @@ def ground_in_plane(
     return ground
 
 
-def _near_if_exchanged(
+def _otherwise_near(
     ground: GroundTable, axes: GroundAxes, plane: TangentPlane, eo: ExteriorOrientation
-) -> bool:
-    """Whether points of a CRS lie near the images when easting and northing are exchanged."""
-    try:
-        swap = replace(ground, position_m=ground.position_m[:, [1, 0, 2]]).in_plane(axes, plane)
-    except InsgnssError:
-        return False
-    away = swap.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
-    return bool((np.linalg.norm(away, axis=1) < FAR_GROUND_M).all())
+) -> str:
+    """Return how points of a CRS lie near the images when read otherwise; empty if in no way."""
+    foot = FOOT_M if (axes.unit_m == 1.0).all() else 1.0 / FOOT_M
+    readings = (
+        (np.eye(3)[[1, 0, 2]], "with easting and northing exchanged: exchange the columns"),
+        (
+            foot * np.eye(3),
+            f"if their numbers are {'feet' if foot < 1.0 else 'metres'}: name the CRS that counts"
+            " in them",
+        ),
+    )
+    for reading, advice in readings:
+        try:
+            position = ground.position_m @ reading.T
+            placed = replace(ground, position_m=position).in_plane(axes, plane)
+        except InsgnssError:
+            continue
+        away = placed.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
+        if (np.linalg.norm(away, axis=1) < FAR_GROUND_M).all():
+            return f"they lie there {advice}"
+    return ""
 
 
 def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:
@@ -423,7 +439,13 @@ def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:
     check = ground.check | np.array([name in file.ground.check for name in ground.points])
     keep = np.flatnonzero([name not in file.ground.skip for name in ground.points])
     names = tuple(ground.points[k] for k in keep)
-    return GroundTable(names, ground.position_m[keep], ground.cov[keep], check[keep])
+    return replace(
+        ground,
+        points=names,
+        position_m=ground.position_m[keep],
+        cov=ground.cov[keep],
+        check=check[keep],
+    )
 
 
 def _in_own_plane(
@@ -431,6 +453,7 @@ def _in_own_plane(
 ) -> GroundTable:
     """Return points of a CRS in a tangent plane at their middle, where nothing else gives one."""
     axes = GroundAxes(crs, geoid)
+    notes += [axes.unit_note] if axes.unit_note else []
     lat, lon, h = axes.geodetic(ground.position_m.mean(axis=0, keepdims=True))
     notes.append(
         f"axes are those of the tangent plane at {np.degrees(lat[0]):.6f},"

@@ -10,17 +10,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import DataError
+from ...base.errors import DataError, InputError, UsageError
+from ...geodesy.crs import between_datums
 from ...records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .hints import Hints, Origin
 from .matching import Matched, match
 from .names import by_order
-from .poses import NoOriginError, Poses
+from .poses import FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
+from .shifts import shift_from_positions
 
 Array = NDArray[np.float64]
 
@@ -84,6 +86,7 @@ def _read_both(
     """
     read: list[Poses | None] = [None, None]
     without_origin: list[tuple[int, NoOriginError]] = []
+    notes: list[str] = []
     hints = list(hints)
     for k in sorted(range(2), key=lambda k: not _may_be_master(given[k][0])):
         path, form = given[k]
@@ -93,27 +96,62 @@ def _read_both(
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
             without_origin.append((k, refusal))
-    notes: tuple[str, ...] = ()
+        except FarError:
+            shifted = other and shift_from_positions(Path(str(path)), form, hints[k], other)
+            if not shifted:
+                raise
+            read[k] = read_poses(path, form, shifted)
+            notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
     for k, error in without_origin:
         other = read[1 - k]
         if other is None or other.plane is None:
             raise error
+        if shifted := shift_from_positions(Path(str(given[k][0])), given[k][1], hints[k], other):
+            read[k] = read_poses(*given[k], shifted)
+            notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
+            continue
         plane = other.plane
         borrowed = replace(
             hints[k],
             origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height),
         )
         read[k] = read_poses(given[k][0], given[k][1], borrowed)
-        notes = (
-            (
-                f"{given[k][0]} does not give the origin of its tangent plane; that of"
-                f" {given[1 - k][0]} was taken"
-            ),
+        notes.append(
+            f"{given[k][0]} does not give the origin of its tangent plane; that of"
+            f" {given[1 - k][0]} was taken"
         )
     first, second = read
     assert first is not None
     assert second is not None
-    return (first, second), notes
+    second, of_datum = _in_datum_of(first, second)
+    return (first, second), (*notes, *of_datum)
+
+
+def _of_shift(file: object, reference: object, hints: Hints) -> str:
+    e, n, h = hints.shift or (0.0, 0.0, 0.0)
+    return (
+        f"{file}: {e:.0f} {n:.0f} {h:.0f} were subtracted from its coordinates ({hints.crs}): whole"
+        f" kilometres, told by the positions of {reference}"
+    )
+
+
+def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
+    """b in the datum of a, and what was done."""
+    datums = (a.datum, a.epoch), (b.datum, b.epoch)
+    if datums[0] == datums[1]:
+        return b, ()
+    names = [
+        "no named datum" if name is None else name if epoch is None else f"{name} at {epoch:g}"
+        for name, epoch in datums
+    ]
+    statement = f"positions of a are of {names[0]}, those of b of {names[1]}"
+    if None in (a.datum, b.datum):
+        return b, (f"{statement}: compared as they stand; datums differ by up to 2 m",)
+    try:
+        moved = b.moved(*between_datums(b.lat, b.lon, b.height, *datums[::-1]))
+    except (InputError, UsageError) as refusal:
+        return b, (f"{statement}: compared as they stand, since {refusal}",)
+    return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed",)
 
 
 def _may_be_master(given: str | Path | ExteriorOrientation | Trajectory) -> bool:

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...base.inputs import opened_text
 from ...base.units import LARGEST_UNIT
+from ...geodesy.crs import crs_of, sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...io.formats.text.layout import shown
 from ...io.formats.text.numbers import PLAIN, finite
+from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED
 
 Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
@@ -62,6 +64,30 @@ class Hints:
     def projected(self, code: str) -> MapProjection:
         """Return the projection of a CRS that a file names."""
         return MapProjection(code, self.geoid, self.datum, self.epoch, any_unit=True)
+
+
+def globe_of(text: str) -> tuple[str, str | None, float | None]:
+    """Kind, datum and epoch of the geographic or geocentric CRS whose code stands in a text.
+
+    The kind of any other CRS is "projected", without a code it is empty. WGS 84 is the datum None.
+
+    Raises
+    ------
+    UsageError
+        A code that PROJ does not know.
+    """
+    code = re.search(r"EPSG:\d+(?:\+\d+)?", text)
+    if code is None:
+        return "", None, None
+    crs = crs_of(code[0])
+    if crs.is_compound or not (crs.is_geographic or crs.is_geocentric):
+        return PROJECTED, None, None
+    kind = GEOCENTRIC if crs.is_geocentric else GEOGRAPHIC
+    if crs.name == "WGS 84":
+        return kind, None, None
+    epoch = re.search(r"\bepoch (\d+(?:\.\d+)?)", text)
+    datum = code[0] if kind == GEOGRAPHIC else sibling_code(crs, "GEOGRAPHIC_3D_CRS")
+    return kind, datum or None, None if epoch is None else float(epoch[1])
 
 
 def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array | None:

@@ -29,6 +29,7 @@ class FarError(InputError):
 
 
 FAR_DEG = 3.0  # beyond the area of a CRS (deg): a zone is used in half of its neighbour at most
+LOWEST_M = -1e5  # least height of geocentric points (m): below, something was subtracted from them
 PLANE_M = 1e5  # largest coordinate in a tangent plane (m): beyond, it is of a projected CRS
 BY_ROW = (
     *("images", "lat", "lon", "height", "time", "C_Ex", "velocity"),
@@ -115,12 +116,14 @@ class CoordinateFrame:
     """Frame of the coordinates in a file.
 
     It has a kind as in `MapFrame`, origin (rad, rad, m) of a tangent plane, definition of a
-    projected CRS.
+    projected CRS, datum and epoch of a geographic or geocentric one that is not WGS 84.
     """
 
     kind: str
     plane: TangentPlane | None = None
     projection: MapProjection | None = None
+    datum: str | None = None
+    epoch: float | None = None
 
     def _exchanged(self, x: Array) -> str:
         """Words on easting and northing where they would reach the area of the CRS if exchanged."""
@@ -145,6 +148,12 @@ class CoordinateFrame:
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))
         if self.kind == "geocentric":
             lat, lon, h = ecef_to_geodetic(x)
+            if (deep := float(np.median(h))) < LOWEST_M:
+                raise FarError(
+                    f"{path}: geocentric coordinates such as {x[0, 0]:.3f} {x[0, 1]:.3f}"
+                    f" {x[0, 2]:.3f} lie {-1e-3 * deep:.0f} km below the ground; give what was"
+                    " subtracted from them, --shift (compare: --coordinate-shift), or their CRS"
+                )
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
             if self.projection is None:
@@ -212,6 +221,8 @@ class CoordinateFrame:
             local=x if self.kind in (TANGENT, PROJECTED) else None,
             plane=self.plane,
             projection=self.projection,
+            datum=self.datum,
+            epoch=self.epoch,
             **further,
         )
 

@@ -25,14 +25,17 @@ from ...geodesy.rotation import (
     rpy_jacobian,
 )
 from ...io.formats.events.mrk import is_mrk
+from ...io.formats.returned.crs import kind_of_wkt
+from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
+from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
 from ...records import ExteriorOrientation, Trajectory
 from ...records.observations import UNKNOWN_MPS
-from .hints import HEAD, Hints, diagonal, origin_in, turned
+from .hints import HEAD, Hints, diagonal, globe_of, origin_in, turned
 from .of_records import poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
-from .returned import read_adjusted_poses
+from .returned import framed_coordinates, placed_poses, read_adjusted_poses
 from .tables import read_table_poses
 
 Array = NDArray[np.float64]
@@ -43,12 +46,16 @@ TABLES = (
     "pix4d_matic",
     "pix4d_mapper",
     "realitycapture",
+    "micmac",
     "inpho_ascii",
     "tum",
 )
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
-    "realitycapture": r"^#?[ \t]*name,.*,yaw,pitch,roll",
+    "realitycapture": r"^#?[ \t]*name,.*,(yaw|heading),pitch,roll",
+    "micmac": r"^#f=n x y z w p k",
+    "odm": r"\A\s*(epsg:\d+|wgs84( utm \d+[ns]?)?|\+proj.*)\s*$",
+    "pix4d_mapper": r"\A[^,#]*\.\w+(,[-+\d.e]+){6}\s*$",
     "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
     "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
@@ -89,7 +96,10 @@ def read_poses(
             " the geoid out"
         )
     try:
-        return FORMS[form](Path(path), hints)
+        poses = FORMS[form](Path(path), hints)
+        if form != "eo_json" and poses.datum is None:
+            poses = replace(poses, datum=hints.datum, epoch=hints.epoch)
+        return poses
     except NoOriginError:
         raise
     except InputError as error:
@@ -174,6 +184,17 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
     )
 
 
+def _odm_geo(path: Path, hints: Hints) -> Poses:
+    images, x, sigma, crs = read_odm_geo(path)
+    kind, crs = kind_of_wkt(crs, path)
+    if kind == "geographic":
+        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
+    C = np.broadcast_to(np.eye(3), (len(images), 3, 3))
+    positions = ReturnedPoses(images, x, C, kind, crs, cov_position=diagonal(path, sigma))
+    poses = placed_poses(positions, framed_coordinates(positions, hints, path), path, "odm")
+    return replace(poses, C_Ex=None)
+
+
 def _table(form: str) -> Callable[[Path, Hints], Poses]:
     """Reader of a format of `tables.LAYOUTS`."""
 
@@ -210,6 +231,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         C = C_Ef @ eo.C_fc
     sigma = eo.block("s_xyz")
     time = columns.get("tow")
+    _, datum, epoch = globe_of(_frame_line(path))
     return Poses(
         str(path),
         "generic_ascii",
@@ -226,23 +248,21 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         local=x if frame.kind in ("tangent plane", "projected") else None,
         plane=frame.plane,
         projection=frame.projection,
+        datum=datum,
+        epoch=epoch,
     )
+
+
+def _frame_line(path: Path) -> str:
+    """The line of a header that names the frame, empty where there is none."""
+    with opened_text(path, errors="replace") as stream:
+        return next((line for line in stream if line.startswith("# frame:")), "")
 
 
 def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
     """The CRS that the header of a projected frame names by its code."""
-    if kind != "projected":
-        return None
-    with opened_text(path, errors="replace") as stream:
-        code = next(
-            (
-                re.search(r"EPSG:\d+(?:\+\d+)?", line)
-                for line in stream
-                if line.startswith("# frame:")
-            ),
-            None,
-        )
-    return None if code is None else hints.projected(code[0])
+    code = re.search(r"EPSG:\d+(?:\+\d+)?", _frame_line(path))
+    return None if code is None or kind != "projected" else hints.projected(code[0])
 
 
 def _trajectory_csv(path: Path, hints: Hints) -> Poses:
@@ -401,6 +421,7 @@ FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "eo_json": _eo_json,
     "eo_local_plane": _eo_local_plane,
     **{form: _table(form) for form in TABLES},
+    "odm": _odm_geo,
     "generic_ascii": _generic_ascii,
     "trajectory_csv": _trajectory_csv,
     "sbet": _sbet,

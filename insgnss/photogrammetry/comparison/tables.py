@@ -8,7 +8,8 @@ Their columns follow from their order, their frame from the header or from what 
                          accuracies horizontal and vertical
     pix4d_mapper         name, x, y, z, omega, phi, kappa, without header
     realitycapture       name, latitude, longitude (or x, y), altitude, yaw, pitch, roll, and the
-                         accuracies of all or none
+                         accuracies of all, or heading for yaw and the interior of each image
+    micmac               name, x, y, z, omega, phi, kappa, standard deviations of the position
     inpho_ascii          identifier, east, north, height, omega, phi, kappa, seconds of the GPS week
     tum                  time, x, y, z, quaternion x y z w; no names
 
@@ -36,30 +37,30 @@ from ...geodesy.rotation import (
     ypr_jacobian,
 )
 from ...io.formats.text.text import TextTable, read_text_table
-from .hints import HEAD, Hints, diagonal, origin_in
+from .hints import HEAD, Hints, diagonal, globe_of, origin_in
 from .poses import CoordinateFrame, Poses, tangent_frame
 
 Array = NDArray[np.float64]
 
-WORLD_CODES = {"EPSG:4326": "geographic", "EPSG:4979": "geographic", "EPSG:4978": "geocentric"}
+SYNONYMS = {"yaw": "heading"}  # of RealityCapture
 # how the first coordinate begins where the second is the one to the east
 NORTHINGS = "lat", "north"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Columns of a format, those that may be missing at the end, and the set of its angles."""
+    """Columns of a format, what may follow them at the end, and the set of its angles."""
 
     columns: tuple[str, ...]
-    more: tuple[str, ...]
+    more: tuple[tuple[str, ...], ...]
     angle_set: str
 
 
-def _layout(columns: str, more: str = "") -> Layout:
+def _layout(columns: str, *more: str) -> Layout:
     names = tuple(columns.split())
     return Layout(
         names,
-        tuple(more.split()),
+        tuple(tuple(further.split()) for further in more),
         "ypr" if "yaw" in names else "opk" if "omega" in names else "quaternion",
     )
 
@@ -70,7 +71,10 @@ LAYOUTS = {
     "metashape_opk": _layout("image x y z omega phi kappa", _ACCURACIES),
     "pix4d_matic": _layout("image x y z yaw pitch roll", "horizontal vertical"),
     "pix4d_mapper": _layout("image x y z omega phi kappa"),
-    "realitycapture": _layout("image x y z yaw pitch roll", _ACCURACIES),
+    "realitycapture": _layout(
+        "image x y z yaw pitch roll", _ACCURACIES, "f px py k1 k2 k3 k4 t1 t2"
+    ),
+    "micmac": _layout("image x y z omega phi kappa", "sx sy sz"),
     "inpho_ascii": _layout("image x y z omega phi kappa", "time"),
     "tum": _layout("time x y z qx qy qz qw"),
 }
@@ -122,14 +126,15 @@ def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
 
     InputError where their number or the header's angles are of another format.
     """
-    n, least = table.layout.n_fields, len(layout.columns)
-    if n not in (least, least + len(layout.more)):
-        more = f", or also {' '.join(layout.more)}" if layout.more else ""
+    n = table.layout.n_fields
+    whole = [layout.columns, *((*layout.columns, *further) for further in layout.more)]
+    names = next((columns for columns in whole if len(columns) == n), None)
+    if names is None:
+        more = "".join(f", or also {' '.join(further)}" for further in layout.more)
         problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
         raise InputError.at_line(table.path, table.layout.first_line, problem)
-    names = (*layout.columns, *layout.more)[:n]
     for name, field in zip(names, table.layout.header_fields or (), strict=False):
-        if name in ("yaw", "omega") and field.lower() != name:
+        if name in ("yaw", "omega") and field.lower() not in (name, SYNONYMS.get(name)):
             why = (
                 " (angles of the nominal camera, without the bore-sight: export metashape)"
                 if field.lower().startswith("nominal")
@@ -169,7 +174,8 @@ def _sigmas(table: TextTable, of: dict[str, int]) -> tuple[Array | None, Array |
         return _block(table, of, ("horizontal", "horizontal", "vertical")), None
     if "sx" not in of:
         return None, None
-    return _block(table, of, ("sx", "sy", "sz")), np.radians(_block(table, of, ("s1", "s2", "s3")))
+    angles = np.radians(_block(table, of, ("s1", "s2", "s3"))) if "s1" in of else None
+    return _block(table, of, ("sx", "sy", "sz")), angles
 
 
 def _time(path: Path, table: TextTable, of: dict[str, int]) -> tuple[Array | None, int | None]:
@@ -197,15 +203,15 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
     first : name of the column of x.
     """
     head = _head(path)
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", head)
-    kind = WORLD_CODES.get(code[0], "projected") if code is not None else ""
+    kind, datum, epoch = globe_of(head)
     if first.startswith(("lat", "lon")) or (
         first == "x" and form.startswith("metashape") and float(np.abs(x[:, :2]).max()) <= 360.0
     ):
         kind = "geographic"
     if kind in ("geographic", "geocentric"):
-        return CoordinateFrame(kind)
+        return CoordinateFrame(kind, datum=datum, epoch=epoch)
     plane = origin_in(path)
+    code = re.search(r"EPSG:\d+(?:\+\d+)?", head) if kind else None
     if plane is None and (code is not None or hints.crs is not None):
         return CoordinateFrame(
             "projected",

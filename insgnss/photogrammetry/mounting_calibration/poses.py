@@ -416,7 +416,7 @@ def positions_of(
         return Positions(path, table.names, table.position, table.cov, None, table.time)
     cov = np.broadcast_to(np.eye(3), (len(table.names), 3, 3)) if table.cov is None else table.cov
     ground = GroundTable(
-        table.names, table.position, cov, np.zeros(len(table.names), dtype=np.bool_)
+        table.names, table.position, cov, np.zeros(len(table.names), dtype=np.bool_), True
     )
     placed = _of_crs(path, ground, options.crs, options.geoid, plane)
     return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)

@@ -21,7 +21,7 @@ import numpy as np
 from ...base.errors import InputError
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.gcp_list import write_gcp_list
-from ...io.formats.blocks.ground_points import GroundTable, write_ground_points
+from ...io.formats.blocks.ground_points import GroundAxes, GroundTable, write_ground_points
 from ...io.formats.blocks.image_points import PIXEL_ORIGIN, ImagePoints, write_image_points
 from ...io.formats.markers.metashape_markers import write_metashape_markers
 from ...io.formats.markers.pix4d_marks import write_pix4d_marks
@@ -206,7 +206,7 @@ def _in_crs(inputs: Inputs, plane: TangentPlane) -> tuple[GroundTable, str]:
     """
     crs = inputs.crs
     if crs is not None and re.fullmatch(r"EPSG:\d+", crs) and inputs.request.geoid is None:
-        return inputs.given, crs
+        return inputs.given.metric(GroundAxes(crs)), crs
     datum = inputs.eo.datum or GEOGRAPHIC
     lat, lon, h = plane.geodetic_from_position(inputs.ground.position_m)
     position = np.column_stack([np.degrees(lon), np.degrees(lat), h])

@@ -182,6 +182,29 @@ def test_ground_points_of_a_projected_crs(tmp_path) -> None:
     assert np.abs(got.cov - turned).max() < 1e-3 * 0.03**2
 
 
+@pytest.mark.parametrize(
+    ("feet", "metric", "foot"),
+    [("EPSG:6492", "EPSG:6491", 1200 / 3937), ("EPSG:6557", "EPSG:6556", 0.3048)],
+)
+def test_ground_points_in_feet(tmp_path, feet, metric, foot) -> None:
+    """Oracle: the same place in the sibling of the CRS that counts in metres; sigmas in feet."""
+    lon, lat = (-71.06, 42.36) if feet == "EPSG:6492" else (-123.0, 44.5)
+    plane = TangentPlane(np.radians(lat), np.radians(lon), 0.0)
+    e, n = pyproj.Transformer.from_crs("EPSG:6319", metric, always_xy=True).transform(lon, lat)
+    sigma = np.array([0.01, 0.02, 0.03])
+    for name, unit in (("feet", foot), ("metric", 1.0)):
+        x, P = np.array([[e, n, 50.0]]) / unit, np.diag(sigma / unit)[None] ** 2
+        table = GroundTable(("a",), x, P, np.zeros(1, dtype=bool))
+        write_ground_points(table, tmp_path / f"{name}.csv")
+    got, want = (
+        read_ground_points(tmp_path / f"{name}.csv").in_plane(GroundAxes(crs), plane)
+        for name, crs in (("feet", feet), ("metric", metric))
+    )
+    assert np.abs(got.position_m - want.position_m).max() < 1e-4
+    assert np.abs(got.cov - want.cov).max() < 1e-3 * 0.03**2
+    assert ("feet" in GroundAxes(feet).unit_note, GroundAxes(metric).unit_note) == (True, "")
+
+
 def test_a_camera_there_and_back_bit_by_bit(tmp_path) -> None:
     """Oracle: the numbers that were written."""
     rng = np.random.default_rng(1)

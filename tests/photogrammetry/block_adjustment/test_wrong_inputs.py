@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 from insgnss import read_eo
 from insgnss.base.errors import DataError, InputError
 from insgnss.cli.main import main
+from insgnss.flight.config.block_file import BlockFile, GroundTableInput
 from insgnss.geodesy.rotation import (
     CV_RUB,
     opk_from_rotation,
@@ -17,11 +19,15 @@ from insgnss.geodesy.rotation import (
     rotation_from_vector,
 )
 from insgnss.io.formats.blocks.camera_toml import read_camera_toml, write_camera_toml
-from insgnss.io.formats.blocks.ground_points import read_ground_points, write_ground_points
+from insgnss.io.formats.blocks.ground_points import (
+    GroundTable,
+    read_ground_points,
+    write_ground_points,
+)
 from insgnss.io.formats.blocks.image_points import read_image_points, write_image_points
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.photogrammetry.block_adjustment.check_points import CheckPoints
-from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
+from insgnss.photogrammetry.block_adjustment.inputs import ground_in_plane, inputs_of
 from insgnss.photogrammetry.block_adjustment.plausibility import (
     refuse_implausible,
     worse_than_stated,
@@ -319,6 +325,30 @@ def test_points_seen_once_are_counted(copied) -> None:
     ties = sum(not p.startswith("G") for _, p, *_ in split)
     (note,) = [n for n in inputs_of(copied.block, quiet).notes if "measured once" in n]
     assert note.startswith(f"{ties} of ")
+
+
+FEET = "+proj=utm +zone=32 +datum=WGS84 +units=us-ft"
+
+
+@pytest.mark.parametrize(
+    ("crs", "factors", "why"),
+    [
+        ("EPSG:32632", (1 / 0.3048, 1 / 0.3048), "there if their numbers are feet: name the CRS"),
+        (FEET, (1.0, 1.0), "there if their numbers are metres: name the CRS"),
+        ("EPSG:32631", (1.0, 1.0), "EPSG:32631 is not their CRS; name the right one"),
+        ("EPSG:32632", None, "with easting and northing exchanged: exchange the columns"),
+    ],
+)
+def test_ground_points_of_another_unit_or_zone(crs, factors, why, right, tmp_path) -> None:
+    """Oracle: pyproj's UTM coordinates of the site, written in the unit or order that is named."""
+    lat, lon, _ = np.degrees(right.eo.origin)
+    e, n = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True).transform(lon, lat)
+    x = np.array([n, e, 400.0]) if factors is None else np.array([e, n, 400.0]) * (*factors, 1.0)
+    one = GroundTable(("G",), x[None], np.eye(3)[None], np.zeros(1, dtype=bool))
+    write_ground_points(one, path := tmp_path / "gcp.csv")
+    file = BlockFile(path=path, ground=GroundTableInput(file=path, crs=crs))
+    with pytest.raises(InputError, match=re.escape(why)):
+        ground_in_plane(file, None, right.eo, [])
 
 
 def shifted_ground(copied, metres) -> None:

@@ -68,7 +68,7 @@ def read_gcp_list(
         for line, row in enumerate(lines_of(text), start=1)
         if row.strip() and not is_comment(row)
     ]
-    crs = _crs(path, rows[0]) if rows else ""
+    crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
         raise InputError.at_line(path, None, f"no ground point; {MISSING}, then come the points")
     if not text.endswith("\n"):
@@ -140,8 +140,26 @@ def _refuse_cut(path: Source, rows: list[tuple[int, str]]) -> None:
         )
 
 
-def _crs(path: Source, row: tuple[int, str]) -> str:
-    """Return the CRS of the first line as pyproj knows it."""
+def head_crs(path: Source, row: tuple[int, str]) -> str:
+    """Return the CRS of the first line of a file of OpenDroneMap.
+
+    Parameters
+    ----------
+    path : path
+        The file, for the message.
+    row : tuple
+        Number and text of the line.
+
+    Returns
+    -------
+    str
+        As pyproj knows it.
+
+    Raises
+    ------
+    InputError
+        It is missing or unknown.
+    """
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import near
+from ....base.units import METRE
 from ....geodesy.crs import geodetic_from_geographic, is_geographic
 from ....geodesy.frames import TangentPlane
 from ....geodesy.projection import MapProjection
@@ -42,17 +43,38 @@ class GroundTable:
     points : tuple of str
         Names, each once.
     position_m : ndarray
-        (n, 3) coordinates, m.
+        (n, 3) coordinates, m; of points in a projected CRS in its unit.
     cov : ndarray
         (n, 3, 3) covariance, m^2.
     check : ndarray of bool
         (n,) which are check points; the others are control points.
+    sigma_in_units : bool
+        Whether `cov` stands in the unit of the coordinates, as in tables, where that is feet.
     """
 
     points: tuple[str, ...]
     position_m: Array
     cov: Array
     check: NDArray[np.bool_]
+    sigma_in_units: bool = False
+
+    def metric(self, axes: "GroundAxes") -> "GroundTable":
+        """Return the points with their covariance in m^2, their coordinates as they are.
+
+        Parameters
+        ----------
+        axes : GroundAxes
+            The CRS of `position_m`.
+
+        Returns
+        -------
+        GroundTable
+            The same points.
+        """
+        if not self.sigma_in_units:
+            return self
+        cov = self.cov * axes.unit_m[:, None] * axes.unit_m
+        return replace(self, cov=cov, sigma_in_units=False)
 
     def in_plane(self, axes: "GroundAxes", plane: TangentPlane) -> "GroundTable":
         """Return points of a CRS in a tangent plane.
@@ -82,10 +104,11 @@ class GroundTable:
         C = plane.C_mn(lat, lon) @ enu_from_ned.T
         if axes.projection is not None:
             C = C @ axes.projection.axes(lat, lon, h).transpose(0, 2, 1)
+        table = self.metric(axes)
         return replace(
-            self,
+            table,
             position_m=plane.position_from_geodetic(lat, lon, h),
-            cov=C @ self.cov @ C.transpose(0, 2, 1),
+            cov=C @ table.cov @ C.transpose(0, 2, 1),
         )
 
 
@@ -105,7 +128,7 @@ class GroundAxes:
     Raises
     ------
     UsageError
-        A CRS that is unknown or of other units, or a geoid beside heights of its own.
+        A CRS that is unknown, or a geoid beside heights of its own.
     """
 
     crs: str
@@ -118,7 +141,21 @@ class GroundAxes:
         """The projected CRS; None of a geographic one."""
         if is_geographic(self.crs):
             return None
-        return MapProjection(self.crs, self.geoid, self.datum, self.epoch)
+        return MapProjection(self.crs, self.geoid, self.datum, self.epoch, any_unit=True)
+
+    @property
+    def unit_m(self) -> Array:
+        """(3,) metres of one unit of easting, northing and height; 1 of a geographic CRS."""
+        return np.ones(3) if self.projection is None else self.projection.unit_m
+
+    @property
+    def unit_note(self) -> str:
+        """What to know of a CRS that counts in feet; empty of one in metres."""
+        if self.projection is None or self.projection.units == (METRE, METRE):
+            return ""
+        plan, height = (unit.plural for unit in self.projection.units)
+        units = plan if plan == height else f"{plan}, heights in {height}"
+        return f"{self.projection.name} counts in {units}: ground points are read so"
 
     def geodetic(self, position: Array) -> tuple[Array, Array, Array]:
         """Return the geodetic position of points.
@@ -126,7 +163,8 @@ class GroundAxes:
         Parameters
         ----------
         position : ndarray, (n, 3)
-            Easting, northing and height, m; of a geographic CRS longitude, latitude, deg, height.
+            Easting, northing and height in the unit of the CRS; of a geographic CRS longitude,
+            latitude, deg, height.
 
         Returns
         -------
@@ -139,7 +177,7 @@ class GroundAxes:
             Where the CRS or its grids do not reach the points.
         """
         if self.projection is not None:
-            return self.projection.inverse(position)
+            return self.projection.inverse(position * self.unit_m)
         return geodetic_from_geographic(self.crs, position, self.geoid, self.datum, self.epoch)
 
 
@@ -173,7 +211,7 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
         if role not in ROLES:
             raise table.error_at(row, f"role {shown(role)}; {near(role, ROLES)}")
     check = np.array([role == "check" for role in roles] or [False] * len(rows), dtype=bool)
-    return GroundTable(points, position, sigma[:, :, None] ** 2 * np.eye(3), check)
+    return GroundTable(points, position, sigma[:, :, None] ** 2 * np.eye(3), check, True)
 
 
 def write_ground_points(ground: GroundTable, path: Source, comments: Sequence[str] = ()) -> None:

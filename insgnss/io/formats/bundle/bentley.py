@@ -5,7 +5,7 @@ XRightYDown), under Pose/Metadata, where what navigation devices say has its pla
 longitude. The system of reference:
 
     projected       EPSG code                          the axes of the grid
-    geographic      EPSG:4326, heights of the ellipsoid        east, north, up at the image
+    geographic      EPSG:4326, or the code of its datum        east, north, up at the image
     tangent plane   ENU:latitude,longitude             its origin lies on the ellipsoid, so z = U +
                                                        height of our origin, exactly
 
@@ -123,7 +123,8 @@ def on_ellipsoid(eo: FramedOrientation) -> FramedOrientation:
         f"latitude {np.degrees(lat):.10f} deg, longitude {np.degrees(lon):.10f} deg, 0.0000 m (on"
         " the ellipsoid)"
     )
-    frame = replace(eo.frame, name=f"tangent plane of WGS84 at {origin}", origin=(lat, lon, 0.0))
+    name = f"tangent plane of {eo.frame.datum_name} at {origin}"
+    frame = replace(eo.frame, name=name, origin=(lat, lon, 0.0))
     return replace(eo, frame=frame, coordinates=eo.coordinates + [0.0, 0.0, h])
 
 
@@ -132,7 +133,7 @@ def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
     if eo.frame.kind == TANGENT:
         lat, lon = np.degrees(eo.frame.origin[:2])
         return f"ENU:{lat:.10f},{lon:.10f}", eo.coordinates
-    if eo.frame.kind == GEOGRAPHIC:
+    if eo.frame.crs == "EPSG:4979":
         return "EPSG:4326", places(eo)
     if not eo.frame.crs:
         raise UsageError(

@@ -172,7 +172,7 @@ def metashape_crs(crs: str, wkt: str) -> str:
     crs : str
         Its code or name; empty for latitude and longitude of WGS84.
     wkt : str
-        Its well-known text, where it is projected.
+        Its well-known text, where it is projected or has no code.
 
     Returns
     -------
@@ -180,7 +180,7 @@ def metashape_crs(crs: str, wkt: str) -> str:
         The argument of Metashape.CoordinateSystem.
     """
     if not wkt:
-        return "EPSG::4979"
+        return (crs or "EPSG:4979").replace(":", "::")
     if crs.startswith("EPSG:") and not wkt.startswith("COMPOUNDCRS"):
         return crs.replace(":", "::")
     from pyproj import CRS

@@ -1,6 +1,6 @@
 """OpenDroneMap's geo.txt: positions with accuracies, data_specs/odm.md.
 
-    EPSG:4326
+    EPSG:4326                        (or the geographic CRS of the datum, such as EPSG:6319)
     # comments from the second line on
     name x y z NaN NaN NaN horizontal vertical
 
@@ -49,7 +49,7 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
     """
     check_frame(eo, "odm", GEOGRAPHIC, PROJECTED)
     check_names(eo.images, None)
-    code = "EPSG:4326" if eo.frame.kind == GEOGRAPHIC else eo.frame.crs
+    code = "EPSG:4326" if eo.frame.crs == "EPSG:4979" else eo.frame.crs
     if not code.startswith("EPSG:"):
         raise UsageError(
             f"odm: {eo.frame.name} has no EPSG code, which the first line of geo.txt needs; export"

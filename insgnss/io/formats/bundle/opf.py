@@ -266,7 +266,8 @@ def _captures(
     pixels = f'"pixel_range":{{"min":0,"max":{PIXELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
     camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":%d}}'
     geolocation = (
-        '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],'
+        f'"geolocation":{{"crs":{{"definition":"{eo.frame.datum}"}},'
+        '"coordinates":[%.10f,%.10f,%.4f],'
         '"sigmas":[%.5f,%.5f,%.5f]}'
     )
     turn = '"orientation":{"type":"omega_phi_kappa","crs":' + json.dumps(crs).replace("%", "%%")

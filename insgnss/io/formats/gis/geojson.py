@@ -1,9 +1,10 @@
 """GeoJSON: a point for each image and the track as a line, data_specs/geojson.md.
 
 RFC 7946 knows one frame: longitude, latitude, degrees, height above the ellipsoid of WGS84.
-Positions are that whatever the frame; the properties hold yaw, pitch, roll to true north, omega,
-phi, kappa in the frame's axes, standard deviations and the covariance. A track across longitude 180
-deg is cut there into a MultiLineString (3.1.9).
+Positions are that whatever the frame, of another datum in its own geographic CRS, which the member
+`crs` names; the properties hold yaw, pitch, roll to true north, omega, phi, kappa in the frame's
+axes, standard deviations and the covariance. A track across longitude 180 deg is cut there into a
+MultiLineString (3.1.9).
 
 The dialect of orthority adds the member `world_crs` and gives, in a projected frame, `xyz` in
 metres and `opk` in radians, where R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (right, up,
@@ -67,9 +68,12 @@ def write_geojson(
                 f"{eo.frame.name} names northing first, orthority takes easting first; use its"
                 " east-north sibling"
             )
-    head = {"type": "FeatureCollection", "insgnss": sentences(eo)} | (
-        {"world_crs": eo.frame.wkt} if dialect == "orthority" else {}
-    )
+    head: dict[str, object] = {"type": "FeatureCollection", "insgnss": sentences(eo)}
+    if dialect == "orthority":
+        head["world_crs"] = eo.frame.wkt
+    if eo.frame.datum != "EPSG:4979":  # the member of 2008, since RFC 7946 knows WGS 84 alone
+        urn = "urn:ogc:def:crs:" + eo.frame.datum.replace(":", "::")
+        head["crs"] = {"type": "name", "properties": {"name": urn}}
     rows = _orthority(eo, camera) if dialect == "orthority" else _features(eo)
     atomic_write(path, _collection(json.dumps(head).removesuffix("}"), rows))
 

@@ -106,7 +106,7 @@ def write_eo_json(
             "origin_deg": np.degrees(eo.origin[:2]).tolist(),
         },
         "conventions": CONVENTIONS | ({} if eo.rig is None else OF_A_RIG),
-        "height_system": "above the ellipsoid of WGS84",
+        "height_system": f"above the ellipsoid of {eo.datum or 'WGS84'}",
         "image_up": _image_up(eo.camera_from_body),
         "applied": {
             "lever_arm": "applied: positions are those of the projection centre",

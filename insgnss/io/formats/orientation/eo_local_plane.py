@@ -97,7 +97,7 @@ def comments(eo: FramedOrientation) -> list[str]:
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
             f" {eo.gps_week}"
         ),
-        "frame: tangent plane, east north up, WGS84",
+        f"frame: tangent plane, east north up, {eo.frame.datum_name}",
         (
             f"origin: latitude {lat:.10f} deg, longitude {lon:.10f} deg, ellipsoidal height"
             f" {eo.frame.origin[2]:.4f} m"

@@ -9,6 +9,7 @@ from ..blocks.colmap_model import PARTS
 from ..blocks.opensfm_model import INSIDE, RECONSTRUCTION
 from ..exports import function_at
 from ..text.text import Source
+from .documents import CALIBRATED
 from .poses import ReturnedPoses
 from .tables import CAMERA, EXTERNAL
 
@@ -24,6 +25,8 @@ RETURNED: Mapping[str, str] = {
     "bentley": "returned.projects:read_bentley",
     "inpho_prj": "returned.projects:read_inpho_prj",
     "ign_opk": "returned.tables:read_ign_opk",
+    "odm_shots": "returned.documents:read_odm_shots",
+    "opf": "returned.documents:read_opf",
 }
 """Readers of adjusted poses; each takes a path and returns `ReturnedPoses`."""
 HEADS = {  # first bytes in lower case
@@ -35,6 +38,8 @@ HEADS = {  # first bytes in lower case
     "pix4d_external": r"\A\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
     "ign_opk": r"\A\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b",
     "inpho_prj": r"^\s*\$photo\s*$",
+    "odm_shots": r"\A\s*\{.*\"featurecollection\".*\"(translation|rotation)\"\s*:",
+    "opf": r"application/opf-calibrated-cameras",
     "opensfm": r"\A\s*[\[{].*\"(cameras|shots)\"\s*:",
 }
 
@@ -60,6 +65,8 @@ def returned_form(path: Source, head: str) -> str:
             return "micmac_xml"
         if any((path / f"images{kind}").is_file() for kind in (".txt", ".bin")):
             return "colmap"
+        if (path / CALIBRATED).is_file():
+            return "opf"
         inside = any((path / inner / RECONSTRUCTION).is_file() for inner in (".", INSIDE))
         return "opensfm" if inside else ""
     if path.suffix.lower() in (".psx", ".psz"):
@@ -69,7 +76,7 @@ def returned_form(path: Source, head: str) -> str:
             return form
     text = head.lower()
     for form, pattern in HEADS.items():
-        flags = re.MULTILINE | (re.DOTALL if form == "opensfm" else 0)
+        flags = re.MULTILINE | (re.DOTALL if form in ("opensfm", "odm_shots") else 0)
         if re.search(pattern, text, flags):
             return form
     # after the others, since Metashape's text is called cameras.txt as well

@@ -8,6 +8,7 @@ metashape_reference    the CRS as WKT, then a table with a header: reference coo
 pix4d_external         imageName X Y Z Omega Phi Kappa; less the offset in <project>_offset.xyz,
                        in the CRS of <project>_wkt.prj
 ign_opk                NOM X Y Z O P K CAMERA of IGN, in a CRS that is not named
+odm_geo                OpenDroneMap's geo.txt: positions alone
 pix4d_camera           ten lines an image: K, distortions, position t, rotation R of the frame
                            to the camera, m = K [R|-Rt] X
 """
@@ -21,7 +22,8 @@ import numpy as np
 from ....base.errors import InputError
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
 from ....records.framed import GEOGRAPHIC, PROJECTED
-from ..text.layout import shown, split_fields
+from ..blocks.gcp_list import head_crs
+from ..text.layout import is_comment, shown, split_fields
 from ..text.text import Source
 from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
@@ -30,6 +32,7 @@ OPK_COLUMNS = 7
 MATRIX_COLUMNS = 16
 SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
+ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies
 PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
 EXTERNAL, CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
 FAR_M = 1e4  # positions without offset lie nearer to zero than this
@@ -128,7 +131,15 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     if angles is None or "x" not in base:
         problem = "names no X, Y, Z and angles; set rotation angles in the reference settings"
         raise InputError.at_line(path, head + 1, f"the header {problem}, and export it again")
-    estimated = "x_est" in fields and f"{angles}_est" in fields
+    body = [
+        (line, [word.strip().strip('"') for word in split_fields(text, delimiter)])
+        for line, text in enumerate(lines[head + 1 :], start=head + 2)
+        if text.strip() and not text.startswith("#")
+    ]
+    # Potree's orientedimages.txt keeps the header and has the first columns alone
+    estimated = {"x_est", f"{angles}_est"} <= set(fields) and any(
+        fields.index("x_est") < len(cells) and cells[fields.index("x_est")] for _, cells in body
+    )
     wanted = [
         f"{name}_est" if estimated else name for group in ("x", angles) for name in FIRST[group]
     ]
@@ -138,18 +149,16 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         )
     columns = [fields.index(name) for name in wanted]
     names, rows, left_out = [], [], 0
-    for line, text in enumerate(lines[head + 1 :], start=head + 2):
-        words = [word.strip().strip('"') for word in split_fields(text, delimiter)]
-        if not text.strip() or text.startswith("#"):
-            continue
-        if len(words) > len(fields):
-            problem = f"{len(words)} fields, the header has {len(fields)}: {shown(text)}"
+    for line, cells in body:
+        if len(cells) > len(fields):
+            line_text = shown(" ".join(cells))
+            problem = f"{len(cells)} fields, the header has {len(fields)}: {line_text}"
             raise InputError.at_line(path, line, problem)
-        pose = [words[k] if k < len(words) else "" for k in columns]
+        pose = [cells[k] if k < len(cells) else "" for k in columns]
         if not any(pose[:3]) or not any(pose[3:]):
             left_out += 1
             continue
-        names.append(words[fields.index("label")])
+        names.append(cells[fields.index("label")])
         rows.append(numbers(pose, path, line))
     kind, crs = kind_of_wkt(wkt, path)
     table = np.reshape(rows, (-1, 6))
@@ -312,3 +321,50 @@ def _beside_pix4d(
     if project and definition.is_file():
         kind, crs = kind_of_wkt(" ".join(lines_of(definition)).strip(), definition)
     return offset, kind, crs, tuple(notes)
+
+
+def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, str]:
+    """Read positions of geo.txt; angles are not read, since the program itself turns them.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names.
+    position : ndarray, (n, 3)
+        Easting or longitude, deg, northing or latitude, deg, height; in the unit of the CRS.
+    sigma : ndarray, (n, 3), or None
+        Standard deviations, m; None where a line has none.
+    crs : str
+        The CRS of the first line.
+
+    Raises
+    ------
+    InputError
+        No CRS, or a line that is not name, x, y, z, three angles and two accuracies, with file and
+        line.
+    """
+    rows = [
+        (line, text.strip())
+        for line, text in enumerate(lines_of(path), start=1)
+        if text.strip() and not is_comment(text)
+    ]
+    crs = head_crs(path, rows[0]) if rows else ""
+    names, position, sigma = [], [], []
+    for line, text in rows[1:]:
+        fields = text.split()
+        if len(fields) not in ODM_FIELDS:
+            problem = f"{len(fields)} fields, name x y z yaw pitch roll horizontal vertical"
+            raise InputError.at_line(path, line, f"{problem} are expected: {shown(text)}")
+        names.append(fields[0])
+        position.append(numbers(fields[1:4], path, line))
+        if len(fields) == ODM_FIELDS[-1]:
+            plan, height = numbers(fields[7:], path, line)
+            sigma.append([plan, plan, height])
+    images = image_names(names, path)
+    full = len(sigma) == len(names) > 0
+    return images, np.reshape(position, (-1, 3)), np.array(sigma) if full else None, crs

@@ -384,7 +384,7 @@ def _of_table(
         axes = GroundAxes(
             options.crs, options.geoid, eo.datum if eo else None, eo.epoch if eo else None
         )
-        table = GroundTable(names, position, cov, np.zeros(len(position), dtype=bool))
+        table = GroundTable(names, position, cov, np.zeros(len(position), dtype=bool), True)
         moved = table.in_plane(axes, plane)
         position, cov = moved.position_m, moved.cov
     values, vectors = np.linalg.eigh(cov)

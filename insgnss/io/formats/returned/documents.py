@@ -1,0 +1,145 @@
+"""Adjusted poses in JSON documents, data_specs/returned.md.
+
+odm_shots   shots.geojson of OpenDroneMap: a point each with longitude, latitude, height, and the
+            rotation vector of the reconstruction's axes to the camera (right, down, viewing
+            direction). Those axes are east, north, up at the place of the reconstruction: the
+            program writes them beside coordinates of UTM without the meridian convergence.
+opf         calibrated_cameras.json of Pix4D's OPF: position of the processing CRS, shifted, scaled
+            and exchanged as scene_reference_frame.json says, and omega, phi, kappa to its axes;
+            names in camera_list.json
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from ....base.errors import InputError
+from ....base.received.nesting import parse_json
+from ....geodesy.frames import TangentPlane
+from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_vector
+from ....records.framed import TANGENT
+from ..text.layout import decode, shown
+from ..text.numbers import array_of
+from ..text.text import Source, load_bytes
+from .crs import kind_of_wkt
+from .poses import Array, ReturnedPoses, image_names
+
+CALIBRATED = "calibrated_cameras.json"
+LARGEST = 1e12  # of a coordinate or an angle: far beyond any that is real
+
+
+def read_odm_shots(path: Source) -> ReturnedPoses:
+    """Read shots.geojson of OpenDroneMap.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    ReturnedPoses
+        In the tangent plane at the mean of its images.
+
+    Raises
+    ------
+    InputError
+        No GeoJSON, or a shot without place or rotation.
+    """
+    names, places, turns = [], [], []
+    for shot in _list(path, _document(path), "features"):
+        properties = _member(path, shot, "properties")
+        names.append(str(properties.get("filename")))
+        places.append(_vector(path, _member(path, shot, "geometry"), "coordinates"))
+        turns.append(_vector(path, properties, "rotation"))
+    images = image_names(names, path)
+    lon, lat, h = np.array(places).T
+    lat, lon = np.radians(lat), np.radians(lon)
+    origin = (float(lat.mean()), float(lon.mean()), float(h.mean()))
+    position = TangentPlane(*origin).position_from_geodetic(lat, lon, h)
+    C = rotation_from_vector(np.array(turns)).swapaxes(1, 2)
+    note = (
+        "rotations of shots.geojson count from true north at the middle of the block, whatever its"
+        " UTM zone"
+    )
+    return ReturnedPoses(images, position, C, TANGENT, origin=origin, notes=(note,))
+
+
+def read_opf(path: Source) -> ReturnedPoses:
+    """Read the calibrated cameras of an OPF project.
+
+    Parameters
+    ----------
+    path : path
+        calibrated_cameras.json or its directory; scene_reference_frame.json and camera_list.json
+        lie beside it.
+
+    Returns
+    -------
+    ReturnedPoses
+        In the processing CRS, in its unit.
+
+    Raises
+    ------
+    InputError
+        A file that is missing or damaged, or a camera that camera_list.json does not have.
+    """
+    folder = Path(path) if Path(path).is_dir() else Path(path).parent
+    file, scene = folder / CALIBRATED, folder / "scene_reference_frame.json"
+    uris = {
+        camera.get("id"): str(camera.get("uri"))
+        for camera in _list(path, _document(folder / "camera_list.json"), "cameras")
+    }
+    names, position, opk = [], [], []
+    for camera in _list(file, _document(file), "cameras"):
+        if camera.get("id") not in uris:
+            raise InputError.at_line(
+                file, None, f"camera {camera.get('id')} is not in camera_list.json; export again"
+            )
+        names.append(PurePosixPath(unquote(uris[camera["id"]])).name)
+        position.append(_vector(file, camera, "position"))
+        opk.append(_vector(file, camera, "orientation_deg"))
+    images = image_names(names, file)
+    frame = _document(scene)
+    base = _member(scene, frame, "base_to_canonical")
+    x = np.array(position) / _vector(scene, base, "scale") - _vector(scene, base, "shift")
+    C = rotation_from_opk(np.radians(opk)) @ CV_RUB
+    if base.get("swap_xy"):
+        raise InputError.at_line(
+            scene, None, "its CRS names northing first (swap_xy); export in its east-north sibling"
+        )
+    crs = str(_member(scene, frame, "crs").get("definition"))
+    return ReturnedPoses(images, x, C, *kind_of_wkt(crs, scene), angle_set="opk")
+
+
+def _document(path: Source) -> Mapping[str, Any]:
+    document = parse_json(path, decode(load_bytes(path).tobytes()))
+    if not isinstance(document, Mapping):
+        raise InputError.at_line(path, None, "is no JSON object; export it again")
+    return document
+
+
+def _list(path: Source, document: Mapping[str, Any], key: str) -> Iterator[Mapping[str, Any]]:
+    entries = document.get(key)
+    if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
+        raise InputError.at_line(path, None, f"has no list {key!r} of objects; export it again")
+    yield from entries
+
+
+def _member(path: Source, document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    member = document.get(key)
+    if not isinstance(member, Mapping):
+        raise InputError.at_line(path, None, f"{key} is missing or no object; export it again")
+    return member
+
+
+def _vector(path: Source, document: Mapping[str, Any], key: str) -> Array:
+    """Return the three finite numbers of a member."""
+    vector = array_of(document.get(key), (3,))
+    if vector is None or not (np.abs(vector) < LARGEST).all():
+        problem = f"{key} {shown(str(document.get(key)))} is not three numbers"
+        raise InputError.at_line(path, None, f"{problem}; export it again")
+    return vector
