@@ -107,7 +107,12 @@ class GnssInput:
     sigma_velocity_mps: Triple | None = option(
         None, "the same of velocities", kind="sigmas", unit="m/s", of_file=True
     )
-    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    time_offset_s: float = option(
+        0.0,
+        "added to the stamps of this sensor; half a second and more is a difference of clocks, and"
+        " where the fixes count GPST the IMU is moved by it instead, so that products count GPST",
+        unit="s",
+    )
     time_sigma_s: float = option(
         2e-4,
         "standard deviation of what the stamps of the fixes lack: what an IMU on the receiver's "

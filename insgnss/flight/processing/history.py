@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from ...base import __version__
+from ...io.exposures.rig import ClockOffsets
 from ...io.options.camera_options import CameraInput
 from ...navigation.diagnosis.estimated import state_verdicts
 from ...navigation.filter.codes import (
@@ -64,6 +65,7 @@ def run_history(
         *(f"segment from {s.solution.time[0]:.1f} s on: {'; '.join(s.history)}" for s in later),
         *_aids(segments),
         *([recording.turn_on] if recording.turn_on else []),
+        *_clocks(recording.offsets),
         *_estimates(segments),
         *_events(flight, recording, segments),
         f"{gap_count} IMU gaps bridged; heights ellipsoidal (WGS84)",
@@ -106,11 +108,11 @@ def _events(flight: Flight, recording: Recording, segments: Sequence[Segment]) -
         zip(flight.camera.all_of_rig, recording.cameras, strict=False)
     ):
         which = f" of {exposures.name}" if len(recording.cameras) > 1 else ""
-        yield from _clock(flight, options, exposures.clock, which, segments, k)
+        yield from _clock(recording.offsets, options, exposures.clock, which, segments, k)
 
 
 def _clock(
-    flight: Flight,
+    offsets: ClockOffsets,
     camera: CameraInput,
     clock: str,
     which: str,
@@ -120,13 +122,13 @@ def _clock(
     """Say it of one camera."""
     how = f"camera.clock = {camera.clock}"
     if clock == "imu":
-        own = flight.imu.time_offset_s
-        moved = ", stamps as they stand" if camera.clock == "auto" else f", moved by {own:+.4f} s"
-        yield f"camera events{which} of the IMU's clock ({how}){moved if own else ''}"
+        moved = ", stamps as they stand"
+        if camera.clock != "auto":
+            moved = f", moved by {offsets.imu:+.4f} s"
+        yield f"camera events{which} of the IMU's clock ({how}){moved if offsets.imu else ''}"
         return
-    stated = flight.gnss.time_offset_s
     moves = [
-        stated + segment.time_offset_s + event_delay(segment.solution)[exposed.instant]
+        offsets.gnss + segment.time_offset_s + event_delay(segment.solution)[exposed.instant]
         for segment in segments
         if (exposed := segment.exposed[number]).rows.size
     ]
@@ -135,6 +137,15 @@ def _clock(
         yield (
             f"camera events{which} of the receiver's clock ({how}), moved with the fixes by"
             f" {ms.min():+.3f} to {ms.max():+.3f} ms"
+        )
+
+
+def _clocks(offsets: ClockOffsets) -> Iterator[str]:
+    """Say that the IMU was moved onto the clock of the fixes."""
+    if offsets.unstated:
+        yield (
+            f"stamps of the IMU moved by {offsets.imu:+.4f} s onto GPST, the clock of the fixes"
+            " (gnss.time_offset_s): all products count GPST"
         )
 
 

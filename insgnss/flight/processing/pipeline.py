@@ -41,6 +41,7 @@ from .checks import (
     refuse_contradictions,
     refuse_unobservable,
 )
+from .clocks import on_gpst
 from .diagnostics import constants_of, report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files
@@ -220,6 +221,9 @@ def _process(
     if at_epochs(flight.output.trajectory_hz):
         segments = results
     trajectory = output_trajectory(flight, segments, week)
+    if recording.fixes_are_gpst:
+        trajectory = replace(trajectory, time=on_gpst(trajectory.time, results))
+        eo = eo and replace(eo, time=on_gpst(eo.time, results))
     segments = results
     clock.step("report")
     diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)

@@ -235,7 +235,7 @@ def write_products(
             write_eo_covariance(eo, result.strips, directory / STRIPS, result.common)
         if ppk is not None:
             target = ppk_directory(Path(out))
-            notes = _write_solution(flight, recording, ppk, eo, staging.tree(target))
+            notes = _write_solution(recording, ppk, eo, staging.tree(target))
             report["ppk"] |= {"directory": relative(target, out), "notes": notes}
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
@@ -285,7 +285,6 @@ def _refuse_overwriting(flight: Flight, files: Iterable[Path]) -> None:
 
 
 def _write_solution(
-    flight: Flight,
     recording: Recording,
     ppk: "PpkResult",
     eo: ExteriorOrientation | None,
@@ -303,7 +302,7 @@ def _write_solution(
     events = recording.events
     if events is not None and ppk.fixes.gps_week is not None:
         events = in_week(events, ppk.fixes.gps_week)
-        events = replace(events, time=events.time - flight.gnss.time_offset_s)
+        events = replace(events, time=events.time - recording.offsets.gnss)
     origin = None if eo is None else eo.origin
     try:
         _, missing = write_antenna_files(ppk.fixes, events, directory, origin)

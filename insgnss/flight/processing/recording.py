@@ -1,7 +1,7 @@
 """A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from ...base.errors import DataError, InputError, UsageError
 from ...base.findings.remedies import Remedy, SetKey, Step
 from ...base.received.trusted import at_home
 from ...gnss.covariance_model import MODEL
-from ...io.exposures.rig import CameraExposures, merged_instants
+from ...io.exposures.rig import CameraExposures, ClockOffsets, merged_instants
 from ...records import (
     Array,
     BarometerHeights,
@@ -82,6 +82,11 @@ class Recording:
         How many samples there were; without it those of `imu`.
     covariances : str
         Which rules decided the covariances of the fixes, in words.
+    offsets : ClockOffsets
+        What was added to the stamps of the files.
+    fixes_are_gpst : bool
+        Whether the fixes are known to count GPST, so that what is estimated of their clock is an
+        error of the IMU's.
     """
 
     prepared: "PreparedImu"
@@ -96,6 +101,8 @@ class Recording:
     barometer: BarometerHeights | None = None
     sample_count: int = 0
     covariances: str = ""
+    offsets: ClockOffsets = field(default_factory=ClockOffsets)
+    fixes_are_gpst: bool = False
 
     @property
     def imu(self) -> ImuSamples:
@@ -187,6 +194,7 @@ def read_recording(flight: Flight) -> Recording:
     from ...navigation.prepare.fix_covariance.decision import decide
     from ...navigation.prepare.imu import prepared
     from ...records.observations import in_week
+    from .clocks import clock_offsets, fixes_say_gpst
 
     barometer = None
     try:
@@ -195,13 +203,15 @@ def read_recording(flight: Flight) -> Recording:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
     except UsageError as error:  # an option that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
-    if flight.gnss.time_offset_s:
-        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    offsets, dated = clock_offsets(flight, gnss), fixes_say_gpst(flight, gnss)
+    gnss = replace(gnss, time=gnss.time + offsets.gnss)
+    devices = tuple(
+        replace(device, time_offset_s=device.time_offset_s + offsets.unstated) for device in devices
+    )
     of_events = cameras[0].events.gps_week if cameras else None
     week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
     gnss = in_week(gnss, week)
-    offsets_s = flight.imu.time_offset_s, flight.gnss.time_offset_s
-    all_cameras = on_clock(cameras, flight.camera, offsets_s, week)
+    all_cameras = on_clock(cameras, flight.camera, offsets, week, devices[0].span_s(week))
     refuse_unreachable_crs(flight, gnss)
     gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
     models = [load_noise_model(imu.noise) for imu in (flight.imu, *flight.imu.further)]
@@ -213,6 +223,7 @@ def read_recording(flight: Flight) -> Recording:
     imu, C_b_imu = prepared_imu.samples, prepared_imu.C_b_imu
     if barometer is not None:
         barometer = in_week(barometer, week)
+        barometer = replace(barometer, time=barometer.time + offsets.unstated)
         refuse_apart(barometer, imu)
     noise = models[0]
     if prepared_imu.weight is not None:
@@ -251,6 +262,8 @@ def read_recording(flight: Flight) -> Recording:
         ppk,
         barometer,
         covariances=covariances,
+        offsets=offsets,
+        fixes_are_gpst=bool(offsets.unstated) or dated,
     )
 
 

@@ -11,19 +11,20 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...geodesy.gpstime import LEAST_WEEKS_APART_S, weeks_apart
-from ...records import CameraEvents, Finding, Question
+from ...records import Array, CameraEvents, Finding, Question
 from ...records.observations import in_week
 from ..options.camera_options import CameraInput
 from .numbering import with_numbering_note
-from .rig import CameraExposures
+from .rig import CameraExposures, ClockOffsets
 from .rounding import with_stamp_rounding
 
 
 def on_clock(
     cameras: Sequence[CameraExposures],
     options: CameraInput | None,
-    offsets_s: tuple[float, float],
+    offsets: ClockOffsets,
     week: int,
+    span_s: Array | None = None,
 ) -> tuple[CameraExposures, ...]:
     """Bring the exposures to the clock of a recording, with what their stamps leave open.
 
@@ -33,11 +34,14 @@ def on_clock(
         The exposures as their files have them.
     options : CameraInput or None
         Table of the first camera; None without one.
-    offsets_s : tuple of float
-        What the flight file adds to the stamps of the IMU and of the fixes, s; exposures move with
-        the clock that it says they are of.
+    offsets : ClockOffsets
+        What is added to stamps; exposures move with the clock that stamped them.
     week : int
         The GPS week whose seconds the stamps of the recording count.
+    span_s : ndarray, (2,), optional
+        First and last sample on the clock of the recording: where nothing says whose clock the
+        exposures are of, they are not of the IMU's if they lie within the recording as they stand
+        and do not as the IMU's.
 
     Returns
     -------
@@ -45,21 +49,33 @@ def on_clock(
         With the standard deviations and notes of rounded stamps, and notes of numbers that lack.
     """
     of_rig = () if options is None else options.all_of_rig
-    offset_s = [0.0] * len(cameras)
+    cameras, offset_s = list(cameras), [0.0] * len(cameras)
     for k, (own, camera) in enumerate(zip(of_rig, cameras, strict=False)):
         offset_s[k] = own.time_offset_s
         of_imu = own.clock == "imu" or (
             camera.triggered and own.clock == "auto" and of_rig[0].clock == "imu"
         )
         if camera.clock == "receiver":
-            offset_s[k] += offsets_s[1]
+            offset_s[k] += offsets.gnss
         elif of_imu:
-            offset_s[k] += offsets_s[0]
+            offset_s[k] += offsets.imu
+        elif span_s is None or _share_within(camera, offsets.unstated, week, span_s) >= (
+            _share_within(camera, 0.0, week, span_s)
+        ):
+            offset_s[k] += offsets.unstated
+        else:
+            cameras[k] = replace(camera, clock="receiver")
     moved = (c.moved(s) if s else c for c, s in zip(cameras, offset_s, strict=True))
     return tuple(
         replace(c, events=with_numbering_note(with_stamp_rounding(in_week(c.events, week))))
         for c in moved
     )
+
+
+def _share_within(camera: CameraExposures, offset_s: float, week: int, span_s: Array) -> float:
+    """Return the share of the exposures within a span with an offset."""
+    time = in_week(camera.events, week).time + offset_s
+    return float(np.mean((time >= span_s[0]) & (time <= span_s[1])))
 
 
 def within(

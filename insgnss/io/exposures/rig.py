@@ -8,7 +8,7 @@ are of one instant; its pose and covariance are computed once and serve all imag
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,20 @@ from .naming import events_of, named
 
 SHARED_S = 1e-7  # within which `navigation.prepare.increments` takes instants for one
 EventClock = Literal["imu", "receiver"]
+
+
+class ClockOffsets(NamedTuple):
+    """What is added to stamps, s, so that all count on one clock.
+
+    Parameters
+    ----------
+    imu, gnss : of the IMU and of the fixes.
+    unstated : of what stands on the IMU's clock as its file has it.
+    """
+
+    imu: float = 0.0
+    gnss: float = 0.0
+    unstated: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,28 @@ def event_delay(solution: Solution) -> Array:
     return delay
 
 
+def delay_at(solution: Solution, time: Array) -> Array:
+    """Return how much later than its stamp a fix of the clock of the fixes was taken.
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight.
+    time : Array
+        (n,) instants on the clock of the solution, s.
+
+    Returns
+    -------
+    Array
+        (n,) d, s; zeros where no time offset is among the states.
+    """
+    if solution.problem.layout.offset < 0:
+        return np.zeros(time.size)
+    elapsed = time - solution.time[0] + solution.problem.epochs.time[0]
+    constants = np.column_stack([np.ones(time.size), elapsed])[:, : _states(solution).size]
+    return np.asarray(constants @ _clock(solution))
+
+
 def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
     """Return the trajectory at camera events that the clock of the fixes stamped (X.1 to X.3).
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...geodesy.gpstime import WEEK_S
 from ...records import Array, Finding, GnssFixes, ImuSamples, Increments
 from ...records.observations import in_week
 from .calibration import ImuCalibration
@@ -51,6 +52,12 @@ class Device:
     time_offset_s: float = 0.0
     calibration: ImuCalibration | None = None
     white_noise: tuple[float, float] = (1.0, 1.0)
+
+    def span_s(self, week: int) -> Array:
+        """Return first and last stamp (2,), s of a GPS week."""
+        samples = self.samples
+        whole = 0.0 if samples.gps_week is None else (samples.gps_week - week) * WEEK_S
+        return np.asarray(samples.time[[0, -1]] + self.time_offset_s + whole)
 
     def in_shape(self, week: int) -> ImuSamples:
         """Return the samples as they are estimated from.

@@ -27,6 +27,7 @@ from insgnss.flight.processing.products import PPK_PRODUCTS, ppk_directory
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
+from insgnss.io.exposures.rig import ClockOffsets
 from insgnss.io.formats import read_gnss
 from insgnss.io.formats.orientation.eo_covariance import read_eo_covariance
 from insgnss.io.formats.orientation.eo_json import read_eo_json
@@ -287,8 +288,9 @@ def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(fl
         time = shots + 1e4 * (np.arange(3) >= 3 - late)
         out = tmp_path / str(late)
         out.mkdir()
-        recorded = SimpleNamespace(events=CameraEvents(("a", "b", "c"), time, 2008))
-        notes = products._write_solution(flight, recorded, solved, None, out)
+        events = CameraEvents(("a", "b", "c"), time, 2008)
+        recorded = SimpleNamespace(events=events, offsets=ClockOffsets())
+        notes = products._write_solution(recorded, solved, None, out)
         assert (told in notes[0]) if told else notes == []
         assert {path.name for path in out.iterdir()} == set(PPK_PRODUCTS[:files])
 
@@ -299,9 +301,9 @@ def test_positions_at_exposures_are_on_the_clock_of_the_fixes(flight, tmp_path):
     """
     fixes = read_gnss(flight.path.parent / "truth" / "fixes.txt", gps_week=2008)
     solved = PpkResult(fixes, None, (), "good", {}, {}, {}, "fake", 0.0)
-    moved = replace(flight, gnss=replace(flight.gnss, time_offset_s=0.5))
-    recorded = SimpleNamespace(events=CameraEvents(("a",), fixes.time[[100]] + 0.5, 2008))
-    assert products._write_solution(moved, recorded, solved, None, tmp_path) == []
+    events = CameraEvents(("a",), fixes.time[[100]] + 0.5, 2008)
+    recorded = SimpleNamespace(events=events, offsets=ClockOffsets(0.0, 0.5, 0.0))
+    assert products._write_solution(recorded, solved, None, tmp_path) == []
     (place,) = image_positions(tmp_path / "AntennaPos_Img_WGS84.txt")[1]
     assert np.allclose(
         place,

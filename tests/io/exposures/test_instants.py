@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import InputError
 from insgnss.io.exposures.instants import cut_events, on_clock, refuse_outside, within
-from insgnss.io.exposures.rig import CameraExposures
+from insgnss.io.exposures.rig import CameraExposures, ClockOffsets
 from insgnss.records import CameraEvents
 
 
@@ -23,7 +23,7 @@ def test_stamps_get_their_week_their_digits_and_their_numbers_in_one_stop():
     own = events(*np.cumsum([5.0, 2, 3, 2, 3, 2, 2, 3, 2, 3, 2]), week=2009)
     numbers = tuple(f"{k + (k > 5)}.tif" for k in range(11))
     own = CameraEvents(numbers, own.time, 2009, "events.txt")
-    (camera,) = on_clock([CameraExposures("camera_1", own)], None, (0.0, 0.0), 2008)
+    (camera,) = on_clock([CameraExposures("camera_1", own)], None, ClockOffsets(), 2008)
     assert camera.events.gps_week == 2008
     assert_array_equal(camera.events.time, own.time + 604800.0)
     assert camera.events.sigma_s == pytest.approx(np.full(11, 3.0**-0.5))
