@@ -23,6 +23,8 @@ Where to look
         stationarity in `prepare/stationarity.py`
     barometer: `prepare/barometer.py`, `barometer_rows` in `filter/kernels/measurements.py`, (K.12)
         in `filter/filter.py`
+    a measurement given by its prediction: `filter/linearised.py`, again after each pass in
+        `filter/solution.py`, `linearised_rows` in `filter/kernels/measurements.py`, (K.13)
     covariance of a fix: rules in `prepare/fix_covariance/__init__.py`, applied once by `decide` in
         `decision.py` there; what is not believed: `classes.py`, what says nothing beside better
         fixes: `quality.py`, few digits: `rounding.py` there; dead bands: `prepare/dead_band.py`

@@ -38,6 +38,7 @@ from .mounting_options import MountingSource, MountingTable
 if TYPE_CHECKING:
     from ...records import Array
     from ...records.cameras.mounting import Mounting
+    from ...records.measurements import Measurement
 
 
 def _checks() -> Words:
@@ -217,6 +218,8 @@ class Flight:
         States and constraints of the filter.
     barometer : BarometerInput or None
         Table of that name; None: there is none.
+    measurement : tuple of Measurement
+        Measurements given by their prediction, with names that differ.
     mounting_files : tuple of MountingSource
         The files that `mounting` and the camera's delay were taken from, the last taken last.
     included : tuple of Path
@@ -277,6 +280,7 @@ class Flight:
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
     barometer: BarometerInput | None = None
+    measurement: "tuple[Measurement, ...]" = ()
     mounting_files: tuple[MountingSource, ...] = ()
     included: tuple[Path, ...] = ()
     read: dict[str, Identity] = field(default_factory=dict, compare=False, repr=False)
@@ -290,6 +294,7 @@ class Flight:
             )
         check(self, "")
         refuse_week(self.gps_week)
+        _refuse_measurements(self.measurement)
 
     def with_(self, **changes: Any) -> "Flight":
         """Return the flight with other values.
@@ -331,6 +336,19 @@ class Flight:
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""
         return resolved(self)
+
+
+def _refuse_measurements(measurements: "tuple[Measurement, ...]") -> None:
+    """Raise UsageError for what is no measurement, and for two of one name."""
+    from ...records.measurements import Measurement
+
+    names: list[str] = []
+    for one in measurements:
+        if not isinstance(one, Measurement):
+            raise OptionError("measurement", f"is no insgnss.Measurement but {one!r}")
+        if one.name in names:
+            raise OptionError("measurement", f"two are named {one.name!r}; give each its own name")
+        names.append(one.name)
 
 
 def refuse_week(week: int | None) -> None:
@@ -405,8 +423,9 @@ def _plain(value: Any, base: Path) -> Any:
     """Return `value` in JSON types; an object that replaces a file is described as such."""
     from ...navigation.noise_model.noise_model import NoiseModel
     from ...records import Rows
+    from ...records.measurements import Measurement
 
-    if isinstance(value, Rows | NoiseModel):
+    if isinstance(value, Rows | NoiseModel | Measurement):
         return f"given as object: {value!r}"
     if is_dataclass(value):
         return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}

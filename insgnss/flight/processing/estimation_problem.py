@@ -19,6 +19,7 @@ from ...navigation.filter.epochs import (
 )
 from ...navigation.filter.filter import gate_from_sigma
 from ...navigation.filter.layout import BarometerErrors, FixErrors, StateLayout, state_layout
+from ...navigation.filter.linearised import with_measurements
 from ...navigation.filter.problem import EstimationProblem
 from ...navigation.noise_model.model import NoiseModel
 from ...navigation.prepare.barometer import levelled
@@ -105,13 +106,15 @@ def prepare_segment(
     heights = np.zeros((0, 2))
     if recording.barometer is not None:
         heights = levelled(recording.barometer, recording.gnss, lo, hi)
-    increments, (at_fix, exposed, at_height, at_grid) = recording.prepared.increments(
+    inside = [np.flatnonzero((m.time >= lo) & (m.time <= hi)) for m in flight.measurement]
+    increments, (at_fix, exposed, at_height, at_grid, *measured) = recording.prepared.increments(
         lo,
         hi,
         fixes.time,
         exposure[at_event],
         heights[:, 0],
         output_grid(lo, hi, flight.output.trajectory_hz, fixes.time),
+        *(m.time[rows] for m, rows in zip(flight.measurement, inside, strict=True)),
     )
     requested, factory = requested_errors(flight, fixes), layout_factory(flight, recording.noise)
     layout = factory(requested)
@@ -134,6 +137,8 @@ def prepare_segment(
         huber_threshold=gate_from_sigma(HUBER_SIGMA) if flight.filter.robust else np.inf,
         event_chain=flight.output.strip_covariance or len(recording.cameras) > 1,
     )
+    if flight.measurement:
+        problem = with_measurements(problem, flight.measurement, inside, measured)
     of_cameras = exposed_rows(recording.cameras, recording.events, at_event)
     return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event, of_cameras)
 
@@ -169,6 +174,7 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
             errors,
             of_barometer,
             imu.slow,
+            flight.measurement,
         )
 
     return layout
@@ -297,7 +303,7 @@ def forecast_of(flight: Flight, recording: Recording, lo: float, hi: float) -> F
     if rate is not None and rate > MOST_EPOCHS_HZ:
         rows = min(samples, int((hi - lo) * rate))
     triples = 1 + (fixes.velocity_ned is not None) + 2 * bool(len(recording.stationary))
-    triples += flight.barometer is not None
+    triples += (flight.barometer is not None) + len(flight.measurement)
     return forecast(samples, epochs, layout.size, triples, events.size, rows)
 
 

@@ -13,6 +13,7 @@ from ...navigation.diagnosis.candidates import with_layout
 from ...navigation.diagnosis.evidence import liveliest_window
 from ...navigation.filter.codes import (
     BAROMETER,
+    N_KINDS,
     NOT_MEASURED,
     POS,
     POSITION,
@@ -286,6 +287,40 @@ def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
         " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
     )
     return _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
+
+
+def check_measurements(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
+    """Check whether measurements given by their prediction agree with the flight.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Finding
+        The check "measurements" of each: some values must lie within the flight, and most of them
+        must pass their test.
+    """
+    checks = []
+    for kind, measurement in enumerate(flight.measurement, start=N_KINDS):
+        offered, rejected = offered_and_rejected(segments, kind)
+        solutions = [segment.solution for segment in segments]
+        nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])
+        finding = f"{measurement.name}: {rejected} of {offered} values rejected"
+        if nis.size:
+            ratio = np.sqrt(nis.mean() / measurement.values.shape[1])
+            finding += f"; the others scatter {ratio:.2f} times as much as their sigmas say"
+        question = Question("measurements", "some within the flight, most of them used")
+        remedy = Step(
+            "check its clock, units and sign, and what `predict` returns, or leave it out"
+        )
+        bad = not offered or rejected > MOST_REJECTED_FIXES * offered
+        checks.append(question.contradiction(finding, remedy, when=bad))
+    return checks
 
 
 def _mostly_used(

@@ -286,7 +286,9 @@ def _align(flight: Flight, problem: EstimationProblem, moved_s: float) -> tuple[
     """Return the initial state of a problem, and how it was found.
 
     The prior of a time offset belongs to the stamps of the file, before they were moved.
+    Measurements given by their prediction have no say: they are linearised about a solution.
     """
+    problem = problem.without_measurements
     if flight.initial is not None:
         given = flight.initial
         rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])

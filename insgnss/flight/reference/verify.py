@@ -219,6 +219,8 @@ def verify_problem(
     from .twin import solve_twin
 
     progress("core")
+    if problem.measurements:  # which the core linearises about a solution, after its first pass
+        second_pass = "on"
     began = time.perf_counter()
     core = solve(problem, start, second_pass, separations=0)
     between = time.perf_counter()
@@ -318,7 +320,7 @@ def _start(flight: "Flight", problem: "EstimationProblem") -> "InitialState":
     from ...navigation.align.initial import given_attitude, initial_state
 
     if flight.initial is None:
-        return initial_state(problem).start
+        return initial_state(problem.without_measurements).start
     given = flight.initial
     rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
     return given_attitude(problem, rpy, np.radians(given.sigma_deg))
