@@ -253,7 +253,7 @@ def _solve(
     checks += check_residuals(flight, segments)
     checks += check_file_sigmas(flight, recording, segments)
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
-    checks += check_measurements(flight, segments)
+    checks += check_measurements(recording, segments)
     checks += check_exposure_clock(flight, recording, segments)
 
     def findings() -> dict[str, Any]:

@@ -177,7 +177,9 @@ def check_file_sigmas(
         unfixed_gm_sigma=None,
         unfixed_white_scale=1.0,
     )
-    wider = wider_than_needed(segment.solution, layout_factory(flight, recording.noise)(white))
+    wider = wider_than_needed(
+        segment.solution, layout_factory(flight, recording.noise, recording.measurements)(white)
+    )
     if wider is None:
         return []
     ratio, factor = wider
@@ -289,13 +291,13 @@ def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
     return _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
 
 
-def check_measurements(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
+def check_measurements(recording: Recording, segments: Sequence[Segment]) -> list[Finding]:
     """Check whether measurements given by their prediction agree with the flight.
 
     Parameters
     ----------
-    flight : Flight
-        The flight file.
+    recording : Recording
+        The recording.
     segments : sequence of Segment
         The solved segments.
 
@@ -306,7 +308,7 @@ def check_measurements(flight: Flight, segments: Sequence[Segment]) -> list[Find
         must pass their test.
     """
     checks = []
-    for kind, measurement in enumerate(flight.measurement, start=N_KINDS):
+    for kind, measurement in enumerate(recording.measurements, start=N_KINDS):
         offered, rejected = offered_and_rejected(segments, kind)
         solutions = [segment.solution for segment in segments]
         nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])

@@ -243,7 +243,7 @@ def _solve(
         _search(flight, recording, prepared, step),
         lambda problem: _align(flight, problem, prepared.moved_s),
         recording.noise,
-        lambda noise: layout_factory(flight, noise),
+        lambda noise: layout_factory(flight, noise, recording.measurements),
         tuple(flight.accept),
         moving=flight.gnss.stationary is None,
     )

@@ -181,6 +181,7 @@ def test_a_wrong_value_is_left_out_and_the_rest_is_as_without_it():
     np.testing.assert_allclose(found.nav, expected.nav, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_flight_on_arrays_finds_the_offset_of_a_compass():
     """Oracle: the offset put in, to four sigmas; the heading is better where it is known; an angle
     given in another turn is the same angle.
