@@ -31,7 +31,8 @@ Where to look
     gaps of the IMU: `prepare/gaps.py`, bridged in `increments.py` there, their variance in
         `add_gap_noise` of `filter/kernels/error_model.py`
     noise numbers: `noise_model/models/`, read by `noise_model/noise_file.py`
-    first attitude: `align/initial.py`; whether a nose need follow its course:
+    first attitude: `align/initial.py`, of measurements where nothing moves `measured.py` there;
+        whether a nose need follow its course:
         `recognise/propulsion.py`
     latitude and longitude exchanged, in radians, of the wrong sign: `recognise/positions.py`,
         `_mirrored` in `recognition.py`; left-handed readings: `handedness.py`; gross errors of

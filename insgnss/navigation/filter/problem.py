@@ -84,6 +84,11 @@ class EstimationProblem:
         return np.array([float(self.gate)] * N_KINDS + list(self.gates_of_measurements))
 
     @property
+    def linearised(self) -> bool:
+        """Whether a pass sees all measurements, which are linearised about a solution."""
+        return not self.measurements or bool(self.epochs.linear_cov.any())
+
+    @property
     def without_measurements(self) -> "EstimationProblem":
         """The problem without what is linearised, whose own states then stay as they start."""
         epochs = self.epochs

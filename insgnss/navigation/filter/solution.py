@@ -240,7 +240,7 @@ def solve(
     passes.filter(about is None, follower)
     count = 1
     while True:
-        another = second_pass == "on" and count == 1
+        another = count == 1 and (second_pass == "on" or not passes.problem.linearised)
         if not another:
             progress("smoother")
         smoothed = passes.smooth(full=not another)
