@@ -1,7 +1,5 @@
 """Roll, pitch and heading of another system: an adjustment, a star tracker, a total station."""
 
-import numpy as np
-
 from ...geodesy.rotation import rotation_from_vector, rpy_from_rotation
 from ...io.formats.names import TIME, Names, sigma_names
 from ...io.formats.text.columns import TableSpec
@@ -25,13 +23,11 @@ def _model(
     options: MeasurementInput, columns: tuple[str, ...]
 ) -> tuple[Predict, tuple[OwnState, ...]]:
     """Return the angles of a sensor that is turned against the body by a constant rotation."""
-    states = turned_angles(options, "forward", "right", "down")
 
     def predict(motion: Motion, states: Array) -> Array:
-        turned = rotation_from_vector(states) if states.shape[1] else np.eye(3)
-        return rpy_from_rotation(motion.C_nb @ turned)
+        return rpy_from_rotation(motion.C_nb @ rotation_from_vector(states))
 
-    return predict, states
+    return predict, turned_angles(options, "forward", "right", "down")
 
 
 KIND = Kind(

@@ -26,13 +26,11 @@ def _model(
 ) -> tuple[Predict, tuple[OwnState, ...]]:
     """Return the vector between the antennas, turned by angles that are states."""
     lever = np.array(options.lever_m)
-    states = turned_angles(options, "forward", "right", "down")
 
     def predict(motion: Motion, states: Array) -> Array:
-        turned = rotation_from_vector(states) @ lever if states.shape[1] else lever
-        return np.einsum("kij,kj->ki", motion.C_nb, np.broadcast_to(turned, (len(motion.time), 3)))
+        return np.einsum("kij,kj->ki", motion.C_nb, rotation_from_vector(states) @ lever)
 
-    return predict, states
+    return predict, turned_angles(options, "forward", "right", "down")
 
 
 KIND = Kind(

@@ -7,7 +7,7 @@ from ...io.formats.names import TIME, Names, sigma_names
 from ...io.formats.text.columns import TableSpec
 from ...records import Array
 from ...records.measurements import Motion, OwnState, Predict
-from .kinds import Kind, turned_angles
+from .kinds import EXACT_SCALE, Kind, turned_angles
 from .options import MeasurementInput
 
 NAMES: Names = {
@@ -28,21 +28,19 @@ def _model(
     """Return (1 + s) R' (v + omega x l) with scale factor s and rotation R of the sensor."""
     rows = [AXES.index(name) for name in columns]
     lever = np.array(options.lever_m)
-    scale = (OwnState("scale factor", options.scale_sigma),) if options.scale_sigma else ()
     # an angle about the axis of the one component that is measured does nothing
     angles = [axis for axis in AXES if columns != (axis,)]
-    turned = turned_angles(options, *angles)
     about = [AXES.index(axis) for axis in angles]
 
     def predict(motion: Motion, states: Array) -> Array:
+        offsets = np.zeros((motion.time.size, 3))
+        offsets[:, about] = states[:, 1:]
         velocity = motion.velocity_body + np.cross(motion.rate, lever)
-        if turned:
-            offsets = np.zeros_like(velocity)
-            offsets[:, about] = states[:, len(scale) :]
-            velocity = np.einsum("kji,kj->ki", rotation_from_vector(offsets), velocity)
-        return (1.0 + (states[:, :1] if scale else 0.0)) * velocity[:, rows]
+        velocity = np.einsum("kji,kj->ki", rotation_from_vector(offsets), velocity)
+        return (1.0 + states[:, :1]) * velocity[:, rows]
 
-    return predict, scale + turned
+    scale = OwnState("scale factor", max(options.scale_sigma, EXACT_SCALE))
+    return predict, (scale, *turned_angles(options, *angles))
 
 
 KIND = Kind(

@@ -22,6 +22,8 @@ from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
 from .options import GROUP, SHIPPED, MeasurementInput
 
+EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
+EXACT_SCALE = 1e-4  # of such a scale factor
 OF_SINGLE_KINDS = ("offset_sigma_deg", "scale_sigma", "lever_m")
 """Options that a kind reads, or refuses, by its `Kind.reads`."""
 
@@ -69,7 +71,7 @@ def kinds() -> Mapping[str, Kind]:
 
 
 def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]:
-    """Return the states of a sensor that is turned against the body, none where it is exact.
+    """Return the states of a sensor that is turned against the body.
 
     Parameters
     ----------
@@ -83,8 +85,8 @@ def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]
     tuple of OwnState
         Constants, rad.
     """
-    sigma = options.offset_sigma_deg * DEG
-    return tuple(OwnState(f"offset {axis}".rstrip(), sigma, "rad") for axis in axes if sigma)
+    sigma = max(options.offset_sigma_deg, EXACT_DEG) * DEG
+    return tuple(OwnState(f"offset {axis}".rstrip(), sigma, "rad") for axis in axes)
 
 
 def read_measurement(

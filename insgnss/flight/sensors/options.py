@@ -75,14 +75,14 @@ class MeasurementInput:
     offset_sigma_deg: float = option(
         2.0,
         "a-priori standard deviation of each angle by which the sensor is turned against the body,"
-        " which are states; 0: none",
+        " which are states; 0: 0.05 deg",
         unit="deg",
         low=0.0,
         high=180.0,
     )
     scale_sigma: float = option(
         0.02,
-        "of body_velocity: a-priori standard deviation of its scale factor, a state; 0: none",
+        "of body_velocity: a-priori standard deviation of its scale factor, a state; 0: 1e-4",
         low=0.0,
         high=0.5,
     )
