@@ -1,7 +1,12 @@
 """Headings of the body, as two antennas on one receiver or a gyrocompass give them."""
 
+from pathlib import Path
+
+from ...io.formats.detect import head_of, is_nmea
+from ...io.formats.gnss.nmea import read_headings
 from ...io.formats.names import TIME, Names
 from ...io.formats.text.columns import TableSpec
+from ...io.formats.text.order import Lines
 from ...records import Array
 from ...records.measurements import Motion, OwnState, Predict
 from .kinds import Kind, turned_angles
@@ -25,6 +30,11 @@ def _model(
     return predict, turned_angles(options, "")
 
 
+def _of_nmea(path: Path) -> tuple[int, Array, Array, Lines] | None:
+    """Return the headings of HDT or THS, None where the file holds no sentences of NMEA."""
+    return read_headings(path) if is_nmea(head_of(path)) else None
+
+
 KIND = Kind(
     TableSpec(
         NAMES,
@@ -36,4 +46,5 @@ KIND = Kind(
     "heading",
     "angle",
     _model,
+    other_format=_of_nmea,
 )

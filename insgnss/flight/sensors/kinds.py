@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ...base.errors import InputError, OptionError
 from ...base.units import DEG
 from ...geodesy.gpstime import WEEK_S
-from ...io.formats.text.columns import NamedTable, TableSpec
-from ...io.formats.text.order import put_in_order
+from ...io.formats.text.columns import TableSpec
+from ...io.formats.text.order import Lines, put_in_order
 from ...io.options.schema import declared
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
@@ -45,6 +47,9 @@ class Kind:
     model : callable
         Takes the options and which of `values` the file has; returns the prediction of these
         (`records.measurements.Predict`) and the own states.
+    other_format : callable, optional
+        Takes the file; returns GPS week, times, values (k, 1) in degrees or in SI, and their lines
+        where it is no table but a log of another format, else None.
     reads, needs : tuple of str
         Which of the options of single kinds it reads, and which of these must be given.
     """
@@ -53,6 +58,7 @@ class Kind:
     values: str
     unit: str
     model: Callable[[MeasurementInput, tuple[str, ...]], tuple[Predict, tuple[OwnState, ...]]]
+    other_format: Callable[[Path], tuple[int, Array, Array, Lines] | None] = lambda path: None
     reads: tuple[str, ...] = ("offset_sigma_deg",)
     needs: tuple[str, ...] = ()
 
@@ -116,29 +122,70 @@ def read_measurement(
     """
     kind = kinds()[options.kind]
     _refuse_options(options, kind)
-    table = kind.spec.read(options.file, options.columns)
-    settled = table.settled(kind.spec.checked_units(options.units))
-    time, own_week = table.gps_time(None if "week" in table else week, settled.units["time"])
-    time = time + options.time_offset_s + WEEK_S * ((own_week or week) - week)
-    columns = tuple(name for name in kind.values.split() if name in table)
-    if not columns:
-        problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
-        raise InputError.at_line(str(options.file), None, problem)
-    values = settled.factors[kind.unit] * table.block(" ".join(columns))
-    sigma = _sigmas(options, kind, table, columns, settled.factors[kind.unit])
+    if (log := kind.other_format(options.file)) is not None:
+        read = _of_log(options, kind, *log)
+    else:
+        read = _of_table(options, kind, week)
+    time, values, sigma = read.time, read.values, read.sigma
+    time = time + options.time_offset_s + WEEK_S * (read.week - week)
     rows, notes = put_in_order(
-        table, time, lambda i, k: bool((values[i] == values[k]).all()), "measurement rows"
+        read.lines, time, lambda i, k: bool((values[i] == values[k]).all()), "measurement rows"
     )
     if rows is not None:
         time, values, sigma = time[rows], values[rows], sigma[rows]
-    predict, states = kind.model(options, columns)
+    predict, states = kind.model(options, read.columns)
     period = TURN if kind.unit == "angle" else None
     return (
         Measurement(
             options.called, time, values, sigma, predict, states, options.gate_sigma, period
         ),
-        (*settled.notes, *notes),
+        (*read.notes, *notes),
     )
+
+
+class _Read(NamedTuple):
+    """Rows of a file: times s of a week, values (k, c) and their sigmas in SI."""
+
+    week: int
+    time: Array
+    columns: tuple[str, ...]
+    values: Array
+    sigma: Array
+    lines: Lines
+    notes: tuple[Finding, ...] = ()
+
+
+def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
+    """Read a table."""
+    table = kind.spec.read(options.file, options.columns)
+    settled = table.settled(kind.spec.checked_units(options.units))
+    time, own_week = table.gps_time(None if "week" in table else week, settled.units["time"])
+    columns = tuple(name for name in kind.values.split() if name in table)
+    if not columns:
+        problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
+        raise InputError.at_line(str(options.file), None, problem)
+    factor = settled.factors[kind.unit]
+    values = factor * table.block(" ".join(columns))
+    names = [f"sigma_{name}" for name in columns]
+    if all(name in table for name in names):
+        unit = {"angle": "deg", "velocity": "m/s", "length": "m"}[kind.unit]
+        sigma = factor * table.positive(" ".join(names), unit)
+    else:
+        sigma = _stated_sigma(options, kind, values.shape, f"no column {' or '.join(names)}")
+    return _Read(own_week or week, time, columns, values, sigma, table, settled.notes)
+
+
+def _of_log(
+    options: MeasurementInput, kind: Kind, week: int, time: Array, values: Array, lines: Lines
+) -> _Read:
+    """Take what a reader of another format gave."""
+    if options.columns is not None or options.units is not None:
+        key = "units" if options.columns is None else "columns"
+        problem = f"is of tables; {options.file.name} is a log of another format, leave it out"
+        raise OptionError(f"measurement.{key}", problem)
+    values = values.reshape(time.size, -1) * (DEG if kind.unit == "angle" else 1.0)
+    sigma = _stated_sigma(options, kind, values.shape, "the format has no standard deviations")
+    return _Read(week, time, tuple(kind.values.split()), values, sigma, lines)
 
 
 def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
@@ -155,23 +202,11 @@ def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
             raise OptionError(f"measurement.{name}", problem)
 
 
-def _sigmas(
-    options: MeasurementInput,
-    kind: Kind,
-    table: NamedTable,
-    columns: tuple[str, ...],
-    factor: float,
+def _stated_sigma(
+    options: MeasurementInput, kind: Kind, shape: tuple[int, ...], reason: str
 ) -> Array:
-    """Return the standard deviations (k, c) of the file, or those of the table."""
-    names = [f"sigma_{name}" for name in columns]
-    if all(name in table for name in names):
-        unit = {"angle": "deg", "velocity": "m/s", "length": "m"}[kind.unit]
-        return factor * table.positive(" ".join(names), unit)
+    """Return the standard deviation of the table for all values, in SI."""
     if options.sigma is None:
-        problem = (
-            f"no column {' or '.join(names)}; give measurement.sigma, the standard deviation of its"
-            " values"
-        )
+        problem = f"{reason}; give measurement.sigma, the standard deviation of its values"
         raise InputError.at_line(str(options.file), None, problem)
-    scale = DEG if kind.unit == "angle" else 1.0
-    return np.full((len(table), len(columns)), options.sigma * scale)
+    return np.full(shape, options.sigma * (DEG if kind.unit == "angle" else 1.0))

@@ -145,6 +145,34 @@ def test_rows_are_read_with_units_weeks_and_offsets(tmp_path):
     assert [state.unit for state in read.states] == ["rad"]
 
 
+def sentence(body: str) -> str:
+    """With its checksum, after the definition."""
+    check = 0
+    for letter in body:
+        check ^= ord(letter)
+    return f"${body}*{check:02X}\n"
+
+
+def test_headings_of_a_receivers_log(tmp_path):
+    """Oracle: by hand: the time of the GGA before; 07:31:13.4 UTC of 2018-07-03, a Tuesday, is
+    199891.4 s of week 2008; what is marked V is none; a standard deviation is asked for.
+    """
+    gga = "GNGGA,0731{},4634.20000000,N,00632.40000000,E,4,34,0.6,580.5000,M,49.5000,M,1.4,74"
+    text = sentence(gga.format("13.40"))
+    text += sentence("GNRMC,073113.40,A,4634.2,N,00632.4,E,0.012,325.9,030718,,,A")
+    text += sentence("GNHDT,253.21,T") + sentence(gga.format("13.60"))
+    text += sentence("GNTHS,253.3,V") + sentence(gga.format("13.80")) + sentence("GNTHS,253.5,A")
+    read, _ = read_measurement(options(tmp_path, text, sigma=0.3), 2008)
+    np.testing.assert_allclose(read.time, [199891.4, 199891.8])
+    np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.21, 253.5])
+    np.testing.assert_allclose(np.degrees(np.sqrt(read.cov[:, 0, 0])), 0.3)
+    for more, said in (({}, "give measurement.sigma"), ({"columns": ("tow",)}, "columns: is of ")):
+        with pytest.raises((InputError, UsageError), match=said):
+            read_measurement(options(tmp_path, text, **more), 2008)
+    with pytest.raises(InputError, match="no HDT or THS sentence"):
+        read_measurement(options(tmp_path, text[: text.index("$GNHDT")]), 2008)
+
+
 def test_an_odometer_has_a_scale_and_two_angles(tmp_path):
     """Oracle: by hand: an angle about the one axis that is measured does nothing; what is stated
     as exact can still be contradicted.
