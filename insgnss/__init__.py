@@ -115,6 +115,7 @@ if _TYPE_CHECKING:
         WaveletVariance,
     )
     from .records.cameras.mounting import Mounting, boresight_from_angles
+    from .records.measurements import Measurement, Motion, OwnState
     from .records.relative import RelativeControl
     from .simulation.faults import ImuFaults
 
@@ -145,6 +146,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
         *("BarometerHeights", "CameraEvents", "Check", "ExteriorOrientation", "GnssFixes"),
         *("ImuBiases", "ImuSamples", "Innovations", "Trajectory", "WaveletVariance"),
     ),
+    "records.measurements": ("Measurement", "Motion", "OwnState"),
     "records.relative": ("RelativeControl",),
     "simulation.faults": ("ImuFaults",),
     "navigation.noise_model.model": (
@@ -183,8 +185,11 @@ __all__ = [
     "Innovations",
     "InputError",
     "InsgnssError",
+    "Measurement",
+    "Motion",
     "Mounting",
     "NoiseModel",
+    "OwnState",
     "ProcessResult",
     "RelativeControl",
     "Target",

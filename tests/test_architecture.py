@@ -87,9 +87,10 @@ HOUSE: dict[str, dict[str, str]] = {
         "exposures": "rinex satellites quality",
     },
     "flight": {
-        "config": "",
+        "sensors": "",
+        "config": "sensors",
         "exporting": "",
-        "processing": "config exporting",
+        "processing": "sensors config exporting",
         "proof": "exporting",
         "inspection": "config processing",
         "reference": "config processing",

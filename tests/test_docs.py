@@ -137,8 +137,15 @@ def test_every_format_has_a_page() -> None:
     assert formats <= pages
     # read by more than one verb, or by Python alone, and therefore in no list
     others = {"eo_json", "odyn", "trajectory_csv", "variances", "sbet", "rtklib_pos_write"}
-    # settings, and RINEX, whose readers stand in gnss/: they give raw observations
-    others |= {"dbat", "image_points", "ground_points", "camera_toml", "camera_files"}
+    # settings and sensors, and RINEX, whose readers stand in gnss/: they give raw observations
+    others |= {
+        "measurement",
+        "dbat",
+        "image_points",
+        "ground_points",
+        "camera_toml",
+        "camera_files",
+    }
     others |= {"eo_covariance", "block_file", "adjust_json"}
     others |= {"season"}  # written by `insgnss batch`
     others |= {"camera_positions"}  # written by `insgnss ppk`

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..flight.processing.pipeline import ProcessResult
     from ..navigation.noise_model.model import NoiseModel
     from ..records.cameras.mounting import Mounting
+    from ..records.measurements import Measurement
 
 WHO = Path("insgnss.estimate")
 # of [output], and no matter of files
@@ -53,6 +54,7 @@ def estimate(
     events: Any = None,
     *,
     barometer: Any = None,
+    measurements: "Sequence[Measurement]" = (),
     mounting: "Mounting | None" = None,
     noise: "str | os.PathLike[str] | NoiseModel" = "navchip",
     gps_week: int | None = None,
@@ -90,6 +92,9 @@ def estimate(
     barometer : heights of a barometer: `BarometerHeights`; (k, 2) array of time s and height m; or
         a mapping or pandas table with the columns tow and h_m. Its weight is set by
         ``barometer__sigma_m=1.0`` and the like. None: there is none.
+    measurements : further sensors, each an `insgnss.Measurement`: times, values, sigmas, and a
+        function that predicts the values from the motion (`insgnss.Motion`), with states of its own
+        (`insgnss.OwnState`) where it has any.
     mounting : lever arms and bore-sight; None: antenna and camera at the IMU.
     noise : noise model, the name of a shipped one (navchip, tactical, consumer), or a file of one.
         Models are frozen dataclasses: ``dataclasses.replace(model, name="mine")`` changes one.
@@ -155,6 +160,7 @@ def estimate(
             "initial": initial_attitude,
             "barometer": None if heights is None else BarometerInput(file=heights),
             "tangent_plane": tangent_plane,
+            "measurement": tuple(measurements),
         }
         tables |= {} if filter_options is None else {"filter": filter_options}
         flight = flight.with_(**tables)

@@ -4,7 +4,8 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report` and `gnss`
 `photogrammetry`, `batch`, `api` and `cli` import it.
 
 The way of the data: `inspection/` recognises files and drafts the flight file. `config/` reads it;
-every option is stated once (type, unit, range, default, meaning). `processing/pipeline.py` is the
+every option is stated once (type, unit, range, default, meaning). `sensors/` has the kinds of
+[[measurement]]. `processing/pipeline.py` is the
 one place that knows the order of the main job, read -> prepare -> align -> filter -> smooth ->
 orient -> export; the steps themselves stand in `navigation`. `exporting/` and `proof/` are what
 `export` and `export --proof` run. `reference/` is the core once more, on numpy and filterpy, to be
@@ -14,6 +15,7 @@ Where to look
     a new option: one field in `config/` (`gnss_options.py`, `imu_options.py`, `filter_options.py`,
         `flight_file.py` there), of the camera `insgnss/io/options/camera_options.py`, of PPK
         `insgnss/gnss/ppk_options.py`; parser, messages and `data_specs/flight_file.md` follow
+    a further sensor: a kind in `sensors/`, one module each, its row of data_specs/measurement.md
     keys shared by flight files: `config/keys/include.py`
     the 5-sigma gate: option `gnss.gate_sigma` in `config/gnss_options.py`
     `mounting.toml` in a flight: `remounted` in `config/load.py`; camera, lens and date against the

@@ -23,13 +23,16 @@ Where to look
         stationarity in `prepare/stationarity.py`
     barometer: `prepare/barometer.py`, `barometer_rows` in `filter/kernels/measurements.py`, (K.12)
         in `filter/filter.py`
+    a measurement given by its prediction: `filter/linearised.py`, again after each pass in
+        `filter/solution.py`, `linearised_rows` in `filter/kernels/measurements.py`, (K.13)
     covariance of a fix: rules in `prepare/fix_covariance/__init__.py`, applied once by `decide` in
         `decision.py` there; what is not believed: `classes.py`, what says nothing beside better
         fixes: `quality.py`, few digits: `rounding.py` there; dead bands: `prepare/dead_band.py`
     gaps of the IMU: `prepare/gaps.py`, bridged in `increments.py` there, their variance in
         `add_gap_noise` of `filter/kernels/error_model.py`
     noise numbers: `noise_model/models/`, read by `noise_model/noise_file.py`
-    first attitude: `align/initial.py`; whether a nose need follow its course:
+    first attitude: `align/initial.py`, of measurements where nothing moves `measured.py` there;
+        whether a nose need follow its course:
         `recognise/propulsion.py`
     latitude and longitude exchanged, in radians, of the wrong sign: `recognise/positions.py`,
         `_mirrored` in `recognition.py`; left-handed readings: `handedness.py`; gross errors of

@@ -12,6 +12,7 @@ integrated, `Trajectory` and `ExteriorOrientation` are estimated, `Finding`s are
 
 Where to look
     samples, fixes (with satellites, ratio, age, PDOP), exposures, air pressure: `observations.py`
+    a measurement of one's own, and the motion that it predicts from: `measurements.py`
     the same from pandas or a mapping of columns: `from_tables.py`
     trajectory, exterior orientation, diagnostics: `solutions.py`; between epochs `interpolation.py`
     biases of the IMU and innovations, row by row: `series.py`
@@ -23,7 +24,7 @@ Where to look
         `insgnss/navigation/orient/exterior.py`
     the GPS/INS offset of Metashape: (M.6) and `metashape_offset` in `cameras/mounting.py`
     which camera of a rig took which image: `cameras/rig.py`
-    an image block: `block.py`; camera positions without attitude: `camera_positions.py`
+    an image block: `block.py`; camera positions without attitude: `cameras/camera_positions.py`
     error states of the filter: `states.py`
     checks and their ranks, estimates, mean residuals: `verdicts.py`
     wavelet variances: `variances.py`

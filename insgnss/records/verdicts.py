@@ -55,6 +55,7 @@ CHECKS: Mapping[str, float] = {
     "mounting file": NOTED_FACTOR,
     "bore-sight": REMARK,
     "barometer": REMARK,
+    "measurements": REMARK,
     "GNSS quality": REMARK,
     "antenna lever arm": ADOPTED,
     "GNSS time offset": ADOPTED,

@@ -2,9 +2,10 @@
 sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
-`gnss_options`, `ppk_options`, `camera_options`, `barometer_options` and `filter_options`, and
-`TABLES` has them all. Paths are relative to the file. Only `imu.file` and `gnss.file` (or what
-replaces it) have no default. data_specs/flight_file.md is rendered from here.
+`gnss_options`, `ppk_options`, `camera_options`, `barometer_options` and `filter_options`, those of
+further sensors in `flight.sensors`; `TABLES` has them all. Paths are relative to the file. Only
+`imu.file` and `gnss.file` (or what replaces it) have no default. data_specs/flight_file.md is
+rendered from here.
 """
 
 import math
@@ -28,6 +29,7 @@ from ...io.options.camera_options import (
 from ...io.options.kinds import Kind, accepted, as_tuple, check, no_texts, register
 from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
 from ...report.rules.needs import NEEDS
+from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
@@ -38,6 +40,7 @@ from .mounting_options import MountingSource, MountingTable
 if TYPE_CHECKING:
     from ...records import Array
     from ...records.cameras.mounting import Mounting
+    from ...records.measurements import Measurement
 
 
 def _checks() -> Words:
@@ -217,6 +220,8 @@ class Flight:
         States and constraints of the filter.
     barometer : BarometerInput or None
         Table of that name; None: there is none.
+    measurement : tuple of MeasurementInput or Measurement
+        Tables [[measurement]], or in Python what their files would give; their names differ.
     mounting_files : tuple of MountingSource
         The files that `mounting` and the camera's delay were taken from, the last taken last.
     included : tuple of Path
@@ -277,6 +282,7 @@ class Flight:
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
     barometer: BarometerInput | None = None
+    measurement: "tuple[MeasurementInput | Measurement, ...]" = ()
     mounting_files: tuple[MountingSource, ...] = ()
     included: tuple[Path, ...] = ()
     read: dict[str, Identity] = field(default_factory=dict, compare=False, repr=False)
@@ -290,6 +296,7 @@ class Flight:
             )
         check(self, "")
         refuse_week(self.gps_week)
+        _refuse_measurements(self.measurement)
 
     def with_(self, **changes: Any) -> "Flight":
         """Return the flight with other values.
@@ -331,6 +338,20 @@ class Flight:
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""
         return resolved(self)
+
+
+def _refuse_measurements(measurements: "tuple[MeasurementInput | Measurement, ...]") -> None:
+    """Raise UsageError for what is no measurement, and for two of one name."""
+    from ...records.measurements import Measurement
+
+    names: list[str] = []
+    for one in measurements:
+        if not isinstance(one, Measurement | MeasurementInput):
+            raise OptionError("measurement", f"is no insgnss.Measurement but {one!r}")
+        name = one.called if isinstance(one, MeasurementInput) else one.name
+        if name in names:
+            raise OptionError("measurement", f"two are named {name!r}; give each a name of its own")
+        names.append(name)
 
 
 def refuse_week(week: int | None) -> None:
@@ -405,8 +426,9 @@ def _plain(value: Any, base: Path) -> Any:
     """Return `value` in JSON types; an object that replaces a file is described as such."""
     from ...navigation.noise_model.noise_model import NoiseModel
     from ...records import Rows
+    from ...records.measurements import Measurement
 
-    if isinstance(value, Rows | NoiseModel):
+    if isinstance(value, Rows | NoiseModel | Measurement):
         return f"given as object: {value!r}"
     if is_dataclass(value):
         return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}
@@ -430,6 +452,7 @@ TABLES: Mapping[str, tuple[type, ...]] = {
     OF_FURTHER: (CameraInput, ImageMatch),
     f"{OF_FURTHER}.mounting": (CameraMounting,),
     "barometer": (BarometerInput,),
+    "measurement": (MeasurementInput,),
     "mounting": (MountingTable,),
     "tangent_plane": (TangentPlaneTable,),
     "output": (Output,),

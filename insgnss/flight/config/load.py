@@ -26,6 +26,7 @@ from ...records.cameras.mounting import (
     Mounting,
     boresight_from_angles,
 )
+from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
 from .flight_file import TABLES, Flight, Output, TangentPlane, TangentPlaneTable
@@ -68,7 +69,9 @@ def _loaded(path: Path) -> Flight:
     start, end = values["start_tow"], values["end_tow"]
     if start is not None and end is not None and end <= start:
         raise root.error("end_tow", f"{end} s is not after start_tow = {start} s")
-    present = {name: root.table(name) for name in TABLES if name in root.data}
+    sensors = root.tables("measurement")
+    tables_of_it = (name for name in TABLES if name in root.data and name != "measurement")
+    present = {name: root.table(name) for name in tables_of_it}
     camera, plane = present.get("camera"), present.get("tangent_plane")
     initial = present.get("initial")
     barometer = present.get("barometer")
@@ -84,6 +87,9 @@ def _loaded(path: Path) -> Flight:
         "filter": FilterOptions(**take(root.table("filter"), [FilterOptions])),
         "barometer": barometer
         and made(barometer, BarometerInput, take(barometer, [BarometerInput])),
+        "measurement": tuple(
+            made(sensor, MeasurementInput, take(sensor, [MeasurementInput])) for sensor in sensors
+        ),
     }
     flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
     return _calibrated(flight, root)

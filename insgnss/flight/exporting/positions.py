@@ -16,7 +16,7 @@ from ...io.formats.positions.position_references import (
     PlacedCameras,
     PositionFormat,
 )
-from ...records.camera_positions import CameraPositions
+from ...records.cameras.camera_positions import CameraPositions
 from .export import Exported, Target, on_area
 from .replacing import remove_stale
 

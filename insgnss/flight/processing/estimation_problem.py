@@ -1,5 +1,6 @@
 """The estimation problem of a segment: its increments, measurements and error states."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +20,14 @@ from ...navigation.filter.epochs import (
 )
 from ...navigation.filter.filter import gate_from_sigma
 from ...navigation.filter.layout import BarometerErrors, FixErrors, StateLayout, state_layout
+from ...navigation.filter.linearised import with_measurements
 from ...navigation.filter.problem import EstimationProblem
 from ...navigation.noise_model.model import NoiseModel
 from ...navigation.prepare.barometer import levelled
 from ...navigation.prepare.clock import cut_fixes
 from ...navigation.prepare.increments import merge_marks
 from ...records import Array, GnssFixes
+from ...records.measurements import Measurement
 from ...records.states import LEVER_ARM, TIME_OFFSET
 from ..config.flight_file import Flight
 from .recording import Recording
@@ -105,15 +108,19 @@ def prepare_segment(
     heights = np.zeros((0, 2))
     if recording.barometer is not None:
         heights = levelled(recording.barometer, recording.gnss, lo, hi)
-    increments, (at_fix, exposed, at_height, at_grid) = recording.prepared.increments(
+    measurements = recording.measurements
+    inside = [np.flatnonzero((m.time >= lo) & (m.time <= hi)) for m in measurements]
+    increments, (at_fix, exposed, at_height, at_grid, *measured) = recording.prepared.increments(
         lo,
         hi,
         fixes.time,
         exposure[at_event],
         heights[:, 0],
         output_grid(lo, hi, flight.output.trajectory_hz, fixes.time),
+        *(m.time[rows] for m, rows in zip(measurements, inside, strict=True)),
     )
-    requested, factory = requested_errors(flight, fixes), layout_factory(flight, recording.noise)
+    requested = requested_errors(flight, fixes)
+    factory = layout_factory(flight, recording.noise, measurements)
     layout = factory(requested)
     epochs = make_epochs(increments, at_fix, fixes, exposed, frame)
     if len(recording.stationary):
@@ -134,11 +141,15 @@ def prepare_segment(
         huber_threshold=gate_from_sigma(HUBER_SIGMA) if flight.filter.robust else np.inf,
         event_chain=flight.output.strip_covariance or len(recording.cameras) > 1,
     )
+    if measurements:
+        problem = with_measurements(problem, measurements, inside, measured)
     of_cameras = exposed_rows(recording.cameras, recording.events, at_event)
     return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event, of_cameras)
 
 
-def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
+def layout_factory(
+    flight: Flight, noise: NoiseModel, measurements: Sequence[Measurement] = ()
+) -> LayoutFactory:
     """Give the error states of a flight as a function of those of its fixes.
 
     Parameters
@@ -148,6 +159,8 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
         barometer.
     noise : NoiseModel
         The noise model of the samples.
+    measurements : sequence of Measurement
+        Further sensors, whose own states stand last.
 
     Returns
     -------
@@ -169,6 +182,7 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
             errors,
             of_barometer,
             imu.slow,
+            measurements,
         )
 
     return layout
@@ -291,13 +305,14 @@ def forecast_of(flight: Flight, recording: Recording, lo: float, hi: float) -> F
     rate = flight.output.trajectory_hz
     grid = output_grid(lo, hi, rate, fixes.time)
     epochs = merge_marks(fixes.time, events, grid)[0].size
-    layout = layout_factory(flight, recording.noise)(requested_errors(flight, fixes))
+    factory = layout_factory(flight, recording.noise, recording.measurements)
+    layout = factory(requested_errors(flight, fixes))
     samples = int(last - first)
     rows = samples if rate is None else grid.size
     if rate is not None and rate > MOST_EPOCHS_HZ:
         rows = min(samples, int((hi - lo) * rate))
     triples = 1 + (fixes.velocity_ned is not None) + 2 * bool(len(recording.stationary))
-    triples += flight.barometer is not None
+    triples += (flight.barometer is not None) + len(recording.measurements)
     return forecast(samples, epochs, layout.size, triples, events.size, rows)
 
 

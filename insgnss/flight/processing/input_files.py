@@ -16,11 +16,14 @@ from ...io.exposures.rig import (
     with_names,
 )
 from ...io.options.camera_options import ImageMatch
-from ...records import BarometerHeights, GnssFixes, ImuSamples
+from ...records import BarometerHeights, Finding, GnssFixes, ImuSamples
+from ...records.measurements import Measurement
 from ..config.barometer_options import BarometerInput
 from ..config.flight_file import Flight
 from ..config.gnss_options import GnssInput
 from ..config.imu_options import ImuInput
+from ..sensors.kinds import read_measurement
+from ..sensors.options import MeasurementInput
 
 if TYPE_CHECKING:
     from ...gnss.ppk import PpkResult
@@ -54,6 +57,7 @@ def input_files(flight: Flight) -> list[Path]:
         files += flight.gnss.raw.files
     if flight.barometer is not None and isinstance(flight.barometer.file, Path):
         files.append(flight.barometer.file)
+    files += [m.file for m in flight.measurement if isinstance(m, MeasurementInput)]
     for camera in () if flight.camera is None else flight.camera.all_of_rig:
         if isinstance(camera.events, Path) and not camera.events.is_dir():
             files.append(camera.events)
@@ -259,6 +263,30 @@ def read_barometer_file(options: BarometerInput, gps_week: int | None) -> Barome
             gps_week=gps_week,
         )
     return replace(heights, time=heights.time + options.time_offset_s)
+
+
+def read_measurements(
+    flight: Flight, week: int
+) -> tuple[tuple[Measurement, ...], tuple[Finding, ...]]:
+    """Read the tables [[measurement]], or take what was given as an object.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    week : int
+        The GPS week whose seconds their times are to count.
+
+    Returns
+    -------
+    tuple of Measurement and tuple of Finding
+        The measurements, and notes on their rows.
+    """
+    read = [
+        read_measurement(one, week) if isinstance(one, MeasurementInput) else (one, ())
+        for one in flight.measurement
+    ]
+    return tuple(one for one, _ in read), tuple(note for _, notes in read for note in notes)
 
 
 def stationary_fixes(

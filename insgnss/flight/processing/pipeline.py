@@ -61,6 +61,7 @@ from .segment_checks import (
     check_exposure_clock,
     check_file_sigmas,
     check_images,
+    check_measurements,
     check_motion,
     check_residuals,
 )
@@ -256,6 +257,7 @@ def _solve(
     checks += check_residuals(flight, segments)
     checks += check_file_sigmas(flight, recording, segments)
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
+    checks += check_measurements(recording, segments)
     checks += check_exposure_clock(flight, recording, segments)
 
     def findings() -> dict[str, Any]:

@@ -22,6 +22,7 @@ from ...records import (
     ImuSamples,
     Question,
 )
+from ...records.measurements import Measurement
 from ...records.qualities import Quality
 from ..config.flight_file import Flight
 from .checks import (
@@ -31,7 +32,7 @@ from .checks import (
     of_camera,
     refuse_unreachable_crs,
 )
-from .input_files import read_barometer_file, read_files
+from .input_files import read_barometer_file, read_files, read_measurements
 
 if TYPE_CHECKING:
     from ...gnss.ppk import PpkResult
@@ -78,6 +79,8 @@ class Recording:
         The PPK solution of raw observations.
     barometer : BarometerHeights or None
         The heights of a barometer, where there is one.
+    measurements : tuple of Measurement
+        The further sensors.
     sample_count : int
         How many samples there were; without it those of `imu`.
     covariances : str
@@ -99,6 +102,7 @@ class Recording:
     recognition: "Recognition | None" = None
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
+    measurements: tuple[Measurement, ...] = ()
     sample_count: int = 0
     covariances: str = ""
     offsets: ClockOffsets = field(default_factory=ClockOffsets)
@@ -211,6 +215,7 @@ def read_recording(flight: Flight) -> Recording:
     of_events = cameras[0].events.gps_week if cameras else None
     week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
     gnss = in_week(gnss, week)
+    measurements, notes_on_rows = _read_measurements(flight, week)
     all_cameras = on_clock(cameras, flight.camera, offsets, week, devices[0].span_s(week))
     refuse_unreachable_crs(flight, gnss)
     gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
@@ -234,7 +239,7 @@ def read_recording(flight: Flight) -> Recording:
     records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, all_cameras, C_b_imu, noise, more)
     checks += check_mounting_files(flight, week, float(gnss.time[0]))
-    checks += [note for record in records for note in record.notes]
+    checks += [*(note for record in records for note in record.notes), *notes_on_rows]
     cameras, left_out = within(all_cameras, flight.start_tow, flight.end_tow)
     checks += left_out
     recognition = None
@@ -261,10 +266,21 @@ def read_recording(flight: Flight) -> Recording:
         recognition,
         ppk,
         barometer,
+        measurements,
         covariances=covariances,
         offsets=offsets,
         fixes_are_gpst=bool(offsets.unstated) or dated,
     )
+
+
+def _read_measurements(
+    flight: Flight, week: int
+) -> tuple[tuple[Measurement, ...], tuple[Finding, ...]]:
+    """Read the further sensors; a wrong use of their options is a fault of the flight file."""
+    try:
+        return read_measurements(flight, week)
+    except UsageError as error:
+        raise InputError(f"{flight.path}: {error}") from None
 
 
 def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "CovarianceRules":

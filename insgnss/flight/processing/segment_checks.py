@@ -9,10 +9,13 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...base.findings.remedies import SetKey, Step
+from ...base.units import DEG
 from ...navigation.diagnosis.candidates import with_layout
 from ...navigation.diagnosis.evidence import liveliest_window
 from ...navigation.filter.codes import (
     BAROMETER,
+    N_KINDS,
+    NAV,
     NOT_MEASURED,
     POS,
     POSITION,
@@ -45,6 +48,18 @@ AS_CLAIMED = (0.8, 1.25)
 
 WHITE_LAG = 0.1
 """Lag-one autocorrelation of white innovations, at most, where chance does not allow more."""
+
+LEAST_VALUES = 30
+"""Values of a measurement from which on their scatter, to 13 % by chance, is judged."""
+
+MOST_STATE_SIGMAS = 4.5
+"""Sigmas, of both together, between a constant of a sensor as stated and as the flight has it."""
+
+MOST_PULL_SIGMAS = 1.0
+"""Sigmas that what is stated of such a constant may move its estimate; less is harmless."""
+
+LEAST_INFORMATION = 1e-4
+"""Information of a flight on a constant, in that of its prior, which rounding leaves in digits."""
 
 MUCH_WIDER = 1.5
 """Ratio of position sigmas that matters to their user."""
@@ -176,7 +191,9 @@ def check_file_sigmas(
         unfixed_gm_sigma=None,
         unfixed_white_scale=1.0,
     )
-    wider = wider_than_needed(segment.solution, layout_factory(flight, recording.noise)(white))
+    wider = wider_than_needed(
+        segment.solution, layout_factory(flight, recording.noise, recording.measurements)(white)
+    )
     if wider is None:
         return []
     ratio, factor = wider
@@ -286,6 +303,72 @@ def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
         " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
     )
     return _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
+
+
+def check_measurements(recording: Recording, segments: Sequence[Segment]) -> list[Finding]:
+    """Check whether measurements given by their prediction agree with the flight.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Finding
+        The check "measurements" of each: some values must lie within the flight, and most of them
+        must pass their test.
+    """
+    checks = []
+    for kind, measurement in enumerate(recording.measurements, start=N_KINDS):
+        offered, rejected = offered_and_rejected(segments, kind)
+        solutions = [segment.solution for segment in segments]
+        nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])
+        finding = f"{measurement.name}: {rejected} of {offered} values rejected"
+        bad, wide = not offered or rejected > MOST_REJECTED_FIXES * offered, False
+        if nis.size:
+            ratio = float(np.sqrt(nis.mean() / measurement.values.shape[1]))
+            finding += f"; the others scatter {ratio:.2f} times as much as their sigmas say"
+            wide = nis.size >= LEAST_VALUES and ratio**2 > AS_CLAIMED[1]
+        question = Question("measurements", "some within the flight, most of them used")
+        remedy = Step("check its clock, units, sign and what `predict` returns, or leave it out")
+        deviating = [text for s in solutions for text in _deviating_states(s, measurement.name)]
+        if deviating and not bad:
+            bad, finding = True, f"{measurement.name}: {deviating[0]}"
+            question = Question("measurements", f"within {MOST_STATE_SIGMAS:g} sigmas")
+            remedy = Step("measure it again and correct the values, or give it a larger sigma")
+        if wide and not bad:
+            larger = Step("give the values standard deviations that are larger by this factor")
+            checks.append(question.note(finding, larger))
+        else:
+            checks.append(question.contradiction(finding, remedy, when=bad))
+    return checks
+
+
+def _deviating_states(solution: Solution, measurement: str) -> list[str]:
+    """Name constants of a measurement that the flight puts far from what is stated of them.
+
+    What the flight says without the prior is its information less that of the prior.
+    """
+    layout, texts = solution.problem.layout, []
+    variance = solution.variance(np.array([0]))[0, NAV.stop :]
+    for s, state in enumerate(layout.states):
+        if state.group != measurement or layout.drive[s] > 0.0:
+            continue
+        prior, information = layout.sigma0[s], 1.0 / variance[s] - 1.0 / layout.sigma0[s] ** 2
+        if information * prior**2 < LEAST_INFORMATION:
+            continue
+        value, sigma = solution.x[0, s] / variance[s] / information, information**-0.5
+        pull = abs(value - solution.x[0, s]) / np.sqrt(variance[s])
+        if pull > MOST_PULL_SIGMAS and abs(value) > MOST_STATE_SIGMAS * np.hypot(sigma, prior):
+            unit, factor = ("deg", 1.0 / DEG) if state.unit == "rad" else (state.unit, 1.0)
+            numbers = f"{factor * value:.3g} +- {factor * sigma:.2g} {unit}".rstrip()
+            texts.append(
+                f"{state.axis} of {numbers} by this flight, stated 0 +- {factor * prior:.2g}"
+            )
+    return texts
 
 
 def _mostly_used(

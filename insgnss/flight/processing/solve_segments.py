@@ -12,6 +12,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...geodesy.frames import LocalFrame
 from ...navigation.align.initial import given_attitude, initial_state
+from ...navigation.align.measured import measured_attitude
 from ...navigation.diagnosis.evidence import ErrorModelSearch, FixClaims
 from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
 from ...navigation.filter.codes import NAV
@@ -241,9 +242,9 @@ def _solve(
         prepared.problem,
         prepared.requested_errors,
         _search(flight, recording, prepared, step),
-        lambda problem: _align(flight, problem, prepared.moved_s),
+        lambda problem: align(flight, problem, prepared.moved_s),
         recording.noise,
-        lambda noise: layout_factory(flight, noise),
+        lambda noise: layout_factory(flight, noise, recording.measurements),
         tuple(flight.accept),
         moving=flight.gnss.stationary is None,
     )
@@ -282,18 +283,48 @@ def _requested(flight: Flight) -> tuple[str, ...]:
     return lever_arm + ((TIME_OFFSET.group, CLOCK_RATE.group) if options.time_offset else ())
 
 
-def _align(flight: Flight, problem: EstimationProblem, moved_s: float) -> tuple[InitialState, str]:
+def align(
+    flight: Flight, problem: EstimationProblem, moved_s: float = 0.0
+) -> tuple[InitialState, str]:
     """Return the initial state of a problem, and how it was found.
 
     The prior of a time offset belongs to the stamps of the file, before they were moved.
+    Measurements given by their prediction, which are linearised about a solution, have a say where
+    the motion gives no attitude.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, which may have [initial].
+    problem : EstimationProblem
+        The problem.
+    moved_s : float
+        By how much its stamps were moved, s.
+
+    Returns
+    -------
+    tuple of InitialState and str
+        State and covariance at the first epoch, and the sentence of the history.
+
+    Raises
+    ------
+    DataError
+        Where the data do not give an attitude.
     """
+    every, problem = problem, problem.without_measurements
     if flight.initial is not None:
         given = flight.initial
         rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
         start = given_attitude(problem, rpy, np.radians(given.sigma_deg))
         start = _expecting(start, problem.layout.offset, -moved_s)
         return start, "initial attitude from the flight file"
-    alignment = initial_state(problem)
+    try:
+        alignment = initial_state(problem)
+    except DataError:
+        measured = measured_attitude(every) if every.measurements else None
+        if measured is None:
+            raise
+        return _expecting(measured[0], problem.layout.offset, -moved_s), measured[1]
     first, last = alignment.window
     sigma = np.degrees(alignment.heading_sigma)
     return (

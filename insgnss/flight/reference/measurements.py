@@ -18,6 +18,7 @@ deviations sigma:
     non-holonomic constraint (NHC)     0 = right and down of C_bl v                        (T.18)
     zero angular rate update (ZARU)    0 = omega, of the mean gyro rate at rest            (T.19)
     height of a barometer              b + (1 + s) h                                       (T.26)
+    a measurement of one's own         its `predict` at the state, no derivative of the core (T.27)
 
 The errors of a fix's own group come in: those of group 1 (float, code) have both correlated errors.
 e_v is that of the velocities. h is the height of the IMU above the origin of l, b and s bias and
@@ -32,6 +33,7 @@ import numpy as np
 
 from ...navigation.filter.codes import (
     BAROMETER,
+    N_KINDS,
     NOT_MEASURED,
     POSITION,
     VELOCITY,
@@ -39,8 +41,9 @@ from ...navigation.filter.codes import (
     ZARU,
     ZUPT,
 )
-from ...navigation.filter.problem import EstimationProblem
+from ...navigation.filter.problem import EstimationProblem, MeasuredRows
 from ...records import Array
+from ...records.measurements import Motion
 from .error_model import GYRO_CHANNELS, earth_rate, influence
 from .strapdown import State, cross
 
@@ -59,17 +62,21 @@ def measurement(
     ----------
     problem : the estimation problem.
     epoch : index of the epoch.
-    kind : POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU or BAROMETER of `navigation.filter.codes`.
+    kind : POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU or BAROMETER of `navigation.filter.codes`,
+        or N_KINDS and more of the problem's `measurements`.
     state : the nominal at the epoch.
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.
     """
-    model = {
-        POSITION: _position,
-        VELOCITY: _velocity,
-        VELOCITY_CONSTRAINT: _motion,
-        ZARU: _angular_rate,
-        BAROMETER: _height,
-    }[kind](problem, epoch, acceleration)
+    if kind >= N_KINDS:
+        model = _predicted(problem, epoch, problem.measurements[kind - N_KINDS])
+    else:
+        model = {
+            POSITION: _position,
+            VELOCITY: _velocity,
+            VELOCITY_CONSTRAINT: _motion,
+            ZARU: _angular_rate,
+            BAROMETER: _height,
+        }[kind](problem, epoch, acceleration)
     if model is None:
         return None
     residual, R = model
@@ -166,6 +173,32 @@ def _height(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
         return np.array([ep.barometer_height[epoch] - bias - (1.0 + scale) * above])
 
     return residual, np.array([[ep.barometer_variance[epoch]]])
+
+
+def _predicted(problem: EstimationProblem, epoch: int, measured: MeasuredRows) -> ResidualModel:
+    """(T.27)."""
+    rows = measured.rows[measured.at_epoch == epoch]
+    if not rows.size:
+        return None
+    measurement, rate = measured.measurement, problem.epochs.rate[epoch]
+    body_rate = _body_rate(problem, epoch, rate)
+    first = len(problem.layout.states) - problem.measurements[-1].states.stop
+
+    def residual(state: State) -> Array:
+        omega = body_rate(state)
+        motion = Motion(
+            problem.inc.marks[[epoch]],
+            state.p[None],
+            state.v[None],
+            state.C_lb[None],
+            omega[None],
+            (rate - state.C_lb.T @ earth_rate(problem) - omega)[None],
+            problem.frame,
+        )
+        predicted = measurement.predicted(motion, state.x[None, first:][:, measured.states])
+        return measurement.minus(rows, predicted)[0]
+
+    return residual, measurement.cov[rows[0]]
 
 
 def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Residual:

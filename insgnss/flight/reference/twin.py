@@ -33,7 +33,6 @@ import numpy as np
 from ...base.advance import through
 from ...navigation.filter.codes import (
     COVARIANCE_RESET,
-    N_KINDS,
     NOT_MEASURED,
     POS,
     POSITION,
@@ -66,8 +65,8 @@ class Forward:
     states : the nominal of each epoch, after feedback.
     linear : the linear problem about these nominals, with the measurements that were used.
     filtered : the filter's error about these nominals (zero where it was fed back), and covariance.
-    nis : (m, 5) NIS of each kind of measurement, NaN where there was none.
-    decision : (m, 5) `NOT_MEASURED`, `USED`, `REJECTED` or `COVARIANCE_RESET` of
+    nis : (m, kinds) NIS of each kind of measurement, NaN where there was none.
+    decision : (m, kinds) `NOT_MEASURED`, `USED`, `REJECTED` or `COVARIANCE_RESET` of
         `navigation.filter.codes`.
     """
 
@@ -172,10 +171,10 @@ class _Update:
     """The measurements of an epoch: gate, robust weight, covariance reset, filterpy's update."""
 
     def __init__(self, problem: EstimationProblem) -> None:
-        m = problem.epochs.stop.size
-        self.problem = problem
-        self.nis = np.full((m, N_KINDS), np.nan)
-        self.decision = np.full((m, N_KINDS), NOT_MEASURED)
+        self.problem, self.gates = problem, problem.gates
+        shape = problem.epochs.stop.size, self.gates.size
+        self.nis = np.full(shape, np.nan)
+        self.decision = np.full(shape, NOT_MEASURED)
         self.reset_s = max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)
         self.rejected_since: float | None = None
 
@@ -185,7 +184,7 @@ class _Update:
         """Update `kf` in place; the measurements used, and what a reset added to the covariance."""
         used: list[Measurement] = []
         reset = np.zeros_like(kf.P)
-        for kind in range(N_KINDS):
+        for kind in range(self.gates.size):
             measured = measurement(self.problem, epoch, kind, state, acceleration)
             if measured is None:
                 continue
@@ -211,7 +210,7 @@ class _Update:
         time = float(self.problem.epochs.time[epoch])
         if kind == POSITION and self.problem.epochs.withheld[epoch]:
             return REJECTED
-        if nis <= self.problem.gate:
+        if nis <= self.gates[kind]:
             decision = USED
         elif kind != POSITION:
             return REJECTED

@@ -187,7 +187,7 @@ def verify(
         Where the flight cannot be processed, or the part does not give an attitude.
     """
     from ..processing.recording import read_recording
-    from ..processing.solve_segments import solve_segments
+    from ..processing.solve_segments import align, solve_segments
 
     progress("read")
     recording = read_recording(flight)
@@ -195,7 +195,7 @@ def verify(
     solved, _ = solve_segments(cut, recording, progress)
     problem = max(solved, key=lambda one: one.solution.time.size).solution.problem
     return verify_problem(
-        problem, _start(cut, problem), cut.filter.second_pass, flight.name, progress
+        problem, align(cut, problem)[0], cut.filter.second_pass, flight.name, progress
     )
 
 
@@ -219,6 +219,8 @@ def verify_problem(
     from .twin import solve_twin
 
     progress("core")
+    if problem.measurements:  # which the core linearises about a solution, after its first pass
+        second_pass = "on"
     began = time.perf_counter()
     core = solve(problem, start, second_pass, separations=0)
     between = time.perf_counter()
@@ -311,14 +313,3 @@ def _cut_flight(
     else:
         begin, _ = liveliest(cut_fixes(recording.gnss, lo, hi), length_s)
     return replace(flight, start_tow=begin, end_tow=min(hi, begin + length_s), initial=initial)
-
-
-def _start(flight: "Flight", problem: "EstimationProblem") -> "InitialState":
-    """The initial state as `insgnss process` finds it."""
-    from ...navigation.align.initial import given_attitude, initial_state
-
-    if flight.initial is None:
-        return initial_state(problem).start
-    given = flight.initial
-    rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
-    return given_attitude(problem, rpy, np.radians(given.sigma_deg))

@@ -25,7 +25,7 @@ from ...base.errors import DataError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...geodesy.gpstime import WEEK_S
 from ...records import Array, CameraEvents, Finding, GnssFixes, Question
-from ...records.camera_positions import CameraPositions
+from ...records.cameras.camera_positions import CameraPositions
 from ...records.qualities import Quality
 from ..antenna_files import cubic, positions_at
 

@@ -365,11 +365,11 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensiti
     -------
     Sensitivity or None
         None where they cannot be followed: a candidate acts like no state of the problem, epochs
-        are far apart, or a barometer or non-holonomic constraints are measured, which have no say
-        in the evidence.
+        are far apart, or a barometer, non-holonomic constraints or measurements given by their
+        prediction are there, which have no say in the evidence.
     """
     epochs = problem.epochs
-    if np.diff(epochs.time).max(initial=0.0) > LONGEST_S:
+    if np.diff(epochs.time).max(initial=0.0) > LONGEST_S or problem.gates_of_measurements:
         return None
     if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
         return None
@@ -430,9 +430,10 @@ def group_of(state: State) -> State | None:
 def _open(problem: EstimationProblem) -> EstimationProblem:
     """Return the problem with its gate open; what lies beyond it is weighed down (K.11).
 
-    A barometer, whose own errors may be large, and constraints of the motion, which may not hold,
-    have no say.
+    A barometer and other sensors, whose own errors may be large, and constraints of the motion,
+    which may not hold, have no say.
     """
+    problem = problem.without_measurements
     epochs = problem.epochs._replace(
         barometer_variance=np.zeros_like(problem.epochs.barometer_variance),
         constraint=np.full_like(problem.epochs.constraint, NO_CONSTRAINT),

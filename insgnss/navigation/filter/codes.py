@@ -39,7 +39,11 @@ VELOCITY = 1  # of the GNSS antenna (K.2)
 VELOCITY_CONSTRAINT = 2  # ZUPT (K.8) or NHC (K.9)
 ZARU = 3  # zero angular rate update (K.10)
 BAROMETER = 4  # height (K.12)
-N_KINDS = 5  # number of kinds of measurement
+N_KINDS = 5  # number of these; the k-th of `EstimationProblem.measurements` is N_KINDS + k
+
+# A linearised measurement (K.13): what it is linearised about, and the columns of its derivative.
+ABOUT_BIAS, ABOUT_STATES = 10, 13  # biases of the gyros, states of measurements, after the nominal
+OF_BIAS, OF_STATES = 9, 12  # the same after the errors of navigation
 
 # What is known of the velocity at an epoch without measuring it.
 NO_CONSTRAINT = 0

@@ -12,7 +12,7 @@ from ...records import Array
 from .blocks import BlockAgain
 from .codes import N_NAV, POS
 from .event_chain import SharedError
-from .triangles import diagonal, unpacked
+from .smoother import diagonal, unpacked
 
 COVARIANCES_AT_A_TIME = 4096  # covariances that are unpacked, or turned, at a time
 

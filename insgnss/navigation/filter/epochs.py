@@ -10,7 +10,17 @@ import numpy as np
 from ...geodesy.frames import LocalFrame
 from ...records import Array, GnssFixes, Increments
 from ...records.qualities import Quality
-from .codes import ABSENT, FIXED_GROUP, N_CHANNELS, NHC, NO_CONSTRAINT, UNFIXED_GROUP, ZUPT
+from .codes import (
+    ABOUT_STATES,
+    ABSENT,
+    FIXED_GROUP,
+    N_CHANNELS,
+    NHC,
+    NO_CONSTRAINT,
+    OF_STATES,
+    UNFIXED_GROUP,
+    ZUPT,
+)
 from .kernels.records import Epochs
 from .layout import StateLayout
 
@@ -54,7 +64,7 @@ def make_epochs(
     Returns
     -------
     Epochs
-        m epochs, without velocity constraints, ZARU and heights of a barometer.
+        m epochs, without velocity constraints, ZARU, heights of a barometer and linearised rows.
     """
     m = inc.marks.size
     C_ln = frame.C_ln(fixes.lat, fixes.lon)
@@ -98,6 +108,10 @@ def make_epochs(
         zaru_variance=np.zeros(m),
         barometer_height=np.zeros(m),
         barometer_variance=np.zeros(m),
+        linear_H=np.zeros((m, 0, 3, OF_STATES)),
+        linear_residual=np.zeros((m, 0, 3)),
+        linear_cov=np.zeros((m, 0, 3, 3)),
+        linear_about=np.zeros((m, ABOUT_STATES)),
     )
 
 

@@ -54,6 +54,14 @@ scale factor of the air's temperature,
 with u, the ellipsoidal normal in l, as the gradient of h. The triple has this row alone, and its
 other two are empty.
 
+A measurement given by its prediction h alone (`records.measurements.Measurement`) enters linearised
+about an earlier solution s0 (`linearised`), with H from differences of h there:
+
+    z - h(s0) = H (s - s0) + v                                                        (K.13)
+
+Navigation, gyro biases and the measurement's own states stand in s. `solution.solve` linearises
+again about each result until that changes nothing.
+
 An interval that the IMU did not see (`Increments.bridged`) adds the covariance of what stands in
 for its increments (E.8).
 
@@ -72,7 +80,6 @@ from ...records import Array
 from .codes import (
     ABSENT,
     COVARIANCE_RESET,
-    N_KINDS,
     N_NAV,
     N_NOMINAL,
     NO_CONSTRAINT,
@@ -104,20 +111,22 @@ MOST_REJECTED_SHARE = 0.5  # share of the fixes
 OUTAGE_S = 5.0  # between fixes, from which on the smoother needs the process noise (B.6)
 
 
-def gate_from_sigma(gate_sigma: float) -> float:
-    """Return the NIS that a triple exceeds as rarely as one normal variable exceeds `gate_sigma`.
+def gate_from_sigma(gate_sigma: float, components: int = 3) -> float:
+    """Return the NIS that is exceeded as rarely as `gate_sigma` by one normal variable.
 
     Parameters
     ----------
     gate_sigma : float
         Gate in standard deviations of one variable, two-sided.
+    components : int
+        Components that it measures.
 
     Returns
     -------
     float
-        Quantile of chi-square with three degrees of freedom.
+        Quantile of chi-square with as many degrees of freedom.
     """
-    return chi_square_quantile(3, math.erfc(gate_sigma / math.sqrt(2.0)))
+    return chi_square_quantile(components, math.erfc(gate_sigma / math.sqrt(2.0)))
 
 
 def make_history(
@@ -201,8 +210,8 @@ def history_room(
         y=np.zeros((m, nz)),
         innovation=np.full((m, nz), np.nan),
         innovation_sigma=np.full((m, nz), np.nan),
-        nis=np.full((m, N_KINDS), np.nan),
-        verdict=np.full((m, N_KINDS), NOT_MEASURED, dtype=np.int64),
+        nis=np.full((m, slot.size), np.nan),
+        verdict=np.full((m, slot.size), NOT_MEASURED, dtype=np.int64),
         slot=slot,
         used=used,
         cross=np.empty((events, N_NAV, n)),
@@ -247,9 +256,10 @@ def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
     Returns
     -------
     present : ndarray
-        (5,) bool, position (always), velocity, velocity constraint, ZARU, barometer.
+        (kinds,) bool, position (always), velocity, velocity constraint, ZARU, barometer, and each
+        linearised measurement (always).
     columns : ndarray
-        (5,) int, columns of the derivative beyond which all are zero.
+        (kinds,) int, columns of the derivative beyond which all are zero.
     """
     all_states = layout.size
     present_and_columns = (
@@ -258,6 +268,7 @@ def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
         ((epochs.constraint != NO_CONSTRAINT).any(), N_NAV),
         ((epochs.zaru_variance > 0.0).any(), all_states),
         ((epochs.barometer_variance > 0.0).any(), all_states),
+        *((True, all_states),) * epochs.linear_cov.shape[1],
     )
     present, columns = (np.array(of_kinds) for of_kinds in zip(*present_and_columns, strict=True))
     return present, columns
@@ -276,7 +287,7 @@ def measured_slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
     Returns
     -------
     slot, used : ndarray
-        (5,) first row of each kind, and (nz,) columns that each row uses.
+        (kinds,) first row of each kind, and (nz,) columns that each row uses.
     """
     present, columns = measured_kinds(epochs, layout)
     slot = np.where(present, 3 * (np.cumsum(present) - 1), ABSENT).astype(np.int64)
@@ -339,7 +350,7 @@ def forward_inputs(problem: EstimationProblem, closed_loop: bool) -> ForwardInpu
         FilterOptions(
             closed_loop,
             float(FEEDBACK_RAD),
-            float(problem.gate),
+            problem.gates,
             float(problem.huber_threshold),
             float(max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)),
         ),

@@ -24,6 +24,7 @@ a-priori sigma, and the time-correlated error of the fixes, a Gauss-Markov proce
 barometer, its bias, a random walk, and its scale factor, a constant.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,6 +32,7 @@ import numpy as np
 
 from ...base.units import DEG_PER_H, MILLI_G
 from ...records import Array
+from ...records.measurements import Measurement, OwnState
 from ...records.states import (
     BAROMETER_BIAS,
     CHANNELS,
@@ -278,6 +280,7 @@ def state_layout(
     fixes: FixErrors = FixErrors(),
     barometer: BarometerErrors | None = None,
     slow: SlowBias | None = None,
+    measurements: Sequence[Measurement] = (),
 ) -> StateLayout:
     """Return the states that a noise model asks for, and those that are asked for besides.
 
@@ -295,6 +298,8 @@ def state_layout(
         The errors of a barometer, where there is one.
     slow : SlowBias, optional
         A slow bias of every channel, where there is one.
+    measurements : sequence of Measurement
+        Measurements with states of their own, which stand last.
 
     Returns
     -------
@@ -321,6 +326,7 @@ def state_layout(
     rows += _fix_states(fixes)
     if barometer is not None:
         rows += _barometer_states(barometer)
+    rows += [_own_state(m.name, state) for m in measurements for state in m.states]
     named, channel, factor, beta, drive, sigma0 = zip(*rows, strict=True) if rows else ((),) * 6
     return StateLayout(
         tuple(named),
@@ -369,6 +375,15 @@ def _barometer_states(errors: BarometerErrors) -> list[Row]:
         (bias, 0, AIDING_ERROR, 0.0, errors.bias_walk**2, errors.bias_m),
         _constant(State("barometer scale factor"), errors.scale_factor),
     ]
+
+
+def _own_state(measurement: str, quantity: OwnState) -> Row:
+    """Return a state of a measurement given by its prediction."""
+    state = State(measurement, quantity.name, quantity.unit)
+    if quantity.correlation_time_s is None:
+        return state, 0, AIDING_ERROR, 0.0, quantity.walk**2, quantity.sigma
+    beta = 1.0 / quantity.correlation_time_s
+    return state, 0, AIDING_ERROR, beta, 2.0 * beta * quantity.sigma**2, quantity.sigma
 
 
 def _gauss_markov(group: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:

@@ -6,9 +6,30 @@ import numpy as np
 
 from ...geodesy.frames import LocalFrame
 from ...records import Array, Increments
-from .codes import ABSENT
+from ...records.measurements import Measurement
+from .codes import ABSENT, N_KINDS
 from .kernels.records import Epochs
 from .layout import StateLayout
+
+
+@dataclass(frozen=True)
+class MeasuredRows:
+    """A measurement that is given by its prediction, and which of its rows a problem holds.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        The measurement.
+    rows, at_epoch : ndarray
+        (k,) its rows, and the epochs of these.
+    states : slice
+        Its own states among those of all measurements, which are the last of the layout.
+    """
+
+    measurement: Measurement
+    rows: np.ndarray
+    at_epoch: np.ndarray
+    states: slice
 
 
 @dataclass(frozen=True)
@@ -38,6 +59,10 @@ class EstimationProblem:
         NIS above which a triple is taken with a larger covariance (K.11); infinite for never.
     event_chain : bool
         Whether the solution is to give the covariance between any two camera events (B.8).
+    measurements : tuple of MeasuredRows
+        What is linearised about each solution (`linearised`).
+    gates_of_measurements : tuple of float
+        NIS above which each linearised measurement (K.13) of the epochs is rejected.
     """
 
     inc: Increments
@@ -50,6 +75,30 @@ class EstimationProblem:
     backward: bool = False
     huber_threshold: float = np.inf
     event_chain: bool = True
+    measurements: tuple[MeasuredRows, ...] = ()
+    gates_of_measurements: tuple[float, ...] = ()
+
+    @property
+    def gates(self) -> Array:
+        """NIS above which each kind is rejected, those of linearised measurements last."""
+        return np.array([float(self.gate)] * N_KINDS + list(self.gates_of_measurements))
+
+    @property
+    def linearised(self) -> bool:
+        """Whether a pass sees all measurements, which are linearised about a solution."""
+        return not self.measurements or bool(self.epochs.linear_cov.any())
+
+    @property
+    def without_measurements(self) -> "EstimationProblem":
+        """The problem without what is linearised, whose own states then stay as they start."""
+        epochs = self.epochs
+        none = {
+            name: np.zeros((epochs.stop.size, 0, *getattr(epochs, name).shape[2:]))
+            for name in ("linear_H", "linear_residual", "linear_cov")
+        }
+        return replace(
+            self, epochs=epochs._replace(**none), measurements=(), gates_of_measurements=()
+        )
 
 
 @dataclass(frozen=True)
@@ -120,7 +169,7 @@ def with_epochs(
     Returns
     -------
     EstimationProblem
-        The problem of the k epochs.
+        The problem of the k epochs, whose measurements stay as they are linearised.
     """
     ep = problem.epochs
     own = ("stop", "time", "rate", "event")
@@ -129,4 +178,4 @@ def with_epochs(
     epochs = ep._replace(
         stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken
     )
-    return replace(problem, inc=inc, epochs=epochs)
+    return replace(problem, inc=inc, epochs=epochs, measurements=())

@@ -55,7 +55,6 @@ from ...records import Array
 from .codes import ABSENT, N_NAV, NAV
 from .kernels.backward import run_backward
 from .kernels.records import Epochs, FilterHistory, SmootherState
-from .triangles import unpacked
 
 TINY = 1e-300  # keeps a division by zero away
 # relative eigenvalue of the information from which on a direction is determined
@@ -295,3 +294,44 @@ def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
         np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < MOST_UNDETERMINED_SHARE
     )
     return np.where(determined, value, np.nan)[:, NAV], np.where(determined, sigma, np.nan)[:, NAV]
+
+
+def unpacked(triangle: Array) -> Array:
+    """Return symmetric matrices.
+
+    Parameters
+    ----------
+    triangle : Array
+        (k, n (n + 1) / 2) their lower triangles, row by row.
+
+    Returns
+    -------
+    Array
+        (k, n, n).
+    """
+    n = _size_of(triangle)
+    row, column = np.tril_indices(n)
+    slot = np.empty((n, n), dtype=np.int64)
+    slot[row, column] = slot[column, row] = np.arange(row.size)
+    return triangle[:, slot]
+
+
+def diagonal(triangle: Array) -> Array:
+    """Return the diagonals (k, n) of symmetric matrices.
+
+    Parameters
+    ----------
+    triangle : Array
+        (k, n (n + 1) / 2) their lower triangles, row by row.
+
+    Returns
+    -------
+    Array
+        (k, n).
+    """
+    return triangle[:, np.cumsum(np.arange(1, _size_of(triangle) + 1)) - 1]
+
+
+def _size_of(triangle: Array) -> int:
+    """Return n of lower triangles (k, n (n + 1) / 2)."""
+    return int(np.sqrt(2 * triangle.shape[1]))

@@ -25,9 +25,9 @@ from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import COVARIANCES_AT_A_TIME, SmoothedCovariances
 from .event_chain import EventChain
+from .linearised import CHANGE, linearised_about
 from .problem import EstimationProblem, InitialState
-from .smoother import Smoothed
-from .triangles import diagonal
+from .smoother import Smoothed, diagonal
 
 # of filter and smoother, so that a flight that does not converge comes to an end (chosen)
 MAX_PASSES = 6
@@ -206,7 +206,8 @@ def solve(
     start : InitialState
         The state at the first epoch.
     second_pass : {"auto", "on", "off"}
-        "auto" linearises again while it changes the result, "on" at least once, "off" never.
+        "auto" linearises again while it changes the result, "on" at least once, "off" never but
+        for measurements given by their prediction (K.13).
     progress : callable
         Called with the name of each step.
     separations : int
@@ -229,6 +230,8 @@ def solve(
     DataError
         Where the fixes and the inertial data contradict each other for long.
     """
+    if about is not None and problem.measurements:
+        problem, _ = linearised_about(problem, about.nav, about.x)
     passes = BlockwisePasses(problem, start, _kept_rows(problem, rows), separations)
     history = passes.history
     progress("filter")
@@ -237,20 +240,33 @@ def solve(
     passes.filter(about is None, follower)
     count = 1
     while True:
-        another = second_pass == "on" and count == 1
+        another = count == 1 and (second_pass == "on" or not passes.problem.linearised)
         if not another:
             progress("smoother")
         smoothed = passes.smooth(full=not another)
-        if second_pass == "off" or count == MAX_PASSES:
+        if count == MAX_PASSES:
             break
-        if not (another or _nonlinear(smoothed.delta, history.sigma)):
+        again = _linearised_again(passes, smoothed)
+        moving = second_pass != "off" and _nonlinear(smoothed.delta, history.sigma)
+        if not (another or moving or again is not None):
             break
         _move(history.nav, history.x, smoothed.delta)
+        passes.problem = again or passes.problem
         count += 1
         progress(f"filter, pass {count}, linearised about the smoothed flight")
         passes.filter(closed_loop=False)
     refuse_negative_variances(problem, smoothed.nav_cov)
     return _solution(passes, smoothed, count)
+
+
+def _linearised_again(passes: BlockwisePasses, smoothed: Smoothed) -> EstimationProblem | None:
+    """Return the problem linearised about what was smoothed, None where that changes nothing."""
+    if not passes.problem.measurements:
+        return None
+    nav, x = passes.history.nav.copy(), passes.history.x.copy()
+    _move(nav, x, smoothed.delta)
+    problem, change = linearised_about(passes.problem, nav, x)
+    return problem if change > CHANGE else None
 
 
 def _kept_rows(problem: EstimationProblem, regular: int) -> np.ndarray:

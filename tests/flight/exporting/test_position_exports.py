@@ -5,7 +5,7 @@ import pytest
 
 from insgnss.cli import main
 from insgnss.io.formats.positions.camera_positions import write_camera_positions
-from insgnss.records.camera_positions import CameraPositions
+from insgnss.records.cameras.camera_positions import CameraPositions
 
 
 @pytest.fixture

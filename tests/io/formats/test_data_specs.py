@@ -12,6 +12,8 @@ from oracles import oracle
 
 from insgnss.base.errors import InputError
 from insgnss.batch.season.tables import read_season
+from insgnss.flight.sensors.kinds import read_measurement
+from insgnss.flight.sensors.options import MeasurementInput
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.io.formats import EXPORTS, read_barometer, read_events, read_gnss, read_imu
@@ -51,6 +53,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "psins": read_imu,
     "ardupilot": read_imu,
     "barometer": read_barometer,
+    "measurement": lambda path: read_measurement(MeasurementInput(kind="heading", file=path), 2000),
     "odyn": read_odyn_poses,
     "eo_local_plane": read_eo_local_plane,
     "metashape": read_metashape,

@@ -619,24 +619,25 @@ def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
 def test_constants_are_followed_between_epochs_that_are_near(
     monkeypatch, interval_s, followed
 ) -> None:
-    """Oracle: by hand: 0.21 s; no barometer, no non-holonomic constraint."""
+    """Oracle: by hand: 0.21 s; no barometer, NHC or measurement of one's own."""
     monkeypatch.setattr(constants.Constants, "of", lambda *_: "constants")
     monkeypatch.setattr(constants.Sensitivity, "before", lambda *_: "followed")
     layout = SimpleNamespace(states=())
 
-    def found(constraint=0, barometer=0.0):
+    def found(constraint=0, barometer=0.0, gates=()):
         epochs = SimpleNamespace(
             time=interval_s * np.arange(9.0),
             barometer_variance=np.full(9, barometer),
             constraint=np.full(9, constraint),
         )
-        problem = SimpleNamespace(epochs=epochs, layout=layout)
+        problem = SimpleNamespace(epochs=epochs, layout=layout, gates_of_measurements=gates)
         return constants.followed_constants(problem, layout) is not None
 
     assert found() is followed
     assert found(constraint=1) is followed  # a stand
     assert not found(constraint=2)
     assert not found(barometer=1.0)
+    assert not found(gates=(9.0,))
 
 
 @pytest.mark.parametrize(

@@ -24,13 +24,13 @@ from insgnss.navigation.filter.event_clock import _means
 from insgnss.navigation.filter.filter import measured_slots, outages, refuse_divergence
 from insgnss.navigation.filter.kernels.transitions import event_transitions
 from insgnss.navigation.filter.layout import FixErrors, state_layout
+from insgnss.navigation.filter.smoother import diagonal, unpacked
 from insgnss.navigation.filter.solution import (
     _kept_rows,
     _move,
     _nonlinear,
     refuse_negative_variances,
 )
-from insgnss.navigation.filter.triangles import diagonal, unpacked
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records.qualities import Quality
 
@@ -343,11 +343,12 @@ def test_where_the_triples_of_a_kind_stand() -> None:
         constraint=np.array([ZUPT]),
         zaru_variance=np.zeros(1),
         barometer_variance=np.ones(1),
+        linear_cov=np.zeros((1, 1, 3, 3)),
     )
     for of_fixes, columns in ((True, 30), (False, 9)):
         slot, used = measured_slots(epochs, SimpleNamespace(size=30, of_fixes=of_fixes))
-        assert slot.tolist() == [0, ABSENT, 3, ABSENT, 6]
-        assert used.tolist() == [columns] * 3 + [9] * 3 + [30] * 3
+        assert slot.tolist() == [0, ABSENT, 3, ABSENT, 6, 9]
+        assert used.tolist() == [columns] * 3 + [9] * 3 + [30] * 6
 
 
 def test_a_negative_variance_is_refused_with_its_instant() -> None:

@@ -33,6 +33,7 @@ CORRECT = "correct or delete the sentence"
 KNOT = 1852.0 / 3600.0  # m/s: an international nautical mile an hour
 LEAST_FIELDS = {"GGA": 10, "RMC": 10, "GST": 9, "VTG": 6, "ZDA": 5, "GSA": 16}
 KINDS = tuple(kind.encode() for kind in LEAST_FIELDS)
+OF_HEADING = (b"HDT", b"THS")  # true headings of two antennas, at the time of the GGA before
 CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss
 DATE = re.compile(r"[0-9]{6}(?:[0-9]{2})?")  # ddmmyy, of ZDA ddmmyyyy
 
@@ -57,6 +58,8 @@ class _Log:
         Lines and dates.
     void
         Lines of the epochs without fix.
+    headings
+        Rows of epoch, line and true heading, deg.
     """
 
     fixes: list[tuple[Epoch, int, float, float, float, int]] = field(default_factory=list)
@@ -66,6 +69,7 @@ class _Log:
     track: dict[Epoch, tuple[float, float]] = field(default_factory=dict)
     dates: dict[Epoch, tuple[int, datetime]] = field(default_factory=dict)
     void: list[int] = field(default_factory=list)
+    headings: list[tuple[Epoch, int, float]] = field(default_factory=list)
 
 
 def read_nmea(
@@ -126,11 +130,7 @@ def read_nmea(
     taken = [k for k, row in enumerate(log.fixes) if stand_in is not None or row[0] in log.sigma]
     fixes = [log.fixes[k] for k in taken]
     lines = SentenceLines(str(path), [row[1] for row in fixes])
-    week, midnight = gps_from_unix_utc(day + DAY_S * np.array([row[0][0] for row in fixes]))
-    time = midnight + np.array([row[0][1] for row in fixes])
-    # midnight UTC lies in the week before, in the leap seconds before the week's end
-    over = int(time[0] // WEEK_S)
-    week, time = week + over, time - over * WEEK_S
+    week, time = _gps_time(day, [row[0] for row in fixes])
     agree_on_week(lines, week, gps_week)
     table = np.array([row[2:] for row in fixes])
     spread = np.array([log.sigma.get(row[0], stand_in) for row in fixes])
@@ -160,6 +160,42 @@ def read_nmea(
     return fixes_from_columns(cols, lines, str(path), FixScales(), week, None, None, notes=notes)
 
 
+def read_headings(path: Source) -> tuple[int, Array, Array, SentenceLines]:
+    """Read the true headings of HDT or THS, each at the time of the GGA, RMC or ZDA before it.
+
+    Parameters
+    ----------
+    path : path
+        The log.
+
+    Returns
+    -------
+    tuple of int, ndarray, ndarray and SentenceLines
+        GPS week, seconds of it (GPST), headings, deg, and their lines.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line; a log without such a sentence or without a date.
+    """
+    log = _collect(read_sentences(path), 0.0, (*KINDS, *OF_HEADING))
+    if not log.headings:
+        advice = "let the receiver write HDT or THS beside GGA and RMC"
+        raise InputError.at_line(path, None, f"no HDT or THS sentence with a heading; {advice}")
+    week, time = _gps_time(_first_day(path, log), [row[0] for row in log.headings])
+    lines = SentenceLines(str(path), [row[1] for row in log.headings])
+    return week, time, np.array([row[2] for row in log.headings]), lines
+
+
+def _gps_time(first_day: float, epochs: list[Epoch]) -> tuple[int, Array]:
+    """Return GPS week and seconds of it of epochs that count from a midnight, Unix time."""
+    week, midnight = gps_from_unix_utc(first_day + DAY_S * np.array([days for days, _ in epochs]))
+    time = midnight + np.array([tod for _, tod in epochs])
+    # midnight UTC lies in the week before, in the leap seconds before the week's end
+    over = int(time[0] // WEEK_S)
+    return week + over, time - over * WEEK_S
+
+
 def _velocity(
     fixes: list[tuple[Epoch, int, float, float, float, int]], log: _Log, sigma_velocity: ArrayLike
 ) -> dict[str, Array]:
@@ -184,10 +220,17 @@ def _velocity(
     }
 
 
-def _collect(sentences: Sentences, undulation_m: float | None) -> _Log:
+def _collect(
+    sentences: Sentences, undulation_m: float | None, kinds: tuple[bytes, ...] = KINDS
+) -> _Log:
     log, days, before, epoch, path = _Log(), 0, 0.0, None, sentences.path
-    for line, fields in sentences.fields(*KINDS):
+    for line, fields in sentences.fields(*kinds):
         kind = fields[0][2:5]
+        if kind.encode() in OF_HEADING:
+            valid = len(fields) > 2 and fields[1] and fields[2] != "V"
+            if epoch is not None and valid:
+                log.headings.append((epoch, line, number(fields[1], path, line)))
+            continue
         if len(fields) < LEAST_FIELDS[kind]:
             message = f"{kind} of {len(fields)} fields, {LEAST_FIELDS[kind]} are the least"
             raise InputError.at_line(path, line, f"{message}; {CORRECT}")

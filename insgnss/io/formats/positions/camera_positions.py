@@ -7,7 +7,7 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
-from ....records.camera_positions import CameraPositions
+from ....records.cameras.camera_positions import CameraPositions
 from ..orientation.exported import check_names
 from ..text.clock import check_increasing, gps_time
 from ..text.columns import TableOut, TableSpec

@@ -10,7 +10,6 @@ from ..codes import (
     AZ,
     COVARIANCE_RESET,
     IMU0,
-    N_KINDS,
     N_NAV,
     NOT_MEASURED,
     POSITION,
@@ -138,7 +137,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             copy_vector(history.x[e], x)
         # Update, kind by kind. Velocity comes after position: its nominal is still the one before
         # feedback, m holds the rest.
-        for kind in range(N_KINDS):
+        for kind in range(history.slot.size):
             history.verdict[e, kind] = NOT_MEASURED
             b = history.slot[kind]
             if b == ABSENT:
@@ -156,7 +155,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
                 history.innovation[e, b + i] = innovation[0, i]
                 history.innovation_sigma[e, b + i] = innovation[1, i]
             withheld = kind == POSITION and epochs.withheld[e]
-            if nis > options.gate or withheld:
+            if nis > options.gate[kind] or withheld:
                 history.verdict[e, kind] = REJECTED
                 if kind != POSITION or withheld:
                     continue

@@ -1,17 +1,24 @@
-"""The measurements (K.1, K.2, K.8-K.10, K.12): innovation and derivative of each kind of triple."""
+"""The measurements (K.1, K.2, K.8-K.10, K.12, K.13): innovation and derivative of each kind."""
 
 from ....base.compilation import njit
 from ....geodesy._kernels import height_ecef, quat_to_matrix
 from ..codes import (
+    ABOUT_BIAS,
+    ABOUT_STATES,
     ACCEL0,
     AIDING_ERROR,
     AX,
     AY,
     AZ,
+    BAROMETER,
     BIAS,
     DRIFT,
     IMU0,
+    N_KINDS,
+    N_NAV,
     NO_CONSTRAINT,
+    OF_BIAS,
+    OF_STATES,
     OF_VELOCITY,
     POSITION,
     PSI0,
@@ -28,6 +35,7 @@ from ..codes import (
     ZARU,
     ZUPT,
 )
+from .update import state_difference
 
 
 @njit(cache=True, allocates=False)
@@ -399,6 +407,53 @@ def barometer_rows(nav, x, model, earth, z, triple):
 
 
 @njit(cache=True, allocates=False)
+def linearised_rows(nav, x, e, number, epochs, model, earth, triple):
+    """Fill the triple with a linearised measurement (K.13).
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states; those of the measurements come last.
+    e, number : int
+        The epoch, and which of the linearised measurements it is.
+    epochs : Epochs
+        The m epochs of the filter.
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    triple : Triple
+        The measurement, filled in place.
+    """
+    body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
+    about, of = epochs.linear_about[e], epochs.linear_H[e, number]
+    gain, d, H, nu = triple.gain, triple.difference, triple.H, triple.nu
+    first = x.size - (about.size - ABOUT_STATES)
+    state_difference(nav, x[:0], about, x[:0], d)
+    for c in range(3):
+        d[OF_BIAS + c] = -about[ABOUT_BIAS + c]
+    H[:] = 0.0
+    for s in range(first):
+        if gain[s] != 0.0:
+            d[OF_BIAS + model.channel[s]] += gain[s] * x[s]
+            for r in range(3):
+                H[r, IMU0 + s] = gain[s] * of[r, OF_BIAS + model.channel[s]]
+    for s in range(first, x.size):
+        d[OF_STATES + s - first] = x[s] - about[ABOUT_STATES + s - first]
+        for r in range(3):
+            H[r, IMU0 + s] = of[r, OF_STATES + s - first]
+    for r in range(3):
+        t = epochs.linear_residual[e, number, r]
+        for c in range(of.shape[1]):
+            t -= of[r, c] * d[c]
+        nu[r, 0] = t
+        for c in range(N_NAV):
+            H[r, c] = of[r, c]
+
+
+@njit(cache=True, allocates=False)
 def take(cov, R):
     """Copy a covariance.
 
@@ -439,7 +494,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
     Parameters
     ----------
     kind : int
-        POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU or BAROMETER.
+        POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU, BAROMETER, or N_KINDS and more.
     e : int
         The epoch.
     epochs : Epochs
@@ -498,11 +553,16 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         R[:] = 0.0
         for i in range(3):
             R[i, i] = epochs.zaru_variance[e]
-    else:
+    elif kind == BAROMETER:
         if epochs.barometer_variance[e] == 0.0:
             return False
         barometer_rows(nav, x, model, earth, epochs.barometer_height[e], triple)
         R[:] = 0.0
         R[0, 0] = epochs.barometer_variance[e]
         R[1, 1] = R[2, 2] = 1.0
+    else:
+        if epochs.linear_cov[e, kind - N_KINDS, 0, 0] == 0.0:
+            return False
+        linearised_rows(nav, x, e, kind - N_KINDS, epochs, model, earth, triple)
+        take(epochs.linear_cov[e, kind - N_KINDS], R)
     return True

@@ -203,6 +203,15 @@ class Epochs(NamedTuple):
         (m,) m, of a barometer above the origin of l.
     barometer_variance : ndarray
         (m,) m^2, 0 where there is none.
+    linear_H : ndarray
+        (m, g, 3, 12 + q) derivatives of g linearised measurements (K.13) by the errors of
+        navigation, the biases of the gyros and the q states of these measurements.
+    linear_residual : ndarray
+        (m, g, 3) measured minus predicted at `linear_about`.
+    linear_cov : ndarray
+        (m, g, 3, 3) their covariances, 0 where there is none.
+    linear_about : ndarray
+        (m, 13 + q) nominal, biases of the gyros and the q states that they are linearised about.
     """
 
     stop: np.ndarray
@@ -225,6 +234,10 @@ class Epochs(NamedTuple):
     zaru_variance: np.ndarray
     barometer_height: np.ndarray
     barometer_variance: np.ndarray
+    linear_H: np.ndarray
+    linear_residual: np.ndarray
+    linear_cov: np.ndarray
+    linear_about: np.ndarray
 
 
 class FilterOptions(NamedTuple):
@@ -236,8 +249,8 @@ class FilterOptions(NamedTuple):
         Feed the error estimate back into the nominal state.
     feedback_threshold : float
         Standard deviation of psi, rad, below which the error estimate is fed back.
-    gate : float
-        NIS above which a triple is rejected.
+    gate : ndarray
+        (kinds,) NIS above which a triple of each kind is rejected.
     huber_threshold : float
         NIS above which a triple gets a larger covariance (K.11).
     reset_after : float
@@ -246,7 +259,7 @@ class FilterOptions(NamedTuple):
 
     closed_loop: bool
     feedback_threshold: float
-    gate: float
+    gate: np.ndarray
     huber_threshold: float
     reset_after: float
 
@@ -270,6 +283,8 @@ class Triple(NamedTuple):
         (3,) rad/s, of the body against the Earth, body axes.
     gain : ndarray
         (ns,) minus the derivative of omega by each state, on the state's own axis.
+    difference : ndarray
+        (n + 3,) scratch.
     """
 
     H: np.ndarray
@@ -279,6 +294,7 @@ class Triple(NamedTuple):
     lever: np.ndarray
     omega: np.ndarray
     gain: np.ndarray
+    difference: np.ndarray
 
 
 class FilterState(NamedTuple):
@@ -376,11 +392,11 @@ class FilterHistory(NamedTuple):
     innovation_sigma : ndarray
         (m, nz) their standard deviations.
     nis : ndarray
-        (m, 5) normalised innovation squared of each kind, NaN where there was none.
+        (m, kinds) normalised innovation squared of each kind, NaN where there was none.
     verdict : ndarray
-        (m, 5) of each kind: NOT_MEASURED, USED, REJECTED or COVARIANCE_RESET.
+        (m, kinds) of each kind: NOT_MEASURED, USED, REJECTED or COVARIANCE_RESET.
     slot : ndarray
-        (5,) first row of each kind in the arrays of nz rows, or ABSENT.
+        (kinds,) first row of each kind in the arrays of nz rows, or ABSENT.
     used : ndarray
         (nz,) number of leading columns of H that may differ from zero.
     cross : ndarray
@@ -483,4 +499,5 @@ def make_triple(ns):
         np.zeros(3),
         np.zeros(3),
         np.zeros(ns),
+        np.zeros(N_NAV + ns + 3),
     )

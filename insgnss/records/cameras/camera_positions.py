@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..base.errors import InputError
-from ._checked import Array, frozen, increasing
-from .rows import Rows
+from ...base.errors import InputError
+from .._checked import Array, frozen, increasing
+from ..rows import Rows
 
 
 @dataclass(frozen=True, eq=False, repr=False)

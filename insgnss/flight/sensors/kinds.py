@@ -1,0 +1,212 @@
+"""The kinds of tables [[measurement]], and the reading of their files.
+
+A kind is a `Kind`. Those that are shipped stand in `SHIPPED`; a package installed beside adds its
+own by an entry point of the group `insgnss.measurements`, whose name is the kind's.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...base.errors import InputError, OptionError
+from ...base.units import DEG
+from ...geodesy.gpstime import WEEK_S
+from ...io.formats.text.columns import TableSpec
+from ...io.formats.text.order import Lines, put_in_order
+from ...io.options.schema import declared
+from ...records import Array, Finding
+from ...records.measurements import Measurement, OwnState, Predict
+from .options import GROUP, SHIPPED, MeasurementInput
+
+EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
+EXACT_SCALE = 1e-4  # of such a scale factor
+OF_SINGLE_KINDS = ("offset_sigma_deg", "scale_sigma", "lever_m")
+"""Options that a kind reads, or refuses, by its `Kind.reads`."""
+
+TURN = 2.0 * np.pi  # rad, by which values of an angle are the same
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a kind of [[measurement]] reads, and how its values follow from the motion.
+
+    Parameters
+    ----------
+    spec : TableSpec
+        Columns of its file: its values, and as "sigma_..." their standard deviations.
+    values : str
+        The columns of the values, blanks between them.
+    unit : str
+        Key of `units` that they have: "angle", "velocity" or "length".
+    model : callable
+        Takes the options and which of `values` the file has; returns the prediction of these
+        (`records.measurements.Predict`) and the own states.
+    other_format : callable, optional
+        Takes the file; returns GPS week, times, values (k, 1) in degrees or in SI, and their lines
+        where it is no table but a log of another format, else None.
+    reads, needs : tuple of str
+        Which of the options of single kinds it reads, and which of these must be given.
+    """
+
+    spec: TableSpec
+    values: str
+    unit: str
+    model: Callable[[MeasurementInput, tuple[str, ...]], tuple[Predict, tuple[OwnState, ...]]]
+    other_format: Callable[[Path], tuple[int, Array, Array, Lines] | None] = lambda path: None
+    reads: tuple[str, ...] = ("offset_sigma_deg",)
+    needs: tuple[str, ...] = ()
+
+
+@cache
+def kinds() -> Mapping[str, Kind]:
+    """Return the kinds by name, the shipped ones first.
+
+    Returns
+    -------
+    mapping of str to Kind
+        An installed one cannot replace a shipped one.
+    """
+    shipped = {name: import_module(f".{name}", __package__).KIND for name in SHIPPED}
+    return {entry.name: entry.load() for entry in entry_points(group=GROUP)} | shipped
+
+
+def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]:
+    """Return the states of a sensor that is turned against the body.
+
+    Parameters
+    ----------
+    options : MeasurementInput
+        The table.
+    *axes : str
+        What each angle is about.
+
+    Returns
+    -------
+    tuple of OwnState
+        Constants, rad.
+    """
+    sigma = max(options.offset_sigma_deg, EXACT_DEG) * DEG
+    return tuple(OwnState(f"offset {axis}".rstrip(), sigma, "rad") for axis in axes)
+
+
+def read_measurement(
+    options: MeasurementInput, week: int
+) -> tuple[Measurement, tuple[Finding, ...]]:
+    """Read the file of a table [[measurement]].
+
+    Parameters
+    ----------
+    options : MeasurementInput
+        The table.
+    week : int
+        The GPS week whose seconds its times are to count.
+
+    Returns
+    -------
+    tuple of Measurement and tuple of Finding
+        The measurement, and notes on its rows.
+
+    Raises
+    ------
+    OptionError
+        An option that its kind does not read, or needs and has not.
+    InputError
+        A column or a standard deviation that is missing, a bad value, times out of order, with file
+        and line.
+    """
+    kind = kinds()[options.kind]
+    _refuse_options(options, kind)
+    if (log := kind.other_format(options.file)) is not None:
+        read = _of_log(options, kind, *log)
+    else:
+        read = _of_table(options, kind, week)
+    time, values, sigma = read.time, read.values, read.sigma
+    time = time + options.time_offset_s + WEEK_S * (read.week - week)
+    rows, notes = put_in_order(
+        read.lines, time, lambda i, k: bool((values[i] == values[k]).all()), "measurement rows"
+    )
+    if rows is not None:
+        time, values, sigma = time[rows], values[rows], sigma[rows]
+    predict, states = kind.model(options, read.columns)
+    period = TURN if kind.unit == "angle" else None
+    return (
+        Measurement(
+            options.called, time, values, sigma, predict, states, options.gate_sigma, period
+        ),
+        (*read.notes, *notes),
+    )
+
+
+class _Read(NamedTuple):
+    """Rows of a file: times s of a week, values (k, c) and their sigmas in SI."""
+
+    week: int
+    time: Array
+    columns: tuple[str, ...]
+    values: Array
+    sigma: Array
+    lines: Lines
+    notes: tuple[Finding, ...] = ()
+
+
+def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
+    """Read a table."""
+    table = kind.spec.read(options.file, options.columns)
+    settled = table.settled(kind.spec.checked_units(options.units))
+    time, own_week = table.gps_time(None if "week" in table else week, settled.units["time"])
+    columns = tuple(name for name in kind.values.split() if name in table)
+    if not columns:
+        problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
+        raise InputError.at_line(str(options.file), None, problem)
+    factor = settled.factors[kind.unit]
+    values = factor * table.block(" ".join(columns))
+    names = [f"sigma_{name}" for name in columns]
+    if all(name in table for name in names):
+        unit = {"angle": "deg", "velocity": "m/s", "length": "m"}[kind.unit]
+        sigma = factor * table.positive(" ".join(names), unit)
+    else:
+        sigma = _stated_sigma(options, kind, values.shape, f"no column {' or '.join(names)}")
+    return _Read(own_week or week, time, columns, values, sigma, table, settled.notes)
+
+
+def _of_log(
+    options: MeasurementInput, kind: Kind, week: int, time: Array, values: Array, lines: Lines
+) -> _Read:
+    """Take what a reader of another format gave."""
+    if options.columns is not None or options.units is not None:
+        key = "units" if options.columns is None else "columns"
+        problem = f"is of tables; {options.file.name} is a log of another format, leave it out"
+        raise OptionError(f"measurement.{key}", problem)
+    values = values.reshape(time.size, -1) * (DEG if kind.unit == "angle" else 1.0)
+    sigma = _stated_sigma(options, kind, values.shape, "the format has no standard deviations")
+    return _Read(week, time, tuple(kind.values.split()), values, sigma, lines)
+
+
+def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
+    """Refuse options that the kind does not read, and those that it needs and that are missing."""
+    known_options = declared(MeasurementInput)
+    for name in OF_SINGLE_KINDS:
+        default = getattr(options, name) == known_options[name].default
+        if name not in kind.reads and not default:
+            problem = f"is not read by kind {options.kind!r}; leave it out"
+            raise OptionError(f"measurement.{name}", problem)
+        if name in kind.needs and default:
+            meaning = known_options[name].option.meaning
+            problem = f"is missing; kind {options.kind!r} needs it: {meaning}"
+            raise OptionError(f"measurement.{name}", problem)
+
+
+def _stated_sigma(
+    options: MeasurementInput, kind: Kind, shape: tuple[int, ...], reason: str
+) -> Array:
+    """Return the standard deviation of the table for all values, in SI."""
+    if options.sigma is None:
+        problem = f"{reason}; give measurement.sigma, the standard deviation of its values"
+        raise InputError.at_line(str(options.file), None, problem)
+    return np.full(shape, options.sigma * (DEG if kind.unit == "angle" else 1.0))

@@ -1,0 +1,102 @@
+"""Table [[measurement]] of the flight file: a sensor whose values are predicted from the motion."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...io.options.kinds import check
+from ...io.options.schema import BY_HEADER, Triple, option
+
+if TYPE_CHECKING:
+    from ...base.tables import Columns
+
+GROUP = "insgnss.measurements"
+"""Entry points by which an installed package adds kinds."""
+SHIPPED = ("heading", "attitude", "body_velocity", "baseline")
+
+
+def _kinds() -> tuple[str, ...]:
+    return (*SHIPPED, *(entry.name for entry in entry_points(group=GROUP)))
+
+
+def _unit_keys() -> tuple[str, ...]:
+    return ("angle", "velocity", "length", "time")
+
+
+@dataclass(frozen=True)
+class MeasurementInput:
+    """Table [[measurement]]; each is one sensor.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    """
+
+    kind: str = option(
+        ...,
+        "what it measures (measurement.md): heading, attitude, body velocity or a baseline from one"
+        " antenna to another; or a kind that is installed beside",
+        kind="choice",
+        choices=_kinds,
+    )
+    file: Path = option(..., "table of times, values and standard deviations", kind="file")
+    name: str | None = option(
+        None, "what the report calls it; no two share it", form="text", usual="the kind"
+    )
+    columns: "Columns" = option(
+        None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "angle: deg, rad; velocity: m/s, cm/s, mm/s, km/h, kn; length: m, cm, mm; time as"
+        " imu.units",
+        kind="gnss_units",
+        members=_unit_keys,
+        usual="by header, else deg, m/s, m and s",
+        of_file=True,
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    sigma: float | None = option(
+        None,
+        "standard deviation of the values where the file has none, in deg, m/s or m",
+        usual="that of the file",
+        low=1e-6,
+        high=1e3,
+    )
+    gate_sigma: float = option(
+        5.0,
+        "values further from their prediction, in standard deviations, are left out",
+        low=2.0,
+        high=100.0,
+    )
+    offset_sigma_deg: float = option(
+        2.0,
+        "a-priori standard deviation of each angle by which the sensor is turned against the body,"
+        " which are states; 0: 0.05 deg",
+        unit="deg",
+        low=0.0,
+        high=180.0,
+    )
+    scale_sigma: float = option(
+        0.02,
+        "of body_velocity: a-priori standard deviation of its scale factor, a state; 0: 1e-4",
+        low=0.0,
+        high=0.5,
+    )
+    lever_m: Triple = option(
+        (0.0, 0.0, 0.0),
+        "in body axes: of body_velocity from the IMU to where it is measured; of baseline from the"
+        " first antenna to the second",
+        unit="m",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "measurement")
+
+    @property
+    def called(self) -> str:
+        """Its name, or that of its kind."""
+        return self.name or self.kind

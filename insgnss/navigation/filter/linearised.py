@@ -1,0 +1,214 @@
+"""Measurements given by their prediction alone, linearised about a solution (K.13)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...geodesy.rotation import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+)
+from ...records import Array
+from ...records.measurements import Measurement, Motion
+from .codes import (
+    ABOUT_BIAS,
+    ABOUT_STATES,
+    ACCEL0,
+    AIDING_ERROR,
+    DRIFT,
+    N_NOMINAL,
+    OF_BIAS,
+    OF_STATES,
+    POS,
+    PSI,
+    QUAT,
+    VEL,
+)
+from .filter import gate_from_sigma
+from .kernels.records import Epochs
+from .kernels.update import state_difference
+from .problem import EstimationProblem, MeasuredRows
+
+CHANGE = 0.01  # standard deviations that another linearisation may move a prediction by (chosen)
+# m, m/s, rad, rad/s by which a central difference moves the nine errors of navigation and the
+# biases of the gyros: rounding and curvature leave some 1e-9 of a derivative
+STEPS = np.repeat([1e-2, 1e-2, 1e-5, 1e-6], 3)
+# a-priori standard deviations that it moves a state of the measurement by (chosen)
+STEP_STATE = 1e-4
+
+
+def with_measurements(
+    problem: EstimationProblem,
+    measurements: Sequence[Measurement],
+    rows: Sequence[np.ndarray],
+    at_epoch: Sequence[np.ndarray],
+) -> EstimationProblem:
+    """Return the problem with measurements that have not been linearised yet.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem, whose last states are those of the measurements, in their order.
+    measurements : sequence of Measurement
+        The measurements.
+    rows, at_epoch : sequence of ndarray
+        (k,) the rows of each that lie in the problem, and their epochs.
+
+    Returns
+    -------
+    EstimationProblem
+        The first pass about a solution linearises them (`linearised_about`).
+    """
+    epochs, first, measured = problem.epochs, 0, []
+    for measurement, held, epochs_of_it in zip(measurements, rows, at_epoch, strict=True):
+        last = first + len(measurement.states)
+        measured.append(MeasuredRows(measurement, held, epochs_of_it, slice(first, last)))
+        first = last
+    gates = tuple(gate_from_sigma(m.gate_sigma, m.values.shape[1]) for m in measurements)
+    m, g = epochs.stop.size, len(measured)
+    room = epochs._replace(
+        linear_H=np.zeros((m, g, 3, OF_STATES + first)),
+        linear_residual=np.zeros((m, g, 3)),
+        linear_cov=np.zeros((m, g, 3, 3)),
+        linear_about=np.zeros((m, ABOUT_STATES + first)),
+    )
+    return replace(problem, epochs=room, measurements=tuple(measured), gates_of_measurements=gates)
+
+
+def linearised_about(
+    problem: EstimationProblem, nav: Array, x: Array
+) -> tuple[EstimationProblem, float]:
+    """Return the problem with its measurements linearised about a solution.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    nav, x : Array
+        (m, 10) nominal and (m, ns) other states of the solution.
+
+    Returns
+    -------
+    problem : EstimationProblem
+        With derivatives, residuals and covariances about the solution.
+    change : float
+        What the linearisation so far predicts of the measurements at this solution differs from
+        their prediction by so many standard deviations, at most; infinite where there was none.
+    """
+    before = problem.epochs
+    q = before.linear_about.shape[1] - ABOUT_STATES
+    about = np.concatenate([nav, _gyro_bias(problem, x), x[:, x.shape[1] - q :]], axis=1)
+    epochs = before._replace(
+        linear_H=np.zeros_like(before.linear_H),
+        linear_residual=np.zeros_like(before.linear_residual),
+        linear_cov=np.zeros_like(before.linear_cov),
+        linear_about=about,
+    )
+    change = 0.0
+    for g, measured in enumerate(problem.measurements):
+        _linearise(problem, measured, epochs, g)
+        change = max(change, _change(measured, before, epochs, g))
+    return replace(problem, epochs=epochs), change
+
+
+def _linearise(
+    problem: EstimationProblem, measured: MeasuredRows, epochs: Epochs, number: int
+) -> None:
+    """Fill in derivative, residual and covariance of one measurement about `linear_about`."""
+    measurement, index = measured.measurement, measured.at_epoch
+    about = epochs.linear_about[index]
+    H = np.zeros((index.size, measurement.values.shape[1], epochs.linear_H.shape[3]))
+    columns = OF_STATES + np.arange(measured.states.start, measured.states.stop)
+    steps = np.concatenate([STEPS, [STEP_STATE * state.sigma for state in measurement.states]])
+    for column, step in zip([*range(OF_STATES), *columns], steps, strict=True):
+        forward, backward = (
+            prediction(problem, measured, _moved(about, column, s)) for s in (step, -step)
+        )
+        H[:, :, column] = measurement.wrapped(forward - backward) / (2.0 * step)
+    c = measurement.values.shape[1]
+    epochs.linear_H[index, number, :c] = H
+    residual = measurement.minus(measured.rows, prediction(problem, measured, about))
+    epochs.linear_residual[index, number, :c] = residual
+    cov = np.tile(np.eye(3), (index.size, 1, 1))
+    cov[:, :c, :c] = measurement.cov[measured.rows]
+    epochs.linear_cov[index, number] = cov
+
+
+def prediction(problem: EstimationProblem, measured: MeasuredRows, about: Array) -> Array:
+    """Return what a measurement predicts of its values.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    measured : MeasuredRows
+        The measurement.
+    about : Array
+        (k, 13 + q) nominal, biases of the gyros and states of all measurements at its epochs.
+
+    Returns
+    -------
+    Array
+        (k, c) values.
+    """
+    index, bias = measured.at_epoch, about[:, ABOUT_BIAS:ABOUT_STATES]
+    C_lb = rotation_from_quaternion(about[:, QUAT])
+    earth = np.einsum("kij,i->kj", C_lb, problem.frame.earth_rate_l)
+    motion = Motion(
+        problem.inc.marks[index],
+        about[:, POS],
+        about[:, VEL],
+        C_lb,
+        problem.inc.rate[index] - bias - earth,
+        bias,
+        problem.frame,
+    )
+    return measured.measurement.predicted(motion, about[:, ABOUT_STATES:][:, measured.states])
+
+
+def _moved(about: Array, column: int, step: float) -> Array:
+    """Return the states with one of their errors larger by a step."""
+    moved = about.copy()
+    if PSI.start <= column < PSI.stop:
+        turn = rotation_from_vector(step * np.eye(3)[column - PSI.start])
+        C_lb = turn @ rotation_from_quaternion(about[:, QUAT])
+        moved[:, QUAT] = quaternion_from_rotation(C_lb)
+    else:
+        moved[:, column if column < PSI.start else column + ABOUT_BIAS - OF_BIAS] += step
+    return moved
+
+
+def _gyro_bias(problem: EstimationProblem, x: Array) -> Array:
+    """Return what the states add to the rates of the gyros, (m, 3) rad/s."""
+    layout, out = problem.layout, np.zeros((x.shape[0], 3))
+    for s, (channel, factor) in enumerate(zip(layout.channel, layout.factor, strict=True)):
+        if channel >= ACCEL0 or factor == AIDING_ERROR:
+            continue
+        of = problem.epochs.rate[:, factor] if factor >= 0 else 1.0
+        out[:, channel] += x[:, s] * (problem.epochs.time if factor == DRIFT else of)
+    return out
+
+
+def _change(measured: MeasuredRows, before: Epochs, after: Epochs, number: int) -> float:
+    """Return by how many sigmas a prediction differs from that of the linearisation before."""
+    index, c = measured.at_epoch, measured.measurement.values.shape[1]
+    if not index.size:
+        return 0.0
+    if not before.linear_cov[index, number, 0, 0].any():
+        return np.inf
+    old, new = before.linear_about[index], after.linear_about[index]
+    d = np.zeros((index.size, before.linear_H.shape[3]))
+    none = np.zeros(0)
+    for k in range(index.size):
+        state_difference(new[k, :N_NOMINAL], none, old[k, :N_NOMINAL], none, d[k])
+    d[:, OF_BIAS:] = new[:, ABOUT_BIAS:] - old[:, ABOUT_BIAS:]
+    expected = before.linear_residual[index, number] - np.einsum(
+        "krc,kc->kr", before.linear_H[index, number], d
+    )
+    moved = measured.measurement.wrapped((expected - after.linear_residual[index, number])[:, :c])
+    whitened = np.linalg.solve(
+        np.linalg.cholesky(measured.measurement.cov[measured.rows]), moved[:, :, None]
+    )
+    return float(np.abs(whitened).max())

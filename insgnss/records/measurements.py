@@ -1,0 +1,289 @@
+"""A measurement of one's own: times, values, covariance, and the prediction of the values.
+
+The prediction is a function of the motion and of states of the measurement itself. It takes all
+instants at once, so that no Python runs inside the filter's loop; the filter sees its differences.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..geodesy.frames import LocalFrame
+from ..geodesy.rotation import rpy_from_rotation
+from ._checked import Array, frozen, increasing
+
+MOST_VALUES = 3  # at one instant: the filter takes its measurements as triples
+
+
+@dataclass(frozen=True)
+class OwnState:
+    """A quantity that enters one measurement alone and is estimated with the flight.
+
+    It starts at zero, so that `predict` adds or multiplies what is known of it.
+
+    Parameters
+    ----------
+    name : str
+        What it is, such as "offset".
+    sigma : float
+        A-priori standard deviation, in `unit`.
+    unit : str
+        SI unit; empty of a ratio.
+    walk : float
+        Random walk, unit/sqrt(s); zero of a constant.
+    correlation_time_s : float, optional
+        Correlation time of a Gauss-Markov process with the stationary standard deviation `sigma`.
+
+    Raises
+    ------
+    InputError
+        For numbers that cannot be.
+    """
+
+    name: str
+    sigma: float
+    unit: str = ""
+    walk: float = 0.0
+    correlation_time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        time_s = self.correlation_time_s
+        for key, value, low in (
+            ("sigma", self.sigma, np.nextafter(0.0, 1.0)),
+            ("walk", self.walk, 0.0),
+            ("correlation_time_s", 1.0 if time_s is None else time_s, np.nextafter(0.0, 1.0)),
+        ):
+            if not low <= value < np.inf:
+                limit = "above 0" if low else "0 or more"
+                raise InputError(f"OwnState {self.name!r}: {key} = {value:g}, expected {limit}")
+        if time_s is not None and self.walk:
+            raise InputError(
+                f"OwnState {self.name!r}: walk and correlation_time_s exclude each other; give one"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion of the IMU at k instants, as `Measurement.predict` sees it.
+
+    Parameters
+    ----------
+    time : Array
+        (k,) s, GPST.
+    position, velocity : Array
+        (k, 3) m and m/s, in the local frame: axes fixed to the Earth at the origin of `frame`.
+    C_lb : Array
+        (k, 3, 3) body axes (forward, right, down) to the local frame.
+    rate : Array
+        (k, 3) rad/s, angular rate against the Earth, body axes.
+    gyro_bias : Array
+        (k, 3) rad/s, estimated bias of the gyros, body axes.
+    frame : LocalFrame
+        The local frame.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    C_lb: Array
+    rate: Array
+    gyro_bias: Array
+    frame: LocalFrame
+
+    @cached_property
+    def geodetic(self) -> tuple[Array, Array, Array]:
+        """Latitude and longitude, rad, and ellipsoidal height, m, (k,) each."""
+        return self.frame.geodetic_from_position(self.position)
+
+    @cached_property
+    def C_nl(self) -> Array:
+        """(k, 3, 3), local frame to north, east, down at the point."""
+        lat, lon, _ = self.geodetic
+        return np.swapaxes(self.frame.C_ln(lat, lon), -1, -2)
+
+    @property
+    def C_nb(self) -> Array:
+        """(k, 3, 3), body axes to north, east, down at the point."""
+        return self.C_nl @ self.C_lb
+
+    @property
+    def velocity_ned(self) -> Array:
+        """(k, 3) m/s, north, east, down at the point."""
+        return np.einsum("kij,kj->ki", self.C_nl, self.velocity)
+
+    @property
+    def velocity_body(self) -> Array:
+        """(k, 3) m/s, forward, right, down."""
+        return np.einsum("kji,kj->ki", self.C_lb, self.velocity)
+
+    @property
+    def roll_pitch_heading(self) -> Array:
+        """(k, 3) rad."""
+        return rpy_from_rotation(self.C_nb)
+
+
+Predict = Callable[[Motion, Array], Array]
+"""Takes the motion at k instants and the own states (k, q), returns values (k, c) or (k,)."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurement:
+    """Measured values that filter and smoother use beside the fixes.
+
+    Parameters
+    ----------
+    name : str
+        What measures, such as "inclinometer"; no two measurements of a flight share it.
+    time : Array
+        (k,) increasing, s, GPST.
+    values : Array
+        (k, c) of up to three components, or (k,) of one.
+    sigma : Array
+        Standard deviation of their white errors: one number, or (c,), or (k, c); or (k, c, c)
+        covariances.
+    predict : callable
+        ``predict(motion, states)`` returns what should be measured at all instants of `motion`
+        (`Motion`); `states` (k, q) are the values of the own states there.
+    states : tuple of OwnState
+        Errors of the measurement itself that are estimated.
+    gate_sigma : float
+        Values further from their prediction, in standard deviations, are left out.
+    period : float, optional
+        Values that differ by it are the same: 2 pi of an angle in rad.
+
+    Raises
+    ------
+    InputError
+        For shapes that do not fit each other, and values that cannot be.
+    """
+
+    name: str
+    time: Array
+    values: Array
+    sigma: Any
+    predict: Predict
+    states: tuple[OwnState, ...] = ()
+    gate_sigma: float = 5.0
+    period: float | None = None
+    cov: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        if not (self.name and isinstance(self.name, str)):
+            raise InputError(f"Measurement.name: {self.name!r}, expected a text that names it")
+        values = np.asarray(self.values)
+        set_field(self, "values", values[:, None] if values.ndim == 1 else values)
+        time = frozen(self, "time", (None,))
+        increasing(self, time)
+        components = np.shape(self.values)[-1] if np.ndim(self.values) else 0
+        frozen(self, "values", (time.size, components))
+        if not 1 <= components <= MOST_VALUES:
+            problem = f"{components} values at an instant, limit {MOST_VALUES}"
+            raise InputError(f"Measurement {self.name!r}: {problem}; split it into several")
+        set_field(self, "cov", self._covariance(time.size, components))
+        frozen(self, "cov", (time.size, components, components))
+        positive = np.linalg.eigvalsh(self.cov)[:, 0] > 0.0
+        if not positive.all():
+            row = int(np.argmin(positive))
+            raise InputError(
+                f"Measurement {self.name!r}: sigma in row {row}, time {time[row]:.6f} s, makes no"
+                " positive covariance; expected standard deviations above 0"
+            )
+        if not self.gate_sigma > 0.0 or (self.period is not None and not self.period > 0.0):
+            raise InputError(
+                f"Measurement {self.name!r}: gate_sigma = {self.gate_sigma:g} and period ="
+                f" {self.period}, expected numbers above 0"
+            )
+        set_field(self, "states", tuple(self.states))
+
+    def _covariance(self, k: int, c: int) -> Array:
+        """Return the covariances (k, c, c) that `sigma` states."""
+        sigma = np.asarray(self.sigma, dtype=np.float64)
+        if sigma.shape == (k, c, c):
+            return sigma
+        if sigma.shape == (k,) and c == 1:
+            sigma = sigma[:, None]
+        if sigma.shape not in ((), (c,), (k, c)):
+            expected = f"one number, ({c},), ({k}, {c}) or covariances ({k}, {c}, {c})"
+            problem = f"sigma has shape {sigma.shape}, expected {expected}"
+            raise InputError(f"Measurement {self.name!r}: {problem}")
+        if not (sigma > 0.0).all():
+            raise InputError(
+                f"Measurement {self.name!r}: sigma = {sigma.min():g}, expected values above 0"
+            )
+        return np.broadcast_to(sigma, (k, c))[:, :, None] ** 2 * np.eye(c)
+
+    def __repr__(self) -> str:
+        """Return name, number of instants and components in one line."""
+        return f"<Measurement {self.name!r}, {self.time.size} x {self.values.shape[1]}>"
+
+    def predicted(self, motion: Motion, states: Array) -> Array:
+        """Return the prediction as an array (k, c).
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion at k instants.
+        states : Array
+            (k, q) own states.
+
+        Returns
+        -------
+        Array
+            (k, c), checked.
+
+        Raises
+        ------
+        InputError
+            Where `predict` returns another shape, or values that are not finite.
+        """
+        out = np.asarray(self.predict(motion, states), dtype=np.float64)
+        shape = (motion.time.size, self.values.shape[1])
+        out = out[:, None] if out.ndim == 1 and shape[1] == 1 else out
+        if out.shape != shape:
+            problem = f"predict returned shape {out.shape}, expected {shape}"
+            raise InputError(f"Measurement {self.name!r}: {problem}")
+        finite = np.isfinite(out).all(axis=1)
+        if not finite.all():
+            instant = motion.time[int(np.argmin(finite))]
+            problem = f"predict returned {out[int(np.argmin(finite))]} at {instant:.6f} s"
+            raise InputError(f"Measurement {self.name!r}: {problem}, expected finite values")
+        return out
+
+    def minus(self, rows: np.ndarray, prediction: Array) -> Array:
+        """Return measured minus predicted values of some rows, an angle on the shorter way round.
+
+        Parameters
+        ----------
+        rows : ndarray
+            (k,) rows of `values`.
+        prediction : Array
+            (k, c) predicted values there.
+
+        Returns
+        -------
+        Array
+            (k, c).
+        """
+        return self.wrapped(self.values[rows] - prediction)
+
+    def wrapped(self, difference: Array) -> Array:
+        """Return differences of values, those of an angle on the shorter way round.
+
+        Parameters
+        ----------
+        difference : Array
+            Any shape.
+
+        Returns
+        -------
+        Array
+            The same shape.
+        """
+        if self.period is None:
+            return difference
+        return difference - self.period * np.rint(difference / self.period)

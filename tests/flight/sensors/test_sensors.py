@@ -1,0 +1,240 @@
+"""Tables [[measurement]]: every shipped kind on simulated flights, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import insgnss
+from insgnss.base.errors import InputError, UsageError
+from insgnss.flight.sensors.kinds import kinds, read_measurement
+from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
+from insgnss.geodesy.rotation import rotation_from_vector, rpy_from_rotation
+
+OFFSET = np.radians([0.6, -0.8, 1.5])  # by which sensors are turned against the body
+LEVER = np.array([1.0, 0.2, -0.1])
+SCALE = 0.015
+
+
+def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
+    """Header, exact values in the units of the file, and the sigma of each kind."""
+    path = sim.truth.trajectory[20:-20:4]
+    C = path.C_nb
+    body = np.einsum("kji,kj->ki", C, path.velocity_ned)
+    turned = rpy_from_rotation(C @ rotation_from_vector(OFFSET))
+    rotated = (1.0 + SCALE) * body @ rotation_from_vector(OFFSET)
+    apart = C @ rotation_from_vector(OFFSET) @ LEVER
+    tow = path.time[:, None]
+    heading = rpy_from_rotation(C)[:, 2:] + OFFSET[2]
+    return {
+        "heading": ("tow,heading", np.hstack([tow, np.degrees(heading)]), 0.2),
+        "attitude": ("tow,roll,pitch,yaw", np.hstack([tow, np.degrees(turned)]), 0.2),
+        "body_velocity": ("tow,vx,vy,vz", np.hstack([tow, rotated]), 0.05),
+        "baseline": ("tow,rel_n,rel_e,rel_d", np.hstack([tow, apart]), 0.005),
+    }
+
+
+EXPECTED = {
+    "heading": OFFSET[2:],
+    "attitude": OFFSET,
+    "body_velocity": np.array([SCALE, *OFFSET]),
+    "baseline": OFFSET,
+}
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    root = tmp_path_factory.mktemp("sensors") / "ign8"
+    sim = insgnss.simulate("ign8", 1.0, directory=root, imu_rate_hz=50.0, seed=5, start_in_air=True)
+    return root, sim.simulated
+
+
+def written(root: Path, sim, kind: str, more: str = "") -> Path:
+    """The flight file with a sensor of a kind, with noise."""
+    header, values, sigma = truths(sim)[kind]
+    values = values.copy()
+    noise = np.random.default_rng(7).standard_normal(values[:, 1:].shape)
+    values[:, 1:] += sigma * noise
+    np.savetxt(root / f"{kind}.csv", values, "%.9f", ",", header=header, comments="")
+    table = f'\n[[measurement]]\nkind = "{kind}"\nfile = "{kind}.csv"\nsigma = {sigma}\n{more}\n'
+    file = root / f"with_{kind}.toml"
+    file.write_text((root / "flight.toml").read_text() + table)
+    return file
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SHIPPED)
+def test_a_kind_finds_what_is_unknown_of_its_sensor(dataset, kind):
+    """Oracle: the rotation and the scale factor that were put in, to four sigmas; scatter of the
+    values and of the heading's error as their sigmas say.
+    """
+    root, sim = dataset
+    lever = f"lever_m = {LEVER.tolist()}" if kind == "baseline" else ""
+    result = insgnss.process(written(root, sim, kind, lever), write=False)
+    found = [e for e in result.states if e.state.group == kind]
+    values, sigmas = (np.array([getattr(e, n) for e in found]) for n in ("value", "sigma"))
+    assert (np.abs(values - EXPECTED[kind]) < 4.0 * sigmas).all()
+    check = next(c for c in result.checks if c.name == "measurements")
+    assert f"{kind}: 0 of " in check.found
+    assert 0.85 < float(check.found.split("scatter ")[1].split()[0]) < 1.15
+    truth = sim.truth.trajectory.at(result.trajectory.time[100:101])
+    turn = result.trajectory.C_nb[100] @ truth.C_nb[0].T
+    assert abs(turn[1, 0]) < 4.0 * np.sqrt(result.trajectory.cov[100, 8, 8])
+
+
+@pytest.mark.slow
+def test_a_wrong_sign_is_a_contradiction(dataset):
+    """Oracle: the headings turned round: most values are rejected, and the run stops."""
+    root, sim = dataset
+    file = written(root, sim, "heading")
+    table = np.loadtxt(root / "heading.csv", delimiter=",", skiprows=1)
+    table[:, 1] += 180.0
+    np.savetxt(root / "heading.csv", table, "%.9f", ",", header="tow,heading", comments="")
+    with pytest.raises(InputError, match="measurements"):
+        insgnss.process(file, write=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "more", "said"),
+    [
+        ("heading", "offset_sigma_deg = 0.0", r"heading: offset of 1\.[3-7].* deg .*stated 0"),
+        ("body_velocity", "scale_sigma = 0.0", r"scale factor of 0\.01[3-7]"),
+    ],
+)
+def test_a_constant_that_is_stated_wrong_is_named(dataset, kind, more, said):
+    """Oracle: an antenna turned by 1.5 deg, a wheel 1.5 % larger than stated as exact: the run
+    stops and gives the constant that the flight has; the default sigmas cover both.
+    """
+    with pytest.raises(InputError, match=said):
+        insgnss.process(written(*dataset, kind, more), write=False)
+
+
+@pytest.mark.slow
+def test_values_that_scatter_more_than_stated_are_a_note(dataset):
+    """Oracle: values of 0.2 deg stated as 0.1: the note gives a factor near two."""
+    root, sim = dataset
+    file = written(root, sim, "heading")
+    file.write_text(file.read_text().replace("sigma = 0.2", "sigma = 0.1"))
+    result = insgnss.process(file, write=False)
+    check = next(c for c in result.checks if c.name == "measurements")
+    assert check.verdict == "note"
+    assert 1.6 < float(check.found.split("scatter ")[1].split()[0]) < 2.3
+
+
+def options(tmp_path: Path, text: str, **more) -> MeasurementInput:
+    file = tmp_path / "x.csv"
+    file.write_text(text)
+    return MeasurementInput(**({"kind": "heading", "file": file} | more))
+
+
+def test_rows_are_read_with_units_weeks_and_offsets(tmp_path):
+    """Oracle: by hand: a week later is 604800 s more, an offset is added, rad stay rad."""
+    read, _ = read_measurement(
+        options(
+            tmp_path,
+            "week,tow,heading_rad,sd_heading\n2001,10.0,3.1,0.01\n2001,11.0,-3.1,0.02\n",
+            time_offset_s=0.5,
+        ),
+        2000,
+    )
+    np.testing.assert_allclose(read.time, [604810.5, 604811.5])
+    np.testing.assert_allclose(read.values[:, 0], [3.1, -3.1])
+    np.testing.assert_allclose(read.cov[:, 0, 0], [1e-4, 4e-4])
+    assert read.name == "heading"
+    assert [state.unit for state in read.states] == ["rad"]
+
+
+def sentence(body: str) -> str:
+    """With its checksum, after the definition."""
+    check = 0
+    for letter in body:
+        check ^= ord(letter)
+    return f"${body}*{check:02X}\n"
+
+
+def test_headings_of_a_receivers_log(tmp_path):
+    """Oracle: by hand: the time of the GGA before; 07:31:13.4 UTC of 2018-07-03, a Tuesday, is
+    199891.4 s of week 2008; what is marked V is none; a standard deviation is asked for.
+    """
+    gga = "GNGGA,0731{},4634.20000000,N,00632.40000000,E,4,34,0.6,580.5000,M,49.5000,M,1.4,74"
+    text = sentence(gga.format("13.40"))
+    text += sentence("GNRMC,073113.40,A,4634.2,N,00632.4,E,0.012,325.9,030718,,,A")
+    text += sentence("GNHDT,253.21,T") + sentence(gga.format("13.60"))
+    text += sentence("GNTHS,253.3,V") + sentence(gga.format("13.80")) + sentence("GNTHS,253.5,A")
+    read, _ = read_measurement(options(tmp_path, text, sigma=0.3), 2008)
+    np.testing.assert_allclose(read.time, [199891.4, 199891.8])
+    np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.21, 253.5])
+    np.testing.assert_allclose(np.degrees(np.sqrt(read.cov[:, 0, 0])), 0.3)
+    for more, said in (({}, "give measurement.sigma"), ({"columns": ("tow",)}, "columns: is of ")):
+        with pytest.raises((InputError, UsageError), match=said):
+            read_measurement(options(tmp_path, text, **more), 2008)
+    with pytest.raises(InputError, match="no HDT or THS sentence"):
+        read_measurement(options(tmp_path, text[: text.index("$GNHDT")]), 2008)
+
+
+def test_an_odometer_has_a_scale_and_two_angles(tmp_path):
+    """Oracle: by hand: an angle about the one axis that is measured does nothing; what is stated
+    as exact can still be contradicted.
+    """
+    given = options(
+        tmp_path, "tow,speed\n1.0,2.0\n2.0,2.1\n", kind="body_velocity", sigma=0.1, scale_sigma=0.0
+    )
+    states = read_measurement(given, 2000)[0].states
+    assert [s.name for s in states] == ["scale factor", "offset right", "offset down"]
+    assert [s.sigma for s in states] == pytest.approx([1e-4, *np.radians([2.0, 2.0])])
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "more", "said"),
+    [
+        ("heading", "tow,heading\n1,2\n2,3\n", {}, "no column sigma_heading; give measurement.sig"),
+        ("heading", "tow,course\n1,2\n2,3\n", {"sigma": 1.0}, "does not name heading"),
+        ("heading", "tow,heading,sd\n1,2,0.1\n2,3,0\n", {}, "x.csv:3: sigma_heading 0 deg"),
+        ("body_velocity", "tow,speeds\n1,2\n2,3\n", {"sigma": 1.0}, "no column out of forward"),
+        ("heading", "tow,heading\n1,2\n", {"scale_sigma": 0.1}, "scale_sigma: is not read by kind"),
+        (
+            "baseline",
+            "tow,n,e,d\n1,2,3,4\n2,2,3,4\n",
+            {"sigma": 0.1},
+            r"lever_m: is missing; kind 'baseline'",
+        ),
+    ],
+)
+def test_a_file_that_cannot_be_is_refused(tmp_path, kind, text, more, said):
+    """Oracle: the rule of each kind, by hand."""
+    with pytest.raises((InputError, UsageError), match=said):
+        read_measurement(options(tmp_path, text, kind=kind, **more), 2000)
+
+
+def test_two_of_one_name_and_an_unknown_kind_are_refused(dataset):
+    """Oracle: by hand: file and key are named."""
+    root, sim = dataset
+    file = written(root, sim, "heading", '[[measurement]]\nkind = "heading"\nfile = "heading.csv"')
+    with pytest.raises(InputError, match="two are named 'heading'"):
+        insgnss.load_flight(file)
+    file.write_text(file.read_text().replace('kind = "heading"', 'kind = "headings"', 1))
+    with pytest.raises(InputError, match=r"measurement.kind.*headings"):
+        insgnss.load_flight(file)
+
+
+def test_an_installed_kind_is_found_and_replaces_no_shipped_one(monkeypatch):
+    """Oracle: entry points made up by hand."""
+
+    class Entry:
+        def __init__(self, name):
+            self.name = name
+
+        def load(self):
+            return "installed"
+
+    kinds.cache_clear()
+    monkeypatch.setattr(
+        "insgnss.flight.sensors.kinds.entry_points",
+        lambda group: [Entry("sonar"), Entry("heading")],
+    )
+    try:
+        assert kinds()["sonar"] == "installed"
+        assert kinds()["heading"] != "installed"
+    finally:
+        kinds.cache_clear()
