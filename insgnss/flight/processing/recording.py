@@ -209,9 +209,7 @@ def read_recording(flight: Flight) -> Recording:
         raise InputError(f"{flight.path}: {error}") from None
     offsets, dated = clock_offsets(flight, gnss), fixes_say_gpst(flight, gnss)
     gnss = replace(gnss, time=gnss.time + offsets.gnss)
-    devices = tuple(
-        replace(device, time_offset_s=device.time_offset_s + offsets.unstated) for device in devices
-    )
+    devices = tuple(device.moved(offsets.unstated) for device in devices)
     of_events = cameras[0].events.gps_week if cameras else None
     week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
     gnss = in_week(gnss, week)

@@ -53,6 +53,10 @@ class Device:
     calibration: ImuCalibration | None = None
     white_noise: tuple[float, float] = (1.0, 1.0)
 
+    def moved(self, offset_s: float) -> "Device":
+        """Return the IMU with its stamps moved by `offset_s`, s."""
+        return replace(self, time_offset_s=self.time_offset_s + offset_s)
+
     def span_s(self, week: int) -> Array:
         """Return first and last stamp (2,), s of a GPS week."""
         samples = self.samples
