@@ -13,12 +13,13 @@ from ...base.units import FOOT_M
 from ...base.wording import some
 from ...flight.config.block_file import BlockFile
 from ...geodesy.frames import TangentPlane
-from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
+from ...io.formats.blocks.camera_toml import read_camera_covariance
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
 from ...io.formats.blocks.joined import joined, matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
 from ...io.formats.orientation.eo_json import read_one_camera
+from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, BrownCamera, ImageBlock
 from ..adjust.groups import InteriorObservation, weight_of
@@ -275,7 +276,7 @@ def _oriented_only(
 def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     """Return the cameras, with the parameters that are estimated."""
     if file.camera.file is not None:
-        cameras: tuple[BrownCamera, ...] = (read_camera_toml(file.camera.file),)
+        cameras: tuple[BrownCamera, ...] = (read_camera(file.camera.file),)
     else:
         cameras = tuple(
             camera
