@@ -310,8 +310,8 @@ def _opensfm(cameras: Sequence[BrownCamera], _: Covariances) -> str:
     size, v = max(camera.width, camera.height), _opencv_values(camera)
     entry = {"projection_type": "brown", "width": camera.width, "height": camera.height}
     entry |= {"focal_x": v["fx"] / size, "focal_y": v["fy"] / size}
-    entry |= {"c_x": (v["cx"] - 0.5 * camera.width) / size}
-    entry |= {"c_y": (v["cy"] - 0.5 * camera.height) / size}
+    entry |= {"c_x": (2.0 * v["cx"] - camera.width) / (2.0 * size)}
+    entry |= {"c_y": (2.0 * v["cy"] - camera.height) / (2.0 * size)}
     entry |= {key: v[key] for key in ("k1", "k2", "p1", "p2", "k3")}
     return json.dumps({camera.name: entry}, indent=2) + "\n"
 
