@@ -240,8 +240,9 @@ def _name_xyz_opk(path: Source, first: str, columns: int) -> tuple[list[str], Ar
         if not words or words[0].lower() == first:
             continue
         if len(words) != columns:
+            commas = "; are its decimal signs commas? write points" if "," in text else ""
             raise InputError.at_line(
-                path, line, f"{len(words)} fields, expected {columns}: {shown(text)}"
+                path, line, f"{len(words)} fields, expected {columns}: {shown(text)}{commas}"
             )
         names.append(words[0])
         rows.append(numbers(words[1:OPK_COLUMNS], path, line))
