@@ -24,15 +24,8 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import UsageError
-from ...geodesy.crs import (
-    above_ellipsoid,
-    between_datums,
-    code_of,
-    datum_words,
-    moves,
-    sibling_code,
-    source_crs,
-)
+from ...geodesy.crs import above_ellipsoid, moves, source_crs
+from ...geodesy.datums import between_datums, code_of, datum_words, sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
-from ...geodesy.crs import between_datums
+from ...geodesy.datums import between_datums, fitting_crs
 from ...records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
@@ -22,7 +22,7 @@ from .poses import PLANE_M, FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
-from .shifts import fitting_crs, shift_from_positions
+from .shifts import scatter, shift_from_positions
 
 Array = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ def _read_both(
                 raise
             shifted = shift_from_positions(Path(str(path)), form, hints[k], other)
             whole = shifted is None or float(np.abs(refusal.x[:, :2]).max()) > PLANE_M
-            if whole and (crs := fitting_crs(refusal.x, other)):
+            if whole and (crs := _fitting(refusal.x, other)):
                 raise FarError(f"{refusal}; the numbers fit {crs}", refusal.x) from None
             if shifted is None:
                 raise
@@ -130,6 +130,13 @@ def _read_both(
     assert second is not None
     second, of_datum = _in_datum_of(first, second)
     return (first, second), (*notes, *of_datum)
+
+
+def _fitting(numbers: Array, reference: Poses) -> str:
+    """Return the CRSs in which numbers fit the positions of the other file."""
+    lat, lon = float(np.median(reference.lat)), float(np.median(reference.lon))
+    extent = scatter(reference.ecef)
+    return fitting_crs(numbers, lat, lon, extent, reference.datum, reference.epoch)
 
 
 def _of_shift(file: object, reference: object, hints: Hints) -> str:
@@ -304,7 +311,7 @@ def _frame_note(matched: Matched) -> tuple[str, ...]:
     fits = ""
     for name, file, reference in (("b", matched.b, matched.a), ("a", matched.a, matched.b)):
         if not fits and file.projection is not None and file.local is not None:
-            crs = fitting_crs(file.local / file.projection.unit_m, reference)
+            crs = _fitting(file.local / file.projection.unit_m, reference)
             fits = f"; the numbers of {name} fit {crs}" if crs else ""
     return (
         f"positions lie {1e-3 * distance:.0f} km apart, which no datum or base station explains: a"
