@@ -206,6 +206,15 @@ def test_cameras_that_are_refused(write: Callable[[Path], Path], why: str, tmp_p
         read_camera(write(tmp_path))
 
 
+def test_a_camera_that_cannot_be_names_its_file(tmp_path: Path) -> None:
+    """Oracle: a focal length of zero; a path that is none."""
+    (tmp_path / "c.json").write_text(WEBODM.replace(f"{FY / 5120!r}", "0.0"))
+    with pytest.raises(InputError, match=r"c\.json: camera v2 c .*each must be positive"):
+        read_camera(tmp_path / "c.json")
+    with pytest.raises(InputError, match=r"none\.xml: .*check the path of the camera"):
+        read_camera(tmp_path / "none.xml")
+
+
 def test_several_cameras(tmp_path: Path) -> None:
     """Oracle: COLMAP's numbers of the cameras."""
     path = tmp_path / "cameras.txt"

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError, UsageError, near
+from ....base.inputs import first_bytes
 from ....records.block import INTERIOR, Array, BrownCamera
 from ..blocks.camera_toml import read_camera_toml
 from ..blocks.colmap_model import brown_of
@@ -23,12 +24,12 @@ from ..blocks.dbat import read_dbat_cameras
 from ..blocks.metashape_block import read_metashape_cameras
 from ..blocks.opensfm_model import read_opensfm_cameras
 from ..bundle.camera import Camera, camera_of
-from ..detect import head_of
 from ..text.layout import decode, shown
 from ..text.numbers import finite, whole
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml
 
+HEAD = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
 Cameras = tuple[BrownCamera, ...]
@@ -60,7 +61,12 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
     form = recognised_camera(path) if form == "auto" else form
     if form not in READERS:
         raise UsageError(f"cameras as {form!r}; {near(form, READERS)}")
-    cameras = READERS[form](path)
+    try:
+        cameras = READERS[form](path)
+    except InputError as error:  # of the camera itself, which knows no file
+        if str(path) in str(error):
+            raise
+        raise InputError.at_line(path, None, str(error)) from None
     if not cameras:
         raise InputError.at_line(path, None, f"has no calibrated camera ({form}); export it again")
     return cameras
@@ -102,7 +108,7 @@ def recognised_camera(path: Path) -> str:
         return "metashape"
     if path.suffix.lower() == ".toml":
         return "toml"
-    text = decode(head_of(path))
+    text = decode(first_bytes(path, HEAD, "check the path of the camera"))
     for form, pattern in HEADS.items():
         if re.search(pattern, text, re.MULTILINE):
             return form
