@@ -36,7 +36,7 @@ INTERRUPTED = 130  # exit code: 128 and the number of SIGINT, as shells have it
 SHELLS = ("bash", "zsh", "fish", "powershell", "tcsh")
 VERBS = (
     *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
-    *("targets", "calibrate", "tune", "compare", "ppk", "figures", "report", "batch"),
+    *("targets", "calibrate", "camera", "tune", "compare", "ppk", "figures", "report", "batch"),
     *("archive", "doctor"),
 )
 """The verbs, in the order of the help; each is the `VERB` of the module of its name."""

@@ -5,8 +5,8 @@ keeps anything; what the letters of frames and rotations mean stands in `insgnss
 
 The way of the data: numbers in, numbers out. Geodetic coordinates become ECEF and local Cartesian
 ones (`frames.py`); coordinates of a projected CRS and heights above a geoid go through PROJ
-(`projection.py`, `crs.py`) with its grids (`grids.py`); dates and UTC become seconds of a GPS week
-(`gpstime.py`).
+(`projection.py`, `crs.py`, `datums.py`) with its grids (`grids.py`); dates and UTC become seconds
+of a GPS week (`gpstime.py`).
 
 Where to look
     SO(3), quaternions and the sets of angles of the field: `rotation.py`

@@ -52,7 +52,7 @@ class MapFrame:
     datum : str
         Code of the geographic CRS of the positions, in which `geodetic` stands.
     datum_name : str
-        Its name, with its epoch, of a tangent plane.
+        Its name, with its epoch.
     """
 
     kind: str

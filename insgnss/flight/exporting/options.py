@@ -4,6 +4,7 @@ They are turned into what the annotations of its writer say, or refused in one l
 """
 
 import inspect
+import os
 from typing import Any
 
 from ...base.errors import OptionError, UsageError
@@ -16,8 +17,8 @@ from ...navigation.orient.relative import relative_control
 def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, Any]:
     """The options of format `name`, each of the type that its writer takes.
 
-    Those that it does not take stay as they are. A camera may be a TOML file, such as camera.toml
-    of `insgnss adjust`.
+    Those that it does not take stay as they are. A camera may be a file of any program that
+    `read_camera` knows, such as camera.toml of `insgnss adjust`.
 
     Raises
     ------
@@ -29,11 +30,12 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
         **inspect.signature(relative_control).parameters,
         **inspect.signature(form.write).parameters,
     }
-    if (camera := texts.get("camera", "")).lower().endswith(".toml"):
+    camera = texts.get("camera", "")
+    if camera.lower().endswith(".toml") or ("camera" in form.needs and os.path.isfile(camera)):
         from ...io.formats.blocks.camera_files import colmap_words
-        from ...io.formats.blocks.camera_toml import read_camera_toml
+        from ...io.formats.returned.cameras import read_camera
 
-        texts = texts | {"camera": colmap_words(read_camera_toml(camera))}
+        texts = texts | {"camera": colmap_words(read_camera(camera))}
     return {
         key: (
             _typed(f"{name}: {key}", text, parameters[key].annotation)

@@ -19,19 +19,13 @@ the height of the ground, moves the centres to where they do not: H_g + (H - H_g
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ...base.errors import UsageError
-from ...geodesy.crs import (
-    above_ellipsoid,
-    between_datums,
-    code_of,
-    datum_words,
-    moves,
-    sibling_code,
-    source_crs,
-)
+from ...geodesy.crs import above_ellipsoid, moves, source_crs
+from ...geodesy.datums import between_datums, code_of, datum_words, sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
@@ -83,7 +77,10 @@ def in_frame(
         raise UsageError(f"ground {ground_m:g} m is no height")
     plane = TangentPlane(*eo.origin)
     lat, lon, h = plane.geodetic_from_position(eo.position_m)
-    C_fm, x, frame = _axes(eo, plane, (lat, lon, h), kind, projection)
+    globe = source_crs(eo.datum, eo.epoch)
+    C_fm, x, frame = _axes(eo, plane, (lat, lon, h), kind, projection, globe)
+    datum = "WGS84" if eo.datum is None else datum_words(globe, eo.epoch)
+    frame = replace(frame, datum=code_of(globe), datum_name=datum)
     history = eo.history
     if projection is not None and ground_m is not None:
         if (x[:, 2] <= ground_m).any():
@@ -166,17 +163,16 @@ def _axes(
     geodetic: tuple[Array, Array, Array],
     kind: str,
     projection: MapProjection | None,
+    globe: Any,
 ) -> tuple[Array, Array, MapFrame]:
     """C_fm (n, 3, 3), coordinates (n, 3) and the frame (W.1)."""
     lat, lon, h = geodetic
     n = len(eo.images)
-    globe = source_crs(eo.datum, eo.epoch)
     datum, code = datum_words(globe, eo.epoch), code_of(globe)
     if kind == TANGENT:
         lat_d, lon_d = np.degrees(eo.origin[:2])
-        name = "WGS84" if eo.datum is None else datum
         words = (
-            f"tangent plane of {name} at latitude"
+            f"tangent plane of {'WGS84' if eo.datum is None else datum} at latitude"
             f" {lat_d:.10f} deg, longitude {lon_d:.10f} deg, {plane.height:.4f} m"
         )
         frame = MapFrame(
@@ -184,8 +180,6 @@ def _axes(
             words,
             "along the vertical of the origin",
             origin=tuple(eo.origin.tolist()),
-            datum=code,
-            datum_name=name,
         )
         return np.broadcast_to(np.eye(3), (n, 3, 3)), eo.position_m.copy(), frame
     if kind == GEOCENTRIC:
@@ -193,7 +187,7 @@ def _axes(
         x = plane.origin_ecef + eo.position_m @ C_em.T
         geocentric = sibling_code(globe, "GEOCENTRIC_CRS")
         name = f"{geocentric} {datum} (geocentric)".strip()
-        return np.broadcast_to(C_em, (n, 3, 3)), x, MapFrame(kind, name, "", geocentric, datum=code)
+        return np.broadcast_to(C_em, (n, 3, 3)), x, MapFrame(kind, name, "", geocentric)
     C_Em = NED_ENU @ np.swapaxes(plane.C_mn(lat, lon), 1, 2)
     if projection is None:
         frame = MapFrame(
@@ -203,7 +197,6 @@ def _axes(
             crs=code,
             wkt="" if code else globe.to_wkt(),
             northing_first=True,
-            datum=code,
         )
         return C_Em, np.column_stack([lon, lat, h]), frame
     x = projection.forward(lat, lon, h)
@@ -216,6 +209,5 @@ def _axes(
         wkt=wkt,
         northing_first=projection.northing_first,
         units=projection.units,
-        datum=code,
     )
     return projection.axes(lat, lon, h) @ C_Em, x, frame

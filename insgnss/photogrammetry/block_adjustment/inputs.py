@@ -12,13 +12,15 @@ from ...base.tables import Columns
 from ...base.units import FOOT_M
 from ...base.wording import some
 from ...flight.config.block_file import BlockFile
+from ...geodesy.datums import fitting_crs
 from ...geodesy.frames import TangentPlane
-from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
+from ...io.formats.blocks.camera_toml import read_camera_covariance
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
 from ...io.formats.blocks.joined import joined, matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
 from ...io.formats.orientation.eo_json import read_one_camera
+from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, BrownCamera, ImageBlock
 from ..adjust.groups import InteriorObservation, weight_of
@@ -32,6 +34,9 @@ FEWEST_POINTS = 4
 """Of an image without aerial control: three orient it, and then nothing tells whether they do."""
 SHORTEST_CONSTANT, LONGEST_CONSTANT = 0.1, 50.0  # camera constants, of the longer side of the image
 SINGLE_SHARE = 0.5  # of the points measured in one image alone: names that differ by image (chosen)
+# largest distance of the middle of ground points from that of the images (m) at which another CRS
+# is named for them: blocks are smaller, and zones differ by more
+NEAR_GROUND_M = 5e3
 FAR_GROUND_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
 
@@ -280,7 +285,7 @@ def _oriented_only(
 def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     """Return the cameras, with the parameters that are estimated."""
     if file.camera.file is not None:
-        cameras: tuple[BrownCamera, ...] = (read_camera_toml(file.camera.file),)
+        cameras: tuple[BrownCamera, ...] = (read_camera(file.camera.file),)
     else:
         cameras = tuple(
             camera
@@ -357,7 +362,8 @@ def ground_in_plane(
         k = int(np.argmax(away))
         x, y, z = ground.position_m[k]
         if axes is None:
-            advice = "they stand in a CRS: name it by ground.crs or --crs, such as EPSG:2056"
+            fits = _fitting(as_read, plane, eo) or "such as EPSG:2056"
+            advice = f"they stand in a CRS: name it by ground.crs or --crs, {fits}"
         else:
             advice = _otherwise_near(as_read, axes, plane, eo) or (
                 f"{crs} is not their CRS; name the right one, with its zone"
@@ -392,7 +398,17 @@ def _otherwise_near(
         away = placed.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
         if (np.linalg.norm(away, axis=1) < FAR_GROUND_M).all():
             return f"they lie there {advice}"
-    return ""
+    fits = _fitting(ground, plane, eo)
+    return f"{axes.crs} is not their CRS; {fits}" if fits else ""
+
+
+def _fitting(ground: GroundTable, plane: TangentPlane, eo: ExteriorOrientation) -> str:
+    """Return in which CRSs the numbers of points lie near the images; empty if in none."""
+    lat, lon, _ = plane.geodetic_from_position(np.median(eo.position_m, axis=0, keepdims=True))
+    crs = fitting_crs(
+        ground.position_m, float(lat[0]), float(lon[0]), NEAR_GROUND_M, eo.datum, eo.epoch
+    )
+    return f"their numbers fit {crs}" if crs else ""
 
 
 def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:

@@ -19,12 +19,12 @@ import numpy as np
 from ...base.errors import InputError
 from ...base.output.staging import together
 from ...flight.config.block_file import BlockFile
-from ...io.formats.blocks.camera_toml import read_camera_toml
 from ...io.formats.blocks.ground_points import GroundTable
 from ...io.formats.blocks.image_points import ImagePoints
 from ...io.formats.blocks.joined import joined
 from ...io.formats.blocks.measured_block import of_table
 from ...io.formats.orientation.eo_json import read_one_camera
+from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ...report.charts.chart import Chart
@@ -212,7 +212,7 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
         raise InputError("adjust --plan: the camera is missing; give --camera, a camera.toml")
     progress("reading the orientation")
     eo = read_one_camera(options.file, "an adjustment")
-    camera = read_camera_toml(file.camera.file)
+    camera = read_camera(file.camera.file)
     if file.camera.free is not None:
         camera = replace(camera, free=file.camera.free)
     (camera,) = cameras_in_mode(file, [camera], notes)

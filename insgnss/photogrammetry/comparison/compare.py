@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
-from ...geodesy.crs import between_datums
+from ...geodesy.datums import between_datums, fitting_crs
 from ...records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .hints import Hints, Origin
 from .matching import Matched, match
 from .names import by_order
-from .poses import FarError, NoOriginError, Poses
+from .poses import PLANE_M, FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
-from .shifts import shift_from_positions
+from .shifts import scatter, shift_from_positions
 
 Array = NDArray[np.float64]
 
@@ -96,9 +96,14 @@ def _read_both(
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
             without_origin.append((k, refusal))
-        except FarError:
-            shifted = other and shift_from_positions(Path(str(path)), form, hints[k], other)
-            if not shifted:
+        except FarError as refusal:
+            if other is None:
+                raise
+            shifted = shift_from_positions(Path(str(path)), form, hints[k], other)
+            whole = shifted is None or float(np.abs(refusal.x[:, :2]).max()) > PLANE_M
+            if whole and (crs := _fitting(refusal.x, other)):
+                raise FarError(f"{refusal}; the numbers fit {crs}", refusal.x) from None
+            if shifted is None:
                 raise
             read[k] = read_poses(path, form, shifted)
             notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
@@ -125,6 +130,13 @@ def _read_both(
     assert second is not None
     second, of_datum = _in_datum_of(first, second)
     return (first, second), (*notes, *of_datum)
+
+
+def _fitting(numbers: Array, reference: Poses) -> str:
+    """Return the CRSs in which numbers fit the positions of the other file."""
+    lat, lon = float(np.median(reference.lat)), float(np.median(reference.lon))
+    extent = scatter(reference.ecef)
+    return fitting_crs(numbers, lat, lon, extent, reference.datum, reference.epoch)
 
 
 def _of_shift(file: object, reference: object, hints: Hints) -> str:
@@ -245,8 +257,8 @@ def _explained(matched: Matched) -> tuple[Matched, list[Finding]]:
     if heights_first(matched.a, matched.b):
         aspects[:2] = aspects[1::-1]
     for aspect in aspects:
-        if aspect is vertical and _frame_note(matched):
-            continue  # the curvature of the Earth is in these heights
+        if aspect is not horizontal and _far(matched):
+            continue  # heights and axes of another place say nothing
         for _ in range(ROUNDS):
             explained = aspect(matched)
             if explained is None:
@@ -286,15 +298,25 @@ def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
     return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in given))
 
 
+def _far(matched: Matched) -> float:
+    """Return how far positions lie from each other, m; 0 where a datum or base explains it."""
+    distance = float(np.median(np.linalg.norm(difference(matched.a, matched.b), axis=1)))
+    return distance if distance > SHIFT_M else 0.0
+
+
 def _frame_note(matched: Matched) -> tuple[str, ...]:
     """What no convention explains: positions of another frame than they were read in."""
-    apart = float(np.median(np.linalg.norm(difference(matched.a, matched.b), axis=1)))
-    if apart <= SHIFT_M:
+    if not (distance := _far(matched)):
         return ()
+    fits = ""
+    for name, file, reference in (("b", matched.b, matched.a), ("a", matched.a, matched.b)):
+        if not fits and file.projection is not None and file.local is not None:
+            crs = _fitting(file.local / file.projection.unit_m, reference)
+            fits = f"; the numbers of {name} fit {crs}" if crs else ""
     return (
-        f"positions lie {1e-3 * apart:.0f} km apart, which no datum or base station explains: a"
+        f"positions lie {1e-3 * distance:.0f} km apart, which no datum or base station explains: a"
         " file was read in another frame than its own; give its CRS (--crs) or its format"
-        " (--format-a, --format-b)",
+        f" (--format-a, --format-b){fits}",
     )
 
 

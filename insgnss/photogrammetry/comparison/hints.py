@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...base.inputs import opened_text
 from ...base.units import LARGEST_UNIT
-from ...geodesy.crs import crs_of, sibling_code
+from ...geodesy.crs import crs_of
+from ...geodesy.datums import sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...io.formats.text.layout import shown

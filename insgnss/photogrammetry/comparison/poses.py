@@ -25,11 +25,21 @@ class NoOriginError(InputError):
 
 
 class FarError(InputError):
-    """Projected coordinates lie far from the area of their CRS."""
+    """Coordinates lie far from the area of their CRS, or are too large for none.
+
+    Parameters
+    ----------
+    message : the problem and what to do.
+    x : (n, 3) the coordinates as the file has them.
+    """
+
+    def __init__(self, message: str, x: Array) -> None:
+        super().__init__(message)
+        self.x = x
 
 
 FAR_DEG = 3.0  # beyond the area of a CRS (deg): a zone is used in half of its neighbour at most
-LOWEST_M = -1e5  # least height of geocentric points (m): below, something was subtracted from them
+FAR_UP_M = 1e5  # largest height or depth (m): beyond, coordinates are of another unit or shifted
 PLANE_M = 1e5  # largest coordinate in a tangent plane (m): beyond, it is of a projected CRS
 BY_ROW = (
     *("images", "lat", "lon", "height", "time", "C_Ex", "velocity"),
@@ -139,6 +149,37 @@ class CoordinateFrame:
             f" {np.degrees(lon[0]):.4f} deg, inside its area: exchange the columns"
         )
 
+    def _projected(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
+        """Return what `resolved` does, of projected coordinates."""
+        if self.projection is None:
+            raise InputError.in_file(
+                path, "has coordinates of a projected CRS; name it, such as crs = EPSG:2056"
+            )
+        numbers = x / self.projection.unit_m
+        if (up := float(np.median(np.abs(x[:, 2])))) > FAR_UP_M:
+            raise FarError(
+                f"{path}: heights such as {numbers[0, 2]:.3f} are {1e-3 * up:.0f} km in"
+                f" {self.projection.units[1].plural}; give their own unit or CRS",
+                numbers,
+            )
+        try:
+            lat, lon, h = self.projection.inverse(x)
+        except InputError as error:
+            if exchanged := self._exchanged(x):
+                raise InputError(f"{path}: {error}{exchanged}") from None
+            raise FarError(f"{path}: {error}", numbers) from None
+        far = self.projection.degrees_outside(lat, lon)
+        local = far > 0.0 and float(np.abs(x[:, :2]).max()) < PLANE_M
+        if (far > FAR_DEG or local) and not self._exchanged(x):  # which compare explains
+            e, n = numbers[0, :2]
+            raise FarError(
+                f"{path}: coordinates such as {e:.3f} {n:.3f} lie outside the area of"
+                f" {self.projection.name}; give their own CRS, or what was subtracted from"
+                " them, --shift (compare: --coordinate-shift)",
+                numbers,
+            )
+        return lat, lon, h, self.projection.axes(lat, lon, h)
+
     def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
         """Return latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of `x` (n, 3).
 
@@ -148,35 +189,16 @@ class CoordinateFrame:
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))
         if self.kind == "geocentric":
             lat, lon, h = ecef_to_geodetic(x)
-            if (deep := float(np.median(h))) < LOWEST_M:
+            if abs(up := float(np.median(h))) > FAR_UP_M:
                 raise FarError(
                     f"{path}: geocentric coordinates such as {x[0, 0]:.3f} {x[0, 1]:.3f}"
-                    f" {x[0, 2]:.3f} lie {-1e-3 * deep:.0f} km below the ground; give what was"
-                    " subtracted from them, --shift (compare: --coordinate-shift), or their CRS"
+                    f" {x[0, 2]:.3f} lie {1e-3 * up:.0f} km above the ellipsoid; give what was"
+                    " subtracted from them, --shift (compare: --coordinate-shift), or their CRS",
+                    x,
                 )
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
-            if self.projection is None:
-                raise InputError.in_file(
-                    path, "has coordinates of a projected CRS; name it, such as crs = EPSG:2056"
-                )
-            try:
-                lat, lon, h = self.projection.inverse(x)
-                axes = self.projection.axes(lat, lon, h)
-            except InputError as error:
-                if exchanged := self._exchanged(x):
-                    raise InputError(f"{path}: {error}{exchanged}") from None
-                raise FarError(f"{path}: {error}") from None
-            far = self.projection.degrees_outside(lat, lon)
-            local = far > 0.0 and float(np.abs(x[:, :2]).max()) < PLANE_M
-            if (far > FAR_DEG or local) and not self._exchanged(x):  # which compare explains
-                e, n = x[0, :2] / self.projection.unit_m[:2]
-                raise FarError(
-                    f"{path}: coordinates such as {e:.3f} {n:.3f} lie outside the area of"
-                    f" {self.projection.name}; give their own CRS, or what was subtracted from"
-                    " them, --shift (compare: --coordinate-shift)"
-                )
-            return lat, lon, h, axes
+            return self._projected(x, path)
         if self.plane is None:
             problem = (
                 "has coordinates of a tangent plane without its origin; give latitude, longitude"
@@ -228,11 +250,11 @@ class CoordinateFrame:
 
 
 def tangent_frame(path: object, x: Array, plane: TangentPlane | None) -> CoordinateFrame:
-    """Frame of coordinates (n, 3) without a CRS; InputError where they are too large for it."""
+    """Frame of coordinates (n, 3) without a CRS; FarError where they are too large for it."""
     if plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise InputError.in_file(
-            path,
-            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, such"
-            " as --crs EPSG:2056",
+        raise FarError(
+            f"{path}: does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give"
+            " it, such as --crs EPSG:2056",
+            x,
         )
     return CoordinateFrame(TANGENT, plane)

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.units import FOOT_M
+from ...base.units import FOOT_M, METRE, US_FOOT_M
 from ...geodesy.conventions import exchanged, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, LEAST_MISFIT_RATIO, Candidate
 from ...geodesy.frames import ecef_to_geodetic
@@ -57,6 +57,11 @@ OF_SHIFT = 1e-3
 # singular values below this part of the largest: a lever arm along the vertical does not show in
 # the horizontal
 SMALLEST_SINGULAR = 0.2
+FEET = {  # what a coordinate in one foot, read as the other, is multiplied by
+    "international feet, read as US survey feet": FOOT_M / US_FOOT_M,
+    "US survey feet, read as international feet": US_FOOT_M / FOOT_M,
+}
+FAR_LONGITUDE_RAD = 2e-3  # sum of two longitudes of one place with unlike signs (rad): 11 km
 CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
 
@@ -272,8 +277,16 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
         yield taken_off(
             "latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height)
         )
+    if b.projection is None and np.abs(a.lon + b.lon).max() < FAR_LONGITUDE_RAD:
+        sign = "b has longitudes with the other sign (west of Greenwich)"
+        yield taken_off("longitude reversed", sign, lambda _, q: q.moved(q.lat, -q.lon, q.height))
     if b.local is None or (b.plane is None and b.projection is None):
         return
+    if b.projection is not None and b.projection.units[0] != METRE:
+        for feet, factor in FEET.items():
+            change = _factors(factor)
+            if _nearer(a, b, change(b.local)):
+                yield taken_off("foot for foot", f"b has {feet}", _read_anew(change))
     for one in (
         *exchanged(("east", "north")),
         *reversed_signs(("east", "north", "")),
@@ -286,6 +299,11 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
         if b.projection is None and (np.abs(degrees).max(axis=0) <= [180.0, 90.0]).all():
             words = f"b has {words} in degrees that were read as metres; name their CRS (--crs)"
             yield taken_off("degrees for metres", words, _read_anew(_radians(order), GEOGRAPHIC))
+
+
+def _factors(factor: float) -> Change:
+    """Plan coordinates times a factor."""
+    return lambda x: x * [factor, factor, 1.0]
 
 
 def _radians(order: list[int]) -> Change:

@@ -1,4 +1,4 @@
-"""What was subtracted from the coordinates of a file, known from the positions of the other one.
+"""What was subtracted from the coordinates of a file, by the positions of the other.
 
 An export to COLMAP subtracts whole kilometres and says so in a comment, which COLMAP drops.
 """
@@ -24,9 +24,9 @@ STEP = 1000.0  # of what is subtracted, in the unit of the CRS: exports round to
 # largest difference of both files' positions beside whole steps: beyond, the next step is as near
 CERTAIN = 0.3 * STEP
 FEWEST = 3  # images of both files, by name: an outlier among fewer would be the median
-# largest ratio of what whole kilometres leave of geocentric positions to what the tangent plane
-# leaves that makes a model geocentric: turned axes leave as much as the flight is long
-GEOCENTRIC_SHARE = 0.1
+# largest scatter of both files' differences, in that of the positions: axes of another CRS are
+# turned by degrees against each other, 0.5 % are 0.3 deg
+OF_EXTENT = 0.005
 
 
 def shift_from_positions(
@@ -66,19 +66,13 @@ def shift_from_positions(
     whole = STEP * np.round(middle / STEP)
     if not whole.any() or np.abs(middle - whole).max() > CERTAIN:
         return None
-    if hints.crs is None and not returned.crs:
-        if reference.plane is None:
-            return None
-        level = reference.plane.position_from_geodetic(
-            reference.lat, reference.lon, reference.height
-        )
-        if _scatter(difference) > GEOCENTRIC_SHARE * _scatter(level[to] - position):
-            return None
+    if scatter(difference) > OF_EXTENT * scatter(expected[to]):
+        return None
     shift = (float(whole[0]), float(whole[1]), float(whole[2]))
     return replace(hints, crs=crs, shift=shift)
 
 
-def _scatter(difference: Array) -> float:
-    """Return the median distance of differences (n, 3) from their median."""
+def scatter(difference: Array) -> float:
+    """Return the median distance of vectors (n, 3) from their median."""
     middle = np.median(difference, axis=0)
     return float(np.median(np.linalg.norm(difference - middle, axis=1)))

@@ -19,8 +19,8 @@ from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
 from ...geodesy.readings import advice, of_attitudes, of_positions, suspected
 from ...geodesy.similarity import similarity
-from ...io.formats.blocks.camera_toml import read_camera_toml
 from ...io.formats.blocks.reading import read_measured_block
+from ...io.formats.returned.cameras import read_camera
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..comparison.hints import Hints
@@ -159,7 +159,7 @@ def _ground(
     block = camera.block
     if options.points is not None:
         block = read_measured_block(options.points)
-    sensors = camera.cameras if options.camera is None else (read_camera_toml(options.camera),)
+    sensors = camera.cameras if options.camera is None else (read_camera(options.camera),)
     if block is None or not len(block.measured.observations):
         raise InputError.in_file(
             cameras, "has no image observations of ground points; give them by --points"

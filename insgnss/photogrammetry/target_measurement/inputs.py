@@ -6,9 +6,10 @@ import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...flight.config.block_file import BlockFile, GroundTableInput
-from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
+from ...io.formats.blocks.camera_toml import read_camera_covariance
 from ...io.formats.blocks.ground_points import GroundTable
 from ...io.formats.orientation.eo_json import read_one_camera
+from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import BrownCamera, InteriorCovariance
 from ..block_adjustment.inputs import ground_in_plane, ground_of, refuse_field_of_view
@@ -75,7 +76,7 @@ def inputs_of(request: Request) -> Inputs:
         No ground point lies in any image.
     """
     eo = read_one_camera(request.eo, "a search for targets")
-    camera = read_camera_toml(request.camera)
+    camera = read_camera(request.camera)
     camera_cov = read_camera_covariance(request.camera)
     refuse_field_of_view(camera)
     notes: list[str] = []

@@ -637,3 +637,14 @@ def example(name: str, path: Path) -> str:
 def test_the_page_shows_what_is_written(name: str, tmp_path: Path) -> None:
     """Oracle: data_specs, all but the version."""
     assert without_version(example(name, tmp_path / "x")) == without_version(on_page(name))
+
+
+def test_opf_has_a_place_for_the_third_radial_coefficient(tmp_path: Path) -> None:
+    """Oracle: OPF's list of three; a rational polynomial is none of it."""
+    words = CAMERA.replace("OPENCV", "FULL_OPENCV") + " 0.03 {} 0 0"
+    eo = framed(block(), "EPSG:32632")
+    write_opf(eo, tmp_path, camera=words.format(0), pixel_size_um=1.4)
+    sensor = json.loads((tmp_path / "input_cameras.json").read_text())["sensors"][0]
+    assert sensor["internals"]["radial_distortion"] == [0.01, -0.02, 0.03]
+    with pytest.raises(UsageError, match="k4 to k6 zero"):
+        write_opf(eo, tmp_path / "other", camera=words.format(0.1), pixel_size_um=1.4)

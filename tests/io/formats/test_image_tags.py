@@ -187,6 +187,18 @@ def test_ellipsoidal_heights_go_with_exif_3(photos: Path, tmp_path: Path) -> Non
     assert float(tags(tmp_path / "out" / NAMES[2])[2]["dji:AbsoluteAltitude"]) == -3.25
 
 
+def test_the_datum_of_the_positions(photos: Path, tmp_path: Path) -> None:
+    """Oracle: the names of the frame."""
+    eo = flight()
+    frame = replace(eo.frame, datum="EPSG:6319", datum_name="NAD83(2011)")
+    for of, horizontal, datum in ((eo.frame, "EPSG:4326", "WGS-84"), (frame, "EPSG:6319", None)):
+        out = tmp_path / horizontal[5:]
+        write_image_tags(replace(eo, frame=of), out, images=photos)
+        gps, _, xmp = tags(out / NAMES[0])
+        assert gps[18] == (datum or "NAD83(2011)")
+        assert xmp["Camera:HorizCS"] == horizontal
+
+
 @pytest.mark.parametrize(
     ("version", "reference", "gps_version"), [(b"0231", 0, 3), (b"0300", 2, 4), (None, 0, 3)]
 )

@@ -227,6 +227,25 @@ def test_poses_read_back(tmp_path: Path, name: str) -> None:
         assert got.notes == ("1 images without estimated pose are left out",)
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("grades", 1 / 0.9), ("degrés", 1.0)])
+def test_ign_with_lines_above_its_header(tmp_path: Path, unit: str, factor: float) -> None:
+    """Oracle: the same file without them; 100 grades are 90 deg."""
+    path = ign_opk(framed(block(), "EPSG:2056"), tmp_path)
+    plain = read_returned_poses(path, "ign_opk")
+    head, *rows = path.read_text().splitlines()
+    fields = [row.split() for row in rows]
+    rows = [
+        joined(*row[:4], *(factor * float(angle) for angle in row[4:7]), row[7]) for row in fields
+    ]
+    text = f"CHANTIER : x\nPROJECTION : LAMBERT93\nUNITE ANGLE  : {unit}\n{head}\n"
+    path.write_text(text + "".join(rows))
+    assert returned_form(path, path.read_text()) == "ign_opk"
+    assert np.abs(read_returned_poses(path, "ign_opk").C - plain.C).max() < 1e-9
+    path.write_text(text.replace(unit, "mil") + "".join(rows))
+    with pytest.raises(InputError, match=":3: angles in 'mil'"):
+        read_returned_poses(path, "ign_opk")
+
+
 def test_every_format_has_a_case() -> None:
     """Oracle: the registry; two are read in photogrammetry/comparison/test_ways_back.py."""
     assert {form for _, _, form, _ in CASES.values()} | {"odm_shots", "opf"} == set(RETURNED)

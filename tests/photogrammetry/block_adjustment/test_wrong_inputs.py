@@ -335,7 +335,9 @@ FEET = "+proj=utm +zone=32 +datum=WGS84 +units=us-ft"
     [
         ("EPSG:32632", (1 / 0.3048, 1 / 0.3048), "there if their numbers are feet: name the CRS"),
         (FEET, (1.0, 1.0), "there if their numbers are metres: name the CRS"),
-        ("EPSG:32631", (1.0, 1.0), "EPSG:32631 is not their CRS; name the right one"),
+        ("EPSG:32631", (1.0, 1.0), "EPSG:32631 is not their CRS; their numbers fit EPSG:32632"),
+        (None, (1.0, 1.0), "name it by ground.crs or --crs, their numbers fit EPSG:32632"),
+        ("EPSG:32631", (9.0, 1.0), "EPSG:32631 is not their CRS; name the right one"),
         ("EPSG:32632", None, "with easting and northing exchanged: exchange the columns"),
     ],
 )

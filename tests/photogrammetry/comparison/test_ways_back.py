@@ -110,13 +110,16 @@ def pix4d_external(site: Site) -> Path:
 
 
 def opf(site: Site) -> Path:
-    shift = -np.round(np.mean([x for _, x, *_ in site.rows], axis=0), -2)
+    """Scaled to metres, and then shifted, as pyopf's matrix has it."""
+    scale = site.framed.frame.unit_m
+    shift = -np.round(np.mean([scale * x for _, x, *_ in site.rows], axis=0), -2)
     cameras, uris = [], []
     for k, (name, x, opk, _) in enumerate(site.rows):
         uris.append({"id": 7 + k, "uri": f"../my%20images/{name}"})
-        pose = {"position": (x + shift).tolist(), "orientation_deg": opk.tolist()}
+        pose = {"position": (scale * x + shift).tolist(), "orientation_deg": opk.tolist()}
         cameras.append({"id": 7 + k, "sensor_id": 1, **pose})
-    frame = {"base_to_canonical": {"scale": [1, 1, 1], "shift": shift.tolist(), "swap_xy": False}}
+    base = {"scale": scale.tolist(), "shift": shift.tolist(), "swap_xy": False}
+    frame = {"base_to_canonical": base}
     site.write("scene_reference_frame.json", json.dumps(frame | {"crs": {"definition": site.crs}}))
     site.write("camera_list.json", json.dumps({"cameras": uris}))
     head = {"format": "application/opf-calibrated-cameras+json", "version": "1.0"}

@@ -3,13 +3,15 @@
     metashape    <calibration>, c_x and c_y from the image's centre, P_1 with r^2 + 2 x^2
     colmap       cameras.txt, OPENCV or FULL_OPENCV, pixels from the outer corner of the first one
     opencv       YAML of cv::FileStorage, pixels from the centre of the first one
+    opensfm      cameras.json of OpenDroneMap and WebODM, lengths in the longer side
 
-In the last two p_2 belongs to r^2 + 2 x^2, and there is no skew b_2 nor k_4. What a program cannot
+In the last three p_2 belongs to r^2 + 2 x^2, with no skew b_2 nor k_4. What a program cannot
 express is left out where it moves no pixel of the image by more than `EXACT_PX`, and said; else the
 camera is refused. The same limit holds for a backward camera, which a forward one is fitted to: on
 a grid over the image, by Gauss-Newton steps on (J.4) with the rays of (J.5).
 """
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from xml.sax.saxutils import escape
@@ -26,7 +28,7 @@ EXACT_PX = 0.01
 LOST_PX = 0.1  # of what a program has no place for, which is said
 GRID = 25
 STEPS = 20
-LACKING = {"colmap": ("b2", "k4"), "opencv": ("b2", "k4")}
+LACKING = dict.fromkeys(("colmap", "opencv", "opensfm"), ("b2", "k4"))
 Covariances = Sequence[InteriorCovariance | None]
 Text = Callable[[Sequence[BrownCamera], Covariances], str]
 
@@ -46,7 +48,7 @@ def write_cameras(
     path : path
         The file, written whole or not at all.
     form : str
-        "metashape", "colmap" or "opencv".
+        A key of `FORMS`.
     covariances : sequence of InteriorCovariance or None, optional
         Of each camera; those of backward cameras, which another polynomial stands for, are not
         written.
@@ -303,4 +305,20 @@ def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     return "\n".join(rows) + "\n"
 
 
-FORMS: Mapping[str, Text] = {"metashape": _metashape, "colmap": _colmap, "opencv": _opencv}
+def _opensfm(cameras: Sequence[BrownCamera], _: Covariances) -> str:
+    (camera,) = cameras
+    size, v = max(camera.width, camera.height), _opencv_values(camera)
+    entry = {"projection_type": "brown", "width": camera.width, "height": camera.height}
+    entry |= {"focal_x": v["fx"] / size, "focal_y": v["fy"] / size}
+    entry |= {"c_x": (2.0 * v["cx"] - camera.width) / (2.0 * size)}
+    entry |= {"c_y": (2.0 * v["cy"] - camera.height) / (2.0 * size)}
+    entry |= {key: v[key] for key in ("k1", "k2", "p1", "p2", "k3")}
+    return json.dumps({camera.name: entry}, indent=2) + "\n"
+
+
+FORMS: Mapping[str, Text] = {
+    "metashape": _metashape,
+    "colmap": _colmap,
+    "opencv": _opencv,
+    "opensfm": _opensfm,
+}

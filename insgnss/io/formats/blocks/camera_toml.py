@@ -82,7 +82,7 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
     Returns
     -------
     InteriorCovariance or None
-        The covariance; None where the file has no table [sigma].
+        The covariance; None where the file has no table [sigma], or is of another program.
 
     Raises
     ------
@@ -90,6 +90,8 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
         A standard deviation that is not positive, or correlations that cannot be, with file and
         line.
     """
+    if Path(path).suffix.lower() != ".toml":
+        return None
     table = read_toml(Path(path), KEYS)
     if "sigma" not in table.data:
         return None

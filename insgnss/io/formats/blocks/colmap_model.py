@@ -15,7 +15,7 @@ from ....base.files import lines_of
 from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
 from ....records.block import INTERIOR, Array, BrownCamera
-from ..bundle.camera import BROWN_NAMES, PARAMETERS
+from ..bundle.camera import BROWN_NAMES, PARAMETERS, Camera
 from ..text.layout import decode, shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
@@ -54,7 +54,19 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
     """
     positive_sigma(sigma_px, "COLMAP model")
     model = _model(Path(path))
-    cameras = [_camera(path, number, camera) for number, camera in sorted(model.cameras.items())]
+    cameras = [
+        brown_of(
+            path,
+            str(number),
+            Camera(
+                camera.model.name,
+                int(camera.width),
+                int(camera.height),
+                tuple(map(float, camera.params)),
+            ),
+        )
+        for number, camera in sorted(model.cameras.items())
+    ]
     row_by_camera = {number: k for k, number in enumerate(sorted(model.cameras))}
     images = [model.images[number] for number in sorted(model.images)]
     names = file_names([image.name for image in images], path)
@@ -195,26 +207,46 @@ def _spells_numbers(text: str, words: list[str]) -> bool:
     return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST_UNIT
 
 
-def _camera(path: Source, number: int, given: Any) -> BrownCamera:
-    """Return a camera whose model is Brown's, or a part of it."""
-    model = given.model.name
+def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
+    """Return a camera of COLMAP whose model is Brown's, or a part of it.
+
+    Parameters
+    ----------
+    path : path
+        Its file, for the message.
+    name : str
+        Its name.
+    camera : Camera
+        Model, size and parameters.
+
+    Returns
+    -------
+    BrownCamera
+        The same.
+
+    Raises
+    ------
+    InputError
+        Another model, or a rational polynomial.
+    """
+    model = camera.model
     if model not in BROWN_NAMES:
         raise InputError.at_line(
             path,
             None,
-            f"camera {number}: model {model} is not Brown's; reconstruct with one of"
+            f"camera {name}: model {model} is not Brown's; reconstruct with one of"
             f" {', '.join(BROWN_NAMES)}",
         )
-    value = dict(zip(BROWN_NAMES[model], map(float, given.params), strict=True))
+    value = dict(zip(BROWN_NAMES[model], camera.parameters, strict=True))
     if rational := [name for name in ("k4", "k5", "k6") if value.pop(name, 0.0) != 0.0]:
         raise InputError.at_line(
             path,
             None,
-            f"camera {number}: {model} with {', '.join(rational)} other than zero, a rational"
+            f"camera {name}: {model} with {', '.join(rational)} other than zero, a rational"
             " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
         )
     f = value.get("f", value.get("fy", 0.0))
     value |= {"f": f, "b1": value.get("fx", f) - f, "k1": value.get("k1", value.get("k", 0.0))}
     value |= {"p1": value.get("p2", 0.0), "p2": value.get("p1", 0.0)}
     interior = np.array([value.get(name, 0.0) for name in INTERIOR])
-    return BrownCamera(str(number), int(given.width), int(given.height), interior)
+    return BrownCamera(name, camera.width, camera.height, interior)

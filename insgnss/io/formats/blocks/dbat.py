@@ -421,3 +421,25 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     held[reference] = True
     held[np.unravel_index(int(np.argmax(apart)), apart.shape)] = True
     return held
+
+
+def read_dbat_cameras(path: Source) -> tuple[BrownCamera, ...]:
+    """Read the cameras of a script or of a camera file of DBAT.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        As the file has them, whatever the script sets in their place.
+
+    Raises
+    ------
+    InputError
+        As `read_dbat`.
+    """
+    root = parse_xml(path, load_bytes(path).tobytes())
+    return tuple(_camera(Path(path), camera, {}) for camera in root.iter("camera"))

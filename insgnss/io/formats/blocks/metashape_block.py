@@ -12,14 +12,17 @@ from the image's corner; which of the two origins is meant, the values tell: hal
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....records.block import INTERIOR, Array, BrownCamera
+from ..detect import head_of
 from ..text.layout import shown
 from ..text.numbers import whole
-from ..text.text import Source
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points
@@ -35,6 +38,7 @@ from .metashape_chunk import (
 )
 from .metashape_project import Element, ProjectFile, read_ply
 
+CALIBRATION = re.compile(rb"\s*(<\?xml[^>]*>\s*)?<calibration\b")  # a file of one camera alone
 MARKER_M = 0.005  # accuracy of markers where the project states none (m)
 
 
@@ -117,6 +121,35 @@ def _cameras(
         raise of.source.error(f"no <sensor> with the id {missing[0]}; export the cameras again")
     rows = np.array([used.index(c.get("sensor_id")) for c in images], dtype=np.int64)
     return tuple(_camera(of.source, sensors[number], notes) for number in used), rows
+
+
+def read_metashape_cameras(path: Source) -> tuple[BrownCamera, ...]:
+    """Read the cameras of a project, or of a calibration file of Metashape.
+
+    Parameters
+    ----------
+    path : path
+        .psx, .psz, XML of cameras, or <calibration> alone.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        The sensors.
+
+    Raises
+    ------
+    InputError
+        As `read_metashape_block`.
+    """
+    if not CALIBRATION.match(head_of(Path(path))):
+        chunk = opened_chunk(path)
+        return tuple(_camera(chunk.source, sensor, []) for sensor in chunk.all("sensors", "sensor"))
+    sensor = Element("sensor", label=Path(path).stem)
+    sensor.append(calibration := parse_xml(path, load_bytes(path).tobytes()))
+    size = {key: text_of(calibration.find(key)) for key in ("width", "height")}
+    calibration.append(Element("resolution", size))
+    calibration.set("type", text_of(calibration.find("projection")) or "frame")
+    return (_camera(ProjectFile(Path(path), zipped=False), sensor, []),)
 
 
 def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCamera:

@@ -201,6 +201,39 @@ def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
     return vector
 
 
+def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
+    """Read cameras.json of OpenDroneMap and WebODM, or the cameras of a reconstruction.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        Each name once.
+
+    Raises
+    ------
+    InputError
+        A damaged file, or a camera that is none of Brown's.
+    """
+    file = Path(path)
+    document = parse_json(file, decode(load_bytes(file).tobytes()))
+    models = document if isinstance(document, list) else [document]
+    if not all(isinstance(model, dict) for model in models):
+        raise InputError.at_line(file, None, "is no table of cameras; export it again")
+    tables = [
+        _table(file, model if "cameras" in model else {"cameras": model}, "cameras")
+        for model in models
+    ]
+    return tuple(
+        _camera(file, key, camera)
+        for key, camera in {k: c for table in tables for k, c in table.items()}.items()
+    )
+
+
 def _camera(file: Path, name: str, given: Any) -> BrownCamera:
     """Return a camera in pixels."""
     model = given.get("projection_type", "perspective")

@@ -46,7 +46,7 @@ from ..orientation.exported import (
 )
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
-from .camera import Camera, cameras_of
+from .camera import BROWN_NAMES, Camera, cameras_of
 
 FORMAT = "application/opf-{}+json"
 FILES = {
@@ -60,6 +60,7 @@ SOURCES = {
     "input_cameras": ("camera_list",),
     "projected_input_cameras": ("input_cameras", "scene_reference_frame"),
 }
+MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV", "FULL_OPENCV")  # of COLMAP, that OPF has as well
 PIXELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
 BANDS = {"rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)), "gray": (("Gray", 1.0),)}
 # step of the scene's shift (m): a short number that leaves small coordinates (chosen)
@@ -85,8 +86,8 @@ def write_opf(
     path : path
         The directory.
     camera : str
-        In COLMAP's notation, PINHOLE or OPENCV with one focal length; of a rig "NAME=MODEL ...;
-        NAME=...", each camera a sensor of its own.
+        In COLMAP's notation, PINHOLE, OPENCV or FULL_OPENCV (k3) with one focal length; of a rig
+        "NAME=MODEL ...; NAME=...", each camera a sensor of its own.
     pixel_size_um : float
         Size of the sensor's pixels, micrometres.
     pixel_type : {"uint8", "uint12", "uint16"}
@@ -212,10 +213,12 @@ def _sensor(
             f" and of {', '.join(BANDS)}"
         )
     fx, fy = camera.focal
-    if camera.model not in ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV") or fx != fy:
+    distortion = dict(zip(BROWN_NAMES.get(camera.model, ()), camera.parameters, strict=False))
+    rational = any(distortion.get(key, 0.0) for key in ("k4", "k5", "k6"))
+    if camera.model not in MODELS or fx != fy or rational:
         raise UsageError(
-            f"opf: camera {camera.model} with focal lengths {fx:g} and {fy:g}; give PINHOLE or"
-            " OPENCV with one focal length"
+            f"opf: camera {camera.model} with focal lengths {fx:g} and {fy:g}; give PINHOLE, OPENCV"
+            " or FULL_OPENCV (k4 to k6 zero) with one focal length"
         )
     if pixel_size_um is None:
         raise UsageError(
@@ -225,7 +228,7 @@ def _sensor(
     pixel = positive(
         pixel_size_um, "opf: pixel_size_um, the size of the sensor's pixels", "micrometres"
     )
-    k1, k2, p1, p2 = camera.parameters[4:] if camera.model == "OPENCV" else (0.0,) * 4
+    k1, k2, k3, p1, p2 = (distortion.get(key, 0.0) for key in ("k1", "k2", "k3", "p1", "p2"))
     return {
         "bands": [{"name": name, "weight": weight} for name, weight in BANDS[bands]],
         "image_size_px": [camera.width, camera.height],
@@ -233,7 +236,7 @@ def _sensor(
             "type": "perspective",
             "focal_length_px": fx,
             "principal_point_px": list(camera.principal_point),
-            "radial_distortion": [k1, k2, 0.0],
+            "radial_distortion": [k1, k2, k3],
             "tangential_distortion": [p1, p2],
         },
         "pixel_size_um": pixel,

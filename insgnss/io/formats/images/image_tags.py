@@ -111,6 +111,8 @@ class Tags:
         The frame and its heights in words.
     rtk_flag : int, optional
         RtkFlag of drone-dji.
+    datum, datum_name : str
+        Code and name of the geographic CRS of the place.
     """
 
     place: tuple[float, float, float]
@@ -124,6 +126,8 @@ class Tags:
     sea_level: bool
     frame: str
     rtk_flag: int | None
+    datum: str
+    datum_name: str
 
     @property
     def plan_sigma(self) -> float:
@@ -305,6 +309,8 @@ def _tags(
             at_sea,
             frame_words(eo),
             rtk_flag,
+            eo.frame.datum,
+            eo.frame.datum_name,
         )
 
     return of
@@ -395,7 +401,10 @@ def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int,
         7: (RATIONAL, clock),
         16: (ASCII, b"T\x00"),
         17: (RATIONAL, [(round(tags.ypr[0] * 1e6) % 360_000_000, 1_000_000)]),
-        18: (ASCII, b"WGS-84\x00"),
+        18: (
+            ASCII,
+            tags.datum_name.replace("WGS84", "WGS-84").encode("ascii", "replace") + b"\x00",
+        ),
         29: (ASCII, when.strftime("%Y:%m:%d").encode() + b"\x00"),
         31: (RATIONAL, [(round(tags.plan_sigma * 1e5), 100_000)]),
     }
@@ -413,7 +422,9 @@ def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
     own = {
         "Software": f"insgnss {__version__}",
         "Frame": tags.frame,
-        "Heights": "above mean sea level" if tags.sea_level else "above the ellipsoid of WGS84",
+        "Heights": "above mean sea level"
+        if tags.sea_level
+        else f"above the ellipsoid of {tags.datum_name}",
         "GimbalAngles": tags.gimbal_words,
         "Position": "projection centre; lever arm and bore-sight applied",
     }
@@ -433,7 +444,7 @@ def properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
     camera |= {
         "GPSXYAccuracy": f"{tags.plan_sigma:.5f}",
         "GPSZAccuracy": f"{up:.5f}",
-        "HorizCS": "EPSG:4326",
+        "HorizCS": "EPSG:4326" if tags.datum == "EPSG:4979" else tags.datum,
     }
     dji = {
         "GpsLatitude": f"{lat:+.10f}",

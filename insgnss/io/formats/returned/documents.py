@@ -4,9 +4,9 @@ odm_shots   shots.geojson of OpenDroneMap: a point each with longitude, latitude
             rotation vector of the reconstruction's axes to the camera (right, down, viewing
             direction). Those axes are east, north, up at the place of the reconstruction: the
             program writes them beside coordinates of UTM without the meridian convergence.
-opf         calibrated_cameras.json of Pix4D's OPF: position of the processing CRS, shifted, scaled
-            and exchanged as scene_reference_frame.json says, and omega, phi, kappa to its axes;
-            names in camera_list.json
+opf         calibrated_cameras.json of Pix4D's OPF: position of the processing CRS, scaled (to
+            metres) and then shifted as scene_reference_frame.json says, and omega, phi, kappa to
+            its axes; names in camera_list.json
 """
 
 from collections.abc import Iterator, Mapping
@@ -105,7 +105,7 @@ def read_opf(path: Source) -> ReturnedPoses:
     images = image_names(names, file)
     frame = _document(scene)
     base = _member(scene, frame, "base_to_canonical")
-    x = np.array(position) / _vector(scene, base, "scale") - _vector(scene, base, "shift")
+    x = (np.array(position) - _vector(scene, base, "shift")) / _vector(scene, base, "scale")
     C = rotation_from_opk(np.radians(opk)) @ CV_RUB
     if base.get("swap_xy"):
         raise InputError.at_line(

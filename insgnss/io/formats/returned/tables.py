@@ -7,7 +7,8 @@ metashape_reference    the CRS as WKT, then a table with a header: reference coo
                        with _est behind their names, those of the adjustment
 pix4d_external         imageName X Y Z Omega Phi Kappa; less the offset in <project>_offset.xyz,
                        in the CRS of <project>_wkt.prj
-ign_opk                NOM X Y Z O P K CAMERA of IGN, in a CRS that is not named
+ign_opk                NOM X Y Z O P K CAMERA of IGN, in a CRS that is not named; lines above the
+                           header may name the unit of angles
 odm_geo                OpenDroneMap's geo.txt: positions alone
 pix4d_camera           ten lines an image: K, distortions, position t, rotation R of the frame
                            to the camera, m = K [R|-Rt] X
@@ -29,6 +30,8 @@ from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
 
 OPK_COLUMNS = 7
+IGN_HEADER = re.compile(r"\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b", re.IGNORECASE)
+IGN_UNITS = {"g": 0.9, "d": 1.0, "r": float(np.degrees(1.0))}  # deg of a unit, by its first letter
 MATRIX_COLUMNS = 16
 SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
@@ -209,7 +212,7 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
 
 
 def read_ign_opk(path: Source) -> ReturnedPoses:
-    """Read the orientations of IGN: NOM X Y Z O P K CAMERA.
+    """Read the orientations of IGN: NOM X Y Z O P K CAMERA, perhaps below CHANTIER and UNITE ANGLE.
 
     Parameters
     ----------
@@ -224,24 +227,39 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
     Raises
     ------
     InputError
-        A line of another length, with file and line.
+        A line of another length, or another unit of angles, with file and line.
     """
-    return _of_opk(path, *_name_xyz_opk(path, "nom", OPK_COLUMNS + 1))
+    lines = lines_of(path)
+    header = next((k for k, text in enumerate(lines) if IGN_HEADER.match(text)), 0)
+    names, table = _name_xyz_opk(path, "nom", OPK_COLUMNS + 1, header)
+    for line, text in enumerate(lines[:header], start=1):
+        key, _, unit = text.lower().partition(":")
+        if "angle" in key and unit.strip():
+            factor = next((IGN_UNITS[k] for k in IGN_UNITS if unit.strip().startswith(k)), None)
+            if factor is None:
+                raise InputError.at_line(
+                    path, line, f"angles in {shown(unit.strip())}; grades, degres, radians are read"
+                )
+            table[:, 3:] *= factor
+    return _of_opk(path, names, table)
 
 
-def _name_xyz_opk(path: Source, first: str, columns: int) -> tuple[list[str], Array]:
+def _name_xyz_opk(
+    path: Source, first: str, columns: int, skipped: int = 0
+) -> tuple[list[str], Array]:
     """Return names and a table (n, 6) of coordinates and omega, phi, kappa, deg.
 
-    The header, which may be missing, begins with `first`.
+    The header, which may be missing, begins with `first`; lines before it are `skipped`.
     """
     names, rows = [], []
     for line, text in enumerate(lines_of(path), start=1):
         words = text.replace(",", " ").split()
-        if not words or words[0].lower() == first:
+        if line <= skipped or not words or words[0].lower() == first:
             continue
         if len(words) != columns:
+            commas = "; are its decimal signs commas? write points" if "," in text else ""
             raise InputError.at_line(
-                path, line, f"{len(words)} fields, expected {columns}: {shown(text)}"
+                path, line, f"{len(words)} fields, expected {columns}: {shown(text)}{commas}"
             )
         names.append(words[0])
         rows.append(numbers(words[1:OPK_COLUMNS], path, line))

@@ -1,0 +1,49 @@
+"""The verb `camera`: calibrations of any program, read, compared and converted."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
+from .console import Progress
+from .verb import Verb, show_result
+
+READ = "toml metashape opencv kalibr colmap pix4d opensfm bentley inpho dbat"
+"""Formats of `io.formats.returned.cameras`, named here so that help needs no numpy."""
+WRITTEN = "toml metashape colmap opencv opensfm"
+EXAMPLE = """  insgnss camera calibration.xml camera.toml
+  insgnss camera cameras.txt --name 2 --as toml --out camera.toml"""
+
+
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    file: Path = argument(..., f"calibration of {', '.join(READ.split())}", cli="FILE")
+    second: Path | None = argument(
+        None, "another one to compare with it, in pixels over the image", cli="FILE2"
+    )
+    name: str | None = argument(None, "the camera that is meant, of a file with several")
+    form: str | None = argument(
+        None, f"write FILE as {', '.join(WRITTEN.split())}", cli="--as", metavar="FORMAT"
+    )
+    out: Path | None = argument(None, "the file to write")
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ..photogrammetry.comparison.cameras import report_cameras
+
+    progress("reading cameras")
+    result = report_cameras(options.file, options.second, options.name, options.form, options.out)
+    return show_result(options, progress, result)
+
+
+VERB = Verb(
+    "camera",
+    "reads calibrated cameras of any program, compares them in pixels, and converts them",
+    EXAMPLE,
+    (Request,),
+    run,
+)

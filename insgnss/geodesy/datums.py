@@ -1,0 +1,183 @@
+"""Datums of positions: names, other kinds of CRS of one datum, transformations between two.
+
+It also finds which CRS of the registry numbers may be of.
+
+A wrong zone, or metres declared as feet, puts points hundreds of kilometres away, while the numbers
+are those of another CRS at the place where they are known to be.
+"""
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError
+from .crs import moves, source_crs, transformed, transformer_between
+
+Array = NDArray[np.float64]
+
+FITTING = 20.0  # distance (units of a CRS) up to which coordinates fit it: an adjustment moves less
+OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked at with it
+ALIKE = 1.0  # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
+MOST_CRS = 2  # that are named: more do not fit into a line
+
+
+def datum_words(crs: Any, epoch: float | None) -> str:
+    """Return what people call the datum of positions.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        As of `source_crs`.
+    epoch : float, optional
+        Decimal year of the positions.
+
+    Returns
+    -------
+    str
+        Such as "ITRF2014, epoch 2023.5".
+    """
+    return crs.name if epoch is None else f"{crs.name}, epoch {epoch:.10g}"
+
+
+def code_of(crs: Any) -> str:
+    """Return the authority code of a CRS.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        The CRS.
+
+    Returns
+    -------
+    str
+        Such as EPSG:6319; empty where it has none.
+    """
+    return ":".join(crs.to_authority() or ())
+
+
+def sibling_code(crs: Any, kind: str) -> str:
+    """Return the code of the CRS of the same datum and another kind.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        A geographic or geocentric CRS.
+    kind : str
+        Name of a `pyproj.enums.PJType`: GEOCENTRIC_CRS or GEOGRAPHIC_3D_CRS.
+
+    Returns
+    -------
+    str
+        Its EPSG code, whose name is the same there; empty where there is none.
+    """
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+
+    siblings = query_crs_info("EPSG", [PJType[kind]])
+    return next((f"EPSG:{info.code}" for info in siblings if info.name == crs.name), "")
+
+
+def between_datums(
+    lat: Array,
+    lon: Array,
+    h: Array,
+    source: tuple[str | None, float | None],
+    target: tuple[str | None, float | None],
+) -> tuple[Array, Array, Array]:
+    """Return geodetic positions in another datum.
+
+    Parameters
+    ----------
+    lat, lon : ndarray, (n,)
+        Latitude and longitude, rad.
+    h : ndarray, (n,)
+        Height above the ellipsoid, m.
+    source, target : tuple
+        Datum and epoch as of `source_crs`, of these positions and of the result.
+
+    Returns
+    -------
+    tuple of ndarray
+        Latitude, longitude and height, each (n,).
+
+    Raises
+    ------
+    UsageError
+        As `source_crs`.
+    InputError
+        PROJ knows no transformation, its grid is not installed, or both datums move and the epochs
+        differ: no motion of the ground is known here.
+    """
+    crs_from, crs_to = source_crs(*source), source_crs(*target)
+    epochs = {epoch for crs, (_, epoch) in ((crs_from, source), (crs_to, target)) if moves(crs)}
+    if len(epochs) > 1:
+        raise InputError(
+            f"{datum_words(crs_from, source[1])} and {datum_words(crs_to, target[1])}: the ground"
+            " moves by centimetres a year, by how much here is not known; process the data of both"
+            " at one epoch"
+        )
+    if crs_from == crs_to:
+        return lat, lon, h
+    transformer = transformer_between(crs_from, crs_to)
+    degrees = np.degrees(lon), np.degrees(lat)
+    lon, lat, h = transformed(transformer, crs_to.name, *degrees, h, epoch=next(iter(epochs), None))
+    return np.radians(lat), np.radians(lon), h
+
+
+def fitting_crs(
+    numbers: Array,
+    lat: float,
+    lon: float,
+    extent: float,
+    datum: str | None = None,
+    epoch: float | None = None,
+) -> str:
+    """Return the projected CRSs of the registry in which numbers are coordinates of a place.
+
+    Parameters
+    ----------
+    numbers : ndarray, (n, 2) or (n, 3)
+        Coordinates as a file has them, easting before northing.
+    lat, lon : float
+        Where they are known to be, rad.
+    extent : float
+        By how much the middle of both may differ, m.
+    datum, epoch : optional
+        Of the place, as of `source_crs`.
+
+    Returns
+    -------
+    str
+        At most two codes with "or" between them, those of the same datum first; empty where none
+        fits.
+    """
+    from pyproj import CRS, Proj, Transformer
+    from pyproj.aoi import AreaOfInterest
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+    from pyproj.exceptions import CRSError, ProjError
+
+    globe, middle = source_crs(datum, epoch), np.median(numbers[:, :2], axis=0)
+    lat_deg, lon_deg = np.degrees([lat, lon]).tolist()
+    area = AreaOfInterest(lon_deg, lat_deg, lon_deg, lat_deg)
+    fits = []
+    for info in query_crs_info("EPSG", PJType.PROJECTED_CRS, area):
+        try:
+            crs = CRS.from_epsg(int(info.code))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that a PROJ text has no datum: it need not
+                distance = np.linalg.norm(Proj(crs)(lon_deg, lat_deg) - middle)
+            if distance > FITTING + extent + OF_DATUM:
+                continue
+            x = Transformer.from_crs(globe, crs, always_xy=True).transform(lon_deg, lat_deg)
+        except (CRSError, ProjError):
+            continue
+        if (distance := np.linalg.norm(x[:2] - middle)) < FITTING + extent:
+            geodetic = crs.geodetic_crs
+            other_datum = geodetic is None or geodetic.name != globe.name
+            fits.append((other_datum, float(distance), f"EPSG:{info.code} {info.name}"))
+    nearest = min((distance for _, distance, _ in fits), default=0.0)
+    names = [name for _, distance, name in sorted(fits) if distance <= nearest + ALIKE]
+    return " or ".join(names[:MOST_CRS])

@@ -1,0 +1,333 @@
+"""Calibrated cameras of any program, data_specs/camera_files.md: contents tell the format.
+
+    toml        camera.toml of insgnss                       colmap     cameras.txt
+    metashape   <calibration>, project, XML of cameras       opensfm    cameras.json, reconstruction
+    opencv      YAML or XML of cv::FileStorage, ROS          kalibr     camchain, pinhole radtan
+    pix4d       .cam; sizes from the file of poses beside    bentley    BlocksExchange
+    inpho       $CAMERA without distortion                   dbat       scripts and camera files
+
+Pixels of OpenCV, Kalibr and Inpho count from the centre of the first pixel: 0.5 is added.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import InputError, UsageError, near
+from ....base.inputs import first_bytes
+from ....records.block import INTERIOR, Array, BrownCamera
+from ..blocks.camera_toml import read_camera_toml
+from ..blocks.colmap_model import brown_of
+from ..blocks.dbat import read_dbat_cameras
+from ..blocks.metashape_block import read_metashape_cameras
+from ..blocks.opensfm_model import read_opensfm_cameras
+from ..bundle.camera import Camera, camera_of
+from ..text.layout import decode, shown
+from ..text.numbers import finite, whole
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
+
+HEAD = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
+CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
+Cameras = tuple[BrownCamera, ...]
+
+
+def read_cameras(path: Source, form: str = "auto") -> Cameras:
+    """Read the calibrated cameras of a file.
+
+    Parameters
+    ----------
+    path : path
+        The file, or a directory with a model of COLMAP.
+    form : str
+        A key of `READERS`; "auto": what the contents show.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        At least one.
+
+    Raises
+    ------
+    UsageError
+        A format that is unknown.
+    InputError
+        No camera, one of another model than Brown's, or what its reader refuses.
+    """
+    path = Path(path) / "cameras.txt" if Path(path).is_dir() else Path(path)
+    form = recognised_camera(path) if form == "auto" else form
+    if form not in READERS:
+        raise UsageError(f"cameras as {form!r}; {near(form, READERS)}")
+    try:
+        cameras = READERS[form](path)
+    except InputError as error:  # of the camera itself, which knows no file
+        if str(path) in str(error):
+            raise
+        raise InputError.at_line(path, None, str(error)) from None
+    if not cameras:
+        raise InputError.at_line(path, None, f"has no calibrated camera ({form}); export it again")
+    return cameras
+
+
+def read_camera(path: Source) -> BrownCamera:
+    """Read the one camera of a file, as options that take a camera do.
+
+    Parameters
+    ----------
+    path : path
+        As of `read_cameras`.
+
+    Returns
+    -------
+    BrownCamera
+        The camera.
+
+    Raises
+    ------
+    InputError
+        As `read_cameras`, or several cameras.
+    """
+    cameras = read_cameras(path)
+    if len(cameras) > 1:
+        names = ", ".join(shown(camera.name) for camera in cameras[:3])
+        raise InputError.at_line(
+            path,
+            None,
+            f"has {len(cameras)} cameras ({names}), one is needed: write it by itself, insgnss"
+            " camera --name",
+        )
+    return cameras[0]
+
+
+def recognised_camera(path: Path) -> str:
+    """Return the format of a file of cameras, a key of `READERS`; InputError where it is none."""
+    if path.suffix.lower() in (".psx", ".psz"):
+        return "metashape"
+    if path.suffix.lower() == ".toml":
+        return "toml"
+    text = decode(first_bytes(path, HEAD, "check the path of the camera"))
+    for form, pattern in HEADS.items():
+        if re.search(pattern, text, re.MULTILINE):
+            return form
+    raise InputError.at_line(
+        path, None, f"no calibrated camera is known here; read are {', '.join(READERS)}"
+    )
+
+
+def _opencv_camera(
+    path: Path, name: str, size: tuple[str | None, ...], K: Array, D: Array
+) -> BrownCamera:
+    """Return a camera of OpenCV's parameters: fx, fy, cx, cy, and k1 k2 p1 p2 [k3 [k4 k5 k6]]."""
+    rational = np.concatenate([D, np.zeros(max(0, 8 - D.size))])
+    if np.any(rational[8:]):
+        raise InputError.at_line(
+            path, None, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
+        )
+    parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_PX, CENTRE_PX)).tolist())]
+    parameters += map(repr, rational[:8].tolist())
+    return _of_words(path, name, "FULL_OPENCV " + " ".join(map(str, parameters)))
+
+
+def _of_words(path: Path, name: str, text: str) -> BrownCamera:
+    """Return a camera in COLMAP's notation."""
+    try:
+        camera: Camera = camera_of(text, "camera")
+    except UsageError as error:
+        raise InputError.at_line(path, None, str(error).partition(";")[0]) from None
+    return brown_of(path, name, camera)
+
+
+def _numbers(path: Path, text: str, key: str) -> Array:
+    values = np.array([finite(word) for word in re.findall(NUMBER, text)])
+    if not values.size or not np.isfinite(values).all():
+        raise InputError.at_line(path, None, f"{key} {shown(text)} has no numbers; export it again")
+    return values
+
+
+def _text(path: Path) -> str:
+    return decode(load_bytes(path).tobytes())
+
+
+def _opencv(path: Path) -> Cameras:
+    text = _text(path)
+    if re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text):
+        raise InputError.at_line(
+            path, None, "is a fisheye camera; cameras of Brown's model are read"
+        )
+
+    def block(key: str) -> str:
+        yaml = re.search(rf"(?i)\b{key}:[^\[]*?data:\s*\[([^\]]*)\]", text)
+        xml = re.search(rf"(?is)<{key}\b.*?<data>(.*?)</data>", text)
+        match = yaml or xml
+        if match is None:
+            raise InputError.at_line(path, None, f"no {key}; write it by cv::FileStorage")
+        return match[1]
+
+    def side(key: str) -> str | None:
+        match = re.search(rf"(?i)\b{key}(?:>|:)\s*(\d+)", text)
+        return match[1] if match else None
+
+    K = _numbers(path, block("camera_matrix"), "camera_matrix")
+    D = _numbers(path, block("distortion_coefficients"), "distortion_coefficients")
+    size = side("image_width"), side("image_height")
+    if K.size != 9 or None in size:
+        raise InputError.at_line(path, None, "needs image_width, image_height and a matrix of 9")
+    return (_opencv_camera(path, path.stem, size, K[[0, 4, 2, 5]], D),)
+
+
+def _kalibr(path: Path) -> Cameras:
+    cameras = []
+    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", _text(path)):
+        matches = {
+            key: re.search(rf"(?m)^\s+{key}:((?:.*\n?)(?:\s+-.*\n?)*)", body)
+            for key in ("camera_model", "distortion_model", "intrinsics", "resolution")
+        }
+        value = {key: match[1].strip() if match else "" for key, match in matches.items()}
+        coefficients = re.search(r"(?m)^\s+distortion_coeffs:((?:.*\n?)(?:\s+-.*\n?)*)", body)
+        if value["camera_model"] != "pinhole" or value["distortion_model"] not in (
+            "radtan",
+            "none",
+        ):
+            model = f"{value['camera_model']} {value['distortion_model']}"
+            raise InputError.at_line(
+                path, None, f"camera {name}: {shown(model)}; pinhole radtan is read"
+            )
+        K = _numbers(path, value["intrinsics"], "intrinsics")
+        size = tuple(re.findall(r"\d+", value["resolution"]))
+        D = np.zeros(4)
+        if value["distortion_model"] == "radtan" and coefficients:
+            D = _numbers(path, coefficients[1], "distortion_coeffs")
+        if K.size != 4 or len(size) != 2:
+            raise InputError.at_line(
+                path, None, f"camera {name}: needs 4 intrinsics and a resolution"
+            )
+        cameras.append(_opencv_camera(path, name, size, K, D))
+    return tuple(cameras)
+
+
+def _colmap(path: Path) -> Cameras:
+    rows = [row.split(maxsplit=1) for row in _text(path).splitlines() if row.strip()]
+    return tuple(_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:])
+
+
+def _pix4d(path: Path) -> Cameras:
+    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", _text(path))[1:]
+    cameras = []
+    for name, body in zip(sections[::2], sections[1::2], strict=True):
+        value = {key: finite(word) for key, word in re.findall(r"(?m)^(\w\w?) (\S+)\s*$", body)}
+        sensor = re.search(rf"sensor width of ({NUMBER})x({NUMBER})", body)
+        if sensor is None or not {"F", "Px", "Py"} <= set(value):
+            raise InputError.at_line(
+                path, None, f"camera {name}: no F, Px, Py or sensor; copy again"
+            )
+        width, height = _pix4d_size(path)
+        per_mm = width / float(sensor[1])
+        of = {key.lower(): value.get(key, 0.0) for key in ("K1", "K2", "K3")}
+        of |= {"f": per_mm * value["F"], "cx": per_mm * value["Px"], "cy": per_mm * value["Py"]}
+        of |= {"p1": value.get("T2", 0.0), "p2": value.get("T1", 0.0)}
+        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
+        cameras.append(BrownCamera(name, width, height, interior))
+    return tuple(cameras)
+
+
+def _pix4d_size(path: Path) -> tuple[int, int]:
+    """Return the size of the images, which a .cam does not have: of the first image beside it."""
+    for beside in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
+        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", _text(beside)):
+            return whole(match[1]), whole(match[2])
+    raise InputError.at_line(
+        path,
+        None,
+        "has no size of images in pixels; copy <project>_calibrated_camera_parameters.txt there",
+    )
+
+
+def _bentley(path: Path) -> Cameras:
+    cameras: list[BrownCamera] = []
+    for group in parse_xml(path, load_bytes(path).tobytes()).iter("Photogroup"):
+        name = (group.findtext("Name") or f"camera {len(cameras) + 1}").strip()
+
+        def value(key: str, default: float, group: object = group, name: str = name) -> float:
+            text = group.findtext(key)  # type: ignore[attr-defined]
+            number = default if text is None else finite(text)
+            if not np.isfinite(number):
+                raise InputError.at_line(path, None, f"camera {name}: {key} {shown(text)}")
+            return number
+
+        width, height = value("ImageDimensions/Width", 0.0), value("ImageDimensions/Height", 0.0)
+        f = value("FocalLengthPixels", 0.0)
+        if not f and (sensor := value("SensorSize", 0.0)) > 0.0:
+            f = value("FocalLength", 0.0) / sensor * max(width, height)
+        if not f:
+            continue
+        if value("AspectRatio", 1.0) != 1.0:
+            raise InputError.at_line(
+                path,
+                None,
+                f"camera {name}: AspectRatio other than 1 is not read; adjust without it",
+            )
+        of = {
+            key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")
+        }
+        of |= {"f": f, "cx": value("PrincipalPoint/x", 0.5 * width), "b2": value("Skew", 0.0)}
+        of["cy"] = value("PrincipalPoint/y", 0.5 * height)
+        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
+        cameras.append(BrownCamera(name, int(width), int(height), interior))
+    return tuple(cameras)
+
+
+def _inpho(path: Path) -> Cameras:
+    cameras: list[BrownCamera] = []
+    for body in re.findall(r"(?ms)^\s*\$CAMERA(?:_DEFINITION)?\s*$(.*?)^\s*\$END\s*$", _text(path)):
+        lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
+        name = lines.get("TYPE", lines.get("ID", "")).strip() or f"camera {len(cameras) + 1}"
+        distortion = " ".join(lines.get(k, "") for k in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
+        if any(finite(word) for word in re.findall(NUMBER, distortion)):
+            raise InputError.at_line(
+                path,
+                None,
+                f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML",
+            )
+        A = _numbers(path, lines.get("CCD_INTERIOR_ORIENTATION", ""), "CCD_INTERIOR_ORIENTATION")
+        focal = _numbers(path, lines.get("FOCAL_LENGTH", ""), "FOCAL_LENGTH")[0]
+        ppa = _numbers(path, lines.get("PRINCIPAL_POINT_PPA", "0 0"), "PRINCIPAL_POINT_PPA")
+        if A.size != 6 or ppa.size < 2:
+            raise InputError.at_line(path, None, f"camera {shown(name)}: its matrix is not 2 x 3")
+        A = A.reshape(2, 3)
+        cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_PX
+        of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}
+        of["b1"] = abs(A[0, 0]) * focal - of["f"]
+        size = [whole(lines.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS")]
+        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
+        cameras.append(BrownCamera(name, size[0], size[1], interior))
+    return tuple(cameras)
+
+
+READERS: Mapping[str, Callable[[Path], Cameras]] = {
+    "toml": lambda path: (read_camera_toml(path),),
+    "metashape": read_metashape_cameras,
+    "opencv": _opencv,
+    "kalibr": _kalibr,
+    "colmap": _colmap,
+    "pix4d": _pix4d,
+    "opensfm": read_opensfm_cameras,
+    "bentley": _bentley,
+    "inpho": _inpho,
+    "dbat": read_dbat_cameras,
+}
+"""Readers of calibrated cameras by the names of their formats."""
+HEADS = {
+    "pix4d": r"Pix4D camera calibration file",
+    "bentley": r"<BlocksExchange\b",
+    "opencv": r"(?i)<opencv_storage\b|^camera_matrix:",
+    "dbat": r"dbat_(script|camera)_version",
+    "metashape": r"<(calibration|document|chunk)\b",
+    "kalibr": r"^cam\d+:",
+    "inpho": r"^\s*\$CAMERA(_DEFINITION)?\s*$",
+    "opensfm": r"\A\s*[\[{].*",
+    "colmap": r"^\d+ [A-Z_]+ \d+ \d+ ",
+    "toml": r"^model\s*=",
+}

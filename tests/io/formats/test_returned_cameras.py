@@ -1,0 +1,222 @@
+"""Calibrations of other programs: each format of one camera gives the pixels of that camera."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insgnss.base.errors import InputError
+from insgnss.io.formats.blocks.camera_files import FORMS, write_cameras
+from insgnss.io.formats.blocks.camera_toml import write_camera_toml
+from insgnss.io.formats.returned.cameras import (
+    READERS,
+    read_camera,
+    read_cameras,
+    recognised_camera,
+)
+from insgnss.records.block import INTERIOR, BrownCamera
+from insgnss.records.cameras.camera import pixels_of
+
+VALUES = {"f": 5606.998, "cx": 2590.441, "cy": 1971.87, "b1": 1.5}
+VALUES |= {"k1": 0.01717, "k2": -0.06895, "k3": 0.07745, "p1": -0.00089, "p2": 0.00103}
+
+
+def camera(**values: float) -> BrownCamera:
+    of = VALUES | values
+    return BrownCamera("c", 5120, 3840, np.array([of.get(name, 0.0) for name in INTERIOR]))
+
+
+def seen(fx: float, fy: float, cx: float, cy: float, k: list[float], p: list[float]) -> np.ndarray:
+    """OpenCV's formula of the manual: p[0] with 2 x y in x; pixels from the first one's corner."""
+    x, y = rays().T
+    r2 = x * x + y * y
+    radial = 1.0 + k[0] * r2 + k[1] * r2**2 + k[2] * r2**3
+    u = x * radial + 2.0 * p[0] * x * y + p[1] * (r2 + 2.0 * x * x)
+    v = y * radial + p[0] * (r2 + 2.0 * y * y) + 2.0 * p[1] * x * y
+    return np.column_stack([cx + fx * u, cy + fy * v])
+
+
+def rays() -> np.ndarray:
+    axes = np.meshgrid(np.linspace(-0.45, 0.45, 7), np.linspace(-0.33, 0.33, 5))
+    return np.stack(axes, axis=-1).reshape(-1, 2)
+
+
+K, P = [0.01717, -0.06895, 0.07745], [0.00103, -0.00089]
+FX, FY, CX, CY = 5608.498, 5606.998, 2590.441, 1971.87
+EXPECTED = seen(FX, FY, CX, CY, K, P)
+SQUARE = seen(FY, FY, CX, CY, K, P)  # of formats with one focal length
+PLAIN = seen(FX, FY, CX, CY, [0.0] * 3, [0.0] * 2)
+ROS = f"""image_width: 5120
+image_height: 3840
+camera_name: c
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [{FX}, 0, {CX - 0.5},
+         0, {FY}, {CY - 0.5}, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [{K[0]}, {K[1]}, {P[0]}, {P[1]}, {K[2]}]
+"""
+OPENCV_XML = f"""<?xml version="1.0"?>
+<opencv_storage><image_Width>5120</image_Width><image_Height>3840</image_Height>
+<Camera_Matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+<data>{FX} 0. {CX - 0.5} 0. {FY} {CY - 0.5} 0. 0. 1.</data></Camera_Matrix>
+<Distortion_Coefficients type_id="opencv-matrix"><rows>5</rows><cols>1</cols><dt>d</dt>
+<data>{K[0]} {K[1]} {P[0]} {P[1]} {K[2]}</data></Distortion_Coefficients></opencv_storage>
+"""
+KALIBR = f"""cam0:
+  cam_overlaps: []
+  camera_model: pinhole
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  distortion_model: radtan
+  intrinsics: [{FX}, {FY}, {CX - 0.5}, {CY - 0.5}]
+  resolution: [5120, 3840]
+  rostopic: /cam0/image_raw
+"""
+KALIBR_BLOCKS = KALIBR.replace(
+    f"[{FX}, {FY}, {CX - 0.5}, {CY - 0.5}]",
+    f"\n  - {FX}\n  - {FY}\n  - {CX - 0.5}\n  - {CY - 0.5}",
+)
+MM = 17.0 / 5120
+PIX4D = f"""Pix4D camera calibration file 0
+#Focal Length mm assuming a sensor width of 17.0x12.75mm
+F {FY * MM!r}
+#Principal Point mm
+Px {CX * MM!r}
+Py {CY * MM!r}
+#Symmetrical Lens Distortion Coeffs
+K1 {K[0]}
+K2 {K[1]}
+K3 {K[2]}
+#Tangential Lens Distortion Coeffs
+T1 {P[0]}
+T2 {P[1]}
+"""
+PIX4D_POSES = "camera model m = K [R|-Rt] X\n\nIMG_1.jpg 5120 3840\n5607 0 2590\n0 5607 1971\n"
+WEBODM = f"""{{"v2 c 5120 3840 brown 1.0": {{"projection_type": "brown", "width": 5120,
+"height": 3840, "focal_x": {FX / 5120!r}, "focal_y": {FY / 5120!r}, "c_x": {(CX - 2560) / 5120!r},
+"c_y": {(CY - 1920) / 5120!r}, "k1": {K[0]}, "k2": {K[1]}, "k3": {K[2]}, "p1": {P[0]},
+"p2": {P[1]}}}}}"""
+BENTLEY = f"""<BlocksExchange version="2.1"><Block><Photogroups><Photogroup><Name>c</Name>
+<ImageDimensions><Width>5120</Width><Height>3840</Height></ImageDimensions>
+<FocalLength>{FY * MM!r}</FocalLength><SensorSize>17.0</SensorSize>
+<PrincipalPoint><x>{CX}</x><y>{CY}</y></PrincipalPoint><Distortion><K1>{K[0]}</K1><K2>{K[1]}</K2>
+<K3>{K[2]}</K3><P1>{P[1]}</P1><P2>{P[0]}</P2></Distortion></Photogroup></Photogroups></Block>
+</BlocksExchange>"""
+INPHO = f"""$CAMERA
+  $TYPE : c
+  $KIND : CCDFrame
+  $CCD_INTERIOR_ORIENTATION :
+     {FX / 35.0!r} 0.0 {CX - 0.5}
+     0.0 {-FY / 35.0!r} {CY - 0.5}
+  $CCD_COLUMNS : 5120
+  $CCD_ROWS : 3840
+  $PIXEL_REFERENCE : CenterTopLeft
+  $FOCAL_LENGTH : 35.0
+  $PRINCIPAL_POINT_PPA : 0.0 0.0
+$END
+"""
+METASHAPE = f"""<?xml version="1.0" encoding="UTF-8"?>
+<calibration><projection>frame</projection><width>5120</width><height>3840</height><f>{FY}</f>
+<cx>{CX - 2560}</cx><cy>{CY - 1920}</cy><b1>{FX - FY}</b1><k1>{K[0]}</k1><k2>{K[1]}</k2>
+<k3>{K[2]}</k3><p1>{P[1]}</p1><p2>{P[0]}</p2></calibration>
+"""
+DBAT = """<document dbat_camera_version="1.0"><camera><id>1</id><name>c</name><unit>mm</unit>
+<sensor>auto,12.75</sensor><image>5120,3840</image><aspect>1</aspect><skew>0</skew>
+<focal>18.6</focal><model>3</model><nK>3</nK><nP>2</nP><cc>18.6</cc><pp>8.6,6.5</pp><K>0,0,0</K>
+<P>0,0</P></camera></document>"""
+FILES: dict[str, tuple[str, str, str, np.ndarray | None]] = {  # name, format, text, pixels
+    "ROS": ("camera.yaml", "opencv", ROS, EXPECTED),
+    "OpenCV's XML": ("camera.xml", "opencv", OPENCV_XML, EXPECTED),
+    "Kalibr": ("camchain.yaml", "kalibr", KALIBR, PLAIN),
+    "Kalibr's blocks": ("camchain.yaml", "kalibr", KALIBR_BLOCKS, PLAIN),
+    "Pix4D": ("p_calibrated_internal_camera_parameters.cam", "pix4d", PIX4D, SQUARE),
+    "WebODM": ("cameras.json", "opensfm", WEBODM, EXPECTED),
+    "Bentley": ("block.xml", "bentley", BENTLEY, SQUARE),
+    "Inpho": ("a.prj", "inpho", INPHO, PLAIN),
+    "Metashape": ("camera.xml", "metashape", METASHAPE, EXPECTED),
+    "DBAT": ("camera.xml", "dbat", DBAT, None),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_camera_of_another_program(name: str, tmp_path: Path) -> None:
+    """Oracle: OpenCV's formula on the numbers of the file; the contents show the format."""
+    file, form, text, expected = FILES[name]
+    (tmp_path / file).write_text(text)
+    (tmp_path / "p_calibrated_camera_parameters.txt").write_text(PIX4D_POSES)
+    assert recognised_camera(tmp_path / file) == form
+    got = read_camera(tmp_path / file)
+    assert (got.width, got.height) == (5120, 3840)
+    if expected is None:
+        assert got.backward
+        return
+    assert np.abs(pixels_of(got, rays()) - expected).max() < 1e-6
+
+
+@pytest.mark.parametrize("form", ["toml", *FORMS])
+def test_what_is_written_is_read(form: str, tmp_path: Path) -> None:
+    """Oracle: the pixels of the camera that was written."""
+    path = tmp_path / {"toml": "c.toml", "colmap": "cameras.txt"}.get(form, "camera.any")
+    if form == "toml":
+        write_camera_toml(camera(), path)
+    else:
+        assert write_cameras([camera()], path, form) == ()
+    assert recognised_camera(path) == form
+    got = read_camera(path)
+    assert np.abs(pixels_of(got, rays()) - EXPECTED).max() < 1e-9
+
+
+def test_every_format_has_a_case() -> None:
+    """Oracle: the registry."""
+    assert {form for _, form, _, _ in FILES.values()} | {"toml", "colmap"} == set(READERS)
+
+
+def changed(text: str, old: str, new: str) -> Callable[[Path], Path]:
+    def write(root: Path) -> Path:
+        assert old in text or old == "x"
+        (root / "x.any").write_text(text.replace(old, new))
+        return root / "x.any"
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("write", "why"),
+    [
+        (changed(ROS, "plumb_bob", "equidistant"), "is a fisheye camera"),
+        (changed(ROS, f", {K[2]}]", f", {K[2]}, 0.1, 0, 0]"), "a rational polynomial"),
+        (changed(ROS, "image_width", "width_of_image"), "needs image_width"),
+        (changed(KALIBR, "radtan", "equidistant"), "pinhole radtan is read"),
+        (changed(PIX4D, "F ", "F "), "has no size of images in pixels"),
+        (changed(INPHO, "$END", "$RADIAL_COEFFS : 0 1e-5\n$END"), "distortion is not read"),
+        (changed(WEBODM, '"brown"', '"fisheye"'), "is not Brown's"),
+        (changed("1 FOV 10 10 1 1 5 5 0.1\n2 PINHOLE 10 10 1 1 5 5\n", "x", "x"), "not Brown's"),
+        (changed("1 PINHOLE 9 9 1 1 5 5\n2 PINHOLE 9 9 1 1 5 5\n", "x", "x"), "has 2 cameras"),
+        (changed("nothing", "n", "n"), "no calibrated camera is known here"),
+    ],
+)
+def test_cameras_that_are_refused(write: Callable[[Path], Path], why: str, tmp_path: Path) -> None:
+    """Oracle: what Brown's model has, and what a file says."""
+    with pytest.raises(InputError, match=why):
+        read_camera(write(tmp_path))
+
+
+def test_a_camera_that_cannot_be_names_its_file(tmp_path: Path) -> None:
+    """Oracle: a focal length of zero; a path that is none."""
+    (tmp_path / "c.json").write_text(WEBODM.replace(f"{FY / 5120!r}", "0.0"))
+    with pytest.raises(InputError, match=r"c\.json: camera v2 c .*each must be positive"):
+        read_camera(tmp_path / "c.json")
+    with pytest.raises(InputError, match=r"none\.xml: .*check the path of the camera"):
+        read_camera(tmp_path / "none.xml")
+
+
+def test_several_cameras(tmp_path: Path) -> None:
+    """Oracle: COLMAP's numbers of the cameras."""
+    path = tmp_path / "cameras.txt"
+    write_cameras([camera(), camera(f=4000.0)], path)
+    assert [one.name for one in read_cameras(tmp_path)] == ["1", "2"]
