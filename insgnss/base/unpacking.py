@@ -17,7 +17,7 @@ import zlib
 from collections.abc import Callable
 from functools import partial
 
-from .errors import DataError, InputError, UsageError
+from .errors import DataError, InputError, UsageError, installed
 from .memory import GB, available
 from .wording import DOCTOR
 
@@ -245,9 +245,7 @@ def _of_zip(path: object, data: bytes) -> bytes:
 
 
 def _of_compress(path: object, data: bytes) -> bytes:
-    try:
+    problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
+    with installed(problem, path):
         import ncompress
-    except ImportError:
-        problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
-        raise InputError.at_line(path, None, problem) from None
     return _gathered(path, data, partial(ncompress.decompress, data))

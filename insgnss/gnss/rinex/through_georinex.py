@@ -20,7 +20,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ...base.errors import InputError
+from ...base.errors import InputError, installed
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, calendar_from_gps
 from ...records import Array
@@ -63,11 +63,8 @@ HEAD = (
 
 def library(path: str | Path, kind: str) -> ModuleType:
     """Return georinex; InputError for a file of this `kind` where it is not installed."""
-    try:
+    with installed(f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path):
         import georinex
-    except ImportError:
-        message = f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}"
-        raise InputError.at_line(path, None, message) from None
     return georinex
 
 
