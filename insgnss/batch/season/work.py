@@ -17,6 +17,7 @@ from typing import Any
 
 from ...base import __version__
 from ...base.errors import DataError, InputError, InsgnssError
+from ...base.files import json_ready
 from ...base.inputs import sha256
 from ...base.provenance import PRODUCTS, changed_products
 from ...base.received.trusted import trusting
@@ -210,14 +211,13 @@ def report_in_force(flight: Flight, directory: Path) -> dict[str, Any] | None:
         None where there is none, or where version, an option or an input is another one.
     """
     from ...flight.processing.input_files import input_files
-    from ...report.summary import plain
 
     report = read_report(directory / REPORT)
     if report is None or not (directory / PAGE).is_file() or "constants" not in report:
         return None
     if report["versions"].get("insgnss") != __version__:
         return None
-    if report.get("flight") != plain(flight.resolved()):
+    if report.get("flight") != json_ready(flight.resolved()):
         return None
     start = flight.path.parent
     hashes = report["inputs_sha256"]
