@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 OUTAGE_MATTERS = 5.0  # times the median interval of the fixes
 SHORT_OUTAGE_S = 0.2  # an interval below which the same number of missing fixes does not matter
-MOST_LISTED = 100
+MOST_LISTED = 100  # outages in report.json, the longest (chosen)
 
 
 def segments(d: Diagnostics) -> Array:

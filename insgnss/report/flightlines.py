@@ -19,9 +19,11 @@ from ..records import Diagnostics, ExteriorOrientation
 
 Array = NDArray[np.float64]
 
+# the course changes by less than the first angle from so long before to so long after, and by less
+# than the second from the line's first third to its last: gusts stay within (chosen)
 HALF_S, STRAIGHT_DEG, BEND_DEG = 2.0, 12.0, 30.0
 SLOWEST, SLOWEST_MS = 0.3, 0.5  # of the 90 % quantile of the speed; m/s
-SHORTEST_S = 8.0
+SHORTEST_S = 8.0  # of a line: a few exposures; shorter ones are parts of turns (chosen)
 BROKEN_S = 2.0  # a step of time beyond it ends a line
 
 

@@ -36,7 +36,7 @@ FLAGS = (
     "attitude sigma over 3 times the median",
 )
 FAR = 3.0  # times the median: an image that stands out
-UNKNOWN_LINE = 0
+UNKNOWN_LINE = 0  # number of an image outside the lines, which count from 1
 
 
 def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from .statistics import (
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-MOST_LISTED = 200
+MOST_LISTED = 200  # rejected fixes in report.json, the first (chosen)
 ENU = ["E", "N", "U"]
 NED = ["N", "E", "D"]
 FAR_WORSE = 3.0  # times the median sigma of the images: from there on the headline counts them

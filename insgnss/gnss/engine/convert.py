@@ -26,8 +26,9 @@ from ..rinex.observations import read_observations
 MODULE = "pyrtklib5"
 NAMES = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3"}
 BY_HAND = "convert it to RINEX by hand, and give that"
-HEAD, FRAMES, LONGEST_S = 1 << 14, 3, 600.0
-RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6
+HEAD, FRAMES = 1 << 14, 3  # first bytes of a log, and frames in them that tell its format (chosen)
+LONGEST_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
+RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
 UBX_SYNC, SBF_SYNC = b"\xb5\x62", b"$@"
 
 

@@ -39,8 +39,9 @@ BANDS = {
     "R": ("1", "2"),
     "C": ("21", "76"),
 }
+# step of (Q.1): a cycle of L1 less one of L2 is 54 mm; and times the usual step, above noise
 STEP_M, STEP_NOISE = 0.05, 10.0
-GAP_INTERVALS = 1.5
+GAP_INTERVALS = 1.5  # of the usual interval, from which on an epoch is missing between two
 
 
 @dataclass(frozen=True, eq=False)

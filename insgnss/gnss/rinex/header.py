@@ -28,7 +28,7 @@ from ...io.formats.text.layout import decode, float_of, shown
 from ...io.formats.text.text import Source, load
 from ...records import Array
 
-LABEL = 60
+LABEL = 60  # column at which the label of a header line begins, from 0
 SYSTEMS = "GRECJIS"
 SYSTEM_NAMES = {
     "G": "GPS",

@@ -44,9 +44,9 @@ INKS: tuple[Ink, ...] = (
 )
 KIND_OF_QUALITY = (7, 0, 2, 5, 6, 7, 8)  # RTKLIB's 0 to 6; what is unknown counts as single
 VALIDATED = (0, 1)  # of these classes those of a confirmed fix
-RATE_WINDOW_S = 30.0
-MOST_RATIO, LEAST_RATIO = 1000.0, 0.9
-MOST_SLIPS = 4000
+RATE_WINDOW_S = 30.0  # of the share of fixes: shorter ones show single epochs (chosen)
+MOST_RATIO, LEAST_RATIO = 1000.0, 0.9  # of the axis: RTKLIB cuts at 999.9, and writes 0 for none
+MOST_SLIPS = 4000  # marks of a chart: more are one dark area, and slow to draw (chosen)
 MOST_NAMED = 8  # satellites whose names stand beside their slips
 BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
 

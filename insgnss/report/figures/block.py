@@ -11,7 +11,7 @@ from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer, Mark
 from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
-MOST_POINTS = 6000
+MOST_POINTS = 6000  # marks of a chart: more hide each other, and slow a page down (chosen)
 SHARE = 0.06  # of the map's width that the longest usual arrow has
 CIRCLE = 0.07  # of the format, from its corner: where the circle of chance stands
 

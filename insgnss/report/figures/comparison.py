@@ -15,7 +15,7 @@ from ..charts.chart import Axes, Chart, Ink, Layer
 Array = NDArray[np.float64]
 
 BREAK_STEPS = 10.0  # a step of time so many times the usual one breaks the line
-MOST_DOTS = 400
+MOST_DOTS = 400  # values up to which each has its dot; more are a line (chosen)
 LEAST = {
     "mm": 0.1,
     "m": 1e-4,
