@@ -18,7 +18,7 @@ from ...io.formats.text.numbers import PLAIN, finite
 Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
 
-HEAD = 16384
+HEAD = 16384  # characters of a table in which its comments stand (chosen)
 
 
 @dataclass(frozen=True)

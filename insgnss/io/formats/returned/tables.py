@@ -26,8 +26,8 @@ from ..text.text import Source
 from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
 
-OPK_COLUMNS = 7
-MATRIX_COLUMNS = 16
+OPK_COLUMNS = 7  # name, X, Y, Z and three angles
+MATRIX_COLUMNS = 16  # these, and nine elements of the matrix
 SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
 PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
