@@ -40,16 +40,13 @@ from ..orientation.exported import (
     AngleSet,
     angles_of,
     check_frame,
-    check_names,
     comment_lines,
     frame_attitude,
     frame_words,
     north_attitude,
     one_line,
-    place_form,
-    places,
     places_sigma,
-    table_text,
+    write_rows,
 )
 from ..text.text import Source
 
@@ -150,12 +147,11 @@ def _write(
     names: tuple[str, ...],
 ) -> None:
     check_frame(eo, "metashape", GEOGRAPHIC, PROJECTED, TANGENT)
-    check_names(eo.images, ",")
     angles, sigma = angles_of(eo, *attitude, angle_set)
-    table = np.hstack([places(eo), np.degrees(angles), places_sigma(eo), np.degrees(sigma)])
-    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 3 + ",%.6f" * 3 + "\n"
     position = ("X", "Y", "Z")
     if eo.frame.kind != GEOGRAPHIC:
         position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")
     columns = ("#Label", *position, *names, *(f"{name}_acc" for name in ("X", "Y", "Z", *names)))
-    atomic_write(path, table_text(",".join(columns) + "\n", eo.images, form, table))
+    form = ",".join(("%.6f",) * 3 + ("%.5f",) * 3 + ("%.6f",) * 3)
+    numbers = np.degrees(angles), places_sigma(eo), np.degrees(sigma)
+    write_rows(eo, path, ",".join(columns) + "\n", ",", form, *numbers)
