@@ -115,8 +115,8 @@ Index = NDArray[np.int64]
 KNOT_S = 600.0  # between knots of V, G and L, which change linearly: 0.15 m a knot is usual
 VERTICAL_M = (2.0, 2.0)  # V expected, and its standard deviation
 # standard deviations: G and L m/m, h m, t m/m, z m, p m
-GRADIENT, LOCAL, OFFSET_M, AIR, ZENITH_M, PATTERN_M = 1.5e-6, 1e-6, 2e-2, 2e-5, 1e-3, 1e-3
-NUISANCES = np.array([OFFSET_M, AIR, ZENITH_M, PATTERN_M])
+GRADIENT, LOCAL, OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M = 1.5e-6, 1e-6, 2e-2, 2e-5, 1e-3, 1e-3
+NUISANCES = np.array([OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M])
 CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
 UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])  # by which columns of V, G and L are of one size
 VALUES = UNITS.size

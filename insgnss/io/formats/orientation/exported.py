@@ -425,9 +425,9 @@ def write_rows(
     """
     names = eo.images if names is None else names
     check_names(names, separator.strip() or None)
-    place = places(eo)[:, [1, 0, 2] if northing_first else [0, 1, 2]]
+    position = places(eo)[:, [1, 0, 2] if northing_first else [0, 1, 2]]
     form = separator.join(("%s", place_form(eo, separator), form)) + "\n"
-    atomic_write(path, table_text(head, names, form, np.hstack([place, *numbers])))
+    atomic_write(path, table_text(head, names, form, np.hstack([position, *numbers])))
 
 
 def one_line(text: str) -> str:
