@@ -22,6 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from emulate import Emulation, add_recorded_noise, emulate_motion
 from fault_campaign import (
     ERROR_RATE,
     Case,
@@ -36,7 +37,6 @@ from fault_campaign import (
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
 from insgnss.records import Array
 from insgnss.simulation.dataset import write_simulated
-from insgnss.simulation.emulate import Emulation, add_recorded_noise, emulate_motion
 from insgnss.simulation.scenario import SimulatedFlight, observe
 from insgnss.simulation.sensors import ImuOptions
 

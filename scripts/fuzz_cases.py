@@ -39,7 +39,6 @@ from insgnss.io.formats.blocks.metashape_block import read_metashape_block
 from insgnss.io.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.io.formats.blocks.pose_table import read_pose_table
 from insgnss.io.formats.bundle.colmap_database import read_colmap_database
-from insgnss.io.formats.bundle.metashape import read_metashape
 from insgnss.io.formats.images.exif import camera_tags, time_taken
 from insgnss.io.formats.imu.variances import read_variances
 from insgnss.io.formats.orientation.eo_covariance import read_eo_covariance, write_eo_covariance
@@ -54,6 +53,7 @@ from insgnss.io.formats.orientation.pose_covariance import (
 from insgnss.io.formats.orientation.relative_csv import read_relative_csv
 from insgnss.io.formats.positions.camera_positions import read_camera_positions
 from insgnss.io.formats.returned.reading import read_returned_poses
+from insgnss.io.formats.returned.tables import read_metashape_reference
 from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.io.formats.vehicle.target_positions import read_target_positions
 from insgnss.io.formats.vehicle.target_sizes import read_target_sizes
@@ -109,7 +109,7 @@ PAGES: dict[str, tuple[str, Read]] = {
     "events_pos": ("x_events.pos", read_events),
     "camera_positions": ("camera_positions.csv", read_camera_positions),
     "eo_local_plane": ("EO_local-plane.txt", read_eo_local_plane),
-    "metashape": ("metashape.csv", read_metashape),
+    "metashape": ("metashape.csv", read_metashape_reference),
     "trajectory_csv": ("trajectory.csv", read_trajectory_csv),
     "variances": ("x.txt", read_variances),
     "relative_csv": ("relative.csv", read_relative_csv),

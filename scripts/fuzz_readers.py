@@ -56,7 +56,6 @@ from fuzz_values import contradiction, structured
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.io.formats import read_events, read_gnss, read_imu
 from insgnss.io.formats.trajectory.odyn import read_odyn_poses
-from insgnss.io.formats.trajectory.sbet import read_sbet_trajectory
 
 LIMIT_S = 5
 COMPILED_S = 600  # of the file as it stands, for which kernels are compiled where they are not yet
@@ -449,10 +448,10 @@ def binary_cases() -> list[Case]:
             "smrmsg",
             "x.smrmsg",
             rms.tobytes(),
-            lambda p: read_sbet_trajectory(p.with_name("y.sbet"), 2008, p),
+            lambda p: read_gnss(p.with_suffix(".sbet")),
             False,
             frozenset(range(80, ROWS * 80, 80)),
-            {"y.sbet": sbet.tobytes()},
+            {"x.sbet": sbet.tobytes()},
         ),
     ]
     if importlib.util.find_spec("pymavlink"):

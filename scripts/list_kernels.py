@@ -18,7 +18,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.np.numpy_support import as_dtype
 
 from insgnss.api.demo import demo
-from insgnss.base.ahead import KERNELS
+from insgnss.base.ahead import KERNELS_FILE
 from insgnss.batch.installation.self_test import self_test
 
 
@@ -56,7 +56,7 @@ def called_kernels() -> dict[str, list[Any]]:
 def main() -> None:
     """Run the demonstration and the self-test, and write the list."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=KERNELS)
+    parser.add_argument("--out", type=Path, default=KERNELS_FILE)
     out = parser.parse_args().out
     self_test()
     with tempfile.TemporaryDirectory() as directory:

@@ -125,12 +125,7 @@ def test_files_that_the_texts_link_to_exist() -> None:
 def test_every_format_has_a_page() -> None:
     """Oracle: the lists that readers and exports are found by, and the pages' names."""
     pages = {path.stem for path in SPECS.glob("*.md")}
-    exports = {
-        name.rpartition(".")[2]
-        for form in EXPORTS.values()
-        for name in (form.page, form.reader.partition(":")[0])
-        if name
-    }
+    exports = {form.page for form in EXPORTS.values()}
     # readers of blocks by their modules; `reading` itself hands over
     blocks = {row[0].partition(":")[0].rpartition(".")[2] for row in FORMATS.values()} - {"reading"}
     formats = {*exports, *blocks, *IMU_OPTIONS, *GNSS_OPTIONS, *EVENT_OPTIONS, *BAROMETER_OPTIONS}

@@ -29,7 +29,7 @@ import numpy as np
 from .beside import processors
 from .compilation import end_turn, take_turn, unkept
 
-KERNELS = Path(__file__).with_name("kernels.json")
+KERNELS_FILE = Path(__file__).with_name("kernels.json")
 ROOMS = "navigation.filter.", "navigation.innovations.", "navigation.diagnosis."
 """Whose kernels are compiled beside: a run needs those of other rooms before a helper has begun."""
 HELPERS = 2  # processes: beside `run_forward`, which takes half of all compiling, one for the rest
@@ -38,7 +38,7 @@ _started: list["subprocess.Popen[bytes]"] = []
 
 def listed() -> dict[str, list[Any]]:
     """Return the kernels of `kernels.json` with the types of their arguments."""
-    kernels: dict[str, list[Any]] = json.loads(KERNELS.read_text("utf-8"))
+    kernels: dict[str, list[Any]] = json.loads(KERNELS_FILE.read_text("utf-8"))
     return kernels
 
 

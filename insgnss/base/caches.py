@@ -13,7 +13,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
-KERNELS, FONTS = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
+KERNELS_AT, FONTS_AT = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 
 
 @cache
@@ -26,20 +26,20 @@ def settle() -> str:
     """
     if os.name == "nt" or _writable(_cache_home()):
         return ""
-    kept = bool(os.environ.get(KERNELS)) or _writable_installation()
+    kept = bool(os.environ.get(KERNELS_AT)) or _writable_installation()
     try:
         directory = _own_directory()
     except OSError:  # `njit` says that it keeps nothing
         return ""
-    os.environ.setdefault(FONTS, os.path.join(directory, "matplotlib"))
+    os.environ.setdefault(FONTS_AT, os.path.join(directory, "matplotlib"))
     if kept:
         return ""
-    os.environ[KERNELS] = directory
+    os.environ[KERNELS_AT] = directory
     if "numba" in sys.modules:
         sys.modules["numba"].config.reload_config()
     return (
         "neither the home directory nor the installation can be written: compiled functions are"
-        f" kept in {directory}; set {KERNELS} to a directory that is kept and that you can write"
+        f" kept in {directory}; set {KERNELS_AT} to a directory that is kept and that you can write"
     )
 
 

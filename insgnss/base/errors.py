@@ -5,7 +5,8 @@ far as they apply.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
 
@@ -13,6 +14,7 @@ from .received.trusted import hidden, instead, without_text
 from .wording import named, setting
 
 ABSENT: Any = object()
+WORDS_SHOWN = 120  # characters of a library's message: the rest is its own affair (chosen)
 _ENDS = re.compile("[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]+")
 
 
@@ -105,6 +107,66 @@ class DataError(InsgnssError):
 
     def __init__(self, *args: Any) -> None:
         Exception.__init__(self, *args)
+
+
+@contextmanager
+def installed(problem: str, path: object = None) -> Iterator[None]:
+    """Refuse the import of a library that is not installed.
+
+    Parameters
+    ----------
+    problem : str
+        Who needs which library, and how to get it.
+    path : path, optional
+        The file that needs it.
+
+    Raises
+    ------
+    InputError
+        It is not there, and a file needs it.
+    UsageError
+        It is not there, and no file is named.
+    """
+    try:
+        yield
+    except ImportError:
+        error = UsageError(problem) if path is None else InputError.at_line(path, None, problem)
+        raise error from None
+
+
+@contextmanager
+def legible(path: object, problem: str, *passing: type[Exception]) -> Iterator[None]:
+    """Refuse a file that a library cannot read: a damaged one makes it fail in any way.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    problem : str
+        What is wrong and what to do; `{}` stands for the library's words.
+    *passing : type of Exception
+        Errors that are raised as they are, besides those of the package.
+
+    Raises
+    ------
+    InputError
+        The library fails.
+    """
+    raised: tuple[type[Exception], ...] = (InsgnssError, *passing)
+    try:
+        yield
+    except raised:
+        raise
+    except Exception as error:
+        raise InputError.at_line(path, None, problem.format(words_of(error))) from None
+
+
+def words_of(error: Exception) -> str:
+    """Return what a library says, on one line and cut to a length, or the error's name."""
+    text = " ".join(str(error).split())[:WORDS_SHOWN]
+    if isinstance(error, MemoryError):
+        text = "a record takes more memory than there is"
+    return "".join(c if c.isprintable() else "?" for c in text) or type(error).__name__
 
 
 def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:

@@ -88,7 +88,7 @@ def _write(path: Path, content: str | bytes | Iterable[str | bytes]) -> None:
 
 def json_ready(value: Any) -> Any:
     """Return `value` with arrays as lists, paths as text and not finite numbers as null."""
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [json_ready(item) for item in value]

@@ -17,11 +17,11 @@ import zlib
 from collections.abc import Callable
 from functools import partial
 
-from .errors import DataError, InputError, UsageError
+from .errors import DataError, InputError, UsageError, installed
 from .memory import GB, available
 from .wording import DOCTOR
 
-VARIABLE = "INSGNSS_UNPACKED_GB"
+UNPACKED_GB = "INSGNSS_UNPACKED_GB"
 LIMIT_GB = 4.0  # of what any file unpacks to (GB): a day's recording of an IMU at 500 Hz as text
 # unpacked by packed size: text of receivers has 3 to 30, XML of projects 5 to 60
 MOST_UNPACKED_RATIO = 200.0
@@ -57,13 +57,13 @@ def unpacked_limit(packed: float = math.inf) -> float:
     UsageError
         The environment variable is no number greater than zero.
     """
-    text = os.environ.get(VARIABLE, "")
+    text = os.environ.get(UNPACKED_GB, "")
     try:
         limit = float(text) if text else LIMIT_GB
     except ValueError:
         limit = math.nan
     if not limit > 0.0:
-        raise UsageError(f"{VARIABLE} = {text!r}: a number of GB greater than zero is expected")
+        raise UsageError(f"{UNPACKED_GB} = {text!r}: a number of GB greater than zero is expected")
     return (
         limit * GB
         if text
@@ -99,7 +99,7 @@ def check_unpacked(
         enough = math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
         of = f" for a file of {_gb(packed)}" if limit < unpacked_limit() else ""
         problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{of})"
-        advice = f"where its source is trusted, set {VARIABLE}={enough} in the environment"
+        advice = f"where its source is trusted, set {UNPACKED_GB}={enough} in the environment"
         raise InputError.at_line(path, None, f"{problem}; {advice}")
     left = available()
     if left is not None and size > left:
@@ -245,9 +245,7 @@ def _of_zip(path: object, data: bytes) -> bytes:
 
 
 def _of_compress(path: object, data: bytes) -> bytes:
-    try:
+    problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
+    with installed(problem, path):
         import ncompress
-    except ImportError:
-        problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
-        raise InputError.at_line(path, None, problem) from None
     return _gathered(path, data, partial(ncompress.decompress, data))

@@ -60,7 +60,7 @@ Direction = Literal["combined", "forward", "backward"]
 DIRECTIONS: tuple[Direction, ...] = ("forward", "backward")  # what is run; `engine.combined`
 SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
 SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
-KINEMATIC = 2
+KINEMATIC = 2  # of RTKLIB's PMODE: a moving rover relative to a base
 DYNAMICS = "pos1-dynamics"
 RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
 # between epochs of the base, beyond which the clocks of satellites wander by millimetres meanwhile

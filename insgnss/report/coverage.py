@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 OUTAGE_MATTERS = 5.0  # times the median interval of the fixes
 SHORT_OUTAGE_S = 0.2  # an interval below which the same number of missing fixes does not matter
-MOST_LISTED = 100
+MOST_OUTAGES = 100  # outages in report.json, the longest (chosen)
 
 
 def segments(d: Diagnostics) -> Array:
@@ -64,7 +64,7 @@ def outage_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[
     They hold the sigmas, the fixes that were rejected, and the images within each.
     """
     longest = outages(d)
-    longest = longest[np.sort(np.argsort(-longest[:, 1], kind="stable")[:MOST_LISTED])]
+    longest = longest[np.sort(np.argsort(-longest[:, 1], kind="stable")[:MOST_OUTAGES])]
     return [
         _within(d, float(begin), float(length))
         | _contents(d, eo, float(begin), float(begin + length))

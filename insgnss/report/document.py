@@ -41,7 +41,7 @@ MOST_ROWS = 20  # most rows of a table that is not folded: 20, because more fill
 FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
 Shown = Literal["both", "page", "terminal"]
 APPENDIX = "appendix"  # class of what a page prints only where asked for, and the box that asks
-MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
+VERDICT_MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 PLAIN = str.maketrans({"±": "+-", "–": "-"})  # consoles of all encodings have these
 
 
@@ -336,7 +336,7 @@ class _Checks(Table):
 
     def lines(self) -> Iterator[str]:
         """Yield the verdict and the check in one line each."""
-        return (f"{MARKS[verdict]}  {name}: {says}" for name, verdict, says in self.rows)
+        return (f"{VERDICT_MARKS[verdict]}  {name}: {says}" for name, verdict, says in self.rows)
 
 
 def limited(limits: Iterable[Finding], worst: str = "") -> list[Marked]:

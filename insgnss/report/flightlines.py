@@ -19,9 +19,11 @@ from ..records import Diagnostics, ExteriorOrientation
 
 Array = NDArray[np.float64]
 
+# the course changes by less than the first angle from so long before to so long after, and by less
+# than the second from the line's first third to its last: gusts stay within (chosen)
 HALF_S, STRAIGHT_DEG, BEND_DEG = 2.0, 12.0, 30.0
 SLOWEST, SLOWEST_MS = 0.3, 0.5  # of the 90 % quantile of the speed; m/s
-SHORTEST_S = 8.0
+SHORTEST_LINE_S = 8.0  # of a line: a few exposures; shorter ones are parts of turns (chosen)
 BROKEN_S = 2.0  # a step of time beyond it ends a line
 
 
@@ -40,7 +42,7 @@ class FlightLine:
 
 def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[FlightLine, ...]:
     """Straight lines in the order of time."""
-    if d.time.size < 3 or d.time[-1] - d.time[0] < SHORTEST_S:
+    if d.time.size < 3 or d.time[-1] - d.time[0] < SHORTEST_LINE_S:
         return ()
     course, straight = _course(d)
     starts = np.concatenate(
@@ -49,7 +51,7 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
     edges = np.append(np.flatnonzero(starts), d.time.size)
     lines = []
     for first, last in zip(edges[:-1], edges[1:] - 1, strict=True):
-        if d.time[last] - d.time[first] < SHORTEST_S:
+        if d.time[last] - d.time[first] < SHORTEST_LINE_S:
             continue
         third = (last - first) // 3
         begin, end = (

@@ -35,8 +35,8 @@ FLAGS = (
     "position sigma over 3 times the median",
     "attitude sigma over 3 times the median",
 )
-FAR = 3.0  # times the median: an image that stands out
-UNKNOWN_LINE = 0
+STANDS_OUT = 3.0  # times the median: an image that stands out
+UNKNOWN_LINE = 0  # number of an image outside the lines, which count from 1
 
 
 def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
@@ -117,8 +117,8 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
         (line == UNKNOWN_LINE) & bool((line != UNKNOWN_LINE).any()),
         _is_largest(position),
         _is_largest(psi),
-        position > FAR * np.median(position),
-        psi > FAR * np.median(psi),
+        position > STANDS_OUT * np.median(position),
+        psi > STANDS_OUT * np.median(psi),
     ]
     return sum(
         (is_so.astype(np.int64) << bit for bit, is_so in enumerate(findings)),

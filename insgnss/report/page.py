@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ..base.files import atomic_write, text_sha256
+from ..base.files import atomic_write, json_ready, text_sha256
 from ..records import Diagnostics, ExteriorOrientation
 from . import sections
 from .charts.chart import Chart
@@ -20,7 +20,6 @@ from .charts.run import charts
 from .document import Document, Section
 from .image_table import image_table, track
 from .sections import made_from
-from .summary import plain
 from .verdict import run_verdict
 
 
@@ -60,7 +59,7 @@ def write_report_json(summary: Mapping[str, Any], path: str | Path) -> str:
 
     form = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
     form |= orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
-    text = orjson.dumps(summary, default=plain, option=form).decode()
+    text = orjson.dumps(summary, default=json_ready, option=form).decode()
     atomic_write(path, text)
     return text_sha256(text)
 

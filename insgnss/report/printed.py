@@ -20,7 +20,7 @@ BROWSERS = (
     *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
     *("msedge", "microsoft-edge"),
 )
-LONGEST_S = 300.0  # of printing, s: a page of 5000 images with its appendix takes 60
+PRINTED_WITHIN_S = 300.0  # of printing, s: a page of 5000 images with its appendix takes 60
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,10 @@ def print_page(
         command = [browser, *options, f"--user-data-dir={profile}", f"--print-to-pdf={out}"]
         try:
             done = subprocess.run(
-                [*command, address], capture_output=True, timeout=LONGEST_S, check=False
+                [*command, address], capture_output=True, timeout=PRINTED_WITHIN_S, check=False
             )
         except subprocess.TimeoutExpired:
-            problem = f"{browser} did not end in {LONGEST_S:.0f} s"
+            problem = f"{browser} did not end in {PRINTED_WITHIN_S:.0f} s"
             raise InputError.at_line(page, None, f"{problem}; print it from a browser") from None
         if done.returncode or not out.is_file():
             message = done.stderr.decode(errors="replace").strip().splitlines()[-1:]

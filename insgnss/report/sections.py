@@ -31,7 +31,7 @@ FIXED = (
     " (decimetres)"
 )
 
-SETTINGS = {  # keys of the summary by table: what decides the result, on half a printed page
+DECISIVE_KEYS = {  # keys of the summary by table: what decides the result, on half a printed page
     "imu": ("file", "noise", "axes"),
     "gnss": ("file", "sigma_m", "datum", "epoch", "undulation_m", "time_offset_s"),
     "camera": ("events", "time_offset_s"),
@@ -95,7 +95,7 @@ def settings(s: Summary) -> Section:
     """Return the keys of the flight file that decide the result, and the versions."""
     tables = {
         name: {key: x for key in keys if (x := (s["flight"].get(name) or {}).get(key))}
-        for name, keys in SETTINGS.items()
+        for name, keys in DECISIVE_KEYS.items()
     } | {"versions": s["versions"]}
     rows = [
         (name, Marked("; ".join(f"{key} {_plain(x)}" for key, x in table.items()), "code"))

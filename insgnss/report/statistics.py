@@ -34,7 +34,7 @@ from ..base.quantiles import chi_square_quantile, normal_quantile
 Array = NDArray[np.float64]
 Selection = NDArray[np.bool_]
 
-CONFIDENCE = 0.99
+CONFIDENCE = 0.99  # of bounds of one figure: one in a hundred is beyond by chance
 Z_CONFIDENCE = 2.5758293035489  # standard normal quantile of 1 - (1 - CONFIDENCE) / 2
 BEYOND_BOUND = 1e-4  # nine columns, and a flight a day: one false alarm in three years
 NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom

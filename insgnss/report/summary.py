@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.files import json_ready
 from ..geodesy.rotation import rpy_from_rotation
 from ..records import Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
@@ -34,7 +35,7 @@ from .statistics import (
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-MOST_LISTED = 200
+MOST_FIXES = 200  # rejected fixes in report.json, the first (chosen)
 ENU = ["E", "N", "U"]
 NED = ["N", "E", "D"]
 FAR_WORSE = 3.0  # times the median sigma of the images: from there on the headline counts them
@@ -81,10 +82,10 @@ def run_summary(
     }
     gnss = flight.get("gnss")
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
-    figures = plain(figures)
+    figures = json_ready(figures)
     ranked = limits(figures)
     judged = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
-    figures["use"] = plain(judged)
+    figures["use"] = json_ready(judged)
     figures["hidden_errors"] = [
         {"name": error.name, "effect": error.found, "help": error.advice}
         for error in hidden(figures)
@@ -105,22 +106,6 @@ def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> Places:
     of_enu = [1, 0, 2]
     sigma = d.smoothed_sigma
     return Places(d.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
-
-
-def plain(value: Any) -> Any:
-    """Return `value` in JSON types.
-
-    Arrays become lists, numbers that are not finite None, paths and the like text.
-    """
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, str | int | None) else str(value)
 
 
 def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
@@ -352,7 +337,7 @@ def _biases(d: Diagnostics) -> dict[str, Any]:
 
 def _rejected(d: Diagnostics) -> dict[str, Any]:
     rows = np.flatnonzero(~d.used)
-    listed = [{"time_s": float(d.fix_time[i]), "nis": float(d.nis[i])} for i in rows[:MOST_LISTED]]
+    listed = [{"time_s": float(d.fix_time[i]), "nis": float(d.nis[i])} for i in rows[:MOST_FIXES]]
     return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
 
 

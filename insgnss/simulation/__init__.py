@@ -5,10 +5,10 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `gnss` and `noise`;
 comes from closed forms, so that the core can be tested against it.
 
 The way of the data: a plan (`layout.py`, `path.py`) becomes an exact motion (`motion.py`), flown by
-`flights.py`, `manoeuvres.py` or `ground.py`, or taken from a trajectory that was flown
-(`emulate.py`). `sensors.py` observes it, `faults.py` spoils the recording. `scenario.py` keeps a
-whole flight in memory (`simulate_flight`, `observe`); `dataset.py` writes it as files
-(`write_dataset`, `write_simulated`), with `description.py` beside them.
+`flights.py`, `manoeuvres.py` or `ground.py` (a recorded trajectory: `scripts/emulate.py`).
+`sensors.py` observes it, `faults.py` spoils the recording. `scenario.py` keeps a whole flight in
+memory (`simulate_flight`, `observe`); `dataset.py` writes it as files (`write_dataset`,
+`write_simulated`), with `description.py` beside them.
 
 Where to look
     the inertial signals of a motion: `motion.py`, compiled in `_kernels.py`

@@ -44,7 +44,7 @@ from ..navigation.noise_model.model import (
 )
 from ..records import ImuSamples, Quantity
 from .description import (
-    BLOCK,
+    BLOCK_FOLDER,
     BLOCK_TOML,
     EVENTS,
     FIXES,
@@ -358,12 +358,12 @@ def _write_targets(folder: Path, simulated: SimulatedFlight, names: list[str], e
 
 def _write_block(root: Path, block: SimulatedBlock) -> None:
     """Write what was measured in the images, and the truth of it."""
-    (root / BLOCK).mkdir(parents=True)
+    (root / BLOCK_FOLDER).mkdir(parents=True)
     (root / "block.toml").write_text(BLOCK_TOML, encoding="utf-8", newline="\n")
-    write_image_points(block.measured, root / BLOCK / "image_points.csv")
+    write_image_points(block.measured, root / BLOCK_FOLDER / "image_points.csv")
     axes = "tangent plane of flight.toml: east, north, up, m"
-    write_ground_points(block.ground, root / BLOCK / "ground_points.csv", [axes])
-    write_camera_toml(block.options.stated_camera, root / BLOCK / "camera.toml")
+    write_ground_points(block.ground, root / BLOCK_FOLDER / "ground_points.csv", [axes])
+    write_camera_toml(block.options.stated_camera, root / BLOCK_FOLDER / "camera.toml")
     write_camera_toml(block.options.true_camera, root / "truth/camera.toml")
     observations = block.measured.observations
     np.savez(

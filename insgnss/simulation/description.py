@@ -24,7 +24,7 @@ IMU = "01_Observations/IMU/Data/Pre_calibrated"
 PPK = "02_Processed/GPS-PPK"
 FIXES = f"{PPK}/AntennaPos_WGS84.txt"
 RINEX = "01_Observations/GPS/Data"
-BLOCK = "01_Observations/Camera/Block"
+BLOCK_FOLDER = "01_Observations/Camera/Block"
 
 
 @dataclass(frozen=True)
@@ -197,16 +197,16 @@ _BLOCK = """\
 BLOCK_TOML = f"""\
 # insgnss process flight.toml, then insgnss adjust block.toml
 [images]
-file = "{BLOCK}/image_points.csv"
+file = "{BLOCK_FOLDER}/image_points.csv"
 
 [camera]
-file = "{BLOCK}/camera.toml"
+file = "{BLOCK_FOLDER}/camera.toml"
 
 [aerial_control]
 file = "02_Processed/GPS-INS/eo.json"
 
 [ground]
-file = "{BLOCK}/ground_points.csv"
+file = "{BLOCK_FOLDER}/ground_points.csv"
 
 [output]
 directory = "02_Processed/Adjustment"

@@ -116,6 +116,27 @@ def fly(
     return Flight(plan.name, plan, motion, names, start_tow + time, line, spacing, plan.wind_l)
 
 
+def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
+    """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
+    if not every_s > 0.0:
+        raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
+    # off the samples of any sensor
+    time = np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + 0.00317
+    spacing = every_s * np.linalg.norm(motion.velocity(time), axis=1)
+    images = tuple(f"{1001 + k}.tif" for k in range(time.size))
+    return Flight(
+        name,
+        None,
+        motion,
+        images,
+        time,
+        np.ones(time.size, dtype=np.int64),
+        spacing,
+        np.zeros(3),
+        GPS_WEEK,
+    )
+
+
 def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Generator) -> Array:
     """(n, 6) control points of position and attitude at path lengths `s`, m, one a knot."""
     from scipy.ndimage import gaussian_filter1d

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
-from .emulate import flight_along
-from .flights import MOTION_KNOT_S, SITE, START_TOW, Flight
+from .flights import MOTION_KNOT_S, SITE, START_TOW, Flight, flight_along
 from .motion import Motion
 from .path import Path, Route
 

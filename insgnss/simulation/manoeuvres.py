@@ -18,8 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
-from .emulate import flight_along
-from .flights import _G, MOTION_KNOT_S, SETTLE_S, SITE, START_TOW, Flight, _coordinated, _gusts
+from .flights import (
+    _G,
+    MOTION_KNOT_S,
+    SETTLE_S,
+    SITE,
+    START_TOW,
+    Flight,
+    _coordinated,
+    _gusts,
+    flight_along,
+)
 from .motion import Motion
 
 Array = NDArray[np.float64]

@@ -78,7 +78,7 @@ def test_a_bomb_is_refused_in_one_line_with_the_limit_and_how_to_raise_it(
     name, pack, read = BOMBS[kind]
     path = tmp_path / name
     path.write_bytes(pack(bytes(SIZE)))
-    monkeypatch.setenv(unpacking.VARIABLE, "0.001")
+    monkeypatch.setenv(unpacking.UNPACKED_GB, "0.001")
     tracemalloc.start()
     with pytest.raises(InputError, match=r"(?s)^[^\n]*unpacks to .*INSGNSS_UNPACKED_GB=1 in") as no:
         read(path)
@@ -86,7 +86,7 @@ def test_a_bomb_is_refused_in_one_line_with_the_limit_and_how_to_raise_it(
     tracemalloc.stop()
     assert "(limit 1 MB)" in str(no.value)
     assert kind == "mat 7.3" or peak < 3.0e6  # beside h5py's modules
-    monkeypatch.setenv(unpacking.VARIABLE, "1")
+    monkeypatch.setenv(unpacking.UNPACKED_GB, "1")
     refusals = []
     try:
         read(path)
@@ -126,7 +126,7 @@ def test_what_memory_does_not_hold_is_no_fault_of_the_file(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("value", ["all", "-1", "nan"])
 def test_a_limit_that_is_none_is_wrong_use(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(unpacking.VARIABLE, value)
+    monkeypatch.setenv(unpacking.UNPACKED_GB, value)
     with pytest.raises(UsageError, match=rf"INSGNSS_UNPACKED_GB = '{value}': a number of GB"):
         unpacking.unpacked_limit()
 
@@ -155,6 +155,6 @@ def test_compact_rinex_restores_to_no_more_than_was_foreseen(
     path = tmp_path / "x.crx"
     path.write_bytes(content)
     assert bytes(load_rinex(path)[0]) == restored
-    monkeypatch.setenv(unpacking.VARIABLE, "0.0005")
+    monkeypatch.setenv(unpacking.UNPACKED_GB, "0.0005")
     with pytest.raises(InputError, match=r"unpacks to up to .* \(limit 0\.5 MB\)"):
         load_rinex(path)

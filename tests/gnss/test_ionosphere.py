@@ -231,7 +231,7 @@ def test_what_is_put_in_is_found(monkeypatch, seen):
 
     At the one height of this rover z is the same as t, and is taken for nothing.
     """
-    monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR, 1e-9, 1e-3]))
+    monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR_SLOPE, 1e-9, 1e-3]))
     found = fit(made(linear(4.0, 1e-4, 1.2e-6, -2.1e-6), h=7e-3, t=1e-5, seen=seen))
     value = total(found.interpolate([0.0, 1350.0, 2690.0])[0])
     np.testing.assert_allclose(
@@ -253,7 +253,7 @@ def test_it_is_found_within_its_standard_deviations(monkeypatch, seen):
     What is drawn has no L, z and p, of which nothing is expected here.
     """
     monkeypatch.setattr(room, "LOCAL", 1e-9)
-    monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR, 1e-6, 1e-6]))
+    monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR_SLOPE, 1e-6, 1e-6]))
     monkeypatch.setattr(room, "CORRELATED_S", 10.0)
     squares = []
     for seed in range(15):

@@ -94,7 +94,7 @@ def test_a_file_of_fixes_says_what_its_columns_hold():
         fixes, satellites=np.array([12.0, 9.0, 5.0, np.nan]), pdop=np.array([1.5, 2.0, 4.0, 9.0])
     )
     series = fix_series(fixes)
-    assert [gnss.NAMES[k] for k in series["kind"]] == ["fixed", "float", "single", "single"]
+    assert [gnss.CLASS_NAMES[k] for k in series["kind"]] == ["fixed", "float", "single", "single"]
     assert [panel.label for panel in next(charts(series)).panels] == [
         *("satellites", "fixed, %", "PDOP")
     ]
@@ -105,7 +105,7 @@ def test_a_file_of_fixes_says_what_its_columns_hold():
 
 def test_every_class_has_a_name_and_a_colour():
     """Oracle: the classes of the covariance."""
-    assert len(gnss.NAMES) == len(gnss.INKS) == len(CLASSES)
+    assert len(gnss.CLASS_NAMES) == len(gnss.CLASS_INKS) == len(CLASSES)
     assert gnss.VALIDATED == VALIDATED
 
 

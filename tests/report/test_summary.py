@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.base.files import json_ready
 from insgnss.report.rules.verdict import NOTHING_STANDS_OUT
 from insgnss.report.rules.wording import degrees, lengths, millimetres
-from insgnss.report.summary import MOST_LISTED, plain
+from insgnss.report.summary import MOST_FIXES
 
 START = 205200.0
 
@@ -128,7 +129,7 @@ def test_list_of_rejected_fixes_is_cut_but_counted(diagnostics, eo, summary) -> 
     """Oracle: by hand."""
     s = summary(diagnostics(used=np.zeros(1200, dtype=bool)), eo())
     assert s["rejected"]["count"] == 1200
-    assert len(s["rejected"]["listed"]) == MOST_LISTED
+    assert len(s["rejected"]["listed"]) == MOST_FIXES
     assert s["rejected"]["listed"][1]["time_s"] == pytest.approx(START + 0.1, abs=1e-6)
     assert "all 1200 fixes were rejected" in s["verdict"][0]
 
@@ -144,13 +145,13 @@ def test_every_case_is_json_without_nan(odd_cases, summary) -> None:
         assert s["verdict"], name
 
 
-def test_plain_keeps_numbers_and_drops_what_is_none() -> None:
+def test_json_keeps_numbers_and_drops_what_is_none() -> None:
     """Oracle: by hand."""
     mixed = {
         "a": np.array([1.0, np.nan]),
         2: (np.float64(np.inf), np.int64(3), np.bool_(True), None, "x"),
     }
-    assert plain(mixed) == {"a": [1.0, None], "2": [None, 3, True, None, "x"]}
+    assert json_ready(mixed) == {"a": [1.0, None], "2": [None, 3, True, None, "x"]}
 
 
 def test_numbers_in_sentences() -> None:

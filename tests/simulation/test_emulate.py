@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulate import Emulation, add_recorded_noise, emulate_motion
 from flown import error_of
 from numpy.testing import assert_allclose
 from oracles import oracle
@@ -26,7 +27,6 @@ from insgnss.navigation.filter.strapdown import free_inertial
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
 from insgnss.navigation.prepare.increments import body_increments
 from insgnss.simulation.dataset import write_simulated
-from insgnss.simulation.emulate import Emulation, add_recorded_noise, emulate_motion
 from insgnss.simulation.scenario import observe
 from insgnss.simulation.sensors import ImuOptions
 

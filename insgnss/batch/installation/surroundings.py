@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base import __version__
-from ...base.caches import KERNELS
+from ...base.caches import KERNELS_AT
 from ...base.errors import InsgnssError
 from ...base.findings import Finding, Question, Verdict
 from ...base.memory import available
@@ -75,16 +75,16 @@ def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
 
 def _cache_finding(kernel: Any) -> Finding:
     """Return where compiled kernels are kept."""
-    cache, given = Question("cache", topic="kernels"), os.environ.get(KERNELS)
-    origin = f" ({KERNELS})" if given else ""
+    cache, given = Question("cache", topic="kernels"), os.environ.get(KERNELS_AT)
+    origin = f" ({KERNELS_AT})" if given else ""
     path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
     if path is None:
-        advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS} to a directory that you can write"
+        advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS_AT} to a directory that you can write"
         value = "none: kernels are interpreted, or compiled anew by every command"
         return cache.note(value, advice)
     if _writable(Path(path)):
         return cache.ok(f"{path}{origin}, writable")
-    advice = f"set {KERNELS} to a directory that is kept and that you can write"
+    advice = f"set {KERNELS_AT} to a directory that is kept and that you can write"
     return cache.note(f"{path}{origin} cannot be written", advice)
 
 

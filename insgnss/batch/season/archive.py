@@ -17,6 +17,7 @@ from typing import Any
 
 from ...base import __version__
 from ...base.errors import DataError, InsgnssError, UsageError
+from ...base.files import json_ready
 from ...base.inputs import read_bytes, sha256
 from ...base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
 from ...base.received.nesting import read_object
@@ -306,7 +307,6 @@ def _other_versions(versions: Mapping[str, str]) -> Iterator[str]:
 def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]:
     """Say where the flight file as it is would be processed with other options."""
     from ...flight.config.load import load_flight
-    from ...report.summary import plain
 
     try:
         with warnings.catch_warnings():
@@ -314,7 +314,7 @@ def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]
             flight = load_flight(base / str(content["flight"]["path"]))
     except InsgnssError as error:
         return [f"the flight file cannot be read: {error}"]
-    now = plain(flight.resolved())
+    now = json_ready(flight.resolved())
     then = content["flight"]
     other = sorted(key for key in {*now, *then} if now.get(key) != then.get(key))
     if not other:

@@ -23,7 +23,7 @@ from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
 from .trends import Trend, trends
 from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, Tell, not_reached
 
-TABLE, PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
+TABLE, SEASON_PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
 MIXED = 4  # exit code where flights failed of different kinds
 
 
@@ -251,7 +251,7 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
 
 def _refuse_files_of_others(request: SeasonRequest) -> None:
     """Raise UsageError where index.html or season.csv are there and no season's."""
-    page, table = (request.directory / name for name in (PAGE, TABLE))
+    page, table = (request.directory / name for name in (SEASON_PAGE, TABLE))
     if request.force:
         return
     ours = {page: lambda: is_ours(page), table: lambda: _begins(table, HEAD[:16])}
@@ -276,11 +276,11 @@ def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
     settings = {"flights": " ".join(request.sources)}
     settings |= {"scheduler": request.scheduler} if request.scheduler else {}
     document = season_document(rows, found_trends, headline(outcomes), settings)
-    files = [directory / TABLE, directory / PAGE]
+    files = [directory / TABLE, directory / SEASON_PAGE]
     with together() as staging:
         into = staging.tree(directory)
         atomic_write(into / TABLE, csv_text(rows))
-        atomic_write(into / PAGE, page_html(document))
+        atomic_write(into / SEASON_PAGE, page_html(document))
         if request.parquet:
             atomic_write(into / PARQUET, parquet_bytes(rows))
             files.append(directory / PARQUET)

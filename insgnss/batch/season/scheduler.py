@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from ...base import __version__
-from ...base.errors import DataError, UsageError
+from ...base.errors import DataError, UsageError, installed
 from ...base.wording import DOCTOR
 from .pool import WORKER_POLL_S
 from .work import INTERNAL, Outcome, Task, Tell, failed, process_task
@@ -40,11 +40,9 @@ def _client(scheduler: str) -> Iterator["Client"]:
         Dask is not installed; the scheduler does not answer, has no workers, or workers of another
         version of insgnss or of several threads.
     """
-    try:
+    with installed(MISSING):
         import dask
         from distributed import Client
-    except ImportError:
-        raise UsageError(MISSING) from None
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(CONFIGURATION))
         stack.callback(logging.disable, logging.root.manager.disable)

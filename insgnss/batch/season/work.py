@@ -17,6 +17,7 @@ from typing import Any
 
 from ...base import __version__
 from ...base.errors import DataError, InputError, InsgnssError
+from ...base.files import json_ready
 from ...base.inputs import sha256
 from ...base.provenance import PRODUCTS, changed_products
 from ...base.received.trusted import trusting
@@ -25,7 +26,7 @@ from ...flight.config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
 
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
-REPORT, PAGE = "report.json", "report.html"
+REPORT, FLIGHT_PAGE = "report.json", "report.html"
 CHANGED = "changed_products"  # of a row, not of the table: those of a kept flight
 MOST_NAMED_PRODUCTS = 3  # of its products
 INTERNAL = InsgnssError.exit_code
@@ -189,7 +190,7 @@ def _processed(task: Task) -> tuple[str, Row]:
     if status == KEPT and (changed := names_of_changed(report, directory)):
         row[CHANGED] = changed
         row["reason"] = "; ".join(filter(None, (changed_since(changed), row["reason"])))
-    row |= {"report": str(directory / PAGE)} | equipment_of(flight)
+    row |= {"report": str(directory / FLIGHT_PAGE)} | equipment_of(flight)
     row |= boresight_of(flight)
     return status, row
 
@@ -210,14 +211,13 @@ def report_in_force(flight: Flight, directory: Path) -> dict[str, Any] | None:
         None where there is none, or where version, an option or an input is another one.
     """
     from ...flight.processing.input_files import input_files
-    from ...report.summary import plain
 
     report = read_report(directory / REPORT)
-    if report is None or not (directory / PAGE).is_file() or "constants" not in report:
+    if report is None or not (directory / FLIGHT_PAGE).is_file() or "constants" not in report:
         return None
     if report["versions"].get("insgnss") != __version__:
         return None
-    if report.get("flight") != plain(flight.resolved()):
+    if report.get("flight") != json_ready(flight.resolved()):
         return None
     start = flight.path.parent
     hashes = report["inputs_sha256"]

@@ -41,7 +41,7 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
 }
 LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
 FIX_LOGS = {"nmea": "receiver log of NMEA sentences", "rtklib_pos": "positions of RTKLIB"}
-DEEPEST, MOST_FILES = 6, 3000
+DEEPEST, MOST_FILES = 6, 3000  # folders below the one given; more is no single recording (chosen)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ...records import CameraEvents, GnssFixes, ImuSamples
 from ...records.observations import in_week
 from .sources import Source
 
-SAME_S = 1e-6
+SAME_S = 1e-6  # from a stamp of an event to that of a sample: tables print microseconds
 FEWEST = 5  # stamps that are those of samples
 # digits of a stamp of an event per sample interval: rounding does not make them equal
 LONGER = 20.0

@@ -15,7 +15,7 @@ CAMERA_AXES = ("x, image right", "y, image down", "z, view")
 COLOURS = {"axes": "#888888", "camera": "#0b6fc2", "antenna": "#c2410b", "imu": "#2e8b57"}
 SIZE, MARGIN = 260, 40  # of one view, pixels
 ARROW = 0.32  # of a view's size, of the axes
-MARKER = 5
+MARKER = 5  # radius of a mark, pixels
 REACH = 0.38  # of a view's size, of the longest lever arm
 
 

@@ -32,11 +32,12 @@ from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, GnssFixes, ImuSamples
 
+# shortest averaging time of the Allan deviation at rest, and pieces that show it to 7 % (chosen)
 REST_TAU_S, LEAST_PIECES = 0.5, 100
-QUIETEST_S = 10.0
+QUIETEST_S = 10.0  # length of the blocks of which the quietest show a sensor's noise (chosen)
 # share of the differences, and of the variance of normal ones that it holds
 KEPT, VARIANCE_KEPT = 0.95, 0.7588
-EARTH_SHARE = 0.1
+EARTH_SHARE = 0.1  # of the Earth's rate, to which a gyro must show it for its heading
 STATIC_SHARE = 0.1  # of a recording in motion that makes it no static one
 DEG_S = np.pi / 180.0  # rad/s
 Grade = Literal["consumer", "tactical", "navigation"]
@@ -55,6 +56,7 @@ _CONSTANTS: dict[Grade, tuple[float, float] | None] = {
     "tactical": (1e-3, 1e-3),
     "navigation": None,
 }
+# of a tactical gyro at most: white noise, rad/s/sqrt(Hz), and bias, rad/s (data sheets)
 TACTICAL_WHITE, TACTICAL_BIAS = 2e-3 * DEG_S, 30.0 * DEG_PER_H
 SIGMAS = 3.0  # of the turn-on bias of a shipped model, within which the mean at rest may lie
 FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the two sensors

@@ -16,7 +16,7 @@ NO_SIGMA = (
     " 0.02, 0.04"
 )
 STEP_REASON = "the clock's usual step is"
-SAME_LENGTH = 0.1
+SAME_LENGTH = 0.1  # of the logarithm to base ten: recordings end up to a quarter apart
 OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 
 

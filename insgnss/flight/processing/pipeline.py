@@ -67,8 +67,6 @@ from .segment_checks import (
 )
 from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
-MOST_REMARKS = 3  # on the terminal; the page has all
-
 
 @dataclass(frozen=True, repr=False)
 class ProcessResult(Charted):

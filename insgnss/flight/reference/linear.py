@@ -69,14 +69,6 @@ class GaussianStates:
     P: Array
     gain: Array | None = None
 
-    def cross_covariance(self, j: int, k: int) -> Array:
-        """Return the smoothed covariance (n, n) of the error at epoch j with that at k > j."""
-        out = self.P[k]
-        assert self.gain is not None, "a smoother's estimate is needed"
-        for i in range(k - 1, j - 1, -1):
-            out = self.gain[i] @ out
-        return out
-
 
 def new_filter(mean: Array, P: Array) -> "KalmanFilter":
     """Return filterpy's Kalman filter with mean (n,) and covariance P (n, n)."""

@@ -42,7 +42,7 @@ MOVES_M = 15.0
 # speed by phases (m/s) and share of time above it from which a receiver moves: a standing one has
 # 5 mm/s, and cycle slips pass for speed in a few epochs
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05
-SIGMAS = 3.0  # standard deviations by which a speed has to exceed `MOVES_MPS`
+MOVING_SIGMAS = 3.0  # standard deviations by which a speed has to exceed `MOVES_MPS`
 # distances (m) up to which coordinates are those of the rover's header, and from which they are not
 # those of the base's own: headers are rounded to a decimetre and lie metres apart
 SAME_COORDINATES_M, OTHER_COORDINATES_M = 0.1, 1.0
@@ -89,7 +89,7 @@ class Whereabouts:
 
     def motion(self) -> str:
         """Return how the receiver moves, in words; empty where it stands."""
-        moving = self.speed > MOVES_MPS + SIGMAS * self.sd
+        moving = self.speed > MOVES_MPS + MOVING_SIGMAS * self.sd
         if moving.size and moving.mean() > MOVES_SHARE:
             fast = np.quantile(self.speed[moving], 0.9)
             return (

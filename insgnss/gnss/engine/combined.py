@@ -40,7 +40,7 @@ Index = NDArray[np.intp]
 
 SAME_S = 0.005  # RTKLIB's DTTOL: stamps of two runs that belong to one epoch
 PRIORITY = np.array([7, 1, 2, 3, 4, 5, 1, 6])  # of the qualities 0 to 7; the least is the best
-SIGMAS = 4.0
+AGREEING_SIGMAS = 4.0  # of an axis, up to which both runs agree: by chance one in 16 000 is beyond
 FIXED, FLOAT = Quality.FIXED, Quality.FLOAT
 # decimals of rows of both: 1e-11 deg are a micrometre, where the engine writes 0.1 mm
 DIGITS = {"latitude": 11, "longitude": 11, "height": 5, "Q": 0}
@@ -151,7 +151,7 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
     gain = np.linalg.solve(total, f.cov[i]).swapaxes(1, 2)
     position = f.position[i] + np.einsum("nij,nj->ni", gain, apart)
     cov = f.cov[i] - gain @ f.cov[i]
-    limit = SIGMAS**2 * np.diagonal(total, axis1=1, axis2=2)
+    limit = AGREEING_SIGMAS**2 * np.diagonal(total, axis1=1, axis2=2)
     doubtful = (f.quality[i] == FIXED) & (apart**2 > limit).any(axis=1) & kinematic
     quality = np.where(doubtful, FLOAT, f.quality[i])
     lat, lon, height = ecef_to_geodetic(position)

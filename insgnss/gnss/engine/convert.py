@@ -24,10 +24,14 @@ from ..rinex.navigation_message import TOE, read_navigation
 from ..rinex.observations import read_observations
 
 MODULE = "pyrtklib5"
-NAMES = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3"}
+MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3"}
 BY_HAND = "convert it to RINEX by hand, and give that"
-HEAD, FRAMES, LONGEST_S = 1 << 14, 3, 600.0
-RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6
+HEAD_BYTES, FRAMES = (
+    1 << 14,
+    3,
+)  # first bytes of a log, and frames in them that tell its format (chosen)
+CONVERTED_WITHIN_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
+RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
 UBX_SYNC, SBF_SYNC = b"\xb5\x62", b"$@"
 
 
@@ -40,10 +44,10 @@ class Converted:
 
 
 def log_format(path: Path) -> str:
-    """Return the name of a receiver's log, a key of `NAMES`; empty for other files."""
+    """Return the name of a receiver's log, a key of `MAKERS`; empty for other files."""
     if not path.is_file():
         return ""
-    head = first_bytes(path, HEAD)
+    head = first_bytes(path, HEAD_BYTES)
     if _ubx_frames(head) >= FRAMES:
         return "UBX"
     if head.startswith(SBF_SYNC) and head.count(SBF_SYNC) >= FRAMES:
@@ -94,7 +98,7 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
         raise InputError.at_line(
             path,
             None,
-            f"is a log of {NAMES[form]}; its converter comes with pip install 'insgnss[ppk]'"
+            f"is a log of {MAKERS[form]}; its converter comes with pip install 'insgnss[ppk]'"
             f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name}); {DOCTOR}",
         )
     directory.mkdir(parents=True, exist_ok=True)
@@ -110,14 +114,14 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
     _run([sys.executable, "-m", "insgnss.gnss.engine.convert_worker", *words], path)
     if not observations.is_file():
         raise DataError(
-            f"{path}: {NAMES[form]}: the converter found no raw observations in it; let the"
+            f"{path}: {MAKERS[form]}: the converter found no raw observations in it; let the"
             " receiver log them (UBX-RXM-RAWX, RTCM 1074 to 1127), or give RINEX"
         )
     for written in (observations, observations.with_suffix(".nav")):
         if written.is_file():
             refuse_cut_off(written)
     epochs = read_observations(observations).time.size
-    finding = f"{path.name} is of {NAMES[form]}: {epochs} epochs as RINEX 3.04{week}"
+    finding = f"{path.name} is of {MAKERS[form]}: {epochs} epochs as RINEX 3.04{week}"
     check = Question("receiver log", "RINEX, or a log that the converter reads").ok(finding)
     return Converted(observations, (check,))
 
@@ -126,11 +130,11 @@ def _run(command: list[str], path: Path) -> None:
     """Run the converter; DataError where it fails."""
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=LONGEST_S, check=False
+            command, capture_output=True, text=True, timeout=CONVERTED_WITHIN_S, check=False
         )
     except subprocess.TimeoutExpired:
         raise DataError(
-            f"{path}: the converter did not finish in {LONGEST_S:g} s; {BY_HAND}"
+            f"{path}: the converter did not finish in {CONVERTED_WITHIN_S:g} s; {BY_HAND}"
         ) from None
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["nothing"])[-1]

@@ -7,8 +7,9 @@ error, with exit code 1.
 
 import sys
 
+# RINEX 3.04; bits of code, phase, Doppler and C/N0, and of the six carriers of RTKLIB
 VERSION, ALL_KINDS, ALL_FREQUENCIES = 304, 15, 63
-OUTPUTS = 9
+OUTPUTS = 9  # files that convrnx() takes names of: observations, navigation, seven others
 
 
 def main(arguments: list[str]) -> int:

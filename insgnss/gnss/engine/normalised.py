@@ -35,8 +35,8 @@ ORDER = {
     "C": {"1": "DPXSLZAN", "2": "IQX", "5": "DPX", "6": "IQXDPZA", "7": "IQXDPZ", "8": "DPX"},
 }
 MIXED = "+"  # between the codes of one band
-KINDS = "CLDS"
-PHASE = KINDS.index("L")
+IN_BAND = "CLDS"
+PHASE = IN_BAND.index("L")
 # share of the phases of a satellite's richest code that its first code must have: 0.9, since phases
 # of P(Y) come and go at low elevations
 MOST = 0.9
@@ -52,7 +52,7 @@ KEPT = (  # header records that the engine looks at, and names
 
 @dataclass(frozen=True, eq=False)
 class _Band:
-    """What fills the columns of one band of a system, m rows and the kinds of `KINDS`.
+    """What fills the columns of one band of a system, m rows and the kinds of `IN_BAND`.
 
     names : codes of the columns, empty where a kind has no value; used : codes of the phases, most
     first.
@@ -102,7 +102,9 @@ def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
         )
         if not codes:
             continue
-        columns = np.array([[column_of.get(kind + band + c, -1) for c in codes] for kind in KINDS])
+        columns = np.array(
+            [[column_of.get(kind + band + c, -1) for c in codes] for kind in IN_BAND]
+        )
         values = np.where(columns < 0, np.nan, o.values[rows][:, columns])  # (m, kinds, codes)
         finite = np.isfinite(values)
         chosen = _chosen(finite[:, PHASE], satellite)
@@ -111,7 +113,7 @@ def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
         fitting[np.arange(rows.size), :, chosen] *= np.where(chosen < 0, 1, 2)[:, None]
         code = fitting.argmax(axis=2)
         code[:, PHASE] = np.maximum(chosen, 0)
-        pick = np.arange(rows.size)[:, None], np.arange(len(KINDS)), code
+        pick = np.arange(rows.size)[:, None], np.arange(len(IN_BAND)), code
         filled = values[pick]
         filled[chosen < 0, PHASE] = np.nan
         if not np.isfinite(filled).any():
@@ -125,7 +127,7 @@ def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
         name = band + (used or [codes[int(of_codes.argmax())]])[0]
         names = tuple(
             kind + name if some else ""
-            for kind, some in zip(KINDS, np.isfinite(filled).any(axis=0), strict=True)
+            for kind, some in zip(IN_BAND, np.isfinite(filled).any(axis=0), strict=True)
         )
         phases = tuple(f"L{band}{c}" for c in used)
         bands.append(_Band(names, phases, filled, np.where(lock > 0, lock, 0), strength))

@@ -30,8 +30,9 @@ from ...records.qualities import Quality
 from ..antenna_files import cubic, positions_at
 
 NEIGHBOURS = 4  # fixes to either side whose differences tell how well others interpolate
+# rms error in the middle of an interval over that of the cubic across two: white accelerations
 TO_MIDDLE = 8.0**-0.5
-LEAST_FIXES = 5
+LEAST_FIXES = 5  # a cubic through two on either side of the fix that it predicts
 LARGE_M = 0.05  # beyond it the interpolation is what limits a position: a note
 
 

@@ -15,10 +15,11 @@ from ...io.exposures.clocks import match_clocks
 from ...records import Array, CameraEvents, Finding, Question
 
 NAME = "camera events"
-SAME_S = 0.005
+SAME_S = 0.005  # between stamps of one pulse: converters round to a hundredth of a second
+# matched events, and their share of the shorter list: fewer may match by chance (chosen)
 FEWEST, LEAST_SHARE = 3, 0.5
 EXPECTED = "those that the rover recorded"
-MOST_DELAY_S = 0.5
+MOST_DELAY_S = 0.5  # from trigger to exposure: shutters take less (chosen)
 
 
 def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Finding | None:

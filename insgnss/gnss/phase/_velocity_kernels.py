@@ -10,7 +10,7 @@ from ...base.compilation import njit
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-ROBUST_STEPS = 8
+ROBUST_STEPS = 8  # of solving with weights: towards the least sum of |r| (chosen)
 # standard deviations from the robust solution, beyond which a row is left out from the start
 ROBUST_LIMIT = 6.0
 

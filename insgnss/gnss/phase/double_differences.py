@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-SYSTEMS = "GEJC"  # whose satellites share their carriers
+SHARED_CARRIERS = "GEJC"  # whose satellites share their carriers
 LOWER_HERTZ = 1.3e9  # carriers above it are too near to the first for the ionosphere to part them
 LARGEST_PART = 0.25  # cycle
-MOST_EPOCHS = 3000
+MOST_EPOCHS = 3000  # spread over the flight: 10 minutes at 5 Hz tell as much as more (chosen)
 LEAST_SATELLITES = 3  # of a system in an epoch
-FAR_M = 1e4
+FAR_M = 1e4  # from the base: beyond, a gradient of 5 mm/km is a quarter of a cycle of L1
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +215,7 @@ def _usable(
         + _weeks(rover, base)
         - rover.time[rover.epoch[satellites.row]]
     )
-    shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SYSTEMS))
+    shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SHARED_CARRIERS))
     good = (theirs >= 0) & (np.abs(apart) <= LARGEST_OFFSET_S) & shared
     rows = np.flatnonzero(good & measurable(fixes, base_ecef)[satellites.epoch])
     epochs = np.unique(satellites.epoch[rows])

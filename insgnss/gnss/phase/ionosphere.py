@@ -112,21 +112,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-KNOT_S = 600.0
+KNOT_S = 600.0  # between knots of V, G and L, which change linearly: 0.15 m a knot is usual
 VERTICAL_M = (2.0, 2.0)  # V expected, and its standard deviation
 # standard deviations: G and L m/m, h m, t m/m, z m, p m
-GRADIENT, LOCAL, OFFSET_M, AIR, ZENITH_M, PATTERN_M = 1.5e-6, 1e-6, 2e-2, 2e-5, 1e-3, 1e-3
-NUISANCES = np.array([OFFSET_M, AIR, ZENITH_M, PATTERN_M])
+GRADIENT, LOCAL, OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M = 1.5e-6, 1e-6, 2e-2, 2e-5, 1e-3, 1e-3
+NUISANCES = np.array([OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M])
 CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
 UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])  # by which columns of V, G and L are of one size
 VALUES = UNITS.size
-LEAST_EPOCHS, LEAST_S = 60, 300.0
+LEAST_EPOCHS, LEAST_S = 60, 300.0  # of a flight: fewer show less than is expected beforehand
+# of sums of residuals (I.5), and time scale of the reflections at an antenna that stands
 BLOCK_S, CORRELATED_S = 300.0, 200.0
-HUBER = 2.0
-ITERATIONS = 4
-RIDGE = 1e-9
-LEAST_REDUNDANCY = 1e-3
-SHAPE_SHARE = 0.1
+HUBER = 2.0  # sigmas from which on a residual is weighed down: 5 % of normal ones
+ITERATIONS = 4  # of solving with weights (chosen)
+RIDGE = 1e-9  # added to normal equations of order 1, whose groups may lack a system
+LEAST_REDUNDANCY = 1e-3  # of a row (I.4): below it its residual is rounding and tells nothing
+SHAPE_SHARE = 0.1  # of the correction, one standard deviation: what shell and plane leave (chosen)
 # of a height's variance by G and L that the flight has to take away before they move it (I.7)
 LEAST_GAIN = 0.25
 # values of pos1-ionoopt by which the engine's relative mode knows of an ionosphere

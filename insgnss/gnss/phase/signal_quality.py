@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
+from ...navigation.prepare.gaps import LEAST_GAP_INTERVALS
 from ...records import Array
 from ..rinex.observation_record import Observations
 from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
@@ -39,8 +40,8 @@ BANDS = {
     "R": ("1", "2"),
     "C": ("21", "76"),
 }
+# step of (Q.1): a cycle of L1 less one of L2 is 54 mm; and times the usual step, above noise
 STEP_M, STEP_NOISE = 0.05, 10.0
-GAP_INTERVALS = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ def signals_of(observations: Observations) -> Signals:
         )
     step = np.diff(o.time)
     interval = float(np.median(step))
-    wide = np.flatnonzero(step > GAP_INTERVALS * interval)
+    wide = np.flatnonzero(step > LEAST_GAP_INTERVALS * interval)
     gaps = np.column_stack([o.time[wide], o.time[wide + 1]])
     satellite, tracks = np.unique(o.satellite, return_inverse=True)
     rows = np.lexsort((o.epoch, tracks))
@@ -170,7 +171,7 @@ class _Arcs:
         before = np.roll(there, 1)
         begins = (
             (track != np.roll(track, 1))
-            | (time - np.roll(time, 1) > GAP_INTERVALS * interval)
+            | (time - np.roll(time, 1) > LEAST_GAP_INTERVALS * interval)
             | ~before
         )
         begins[0] = True

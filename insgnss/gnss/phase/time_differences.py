@@ -35,11 +35,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ACCELERATION = 3.0  # m/s^2, of a rover between given positions that stand apart
-LOWEST_RAD = 0.05
+LOWEST_RAD = 0.05  # elevation (3 deg): lower, the mapping of the troposphere is taken as there
 LOCK_LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
-SMOOTHING_S = 15.0
-LEAST_SMOOTHED_S = 5.0
-OUTLIER_SIGMAS = 5.0
+SMOOTHING_S = 15.0  # to either side of an epoch: phase noise of mm becomes less than 0.1 mm/s
+LEAST_SMOOTHED_S = 5.0  # of an arc within them: a mean over less is mostly noise (chosen)
+OUTLIER_SIGMAS = 5.0  # of robust ones: a rate beyond it is a cycle slip, no ionosphere
 FREE_IONOSPHERE = 2e-3  # m/s in zenith, of an ionosphere that is not seen in two bands
 
 

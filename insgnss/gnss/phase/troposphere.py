@@ -49,6 +49,7 @@ from ...base.units import STANDARD_GRAVITY
 from ...geodesy.frames import ecef_to_geodetic
 from ...io.options.schema import declared
 from ...records import GnssFixes
+from ...records.qualities import Quality
 from ..ppk_options import Air
 from ..satellites.engine_weighting import displacement
 from ..satellites.satellite_geometry import Sky
@@ -56,17 +57,17 @@ from ..satellites.satellite_geometry import Sky
 Array = NDArray[np.float64]
 
 LAPSE = 6.5e-3  # K/m
-AIR = 287.053  # gas constant of dry air, J/(kg K)
-NU = STANDARD_GRAVITY / (AIR * LAPSE)
-VAPOUR_LAMBDA = 2.8
-MU_VAPOUR = (VAPOUR_LAMBDA + 1.0) * NU
+DRY_AIR = 287.053  # gas constant of dry air, J/(kg K)
+NU = STANDARD_GRAVITY / (DRY_AIR * LAPSE)
+VAPOUR_LAMBDA = 2.8  # fall of vapour with height, mid-latitudes (Askne and Nordius, UNB3)
+MU_VAPOUR = (VAPOUR_LAMBDA + 1.0) * NU  # mu of (T.3)
 K2, K3 = 22.1, 3.739e5  # K/hPa, K^2/hPa
-CELSIUS_ZERO = 273.15
+CELSIUS_ZERO = 273.15  # K
 # of the correction, one standard deviation: what (T.4) and the profile (T.3) leave
 SHAPE_SHARE = 0.1
 LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
-FIXED = 1
+FIXED = Quality.FIXED
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SATELLITE_TURN = 1.6e-4  # rad/s, at which the direction to a satellite turns at most
-SAME_TIME_S = 1e-3
+SAME_TIME_S = 1e-3  # between stamps of one epoch: receivers steer their clocks to a millisecond
 POOLED_ROWS = 300  # of all groups that are added to those of each, when its noise is estimated
 JERK_S = 0.6  # to either side of an epoch, in which its jerk is found
 UNEVEN = 0.1  # of an interval, by which those around an epoch may differ

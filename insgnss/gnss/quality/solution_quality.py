@@ -33,15 +33,17 @@ from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
 from ..phase.signal_quality import Signals
 
-GOOD_RATE, FAIR_RATE = 0.99, 0.90
-FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
+GOOD_RATE, FAIR_RATE = 0.99, 0.90  # share of fixed epochs: good above, poor below (chosen)
+FEW_SATELLITES = 8  # of all systems: below it one lost satellite is felt (chosen)
+MUCH_MULTIPATH_M = 0.8  # of code, rms: survey antennas under open sky have half of it (chosen)
 # C/N0 on band 1, and on the others, where GPS L2 is tracked without its code
 LOW_DBHZ, LOW_SECOND_DBHZ = 38.0, 30.0
 MANY_SLIPS = 20.0  # an hour and satellite
-LONG_BASELINE_M, OLD_S = 15e3, 5.0
+LONG_BASELINE_M = 15e3  # from the base: beyond, the ionosphere takes integers away (chosen)
+OLD_S = 5.0  # of a base epoch: satellite clocks wander by 5 mm meanwhile
 # s without a position: longer ones leave the receiver's clock and the path between to guesses
 LONG_GAP_S = 2.0
-APART_SHARE = 0.005
+APART_SHARE = 0.005  # of the epochs, whose forward and backward positions contradict (chosen)
 BASE_CHECKS = ("base coordinates", "base point", "base antenna")
 BESIDE = ("ns", "age", "ratio")  # columns of a solution
 

@@ -11,16 +11,18 @@ import numpy as np
 
 from ...base.compilation import njit
 
+# why the kernel stops: at the end, for the caller to act and go on, or at a line that is wrong
 DONE, EVENT, FULL, NEW_SYSTEM, BAD_EPOCH, BAD_SATELLITE, BAD_NUMBER, TWICE, CUT = range(9)
 OFFSET, LINE, EPOCHS, ROWS, FLAG, COUNT, TICKS, MARK, MARK_LINE, SYSTEM = range(10)  # of the state
-STATE_SIZE = 10
+STATE_SIZE = 10  # numbers of the state
 
-TICKS_PER_S = 10_000_000
-_BLANK, _BAD = -1, -2
+TICKS_PER_S = 10_000_000  # RINEX writes seconds with seven decimals
+_BLANK, _BAD = -1, -2  # in the place of a whole number
+# characters by their ASCII codes; an epoch begins with >
 _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _POINT, _ZERO, _EPOCH = 10, 13, 32, 43, 45, 46, 48, 62
 _DAY_OF_1980_01_06 = 723125  # days since 0000-03-01
 _TEN = np.array([10.0**k for k in range(16)])
-_SYSTEM_OF = np.full(256, -1, dtype=np.int64)
+_SYSTEM_OF = np.full(256, -1, dtype=np.int64)  # number of a system by its letter; -1: none
 for _k, _letter in enumerate("GRECJIS"):
     _SYSTEM_OF[ord(_letter)] = _k
 

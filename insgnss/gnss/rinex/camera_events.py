@@ -22,7 +22,7 @@ from ...records import CameraEvents, Finding
 from .observation_record import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
-MOST_LISTED = 5
+MOST_LISTED = 5  # times in a message of one line (chosen)
 
 Records = tuple[EventRecord, ...]
 

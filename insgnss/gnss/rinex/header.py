@@ -21,14 +21,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError
+from ...base.errors import InputError, installed
 from ...base.inputs import read_bytes
 from ...base.unpacking import PACKED, check_unpacked, unpack
 from ...io.formats.text.layout import decode, float_of, shown
 from ...io.formats.text.text import Source, load
 from ...records import Array
 
-LABEL = 60
+LABEL = 60  # column at which the label of a header line begins, from 0
 SYSTEMS = "GRECJIS"
 SYSTEM_NAMES = {
     "G": "GPS",
@@ -170,14 +170,9 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
 
 def _restored(path: Source, content: bytes) -> tuple[bytes, tuple[str, ...]]:
     """Return the RINEX of compact RINEX (Hatanaka), and what its program complained of."""
-    try:
+    problem = "is packed; install the package hatanaka (extra [ppk]), or unpack the file first"
+    with installed(problem, path):
         import hatanaka
-    except ImportError:
-        raise InputError.at_line(
-            path,
-            None,
-            "is packed; install the package hatanaka (extra [ppk]), or unpack the file first",
-        ) from None
     check_unpacked(path, most_restored(content), "up to ")
     with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")

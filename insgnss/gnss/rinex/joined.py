@@ -23,7 +23,7 @@ from .observation_record import Observations
 from .observations import read_observations
 
 SAME_PLACE_M = 100.0  # a rover's first epochs of two files; of a base its coordinates are looked at
-SAME_EPOCH_S = 1e-3
+SAME_EPOCH_S = 1e-3  # between stamps of one epoch: receivers steer clocks to a millisecond
 
 
 @dataclass(frozen=True)

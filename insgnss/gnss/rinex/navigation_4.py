@@ -19,7 +19,7 @@ from ...base.errors import InputError
 
 OF_RINEX_3 = {"LNAV": "GJI", "FDMA": "R", "INAV": "E", "FNAV": "E", "D1": "C", "D2": "C"}
 OF_RINEX_3 |= {"D1D2": "C", "SBAS": "S"}
-GLONASS_LINES = 4
+GLONASS_LINES = 4  # of a message of RINEX 3.04; later versions add a fifth
 VERSION_3 = "     3.04"
 
 

@@ -41,11 +41,12 @@ Source = str | Path
 # columns of a message; of GLONASS the nine from STATE on are position, velocity, acceleration of
 # Sun and Moon (m, m/s, m/s^2)
 KIND, TOE, TOC, AF0, AF1, AF2 = 0, 1, 2, 3, 4, 5
+# Kepler elements and their rates
 ROOT_A, ECC, M0, DELTA_N, I0, I_DOT, NODE0, NODE_DOT, PERIGEE = 6, 7, 8, 9, 10, 11, 12, 13, 14
-CUC, CUS, CRC, CRS, CIC, CIS = 15, 16, 17, 18, 19, 20
-MU, RATE, SOW = 21, 22, 23
-COLUMNS = 24
-STATE = 6
+CUC, CUS, CRC, CRS, CIC, CIS = 15, 16, 17, 18, 19, 20  # corrections by cosine and sine
+MU, RATE, SOW = 21, 22, 23  # `CONSTANTS` of the system, and seconds of the week
+COLUMNS = 24  # of a message in the table
+STATE = 6  # first of the nine of GLONASS
 KEPLER, GEOSTATIONARY, GLONASS = 0.0, 1.0, 2.0  # what KIND holds
 
 # place of each Kepler element among the numbers of a RINEX message, the clock's three first
@@ -65,7 +66,7 @@ PLACES = {
     NODE0: 13,
 }
 PLACES |= {CIS: 14, I0: 15, CRC: 16, PERIGEE: 17, NODE_DOT: 18, I_DOT: 19}
-SOURCE, HEALTH = 20, 24
+SOURCE, HEALTH = 20, 24  # their places among the numbers of a Galileo message
 # gravitational constant, m^3/s^2, and rotation of the Earth, rad/s, that the interface documents
 # prescribe
 CONSTANTS = {
@@ -85,12 +86,12 @@ WORDS = {
     "R": ((CHANNEL, "the frequency number", *CHANNELS),),
     "E": ((SOURCE, "the data source", 0, 1023), (HEALTH, "the health", 0, 511)),
 }
-BEIDOU_LAG_S = 14.0
+BEIDOU_LAG_S = 14.0  # of BeiDou time behind GPST: leap seconds from 1980 to 2006
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
 FITTED = "messages fitted to precise orbits (SP3)"
 NETCDF = re.compile("\x89HDF|CDF")
 STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
-F_NAV = 0b10
+F_NAV = 0b10  # bit of the data source: a message of F/NAV, from E5a
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
 GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}
 

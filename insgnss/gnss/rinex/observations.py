@@ -45,12 +45,12 @@ from .header import (
 )
 from .observation_record import EventRecord, Observations
 
-TICKS_PER_WEEK = 6_048_000_000_000
-BDT_BEHIND_S = 14
+TICKS_PER_WEEK = 6_048_000_000_000  # 604 800 s of `_kernels.TICKS_PER_S`
+BDT_BEHIND_S = 14  # BeiDou time behind GPST: leap seconds from 1980 to 2006
 # weeks that a recording may last: 52, since stamps of a receiver that does not know the date are
 # years away, and seconds of a week years away are doubles too coarse for the others
 LONGEST_WEEKS = 52
-SLIPS = 6
+SLIPS = 6  # epoch flag of records of cycle slips, which are no observations
 SAMPLE = 1 << 18  # bytes by which the number of lines is guessed
 MEANINGS = {
     2: "the antenna starts to move",

@@ -20,7 +20,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ...base.errors import InputError
+from ...base.errors import InputError, installed
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, calendar_from_gps
 from ...records import Array
@@ -33,10 +33,10 @@ NO_CLOCK_US = 999999.0  # clocks without a value (us): 999999 and more, as SP3 s
 # BeiDou time behind GPST (s) and weeks before its first: 14, 1356, as it began in 2006
 BEIDOU_LAG_S, BEIDOU_WEEKS = 14.0, 1356
 GPS_WEEKS_OF = {"C": -BEIDOU_WEEKS}
-MU = {"G": 3.986005e14, "J": 3.986005e14, "E": 3.986004418e14, "C": 3.986004418e14}
+MU_OF_SYSTEM = {"G": 3.986005e14, "J": 3.986005e14, "E": 3.986004418e14, "C": 3.986004418e14}
 EARTH_RATE = 7.2921151467e-5  # rad/s, that of IS-GPS-200, which all but BeiDou take
 BEIDOU_RATE = 7.292115e-5  # rad/s, of the ICD of BeiDou
-SOURCE = {"E": 517.0}  # I/NAV of E1-B with clocks of E1 and E5b
+SOURCE_OF_SYSTEM = {"E": 517.0}  # I/NAV of E1-B with clocks of E1 and E5b
 # elements in the order of a fit, with a step (rad, m, 1) that moves a satellite by metres
 ELEMENTS = {"root_a": 1e-4, "ecc": 1e-7, "m0": 1e-7, "dn": 1e-11, "i0": 1e-7, "idot": 1e-11}
 ELEMENTS |= {"node": 1e-7, "node_dot": 1e-11, "perigee": 1e-7, "cuc": 1e-7, "cus": 1e-7}
@@ -44,7 +44,7 @@ ELEMENTS |= {"crc": 1.0, "crs": 1.0, "cic": 1e-7, "cis": 1e-7}
 # numbers of a message behind the clock's three, by name; those without one are zero
 MESSAGE = "iode crs dn m0 cuc ecc cus root_a sow cic node cis i0 crc perigee node_dot idot source"
 MESSAGE += " week - - health - - sent fit"
-NAMES = (  # of georinex, in the order of a message of RINEX 3; where systems differ, all names
+GEORINEX_NAMES = (  # in the order of a message of RINEX 3; where systems differ, all of them
     *("SVclockBias", "SVclockDrift SVrelFreqBias", "SVclockDriftRate MessageFrameTime"),
     *("IODE IODEC IODnav AODE", "Crs", "DeltaN", "M0", "Cuc", "Eccentricity", "Cus", "sqrtA"),
     *("Toe", "Cic", "Omega0", "Cis", "Io", "Crc", "omega", "OmegaDot", "IDOT"),
@@ -55,7 +55,7 @@ NAMES_GLONASS = (
     *("SVclockBias", "SVrelFreqBias", "MessageFrameTime", "X", "dX", "dX2", "health"),
     *("Y", "dY", "dY2", "FreqNum", "Z", "dZ", "dZ2", "AgeOpInfo"),
 )
-HEAD = (
+NAVIGATION_HEAD = (
     f"{'     3.04           N: GNSS NAV DATA    M: MIXED':60}RINEX VERSION / TYPE",
     f"{'':60}END OF HEADER",
 )
@@ -63,11 +63,8 @@ HEAD = (
 
 def library(path: str | Path, kind: str) -> ModuleType:
     """Return georinex; InputError for a file of this `kind` where it is not installed."""
-    try:
+    with installed(f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path):
         import georinex
-    except ImportError:
-        message = f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}"
-        raise InputError.at_line(path, None, message) from None
     return georinex
 
 
@@ -94,13 +91,13 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
     except (LookupError, ValueError, OSError) as error:
         message = f"no navigation of georinex: {' '.join(str(error).split())[:120]}"
         raise InputError.at_line(path, None, f"{message}; give RINEX or SP3") from None
-    lines = [*HEAD]
+    lines = [*NAVIGATION_HEAD]
     for satellite in table.sv.values.astype(str):
         rows = table.sel(sv=satellite)
         glonass = satellite[0] == "R"
         columns = [
             next((rows[name].values for name in names.split() if name in rows), None)
-            for names in (NAMES_GLONASS if glonass else NAMES)
+            for names in (NAMES_GLONASS if glonass else GEORINEX_NAMES)
         ]
         for k in np.flatnonzero(np.isfinite(rows["SVclockBias"].values)):
             values = [0.0 if of is None else float(of[k]) for of in columns]
@@ -159,16 +156,16 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
     position, clock = 1e3 * table.position.values, 1e-6 * table.clock.values
     position[(position == 0.0).all(axis=2)] = np.nan
     clock[np.abs(clock) >= 1e-6 * NO_CLOCK_US] = np.nan
-    lines, left_out = [*HEAD], Counter[str]()
+    lines, left_out = [*NAVIGATION_HEAD], Counter[str]()
     for k, satellite in enumerate(table.sv.values.astype(str)):
-        if satellite[0] not in MU or (satellite[0] == "C" and _geostationary(satellite)):
+        if satellite[0] not in MU_OF_SYSTEM or (satellite[0] == "C" and _geostationary(satellite)):
             left_out["satellites of SP3 whose orbits are no Kepler elements"] += 1
             continue
         good = np.isfinite(position[:, k]).all(axis=1) & np.isfinite(clock[:, k])
         fitted = _messages(satellite, time[good], position[good, k], clock[good, k])
         left_out["satellites of SP3 to which no elements could be fitted"] += not fitted
         lines += fitted
-    if len(lines) == len(HEAD):
+    if len(lines) == len(NAVIGATION_HEAD):
         message = f"no orbit of an hour at least in {time.size} epochs; give the SP3 of the day"
         raise InputError.at_line(path, None, message)
     return tuple(lines), +left_out
@@ -190,7 +187,7 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
         if near.sum() < LEAST_NODES:
             continue
         rate = BEIDOU_RATE if system == "C" else EARTH_RATE
-        elements, miss = _fitted(time[near] - toe, position[near], MU[system], rate)
+        elements, miss = _fitted(time[near] - toe, position[near], MU_OF_SYSTEM[system], rate)
         if not miss < LARGEST_MISS_M:
             continue
         week, sow = divmod(toe - (BEIDOU_LAG_S if system == "C" else 0.0), WEEK_S)
@@ -199,7 +196,7 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
         elements |= {"sow": sow, "week": week + GPS_WEEKS_OF.get(system, 0), "fit": 4.0}
         elements |= {
             "iode": float(len(lines) // 8 % 255),
-            "source": SOURCE.get(system, 0.0),
+            "source": SOURCE_OF_SYSTEM.get(system, 0.0),
             "sent": sow,
         }
         stamp = calendar_from_gps(int(week), sow, "gpst")

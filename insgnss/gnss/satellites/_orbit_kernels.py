@@ -43,8 +43,8 @@ from .constants import LIGHT, PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-GLONASS_STEP_S = 60.0
-GEO_TILT = np.radians(-5.0)
+GLONASS_STEP_S = 60.0  # of Runge and Kutta: RTKLIB's TSTEP
+GEO_TILT = np.radians(-5.0)  # of the plane that BeiDou's geostationary elements count from (ICD)
 
 
 @njit(cache=True, error_model="numpy")

@@ -35,7 +35,7 @@ UNRESOLVED = {
     "C": ("pos2-bdsarmode", "1", {"0", "off"}),
 }
 ARMODE, FIX_AND_HOLD, NO_INTEGERS = "pos2-armode", {"3", "fix-and-hold"}, {"0", "off"}
-LARGEST_CONDITION = 1e8
+LARGEST_CONDITION = 1e8  # of normal equations: above it the satellites determine no position
 
 
 def carrying_systems(options: EngineOptions) -> str:

@@ -36,8 +36,6 @@ class Export:
         WGS84, or sea level.
     options : tuple of str
         What the writer takes besides.
-    reader : str
-        Module and function that read it back; empty where the format cannot be.
     several : bool
         Whether it is a directory of files.
     needs : tuple of str
@@ -74,7 +72,6 @@ class Export:
     frames: tuple[str, ...]
     heights: Heights = ""
     options: tuple[str, ...] = ()
-    reader: str = ""
     several: bool = False
     needs: tuple[str, ...] = ()
     crs_order: bool = False
@@ -104,11 +101,6 @@ class Export:
         """Return `eo` in the frame that the file is really in."""
         return function_at(self.frame)(eo) if self.frame else eo
 
-    @property
-    def read(self) -> Callable[..., Any] | None:
-        """The reader, None where there is none."""
-        return function_at(self.reader) if self.reader else None
-
 
 def function_at(location: str) -> Callable[..., Any]:
     """Import the function that "module:name" names inside this room, when it is used."""
@@ -127,14 +119,12 @@ EXPORTS: dict[str, Export] = {
         "tangent plane, omega phi kappa, standard deviations; blank separated text",
         "orientation.eo_local_plane:write_eo_local_plane",
         (TANGENT,),
-        reader="orientation.eo_local_plane:read_eo_local_plane",
     ),
     "metashape": Export(
         "metashape.csv",
         _REFERENCE + "longitude latitude height, yaw pitch roll (true north), accuracies",
         "bundle.metashape:write_metashape",
         (GEOGRAPHIC, PROJECTED, TANGENT),
-        reader="bundle.metashape:read_metashape",
         any_unit=True,
         separator=",",
         helper="bundle.import_helpers:metashape_script",
@@ -256,7 +246,6 @@ EXPORTS: dict[str, Export] = {
         "orientation.generic_ascii:write_generic_ascii",
         (TANGENT, PROJECTED, GEOGRAPHIC, GEOCENTRIC),
         options=tuple(_TEMPLATE.split()),
-        reader="orientation.generic_ascii:read_generic_ascii",
         any_unit=True,
     ),
     "colmap": Export(
@@ -307,7 +296,6 @@ EXPORTS: dict[str, Export] = {
         "orientation.relative_csv:write_relative_csv",
         (TANGENT, PROJECTED, GEOCENTRIC),
         options=("noise", "form", "gap_s"),
-        reader="orientation.relative_csv:read_relative_csv",
         needs=("noise",),
         relative=True,
     ),
@@ -359,7 +347,6 @@ EXPORTS: dict[str, Export] = {
         heights="ellipsoid",
         options=("lever_m", "quality"),
         of_one_camera=("lever_m",),
-        reader="gnss.rtklib_pos:read_rtklib_pos",
         needs=("lever_m",),
         any_unit=True,
     ),

@@ -60,19 +60,19 @@ LEAST_TURN_RAD = 1e-6  # rad, of a turn's interpolation between samples
 DISTINCT_RAD = np.radians(15.0)  # positions whose vertical differs by less are one
 ANYWHERE_SIGMA = 0.02  # m/s^2: 9.80665 misses latitude and height
 LONGEST_TURN_S = 60.0  # beyond, the gyro's drift and scale outweigh what a turn tells (chosen)
-AXES = "xyz"
-SCALES = tuple(State("scale_factor", c) for c in AXES)
+AXIS_LETTERS = "xyz"
+SCALES = tuple(State("scale_factor", c) for c in AXIS_LETTERS)
 ACCEL_STATES = (
-    *(State("bias", c, "m/s^2") for c in AXES),
+    *(State("bias", c, "m/s^2") for c in AXIS_LETTERS),
     *SCALES,
-    *(State("misalignment", AXES[r] + AXES[c], "rad") for r, c in LOWER),
+    *(State("misalignment", AXIS_LETTERS[r] + AXIS_LETTERS[c], "rad") for r, c in LOWER),
 )
 GYRO_STATES = (
-    *(State("bias", c, "rad/s") for c in AXES),
+    *(State("bias", c, "rad/s") for c in AXIS_LETTERS),
     *(
-        SCALES[AXES.index(r)] if r == c else State("misalignment", r + c, "rad")
-        for r in AXES
-        for c in AXES
+        SCALES[AXIS_LETTERS.index(r)] if r == c else State("misalignment", r + c, "rad")
+        for r in AXIS_LETTERS
+        for c in AXIS_LETTERS
     ),
 )
 

@@ -23,7 +23,7 @@ from ...records import Array, ImuSamples, Quantity
 from .options import TuneOptions
 
 CHANNELS = (*GYRO, *ACCEL)
-NAMES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
+PER_AXIS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 STAND_IN = (0.0, 0.0, 0.0, 0.0, 0.0, -STANDARD_GRAVITY)
 TABLES = (*LOADERS, "imu_csv")
 
@@ -40,10 +40,12 @@ def chosen_channels(text: str | None) -> tuple[bool, ...]:
         return (True,) * 6
     channel_names = [word.strip().lower().replace(".", "_") for word in text.split(",")]
     for word in channel_names:
-        if word not in ("gyro", "accel", *NAMES):
-            choices = f"gyro, accel, {', '.join(NAMES)}"
+        if word not in ("gyro", "accel", *PER_AXIS):
+            choices = f"gyro, accel, {', '.join(PER_AXIS)}"
             raise UsageError(f"--only {text!r}: {word!r} is none of {choices}")
-    return tuple(name in channel_names or name.partition("_")[0] in channel_names for name in NAMES)
+    return tuple(
+        name in channel_names or name.partition("_")[0] in channel_names for name in PER_AXIS
+    )
 
 
 def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str] | None:

@@ -41,7 +41,7 @@ Change = Callable[[Array], Array]
 
 LEAST_RAD = float(np.radians(0.003))  # rms below which nobody asks why
 SMALL_RAD = float(np.radians(10.0))  # a greater constant turn is none of a bore-sight or of a grid
-UNTURNED = np.eye(3)
+UNTURNED = np.eye(3)  # the rotation that leaves axes as they are
 ENU = ("east", "north", "up")
 TURNED_AXES = {
     "camera": ("right", "down", "its viewing direction"),

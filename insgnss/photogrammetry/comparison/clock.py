@@ -28,11 +28,11 @@ from .result import Finding
 
 Array = NDArray[np.float64]
 
-WIDEST_S = 30
+WIDEST_S = 30  # of the shifts that are tried: leap seconds are less
 MOST_POSES = 500  # that the search looks at
-LEAST_S = 5e-4
+LEAST_S = 5e-4  # of a shift that is named: 5 mm of the path at 10 m/s (chosen)
 LEAST_M = 1e-3  # of what a shift and a lever arm leave; below it nobody asks why
-ROUNDS = 8
+ROUNDS = 8  # of narrowing the search (chosen)
 LEAP_S = 0.05  # what the motion leaves uncertain of whole leap seconds
 LEAST_SHARE = 0.5  # of the poses that must have a partner at a shift
 

@@ -21,7 +21,7 @@ from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED
 Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
 
-HEAD = 16384
+HEAD = 16384  # characters of a table in which its comments stand (chosen)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from .result import Aspect, Finding
 Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
 
-MOST = 2000
-LEAST_POSES = 5
+MOST = 2000  # poses, spread over all, by which readings are judged: more tell no more (chosen)
+LEAST_POSES = 5  # matched ones: fewer fit many readings
 DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave
 
 

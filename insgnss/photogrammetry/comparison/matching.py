@@ -25,8 +25,8 @@ from .poses import Poses
 
 Array = NDArray[np.float64]
 
-GAP_STEPS = 3.0
-SAME_S = 1e-6
+GAP_STEPS = 3.0  # of the usual distance of samples: over more, nothing is interpolated (chosen)
+SAME_S = 1e-6  # between stamps of one instant: tables print microseconds
 
 
 @dataclass(frozen=True, eq=False)

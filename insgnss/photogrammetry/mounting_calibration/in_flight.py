@@ -46,9 +46,9 @@ from .poses import read_camera_poses
 from .records import BlockPoses, FlightPoses, Stated
 from .solution import Solved, solve
 
-ROUNDS = 3
+ROUNDS = 3  # of processing the flight with the corrected mounting: the second changes little
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
-TRAJECTORY_HZ = 20.0
+TRAJECTORY_HZ = 20.0  # of the trajectory, by which a camera delay moves along the path
 FIXED_SIGMA = 1e-6  # by which values that are not determined are held, in their units
 
 

@@ -31,9 +31,11 @@ DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contr
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
 USEFUL["shift"] = 0.02
 GROUPS = {"antenna_m": "antenna lever arm", "imu_m": "IMU lever arm", "boresight": "bore-sight"}
+# sigmas of a bore-sight (rad) and a delay (s) that the flight file states without one (chosen)
 STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
 ALIKE_M, ALIKE_RAD = 0.005, float(np.radians(0.002))  # of a remedy
 LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
+# sigmas off what is stated: by chance one in 16 000 and one in 80
 CONTRADICTS, DOUBTFUL = 4.0, 2.5
 HELPS = 0.5  # of a sigma, that remains if something else were known
 ONE_HEADING = 0.9  # length of the mean of unit vectors

@@ -34,7 +34,7 @@ from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
 
 ANTENNA = "antenna"
 ANTENNA_M = 5e-3  # where a table has no standard deviation of the phase centre
-RULER_M = 0.05
+RULER_M = 0.05  # standard error of the lever arm: beyond, a ruler measures it better
 LONGEST_M = 3.0  # of targets on a sensor from each other: others are in another unit
 CLOSE_M = 0.005  # targets that fit in another reading
 TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one

@@ -28,18 +28,19 @@ from .equations import SCALE
 from .records import BlockPoses, FlightPoses, Rows
 from .solution import Solved
 
+# units in which misfits of position and attitude are one figure (chosen)
 FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
-HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
-HOPELESS_SIGMAS = 6.0
+HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))  # median misfit of poses of another frame
+HOPELESS_SIGMAS = 6.0  # of the flight, where it is less accurate than that
 FARTHEST_S, LEAST_S, STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
-FEWEST = 4
+FEWEST = 4  # images of the flight with poses: a similarity and its check
 GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
-GROSS_SHARE = 0.05
+GROSS_SHARE = 0.05  # of the images: more are no single gross errors
 OWN_FACTOR, ENOUGH = 0.01, 50.0  # of the flight's variances by the residuals, and redundancy
 NOTHING = "which says nothing of the mounting; give poses of an adjustment of the images without it"
 OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
 TURNED = float(np.radians(20.0))  # no bore-sight is larger
-SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0
+SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0  # of a scale from one: no projection in use is so far off
 
 Pairs = tuple[Array, Array, Array, Array]  # positions and attitudes, those of the flight
 

@@ -39,11 +39,11 @@ from .equations import (
 from .options import Assumptions
 from .records import BlockPoses, FlightPoses, Rows
 
-ITERATIONS, CONVERGED = 30, 1e-3
-VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01
+ITERATIONS, CONVERGED = 30, 1e-3  # steps, and the last one over its sigmas
+VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01  # of variance factors, and their last change
 ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarter
-BANK = np.radians(20.0)
-LEAST_FACTOR = 1e-4
+BANK = np.radians(20.0)  # of a turn flown for what straight lines leave open: small drones bank so
+LEAST_FACTOR = 1e-4  # of variances: sigmas are a hundredth at least of what is stated
 SIGNIFICANT, WORTH_SAYING = 4.0, 1.5  # sigmas, and factor of the flight's variances
 
 

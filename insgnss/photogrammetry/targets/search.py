@@ -33,29 +33,8 @@ class Peak:
     template: Template
 
 
-def correlation_map(window: Array, template: Template, blur_px: float) -> Array:
-    """Return the normalised cross-correlation of the pixels within a signal.
-
-    Parameters
-    ----------
-    window : ndarray, (h, w)
-        Grey values.
-    template : Template
-        The template.
-    blur_px : float
-        Its blur.
-
-    Returns
-    -------
-    ndarray, (h, w)
-        Correlation with the signal centred on each pixel; NaN where it leaves the window, zero
-        where the window is of one grey value.
-    """
-    return correlation_maps(window, [template], blur_px)[0]
-
-
 def correlation_maps(window: Array, templates: Sequence[Template], blur_px: float) -> Array:
-    """Return `correlation_map` of one signal in several azimuths.
+    """Return the normalised cross-correlation of the pixels within a signal, in several azimuths.
 
     Its pixels are the same in all of them, and so is what the window has of them.
 
@@ -71,7 +50,8 @@ def correlation_maps(window: Array, templates: Sequence[Template], blur_px: floa
     Returns
     -------
     ndarray, (k, h, w)
-        A map each.
+        Correlation with the signal centred on each pixel; NaN where it leaves the window, zero
+        where the window is of one grey value.
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
 

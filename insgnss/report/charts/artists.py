@@ -32,13 +32,13 @@ SHADE_NAMES = {
 MARKS: Mapping[Mark, str] = {"dot": "o", "cross": "x", "ring": "o", "square": "s", "triangle": "^"}
 SIZE = 4.4  # pixels that a mark has where its layer says nothing
 WIDER: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
-POINTS = 0.72
+POINTS = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 points
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
 MANY = 5000  # points from which on a PDF has them as an image
 IN_FRONT = 2.0  # of grid and shades; of what is alike in this, the later is drawn over the earlier
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
-USUAL, MOST = 0.95, 2.0  # colours end at so many times what that share of the values reach
+USUAL_SHARE, MOST = 0.95, 2.0  # colours end at so many times what that share of the values reach
 
 
 def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
@@ -200,7 +200,7 @@ def value_range(value: Array) -> tuple[float, float]:
     if not finite.size:
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
-    high = min(high, MOST * float(np.quantile(finite, USUAL)))
+    high = min(high, MOST * float(np.quantile(finite, USUAL_SHARE)))
     return low, high if high > low else low + max(0.2 * abs(low), 1e-9)
 
 

@@ -28,7 +28,7 @@ from .chart import Array, Axes, Chart, Layer
 Form = Literal["png", "pdf", "svg"]
 FORMS: tuple[Form, ...] = ("png", "pdf", "svg")
 
-INCH_MM = 25.4
+INCH_MM = 25.4  # mm of an inch
 GRID, MINOR, FRAME = "#E3E6EA", "#F1F3F5", "#8A8F98"
 LETTER = 0.56  # width of a letter, of its height
 FLATTEST, TALLEST = 0.35, 1.0  # height of a map by its width
@@ -65,7 +65,7 @@ class Paper:
 
 SCREEN = Paper()
 COLUMN = Paper(84.0, 300)  # of a journal with two of them
-PAGE = Paper(174.0, 300)
+PAGE = Paper(174.0, 300)  # of a journal, both columns
 
 
 def draw(chart: Chart, form: Form = "png", paper: Paper = SCREEN) -> bytes:

@@ -28,7 +28,7 @@ from .chart import Array, Axes, Chart, Layer, Shade
 
 BLOCK = "charts"  # id of the script element that holds the text
 LONG = 64  # values: shorter arrays are float32
-UNKNOWN = 65535
+UNKNOWN = 65535  # code of a value that is not finite; the others count steps from the lowest
 FINE, FINE_SHARE = 1e-3, 5e-3  # of the span of half of the values; of the smallest one
 _ARRAYS = ("x", "y", "x2", "y2", "value")
 _UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}

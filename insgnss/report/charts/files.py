@@ -21,8 +21,8 @@ from .drawn import FORMS, PAGE, Form, Paper, draw
 from .encoded import in_page
 
 FOLDER = "figures"
-NARROWEST_MM, WIDEST_MM = 40.0, 500.0
-DPI = 300
+NARROWEST_MM, WIDEST_MM = 40.0, 500.0  # letters fill a narrower picture; no page is wider
+DPI = 300  # as journals ask for
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from .pieces import AXES, band, dots, length_unit, line, rules
 Series = Mapping[str, Any]
 Minutes = Callable[[Any], Array]
 
-NAMES = (
+CLASS_NAMES = (
     "fixed",
     "fixed, degraded",
     "float",
@@ -38,16 +38,16 @@ NAMES = (
     "single",
     "PPP",
 )  # as gnss.covariance.CLASSES
-INKS: tuple[Ink, ...] = (
+CLASS_INKS: tuple[Ink, ...] = (
     *("ok", "fifth", "second", "warn", "ink"),
     *("fifth", "first", "fourth", "first"),
 )
 KIND_OF_QUALITY = (7, 0, 2, 5, 6, 7, 8)  # RTKLIB's 0 to 6; what is unknown counts as single
 VALIDATED = (0, 1)  # of these classes those of a confirmed fix
-RATE_WINDOW_S = 30.0
-MOST_RATIO, LEAST_RATIO = 1000.0, 0.9
-MOST_SLIPS = 4000
-MOST_NAMED = 8  # satellites whose names stand beside their slips
+RATE_WINDOW_S = 30.0  # of the share of fixes: shorter ones show single epochs (chosen)
+MOST_RATIO, LEAST_RATIO = 1000.0, 0.9  # of the axis: RTKLIB cuts at 999.9, and writes 0 for none
+MOST_SLIPS = 4000  # marks of a chart: more are one dark area, and slow to draw (chosen)
+MOST_SATELLITES = 8  # satellites whose names stand beside their slips
 BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
 
 _STATEMENTS = {  # of what the series hold
@@ -177,8 +177,8 @@ def _by_class(t: Array, y: Array, kind: NDArray[np.int64], classified: bool) -> 
         yield dots(
             t[rows],
             y[rows],
-            NAMES[k] if classified else "fix",
-            INKS[k] if classified else "first",
+            CLASS_NAMES[k] if classified else "fix",
+            CLASS_INKS[k] if classified else "first",
             width=2.6,
         )
 
@@ -228,7 +228,7 @@ def _signals(series: Series, minutes: Minutes) -> Iterator[Axes]:
             texts=satellites[some],
         )
         t = minutes(series["time"])
-        step = -(-len(row) // MOST_NAMED)
+        step = -(-len(row) // MOST_SATELLITES)
         names, rows = [*row][::step], np.arange(0.0, len(row), step)
         left = np.full(rows.size, t[0] + 0.02 * (t[-1] - t[0]))
         labels = Layer("labels", left, rows, ink="faint", texts=names)

@@ -135,8 +135,8 @@ def _fixes(d: Diagnostics, series: Mapping[str, Any] | None) -> Iterator[Layer]:
         yield Layer(
             "points",
             *_east_north(d, time[rows]),
-            gnss.NAMES[k],
-            gnss.INKS[k],
+            gnss.CLASS_NAMES[k],
+            gnss.CLASS_INKS[k],
             width=4.0,
             faint=True,
         )

@@ -11,7 +11,7 @@ from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer, Mark
 from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
-MOST_POINTS = 6000
+MOST_MARKS = 6000  # marks of a chart: more hide each other, and slow a page down (chosen)
 SHARE = 0.06  # of the map's width that the longest usual arrow has
 CIRCLE = 0.07  # of the format, from its corner: where the circle of chance stands
 
@@ -88,7 +88,7 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
     X = ground.position
     names = [image["image"] for image in figures["images"]]
     seen = ground.point[ground.around(ground.point)]
-    seen = seen[:: max(1, -(-len(seen) // MOST_POINTS))]
+    seen = seen[:: max(1, -(-len(seen) // MOST_MARKS))]
     layers = [Layer("points", seen[:, 0], seen[:, 1], ink="faint", width=1.5, faint=True)]
     lines = [rows for rows in ground.lines if len(rows) > 1]
     numbers = [str(k + 1) for k, rows in enumerate(ground.lines) if len(rows) > 1]
@@ -164,7 +164,7 @@ def precision_map(
     proposed : (2,) or (3,) where one more control point would help; None: nowhere.
     """
     near = np.flatnonzero(ground.around(ground.point))
-    near = near[:: max(1, -(-near.size // MOST_POINTS))]
+    near = near[:: max(1, -(-near.size // MOST_MARKS))]
     shown, up = ground.point[near], 1e3 * ground.sigma[near, 2]
     layers = [
         Layer(

@@ -15,8 +15,8 @@ from ..charts.chart import Axes, Chart, Ink, Layer
 Array = NDArray[np.float64]
 
 BREAK_STEPS = 10.0  # a step of time so many times the usual one breaks the line
-MOST_DOTS = 400
-LEAST = {
+MOST_OWN_DOTS = 400  # values up to which each has its dot; more are a line (chosen)
+LEAST_HALF_HEIGHT = {
     "mm": 0.1,
     "m": 1e-4,
     "deg": 1e-4,
@@ -108,7 +108,7 @@ def _layers(x: Array, curve: Curve, names: Sequence[str], remaining: bool) -> li
     layers = [Layer("rules", np.zeros(0), np.zeros(1), ink="faint", width=1.0)]
     if sigma is not None:
         layers.append(Layer("band", along, -3.0 * sigma, "three sigma", "faint", y2=3.0 * sigma))
-    if x.size > MOST_DOTS:
+    if x.size > MOST_OWN_DOTS:
         return [*layers, Layer("line", along, y, ink=ink, width=1.3)]
     return [*layers, Layer("points", x, curve.values, ink=ink, texts=names, width=5.0)]
 
@@ -130,7 +130,7 @@ def _broken(x: Array, y: Array, sigma: Array | None) -> tuple[Array, Array, Arra
 def _reach(curve: Curve) -> tuple[float, float]:
     """Limits that hold all differences, and three standard deviations where they are as small."""
     y, sigma = curve.values, curve.sigma
-    reach = 1.1 * max(float(np.abs(y).max()), LEAST[curve.unit])
+    reach = 1.1 * max(float(np.abs(y).max()), LEAST_HALF_HEIGHT[curve.unit])
     low, high = min(float(y.min()), 0.0), max(float(y.max()), 0.0)
     if sigma is not None and 3.0 * float(np.median(sigma)) < 4.0 * reach:
         widest = max(reach, 3.3 * float(np.median(sigma)))

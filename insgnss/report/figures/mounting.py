@@ -10,11 +10,11 @@ from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer
 from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
-AXES = ("x, image right", "y, image down", "z, viewing direction")
+IMAGE_AXES = ("x, image right", "y, image down", "z, viewing direction")
 MOST_NAMES = 24  # that stand in the chart; of more one hovers
-HAIR = 1e-3
-NOTHING = np.zeros(0)
-ZERO = Layer("rules", NOTHING, np.zeros(1), ink="faint", width=1.0)
+HAIR = 1e-3  # of the distance of two images: what is drawn as x must increase
+NOTHING = np.zeros(0)  # x of a rule across the chart
+ZERO = Layer("rules", NOTHING, np.zeros(1), ink="faint", width=1.0)  # the rule of no residual
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Scatter:
 
 
 def scattered(
-    data: Scatter, kind: str, title: str, axis_names: tuple[str, str, str] = AXES
+    data: Scatter, kind: str, title: str, axis_names: tuple[str, str, str] = IMAGE_AXES
 ) -> Chart:
     """Show each estimate minus the mean, with its standard deviation.
 
@@ -212,7 +212,7 @@ def _map(data: Residuals) -> Chart:
 
 
 BODY = ("forward", "right", "down")
-BINS, LEAST = 12, 5  # classes, and images of a mean
+BINS, LEAST_IMAGES = 12, 5  # classes, and images of a mean
 
 
 def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Chart, ...]:
@@ -270,6 +270,6 @@ def _over(x: Array, values: Array) -> list[Layer]:
 def _means(x: Array, y: Array) -> tuple[Array, Array]:
     """Means of y in classes of x with as many values each."""
     order = np.argsort(x, kind="stable")
-    count = max(1, min(BINS, x.size // LEAST))
+    count = max(1, min(BINS, x.size // LEAST_IMAGES))
     parts = np.array_split(order, count)
     return np.array([x[p].mean() for p in parts]), np.array([y[p].mean() for p in parts])

@@ -32,7 +32,7 @@ PART_INKS: Mapping[str, Ink] = {
     "gauss_markov_2": "fifth",
     "gauss_markov_3": "fourth",
 }
-NAMES = {"gyro": "Gyroscope", "accel": "Accelerometer"}
+SENSOR_NAMES = {"gyro": "Gyroscope", "accel": "Accelerometer"}
 # relative, of deviations: smaller ones are not worth a ring, though long recordings tell them
 MISFIT = 0.05
 TIMES = {
@@ -148,7 +148,7 @@ def noise_chart(sensor: Sensor, panels: Sequence[NoisePanel]) -> Chart:
         drawn.append(Axes(label, layers, "log", limits))
     return Chart(
         f"noise-{sensor}",
-        f"{NAMES[sensor]}: noise over averaging time",
+        f"{SENSOR_NAMES[sensor]}: noise over averaging time",
         _CURVES.format(misfit=100.0 * MISFIT),
         drawn,
         "averaging time, s",
@@ -181,7 +181,7 @@ def spectrum_charts(panels: Sequence[SpectrumPanel]) -> tuple[Chart, ...]:
         charts.append(
             Chart(
                 f"spectrum-{sensor}",
-                f"{NAMES[sensor]}: spectrum in straight flight",
+                f"{SENSOR_NAMES[sensor]}: spectrum in straight flight",
                 _SPECTRUM,
                 [_spectrum(panel, unit) for panel in own],
                 "frequency, Hz",

@@ -16,7 +16,7 @@ from ..charts.chart import AXES_INKS, Axes, Chart, Layer
 Array = NDArray[np.float64]
 
 # what is shown of the motion: more could not be distinguished
-ROWS, SHORTEST_S, LONGEST_S = 130, 20.0, 150.0
+ROWS, SHORTEST_SHOWN_S, LONGEST_SHOWN_S = 130, 20.0, 150.0
 BEST, WORDS_AT = 10, 1.55  # orientations shown, and where on the axis their words stand
 LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
@@ -80,7 +80,7 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     if "time" not in curves or curves["time"].size < 2:
         return np.zeros(0, dtype=bool)
     time, force = curves["time"], curves["force_gnss"]
-    length = float(np.clip(ROWS * np.median(np.diff(time)), SHORTEST_S, LONGEST_S))
+    length = float(np.clip(ROWS * np.median(np.diff(time)), SHORTEST_SHOWN_S, LONGEST_SHOWN_S))
     if time[-1] - time[0] <= length:
         return np.ones(time.size, dtype=bool)
     moved = np.linalg.norm(force - np.median(force, axis=0), axis=1)

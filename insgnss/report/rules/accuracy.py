@@ -14,20 +14,21 @@ from ...records.verdicts import REMARK
 from .hidden import BORESIGHT, known_boresight
 from .wording import Figures, degrees, millimetres, tilt
 
+# median sigmas that are good: fixed ambiguities, and a MEMS IMU on a block with turns, give less
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
-GOOD_GYRO_DEG_H = 60.0
+GOOD_GYRO_DEG_H = 60.0  # sigma of a gyro bias: its heading drifts by a degree a minute
 CODE_MM = 500.0  # horizontal sigma beyond which no ambiguities were fixed
 HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
 OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
-MINUTE_S = 60.0
+MINUTE_S = 60.0  # for which users are told what a bias or a slow error makes
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
-MOST_NAMED = 4
+MOST_STATES = 4  # states in a sentence (chosen)
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
 # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
 NEGLIGIBLE_ARM_M = 0.02
 EITHER_WRONG = "the place of the images is in doubt"
 LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight: beyond it, its signs are worth a look
-EARTH_RATE_DEG_H = 15.041
+EARTH_RATE_DEG_H = 15.041  # of the Earth against the stars
 
 
 def standing(f: Figures) -> Iterator[Finding]:
@@ -288,7 +289,7 @@ def states(f: Figures) -> Iterator[Finding]:
             "constants",
             REMARK,
             "the flight file's values were corrected from the flight by"
-            f" {some(estimated, MOST_NAMED)}",
+            f" {some(estimated, MOST_STATES)}",
             "the flight measures only the vector from IMU to antenna: if imu_m is wrong instead,"
             " the images are off by as much; measure both"
             if of_antenna and not any(lever_arm(f))
@@ -298,6 +299,6 @@ def states(f: Figures) -> Iterator[Finding]:
         yield ranked(
             "constants",
             REMARK,
-            f"the flight cannot determine {some(of_imu, MOST_NAMED)}; no image suffers from it",
+            f"the flight cannot determine {some(of_imu, MOST_STATES)}; no image suffers from it",
             "leave them out of [filter]",
         )

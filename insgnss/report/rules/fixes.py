@@ -16,10 +16,10 @@ from ...records.verdicts import ADOPTED, CHECKS, REMARK
 from .hidden import UNSEEN
 from .wording import AXES, Figures, at_time, lengths, millimetres, span
 
-TRUST = 2.0
+TRUST = 2.0  # weight of what contradicts the sigmas over what only enlarges them (chosen)
 NIS_MATTERS = (0.64, 1.56)  # mean NIS per degree of freedom: sigmas off by more than a quarter
 OTHER_UNIT = 0.1  # innovations in sigmas: below it these have another unit than they should
-LAG_ONE_MATTERS = 0.3
+LAG_ONE_MATTERS = 0.3  # correlation of neighbours: a mean scatters 1.4 times its sigma then
 MEAN_MATTERS = 0.5  # of the rms
 REJECTED_MATTERS = 0.01  # share of the fixes
 SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger

@@ -14,7 +14,7 @@ from .wording import Figures, at_time, degrees, image_range, millimetres, no_fix
 FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = 1.5, 1.5, 3.0, 2.0
 FEWEST_LINES = 3  # that have a median to be compared with
 TURN_DEG = 60.0  # heading range that counts as a turn
-LONG_IMU_GAP_S = 0.2
+LONG_IMU_GAP_S = 0.2  # bridged by a straight line: vibration and turns are lost (chosen)
 
 
 def attitude(f: Figures) -> Iterator[Finding]:

@@ -43,7 +43,7 @@ AROUND_S = 60.0  # on both sides of such an instant: fixes and IMU drift for sec
 RESET_S = 30.0  # on both sides of a covariance reset: the filter had lost the fixes by then
 MOST_PLACES = 4  # of weak images that get a sentence each
 FAR = math.inf  # d of (U.1) where nothing bounds it
-AXES = ("east", "north", "up")
+ENU_AXES = ("east", "north", "up")
 OPEN = "exposure clock"  # check whose note asks what no data of the flight can answer
 
 
@@ -360,7 +360,7 @@ def _insufficient(
         row, column = np.unravel_index(int(worst.argmax()), worst.shape)
         if column < 3:
             size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))
-            quantity, topics = f"position {AXES[column]}", ["horizontal", "image"]
+            quantity, topics = f"position {ENU_AXES[column]}", ["horizontal", "image"]
         else:
             size, most = degrees(sigma[row, column]), degrees(needed[column])
             quantity = "heading" if column == 5 else "tilt"

@@ -17,7 +17,7 @@ from .fixes import judged
 from .use import USE
 from .wording import Figures, degrees, lengths, tilt
 
-MOST_SENTENCES = 8
+MOST_SENTENCES = 8  # that a reader takes in; the tables below have all (chosen)
 NOTHING_STANDS_OUT = (
     "nothing stands out: the GNSS positions and the solutions forward and backward in time agree"
     " within their sigmas, and no image is much less accurate than the others"

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from insgnss import __version__
+from insgnss.base.files import json_ready
 from insgnss.batch.season.work import names_of_changed, report_in_force
 from insgnss.flight.config.load import load_flight
-from insgnss.report.summary import plain
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def flight(tmp_path: Path) -> Path:
         "inputs_sha256": {
             name: hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in names
         },
-        "flight": plain(load_flight(tmp_path).resolved()),
+        "flight": json_ready(load_flight(tmp_path).resolved()),
         "versions": {"insgnss": __version__},
         "constants": [],
         "exports": [{"file": "eo.json"}],

@@ -10,7 +10,7 @@ import pytest
 
 import insgnss
 from insgnss.base.errors import DataError, InputError, InsgnssError
-from insgnss.base.received.trusted import VARIABLE, at_home, trusting
+from insgnss.base.received.trusted import SHOWN, at_home, trusting
 from insgnss.base.tables import read_toml
 from insgnss.batch.season.work import Task, process_task
 from insgnss.cli import main
@@ -163,7 +163,7 @@ def test_a_command_shows_what_its_own_words_name(
         assert "keys.toml:1: is not as it should be; nothing of it is shown" in seen
     assert main(["process", str(file), "--out", str(sent.parent)]) == 3
     assert "unknown table or key" in capsys.readouterr().err
-    monkeypatch.setenv(VARIABLE, str(sent.parent))
+    monkeypatch.setenv(SHOWN, str(sent.parent))
     assert main(["process", str(file)]) == 3
     assert f"{SECRET}a: unknown table or key" in capsys.readouterr().err
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from flown import NO_GATE, Flown, fly, moved
 
+from insgnss.flight.reference.linear import GaussianStates
 from insgnss.navigation.filter.codes import NHC, ZUPT
 from insgnss.navigation.filter.epochs import make_epochs
 from insgnss.navigation.filter.layout import BarometerErrors, FixErrors, state_layout
@@ -143,3 +144,11 @@ def _with_gap(flown: Flown) -> EstimationProblem:
     inc = body_increments(imu, np.eye(3), marks)
     epochs = make_epochs(inc, at_fix, fixes, np.zeros(0, dtype=np.int64), flown.problem.frame)
     return replace(flown.problem, inc=inc, epochs=epochs)
+
+
+def cross_covariance(states: GaussianStates, j: int, k: int) -> np.ndarray:
+    """Return a smoother's covariance (n, n) of the error at epoch j with that at epoch k > j."""
+    out = states.P[k]
+    for i in range(k - 1, j - 1, -1):
+        out = states.gain[i] @ out
+    return out

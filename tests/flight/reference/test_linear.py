@@ -4,6 +4,7 @@ nothing of navigation.
 
 import numpy as np
 import pytest
+from posed import cross_covariance
 
 from insgnss.flight.reference.linear import LinearProblem, batch, filtered, smoothed
 
@@ -84,7 +85,7 @@ def test_smoother_and_batch_are_the_conditional_distribution(problem):
             expected = P[STATES * j : STATES * j + STATES, STATES * k : STATES * k + STATES]
             scale = np.outer(sigma[j], sigma[k])
             assert (np.abs(least_squares.covariance(j, k) - expected) / scale).max() < 1e-9
-            assert (np.abs(smooth.cross_covariance(j, k) - expected) / scale).max() < 1e-9
+            assert (np.abs(cross_covariance(smooth, j, k) - expected) / scale).max() < 1e-9
 
 
 def test_filter_is_the_smoother_of_what_came_before(problem):

@@ -33,7 +33,6 @@ from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.io.formats.bundle.bentley import write_bentley
 from insgnss.io.formats.bundle.inpho import write_inpho_ascii, write_inpho_prj
 from insgnss.io.formats.bundle.metashape import (
-    read_metashape,
     write_metashape,
     write_metashape_offset,
     write_metashape_opk,
@@ -517,18 +516,6 @@ def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
         with pytest.raises(DataError, match=r"middle angle of .* is -?90\.0000 deg"):
             write(framed(exterior(C[None], np.zeros((1, 3))), "tangent plane"), tmp_path / "x")
     assert not list(tmp_path.iterdir())
-
-
-def test_other_variants_are_not_read_as_the_geographic_one(tmp_path: Path) -> None:
-    """Oracle: the columns' names differ, so that nothing is taken for what it is not."""
-    for write, where in (
-        (write_metashape_opk, "geographic"),
-        (write_metashape_offset, "geographic"),
-        (write_metashape, "EPSG:2056"),
-    ):
-        write(framed(block(2), where), tmp_path / "x.csv")
-        with pytest.raises(InputError, match="does not name"):
-            read_metashape(tmp_path / "x.csv")
 
 
 @pytest.mark.slow

@@ -56,10 +56,10 @@ def test_a_small_file_unpacks_to_200_times_its_size_or_100_mb(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Oracle: the rule of the docstring, and the variable that replaces it."""
-    monkeypatch.delenv(unpacking.VARIABLE, raising=False)
+    monkeypatch.delenv(unpacking.UNPACKED_GB, raising=False)
     limits = {1e3: 1e8, 1e6: 2e8, 3e6: 6e8, 1e9: 4e9}
     assert {size: unpacking.unpacked_limit(size) for size in limits} == limits
-    monkeypatch.setenv(unpacking.VARIABLE, "7")
+    monkeypatch.setenv(unpacking.UNPACKED_GB, "7")
     assert unpacking.unpacked_limit(1e3) == 7e9
 
 
@@ -67,7 +67,7 @@ def test_a_small_file_that_unpacks_to_much_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Oracle: 3 MB of zeros pack to 3 kB; the free size made 1 MB stands for 100 MB."""
-    monkeypatch.delenv(unpacking.VARIABLE, raising=False)
+    monkeypatch.delenv(unpacking.UNPACKED_GB, raising=False)
     monkeypatch.setattr(unpacking, "ALWAYS_UNPACKED_BYTES", 1e6)
     zeros = bytes(3_000_000)
     npz = tmp_path / "x.npz"
@@ -85,7 +85,7 @@ def test_elements_of_xml_count_as_what_the_file_unpacks_to(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Oracle: 40 000 elements of 4 bytes count as 3 MB, of which 1 MB is free."""
-    monkeypatch.delenv(unpacking.VARIABLE, raising=False)
+    monkeypatch.delenv(unpacking.UNPACKED_GB, raising=False)
     monkeypatch.setattr(unpacking, "ALWAYS_UNPACKED_BYTES", 1e6)
     content = DOCUMENT % (b"<a/>" * 40_000)
     psz = zipped(tmp_path / "x.psz", "doc.xml", content)

@@ -25,13 +25,13 @@ from insgnss.io.formats.blocks.ground_points import read_ground_points
 from insgnss.io.formats.blocks.image_points import read_image_points
 from insgnss.io.formats.blocks.pose_table import read_pose_table
 from insgnss.io.formats.blocks.reading import read_measured_block
-from insgnss.io.formats.bundle.metashape import read_metashape
 from insgnss.io.formats.imu.variances import read_variances
 from insgnss.io.formats.orientation.eo_json import read_eo_json
 from insgnss.io.formats.orientation.eo_local_plane import read_eo_local_plane
 from insgnss.io.formats.orientation.mounting_file import read_mounting_file
 from insgnss.io.formats.orientation.relative_csv import read_relative_csv
 from insgnss.io.formats.positions.camera_positions import read_camera_positions
+from insgnss.io.formats.returned.tables import read_metashape_reference
 from insgnss.io.formats.trajectory.odyn import read_odyn_poses
 from insgnss.io.formats.trajectory.sbet import read_sbet
 from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv
@@ -56,7 +56,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "measurement": lambda path: read_measurement(MeasurementInput(kind="heading", file=path), 2000),
     "odyn": read_odyn_poses,
     "eo_local_plane": read_eo_local_plane,
-    "metashape": read_metashape,
+    "metashape": read_metashape_reference,
     "trajectory_csv": read_trajectory_csv,
     "variances": read_variances,
     "relative_csv": read_relative_csv,

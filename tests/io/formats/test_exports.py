@@ -18,9 +18,10 @@ from insgnss.base.errors import DataError, InputError
 from insgnss.flight.exporting.export import Target, export
 from insgnss.geodesy.projection import MapProjection
 from insgnss.io.formats import EXPORTS
-from insgnss.io.formats.bundle.metashape import read_metashape, write_metashape
+from insgnss.io.formats.bundle.metashape import write_metashape
 from insgnss.io.formats.orientation.eo_json import read_eo_json, write_eo_json
 from insgnss.io.formats.orientation.eo_local_plane import read_eo_local_plane, write_eo_local_plane
+from insgnss.io.formats.returned.tables import read_metashape_reference
 from insgnss.io.formats.trajectory.sbet import read_sbet, read_smrmsg, write_sbet, write_smrmsg
 from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv, write_trajectory_csv
 from insgnss.navigation.orient.frame import in_frame
@@ -152,28 +153,31 @@ def test_metashape_is_referred_to_true_north_at_the_camera(tmp_path: Path) -> No
     position = np.array([[10000.0, -5000.0, 700.0], [-3000.0, 8000.0, 500.0]])
     eo = exterior(near_nadir(2), position)
     write_metashape(in_frame(eo, "geographic"), tmp_path / "ms.csv")
-    back = read_metashape(tmp_path / "ms.csv")
+    back = read_metashape_reference(tmp_path / "ms.csv")
+    accuracy = np.loadtxt(tmp_path / "ms.csv", delimiter=",", usecols=range(7, 13))
     pipeline = (
         "+proj=pipeline +step +inv +proj=topocentric +lat_0=46.57 +lon_0=6.54 +h_0=0 +ellps=WGS84"
         " +step +inv +proj=cart +ellps=WGS84"
     )
     lon, lat, h = Transformer.from_pipeline(pipeline).transform(*position.T)
-    assert_allclose(np.degrees([back.lon, back.lat]), [lon, lat], rtol=0, atol=1e-10)
-    assert_allclose(back.height, h, atol=0.51e-4)
+    assert_allclose(back.position[:, :2], np.transpose([lon, lat]), rtol=0, atol=1e-10)
+    assert_allclose(back.position[:, 2], h, atol=0.51e-4)
     for k in range(2):
         A = enu_axes(np.radians(lat[k]), np.radians(lon[k])) @ enu_axes(ORIGIN[0], ORIGIN[1]).T
         yaw, pitch, roll = Rotation.from_matrix(A @ eo.C_mc[k] @ D).as_euler("ZXY")
-        assert_allclose(back.ypr[k], [-yaw, pitch, roll], rtol=0, atol=MICRODEGREE)
-        assert_allclose(back.C_enu_camera[k], A @ eo.C_mc[k], atol=2 * MICRODEGREE)
+        assert_allclose(back.angles[k], [-yaw, pitch, roll], rtol=0, atol=MICRODEGREE)
+        assert_allclose(back.C[k], A @ eo.C_mc[k], atol=2 * MICRODEGREE)
         assert_allclose(
-            back.accuracy_m[k], np.sqrt(np.diag(A @ eo.cov[k, :3, :3] @ A.T)), atol=0.51e-5
+            accuracy[k, :3], np.sqrt(np.diag(A @ eo.cov[k, :3, :3] @ A.T)), atol=0.51e-5
         )
         psi = normal_draws(A @ eo.cov[k, 3:, 3:] @ A.T, 4000, seed=4)
         angles = (Rotation.from_rotvec(psi) * Rotation.from_matrix(A @ eo.C_mc[k] @ D)).as_euler(
             "ZXY"
         )
         assert_allclose(
-            back.accuracy_ypr[k], np.std(np.unwrap(angles, axis=0), axis=0, ddof=1), rtol=0.003
+            np.radians(accuracy[k, 3:]),
+            np.std(np.unwrap(angles, axis=0), axis=0, ddof=1),
+            rtol=0.003,
         )
 
 

@@ -12,9 +12,10 @@ from ba_scene import exterior, framed
 
 from insgnss.base.errors import InputError
 from insgnss.base.files import atomic_write
-from insgnss.io.formats.bundle.metashape import read_metashape, write_metashape
+from insgnss.io.formats.bundle.metashape import write_metashape
 from insgnss.io.formats.exports import EXPORTS
 from insgnss.io.formats.orientation.exported import check_characters, check_names, xml_text
+from insgnss.io.formats.returned.tables import read_metashape_reference
 from insgnss.navigation.orient.relative import GyroFigures, relative_control
 
 FORMULAS = ("=HYPERLINK(1)", "@SUM(A1)", "+A1", "-1+cmd|' /C calc'!A0", "=1", "-x.tif")
@@ -64,7 +65,7 @@ def test_harmless_names_come_back(tmp_path: Path) -> None:
     """Oracle: the names written; a number is no formula."""
     names = ("-5", "+7.5", "a=b", "8-1.tif", "x@y", "ä\u2026.tif", "\u65e5.tif")
     write_metashape(framed(nadir(names), "geographic"), tmp_path / "x.csv")
-    assert read_metashape(tmp_path / "x.csv").images == names
+    assert read_metashape_reference(tmp_path / "x.csv").images == names
 
 
 def test_the_table_of_the_report_copies_no_formula() -> None:

@@ -1,5 +1,6 @@
 """SBET as an input, PSINS and ODyN files, and what NMEA says of velocity and date."""
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -8,12 +9,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError
-from insgnss.geodesy.rotation import rotation_from_rpy
+from insgnss.geodesy.rotation import rotation_from_rpy, rpy_jacobian
 from insgnss.io.formats import read_events, read_gnss, read_imu
 from insgnss.io.formats.imu.psins import read_psins_header
 from insgnss.io.formats.trajectory.odyn import read_odyn_poses
 from insgnss.io.formats.trajectory.sbet import (
-    read_sbet_trajectory,
+    read_sbet,
+    read_smrmsg,
     smrmsg_beside,
     write_sbet,
     write_smrmsg,
@@ -62,11 +64,13 @@ def test_sbet_with_its_accuracies(tmp_path: Path, names: tuple[str, str]) -> Non
     assert_allclose(
         np.sqrt(np.diagonal(fixes.velocity_cov_ned, axis1=1, axis2=2)), sigma[:, 3:6], rtol=1e-13
     )
-    back = read_sbet_trajectory(tmp_path / names[0], 2008)
+    back = read_sbet(tmp_path / names[0])
     assert_allclose(back.C_nb, given.C_nb, rtol=0, atol=1e-14)
-    write_smrmsg(
-        back, tmp_path / "again.smrmsg"
-    )  # roll pitch heading of diagonal covariances come out as they went in
+    # roll pitch heading of diagonal covariances come out as they went in
+    E, cov = rpy_jacobian(back.rpy), given.cov.copy()
+    variance = read_smrmsg(tmp_path / names[1]).sigma_rpy ** 2
+    cov[:, 6:, 6:] = np.einsum("nij,nj,nkj->nik", E, variance, E)
+    write_smrmsg(replace(given, cov=cov), tmp_path / "again.smrmsg")
     again, before = (
         np.fromfile(path).reshape(-1, 10)
         for path in (tmp_path / "again.smrmsg", tmp_path / names[1])
@@ -105,8 +109,6 @@ def test_sbet_alone_takes_the_callers_sigma(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="no standard deviations"):
         read_gnss(tmp_path / "x.sbet")
-    with pytest.raises(InputError, match="has no smrmsg beside it"):
-        read_sbet_trajectory(tmp_path / "x.sbet", 2008)
     (tmp_path / "x.sbet").write_bytes((tmp_path / "x.sbet").read_bytes()[:-1])
     with pytest.raises(InputError, match="no whole number of records"):
         read_gnss(tmp_path / "x.sbet", sigma_m=[1, 2, 3])

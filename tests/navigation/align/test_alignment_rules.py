@@ -331,3 +331,19 @@ def test_the_update_of_a_bias_is_that_of_information(rows) -> None:
     x, cov = _updated(P, H, z, R)
     assert_allclose(cov, expected, atol=1e-12)
     assert_allclose(x, expected @ H.T @ np.linalg.solve(R, z), atol=1e-12)
+
+
+def test_the_start_is_ten_times_as_wide_as_the_window_knows(monkeypatch):
+    """Oracle: the sum of variances: the window's ten times as wide, and 0.5, 0.5, 1 deg."""
+    sigma = np.radians([0.2, 0.3, 0.4])
+    P = np.zeros((9, 9))
+    P[range(6, 9), range(6, 9)] = sigma**2
+    solved = SimpleNamespace(
+        covariance=lambda _: P[None], nav=[None], x=[None], time=np.array([5.0, 65.0])
+    )
+    monkeypatch.setattr(initial, "_aligned_window", lambda _: (0, solved))
+    monkeypatch.setattr(initial, "_start", lambda problem, nav, cov, x: cov)
+    aligned = initial.initial_state(None)
+    floor = np.radians([0.5, 0.5, 1.0])
+    assert_allclose(aligned.start, np.diag(100.0 * sigma**2 + floor**2))
+    assert (aligned.window, aligned.heading_sigma) == ((5.0, 65.0), pytest.approx(sigma[2]))

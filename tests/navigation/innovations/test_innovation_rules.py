@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
+from insgnss.navigation.innovations._kernels import minus_half_turn
 from insgnss.navigation.innovations.innovation_noise import (
     InFlightNoise,
     Innovations,
@@ -308,3 +310,11 @@ def test_what_a_part_of_a_flight_knows_before_it(sigma_m, wide) -> None:
     floor = np.radians([0.5, 0.5, 1.0])
     assert_allclose(sigma[6:9], np.hypot(floor, [1e-2, 2e-2, 3e-2]))
     assert_allclose(sigma[9:], [0.1, 0.2])
+
+
+@pytest.mark.parametrize("turn", [(0.3, -0.5, 0.8), (1e-6, 2e-6, -3e-6)])
+def test_minus_half_a_turn_is_scipys(turn):
+    """Oracle: scipy's rotation by minus half of the vector."""
+    A = np.empty((3, 3))
+    minus_half_turn(*turn, A)
+    assert_allclose(A, Rotation.from_rotvec(-0.5 * np.array(turn)).as_matrix(), rtol=0, atol=1e-15)

@@ -281,3 +281,12 @@ def test_a_gross_fix_is_not_lively():
     assert_allclose(
         liveliest(fixes(t, north, 0.0 * t, 500.0 + 0.0 * t), 100.0), (200.0, 300.0), atol=1.0
     )
+
+
+def test_a_fast_drone_is_lively_at_its_speed():
+    """Oracle: the path: 45 m/s in the third hundred seconds, 30 m/s elsewhere."""
+    t = np.arange(0.0, 400.0, 0.5)
+    north = np.cumsum(np.where((t >= 200.0) & (t < 300.0), 45.0, 30.0) * 0.5)
+    assert_allclose(
+        liveliest(fixes(t, north, 0.0 * t, 500.0 + 0.0 * t), 100.0), (200.0, 300.0), atol=1.0
+    )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from insgnss.geodesy.rotation import rotation_from_rpy
+from insgnss.navigation.recognise import turns
 from insgnss.navigation.recognise.plausibility import check_heading
 from insgnss.navigation.recognise.turns import (
     Forces,
@@ -177,3 +178,18 @@ def test_exposures_every_few_seconds_on_short_legs_are_in_no_other_time_scale(se
     flight = multirotor(3.2, "sideways", seed=seed)
     sim = observe(flight, 22, imu=ImuOptions(50.0), gnss=GnssOptions(2.0), truth_hz=1.0)
     assert check_events(sim.events, sim.gnss).verdict == "ok"
+
+
+@pytest.mark.parametrize(("correlation", "seen"), [(0.5, False), (0.85, True)])
+def test_fixes_whose_course_rates_are_noise_show_no_turns(monkeypatch, correlation, seen):
+    """Oracle: the correlation that the course rates of every other fix are made with."""
+    one, other = np.random.default_rng(3).standard_normal((2, 2000))
+    halves = [one, correlation * one + np.sqrt(1.0 - correlation**2) * other]
+    known = np.ones(one.size, dtype=bool)
+    monkeypatch.setattr(turns, "_course_rate", lambda half, *_: (halves[half], known))
+
+    class EveryOther:
+        def __getitem__(self, rows: slice) -> int:
+            return rows.start
+
+    assert turns._reliable(EveryOther(), one, 1) == seen

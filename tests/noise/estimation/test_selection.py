@@ -4,6 +4,7 @@ models and simulated recordings.
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy import stats
 
 from insgnss.base.errors import UsageError
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov
+from insgnss.noise.estimation import selection
 from insgnss.noise.estimation.bootstrap import simulate_axis
 from insgnss.noise.estimation.estimates import Linearised
 from insgnss.noise.estimation.gmwm import fit, interval_weights, objective
@@ -218,3 +220,12 @@ def test_wrong_use_is_refused():
         near_stationarity(fit(curves, "WN"))
     with pytest.raises(UsageError, match="2 recording numbers"):
         near_stationarity(fit(curves * 3, "WN"), recordings=[0, 1])
+
+
+def test_the_worst_misfit_is_named(monkeypatch):
+    """Oracle: the misfits of the test, worst first: level 3 of the second curve, at 10 Hz."""
+    goodness = SimpleNamespace(p_value=0.0, misfits=((1, 3), (0, 5)))
+    monkeypatch.setattr(selection, "goodness_of_fit", lambda *_: goodness)
+    curves = [moved(WALK, 0.0), moved(WALK, 0.0)]
+    best = rank(curves, ["WN"], weights="interval").candidates[0]
+    assert "misfit, worst at scale 0.8 s of curve 2" in best.remarks

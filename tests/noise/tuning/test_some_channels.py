@@ -10,7 +10,7 @@ from insgnss.base.errors import UsageError
 from insgnss.cli import main
 from insgnss.noise.tuning.options import TuneOptions
 from insgnss.noise.tuning.reading import read_samples
-from insgnss.noise.tuning.some_channels import NAMES, chosen_channels
+from insgnss.noise.tuning.some_channels import PER_AXIS, chosen_channels
 
 VALUES = samples(4, 2.0)
 TIME = np.arange(len(VALUES)) / RATE
@@ -79,9 +79,13 @@ def test_a_variable_of_a_mat_file_by_its_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("only", [None, "gyro", "accel_z", "gyro_y, accel"])
 def test_names_of_channels(only: str | None) -> None:
     """Oracle: the names."""
-    chosen = [name for name, there in zip(NAMES, chosen_channels(only), strict=True) if there]
-    expected = {"gyro": NAMES[:3], "accel_z": NAMES[5:], "gyro_y, accel": (NAMES[1], *NAMES[3:])}
-    assert tuple(chosen) == expected.get(only or "", NAMES)
+    chosen = [name for name, there in zip(PER_AXIS, chosen_channels(only), strict=True) if there]
+    expected = {
+        "gyro": PER_AXIS[:3],
+        "accel_z": PER_AXIS[5:],
+        "gyro_y, accel": (PER_AXIS[1], *PER_AXIS[3:]),
+    }
+    assert tuple(chosen) == expected.get(only or "", PER_AXIS)
 
 
 @pytest.mark.slow

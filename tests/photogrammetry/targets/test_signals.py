@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.photogrammetry.targets.search import correlation_map
+from insgnss.photogrammetry.targets.search import correlation_maps
 from insgnss.photogrammetry.targets.signals import Signal, cross, disc, picture, quadrants
 from insgnss.photogrammetry.targets.template import Template, rotated
 
@@ -68,7 +68,7 @@ def test_correlation_is_that_of_the_definition() -> None:
     rng = np.random.default_rng(3)
     window = rng.uniform(0, 255, (40, 44))
     t = Template(quadrants(0.3), rotated(np.array([[50.0, 5.0, 0], [2.0, -45.0, 0]]), 0.4))
-    got = correlation_map(window, t, 0.7)
+    got = correlation_maps(window, [t], 0.7)[0]
     half = int(np.ceil(t.reach_px))
     at = np.arange(-half, half + 1)
     d = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
@@ -79,5 +79,7 @@ def test_correlation_is_that_of_the_definition() -> None:
         assert got[row, column] == pytest.approx(np.corrcoef(T, grey)[0, 1], abs=1e-9)
     assert np.isnan(got[half - 1, half])
     assert np.isnan(got[40 - half, half])
-    assert (correlation_map(np.full((40, 44), 7.0), t, 0.7)[half:-half, half:-half] == 0.0).all()
-    assert np.isnan(correlation_map(np.zeros((5, 5)), t, 0.7)).all()
+    assert (
+        correlation_maps(np.full((40, 44), 7.0), [t], 0.7)[0, half:-half, half:-half] == 0.0
+    ).all()
+    assert np.isnan(correlation_maps(np.zeros((5, 5)), [t], 0.7)).all()

@@ -23,12 +23,12 @@ from ....gnss.rinex.header import RinexHeader, load_rinex
 from ....gnss.rinex.navigation_message import Navigation, read_navigation
 from ....gnss.rinex.observation_record import Observations
 from ....gnss.rinex.observations import read_observations
+from ....navigation.prepare.gaps import LEAST_GAP_INTERVALS
 
 NAME = re.compile(r"\.(obs|rnx|crx|nav|\d\d[odnghplq])(\.(gz|z|bz2|zip))?$", re.IGNORECASE)
-DEEPEST, MOST_FILES = 6, 500
+DEEPEST, MOST_FILES = 6, 500  # folders below the one given; files that are read (chosen)
 OFTENER = 1.5  # times the rate of another receiver, to be the one that flew
 WITHIN = 0.9  # share of another's time
-GAP_INTERVALS = 1.5
 SYSTEMS = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "S": "SBAS"}
 
 
@@ -211,7 +211,7 @@ def _receiver(group: list[Observations]) -> Receiver:
         float(last.gps_week * WEEK_S + last.time[-1]),
         usual,
         time.size,
-        int((np.diff(time) > GAP_INTERVALS * usual).sum()),
+        int((np.diff(time) > LEAST_GAP_INTERVALS * usual).sum()),
         sum(one.events.size for one in group),
         {letter: sum(name[0] == letter for name in names) for letter in letters},
         {letter: _bands(first, letter) for letter in letters},

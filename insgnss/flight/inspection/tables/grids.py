@@ -18,7 +18,7 @@ from ....records import Array
 from .clocks import seconds_and_nanoseconds
 from .names import Grid, squashed
 
-FEWEST_ROWS = 20
+FEWEST_ROWS = 20  # of a table that is a recording (chosen)
 SENSOR_STEMS = {
     "gyro": {"gyro", "gyr", "gyros", "gyroscope", "w", "omega", "angrate", "angularrate", "wb"}
     | {"angularvelocity", "gyrodata", "imugyro", "gyrorad"},

@@ -28,6 +28,7 @@ from .clocks import clocks, clocks_by_values, is_clock_of, tick, week_column, we
 from .names import Grid, Roles
 
 TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
+# velocity (m/s) of a vehicle, and sigma (m) of its fixes: larger ones are other columns
 FASTEST_MS, LARGEST_SIGMA = 150.0, 100.0
 BAD_SHARE = 0.15  # of the rows: wrong fixes among those of a position
 MEDIAN_OF = 5  # rows, among which up to two wrong fixes do not show

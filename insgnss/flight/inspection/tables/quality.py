@@ -13,7 +13,7 @@ from ....io.formats.gnss.fixes import MOST_QUALITY, NMEA_QUALITY
 from ....records import Array
 from .names import Grid
 
-MOST_CODES = 6
+MOST_CODES = 6  # that a column of qualities has in one flight; one with more counts satellites
 LEAST_ROWS = 5  # of a code
 TELLING = 3.0  # times that standard deviations of a worse code exceed those of a better one
 # from the best: fixed, float, DGPS, single point

@@ -32,7 +32,7 @@ from .roles import (
     triads_named,
 )
 
-ASSUMED_HZ = 100.0
+ASSUMED_HZ = 100.0  # of a table without clock: the usual rate of small IMUs
 ATTITUDE = re.compile(
     r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?"
 )

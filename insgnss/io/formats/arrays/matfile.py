@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ....base.errors import words_of
 from ....base.unpacking import check_unpacked
 from ..text.layout import printable
 
@@ -73,9 +74,7 @@ def read_mat(data: bytes, path: object = "MAT-file") -> dict[str, Any]:
             warnings.simplefilter("error")
             variables = loadmat(io.BytesIO(data), chars_as_strings=True)
     except Exception as error:  # a damaged file makes the library fail in any way
-        raise Damaged(
-            printable(" ".join(str(error).split()))[:120] or type(error).__name__
-        ) from None
+        raise Damaged(words_of(error)) from None
     out = {
         printable(name): _plain(value)
         for name, value in variables.items()

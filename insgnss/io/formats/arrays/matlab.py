@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import InputError, InsgnssError
+from ....base.errors import InputError, installed, legible
 from ....base.unpacking import check_unpacked
 from ....base.wording import DOCTOR
 from ..text.layout import printable
@@ -69,14 +69,12 @@ def _labelled(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _hdf5(path: Source) -> dict[str, Any]:
-    try:
+    problem = (
+        "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7;"
+        f" {DOCTOR}"
+    )
+    with installed(problem, path):
         import h5py
-    except ImportError:
-        message = (
-            "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7;"
-            f" {DOCTOR}"
-        )
-        raise InputError.at_line(path, None, message) from None
 
     def stated(node: Any, depth: int = 0) -> int:
         """Bytes of what a node holds, without reading it."""
@@ -101,14 +99,7 @@ def _hdf5(path: Source) -> dict[str, Any]:
         whole = values.ndim == 2 and values.size
         return matrix_of(values) if whole else np.asarray(values).reshape(-1)
 
-    try:
-        with h5py.File(str(path), "r") as file:
-            check_unpacked(path, stated(file), packed=os.path.getsize(path))
-            return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}
-    except InsgnssError:
-        raise
-    except Exception as error:  # as above
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at_line(
-            path, None, f"is no whole MATLAB 7.3 file ({why[:120]}); copy it again from its source"
-        ) from None
+    damaged = "is no whole MATLAB 7.3 file ({}); copy it again from its source"
+    with legible(path, damaged), h5py.File(str(path), "r") as file:
+        check_unpacked(path, stated(file), packed=os.path.getsize(path))
+        return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}

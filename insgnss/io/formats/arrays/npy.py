@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError, InsgnssError
+from ....base.errors import InputError, legible
 from ....base.inputs import opened
 from ....base.unpacking import check_archive
 from ..text.layout import printable
@@ -28,30 +28,25 @@ def load_numpy(path: Source) -> Content:
     """
     if not Path(path).is_file():
         raise InputError.at_line(path, None, "no such file; check the path in the flight file")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            with opened(path) as stream:
-                packed = stream.read(2) == b"PK"
-            if packed:
-                with (
-                    opened(path) as stream,
-                    np.load(stream, allow_pickle=False) as archive,
-                ):
-                    check_archive(path, archive.zip)
-                    return {printable(name): _plain(archive[name]) for name in archive.files}
-            with opened(path) as stream:
-                array = np.load(stream, allow_pickle=False)
-                expected, size = stream.tell(), stream.seek(0, os.SEEK_END)
-            if size != expected:
-                raise ValueError(f"{size} bytes, expected {expected}")
-    except InsgnssError:
-        raise
-    except Exception as error:  # a damaged file makes the library fail in any way
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at_line(
-            path, None, f"is no whole numpy file ({why[:120]}); copy it again from its source"
-        ) from None
+    with (
+        legible(path, "is no whole numpy file ({}); copy it again from its source"),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("error")
+        with opened(path) as stream:
+            packed = stream.read(2) == b"PK"
+        if packed:
+            with (
+                opened(path) as stream,
+                np.load(stream, allow_pickle=False) as archive,
+            ):
+                check_archive(path, archive.zip)
+                return {printable(name): _plain(archive[name]) for name in archive.files}
+        with opened(path) as stream:
+            array = np.load(stream, allow_pickle=False)
+            expected, size = stream.tell(), stream.seek(0, os.SEEK_END)
+        if size != expected:
+            raise ValueError(f"{size} bytes, expected {expected}")
     if array.dtype.names:
         return _plain(array)
     return {"": _plain(array)}

@@ -24,10 +24,10 @@ from ....records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ..bundle.camera import BROWN_NAMES
 from ..text.text import Source
 
-EXACT_PX = 0.01
+EXACT_PX = 0.01  # of an image point: a tenth of what is measured
 LOST_PX = 0.1  # of what a program has no place for, which is said
-GRID = 25
-STEPS = 20
+GRID = 25  # points to a side of the image, at which two cameras are compared (chosen)
+STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
 LACKING = dict.fromkeys(("colmap", "opencv", "opensfm"), ("b2", "k4"))
 Covariances = Sequence[InteriorCovariance | None]
 Text = Callable[[Sequence[BrownCamera], Covariances], str]

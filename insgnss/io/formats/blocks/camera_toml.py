@@ -18,7 +18,7 @@ MODELS = ("forward", "backward")
 PIXEL_ORIGINS = ("corner", "centre")
 _OWN = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
 KEYS: Mapping[str, tuple[str, ...]] = {"": (*_OWN, "sigma", "correlations"), "sigma": INTERIOR}
-LARGEST_PX = 1e6
+LARGEST_PX = 1e6  # of a value in pixels: no camera has so many
 
 
 def read_camera_toml(path: Source) -> BrownCamera:

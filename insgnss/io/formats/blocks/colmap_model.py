@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError
+from ....base.errors import InputError, installed, legible
 from ....base.files import lines_of
 from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
@@ -130,13 +130,11 @@ def read_colmap_poses(path: Source) -> tuple[tuple[str, ...], Array, Array]:
 
 def _model(path: Path) -> Any:
     """Return the reconstruction that pycolmap reads."""
-    try:
+    with installed(
+        "a COLMAP model is read through pycolmap, which is not installed; pip install"
+        f" 'insgnss[colmap]', or write the image points as a table; {DOCTOR}"
+    ):
         import pycolmap
-    except ImportError:
-        raise UsageError(
-            "a COLMAP model is read through pycolmap, which is not installed; pip install"
-            f" 'insgnss[colmap]', or write the image points as a table; {DOCTOR}"
-        ) from None
     directory = path if path.is_dir() else path.parent
     kinds = [
         kind for kind in (".bin", ".txt") if all((directory / (p + kind)).is_file() for p in PARTS)
@@ -150,19 +148,11 @@ def _model(path: Path) -> Any:
         )
     if kinds[0] == ".txt":
         _refuse_text(directory)
-    try:
+    damaged = "pycolmap does not read this model: {}; write it again from COLMAP"
+    with legible(directory, damaged, MemoryError):
         model = pycolmap.Reconstruction(str(directory))
         _ = [image.name for image in model.images.values()]  # which must be UTF-8
         return model
-    except MemoryError:
-        raise
-    except Exception as error:  # pycolmap raises what its C++ does
-        raise InputError.at_line(
-            directory,
-            None,
-            f"pycolmap does not read this model: {' '.join(str(error).split())[:120]}; write it"
-            " again from COLMAP",
-        ) from None
 
 
 def _refuse_text(directory: Path) -> None:

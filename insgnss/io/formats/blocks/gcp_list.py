@@ -26,7 +26,7 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 SIGMA_M = (0.02, 0.02, 0.04)
 """Standard deviations of x, y, z (easting, northing, height), m; the file has none."""
-ORIGIN_PX = 0.5
+ORIGIN_PX = 0.5  # of the file: the middle of the upper left pixel is its origin
 HEAD = ("EPSG:", "+PROJ", "WGS84")
 MISSING = "the first line names the CRS, such as EPSG:32632, WGS84 UTM 32N or a +proj text"
 

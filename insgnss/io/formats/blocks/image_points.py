@@ -32,7 +32,7 @@ PIXEL_ORIGIN = (
     "pixels, x right and y down from the outer corner of the upper left pixel, whose centre is"
     " (0.5, 0.5)"
 )
-SIGMA_PX = 1.0
+SIGMA_PX = 1.0  # of points whose table has no standard deviations: a careful click
 
 
 @dataclass(frozen=True, eq=False)

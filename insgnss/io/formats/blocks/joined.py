@@ -19,6 +19,7 @@ BESIDE_PX = 1.0
 
 MANY = 200
 """Of so many observations the part of the format says something in which they lie."""
+# shares of the image's sides: points of a block lie neither in so small a corner nor in a quarter
 CORNER, QUARTER = 0.05, 0.52
 
 

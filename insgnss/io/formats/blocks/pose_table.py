@@ -46,7 +46,7 @@ POSES = _spec(
     f"name x y z {ANGLES}",
     f"{SIGMAS} {TURNED}",
 )
-FULL_TURN_DEG = 360.0
+FULL_TURN_DEG = 360.0  # of an angle: a larger one is in gon, or no angle
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError
+from ....base.errors import InputError, UsageError, installed, legible
 from ....base.files import atomic_write
 from ....base.output.staging import staged, together
 from ....base.wording import DOCTOR
@@ -308,13 +308,11 @@ def write_colmap_priors(
 
 
 def _pycolmap() -> Any:
-    try:
+    with installed(
+        "colmap_priors needs pycolmap, which is not installed; pip install pycolmap, or export"
+        f" colmap; {DOCTOR}"
+    ):
         import pycolmap
-    except ImportError:
-        raise UsageError(
-            "colmap_priors needs pycolmap, which is not installed; pip install pycolmap, or export"
-            f" colmap; {DOCTOR}"
-        ) from None
     return pycolmap
 
 
@@ -331,16 +329,8 @@ def _copy(database: Source, work: Path) -> None:
 
 
 def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
-    try:
+    with legible(database, "is no database of COLMAP: {}; give its database.db", MemoryError):
         return pycolmap.Database.open(work)
-    except MemoryError:
-        raise
-    except Exception as error:  # pycolmap raises what its C++ does
-        raise InputError.at_line(
-            database,
-            None,
-            f"is no database of COLMAP: {' '.join(str(error).split())[:120]}; give its database.db",
-        ) from None
 
 
 def _new_images(

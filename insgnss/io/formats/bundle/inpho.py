@@ -27,7 +27,7 @@ from ..orientation.exported import (
     comment_lines,
     frame_attitude,
     places,
-    table_text,
+    write_rows,
 )
 from ..text.text import Source
 
@@ -124,9 +124,7 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
     """
     check_frame(eo, "inpho_ascii", PROJECTED, TANGENT)
     ids = photo_ids(eo.images)
-    check_names(ids, None)
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    table = np.hstack([places(eo), np.degrees(opk), (eo.time % WEEK_S)[:, None]])
     words = (
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
         " up, z back) to the frame"
@@ -135,7 +133,8 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
         comment_lines(eo, words, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
-    atomic_write(path, table_text(head, ids, "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.6f\n", table))
+    numbers = np.degrees(opk), (eo.time % WEEK_S)[:, None]
+    write_rows(eo, path, head, " ", "%.6f %.6f %.6f %.6f", *numbers, names=ids)
 
 
 def photo_ids(images: Sequence[str]) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 r"""Metashape's reference csv for cameras in its three variants, data_specs/metashape.md.
 
 Import with columns "nxyzabcXYZABC", delimiter ",", skip_rows 1 and the CRS that the header names. x
-is easting or longitude.
+is easting or longitude. `returned.tables.read_metashape_reference` reads those of the
+globe with their bore-sight back.
 
 `write_metashape` gives yaw, pitch, roll of the camera with axes right, up, back in east, north, up
 *at the camera*: true north, also in a projected CRS; in a tangent plane (LOCAL_CS) the axes of the
@@ -23,7 +24,6 @@ The offset stands in a text beside the csv. The format takes no
 correlations.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from ....base.files import atomic_write
 from ....base.output.staging import together
-from ....geodesy.rotation import CV_RUB, rotation_from_ypr, ypr_from_rotation
+from ....geodesy.rotation import CV_RUB, ypr_from_rotation
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from ..orientation.exported import (
@@ -40,59 +40,17 @@ from ..orientation.exported import (
     AngleSet,
     angles_of,
     check_frame,
-    check_names,
     comment_lines,
     frame_attitude,
     frame_words,
     north_attitude,
     one_line,
-    place_form,
-    places,
     places_sigma,
-    table_text,
+    write_rows,
 )
-from ..text.columns import TableSpec
 from ..text.text import Source
 
 Array = NDArray[np.float64]
-
-POSE = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
-ACCURACY = tuple(f"{name}_acc" for name in POSE)
-COLUMNS = " ".join(("Label", *POSE, *ACCURACY))
-SPEC = TableSpec({name: name.lower() for name in COLUMNS.split()}, COLUMNS, (COLUMNS,), text=True)
-
-
-@dataclass(frozen=True, eq=False)
-class MetashapeReference:
-    """The content of the file.
-
-    Attributes
-    ----------
-    images : tuple of str
-        Image names.
-    lat, lon, height : ndarray
-        (n,) rad and m.
-    ypr : ndarray
-        (n, 3) yaw, pitch, roll, rad.
-    accuracy_m, accuracy_ypr : ndarray
-        (n, 3) accuracies, m (east, north, up) and rad.
-    """
-
-    images: tuple[str, ...]
-    lat: Array
-    lon: Array
-    height: Array
-    ypr: Array
-    accuracy_m: Array
-    accuracy_ypr: Array
-
-    @property
-    def C_enu_camera(self) -> Array:
-        """(n, 3, 3) rotations of camera axes into east, north, up at the camera.
-
-        Camera axes are x image right, y image down, z viewing direction.
-        """
-        return np.asarray(rotation_from_ypr(self.ypr) @ CV_RUB)
 
 
 def write_metashape(eo: FramedOrientation, path: Source) -> None:
@@ -189,34 +147,11 @@ def _write(
     names: tuple[str, ...],
 ) -> None:
     check_frame(eo, "metashape", GEOGRAPHIC, PROJECTED, TANGENT)
-    check_names(eo.images, ",")
     angles, sigma = angles_of(eo, *attitude, angle_set)
-    table = np.hstack([places(eo), np.degrees(angles), places_sigma(eo), np.degrees(sigma)])
-    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 3 + ",%.6f" * 3 + "\n"
     position = ("X", "Y", "Z")
     if eo.frame.kind != GEOGRAPHIC:
         position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")
-    columns = ("#Label", *position, *names, *ACCURACY[:3], *(f"{name}_acc" for name in names))
-    atomic_write(path, table_text(",".join(columns) + "\n", eo.images, form, table))
-
-
-def read_metashape(path: Source) -> MetashapeReference:
-    """Read the geographic file back.
-
-    Raises
-    ------
-    InputError
-        A bad line, with file and line; also the other variants, whose columns have other names.
-    """
-    table = SPEC.read(path)
-    pose = table.block(" ".join(POSE))
-    accuracy = table.block(" ".join(ACCURACY))
-    return MetashapeReference(
-        table.strings("Label"),
-        np.radians(pose[:, 1]),
-        np.radians(pose[:, 0]),
-        pose[:, 2],
-        np.radians(pose[:, 3:]),
-        accuracy[:, :3],
-        np.radians(accuracy[:, 3:]),
-    )
+    columns = ("#Label", *position, *names, *(f"{name}_acc" for name in ("X", "Y", "Z", *names)))
+    form = ",".join(("%.6f",) * 3 + ("%.5f",) * 3 + ("%.6f",) * 3)
+    numbers = np.degrees(angles), places_sigma(eo), np.degrees(sigma)
+    write_rows(eo, path, ",".join(columns) + "\n", ",", form, *numbers)

@@ -10,21 +10,10 @@ right nowhere (data_specs/odm.md), and zeros would be taken for real angles. The
 root mean square of the two horizontal standard deviations, and the vertical one, m.
 """
 
-import numpy as np
-
 from ....base.errors import UsageError
-from ....base.files import atomic_write
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, PROJECTED
-from ..orientation.exported import (
-    check_frame,
-    check_names,
-    comment_lines,
-    place_form,
-    places,
-    plan_and_height_sigma,
-    table_text,
-)
+from ..orientation.exported import check_frame, comment_lines, plan_and_height_sigma, write_rows
 from ..text.text import Source
 
 
@@ -48,19 +37,15 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
         Names with blanks.
     """
     check_frame(eo, "odm", GEOGRAPHIC, PROJECTED)
-    check_names(eo.images, None)
     code = "EPSG:4326" if eo.frame.crs == "EPSG:4979" else eo.frame.crs
     if not code.startswith("EPSG:"):
         raise UsageError(
             f"odm: {eo.frame.name} has no EPSG code, which the first line of geo.txt needs; export"
             " a CRS that has, or geographic"
         )
-    form = f"%s {place_form(eo, ' ')} NaN NaN NaN %.5f %.5f\n"
     columns = (
         "columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader"
         " turns them"
     )
     head = f"{code}\n{comment_lines(eo, columns)}"
-    atomic_write(
-        path, table_text(head, eo.images, form, np.hstack([places(eo), plan_and_height_sigma(eo)]))
-    )
+    write_rows(eo, path, head, " ", "NaN NaN NaN %.5f %.5f", plan_and_height_sigma(eo))

@@ -13,7 +13,6 @@ axes. Where mapper expects accuracies behind angles is not documented, so they a
 
 import numpy as np
 
-from ....base.files import atomic_write
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from ..orientation.exported import (
@@ -21,15 +20,12 @@ from ..orientation.exported import (
     YPR,
     angles_of,
     check_frame,
-    check_names,
     frame_attitude,
     frame_words,
     north_attitude,
     one_line,
-    place_form,
-    places,
     plan_and_height_sigma,
-    table_text,
+    write_rows,
 )
 from ..text.text import Source
 
@@ -56,21 +52,16 @@ def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
         Pitch is +-90 deg.
     """
     check_frame(eo, "pix4d_matic", GEOGRAPHIC, PROJECTED)
-    check_names(eo.images, ",")
     ypr, _ = angles_of(eo, *north_attitude(eo), YPR)
-    order, names = (
-        [0, 1, 2],
-        ["easting", "northing"] if eo.frame.kind == PROJECTED else ["longitude", "latitude"],
-    )
-    if eo.frame.northing_first:
-        order, names = [1, 0, 2], names[::-1]
-    table = np.hstack([places(eo)[:, order], np.degrees(ypr), plan_and_height_sigma(eo)])
-    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 2 + "\n"
+    names = ["easting", "northing"] if eo.frame.kind == PROJECTED else ["longitude", "latitude"]
+    if northing_first := eo.frame.northing_first:
+        names.reverse()
     head = (
         f"#imagename,{names[0]}"
         f" ({one_line(frame_words(eo))}),{names[1]},z,yaw,pitch,roll,accuracyHorz,accuracyVert\n"
     )
-    atomic_write(path, table_text(head, eo.images, form, table))
+    form, numbers = "%.6f,%.6f,%.6f,%.5f,%.5f", (np.degrees(ypr), plan_and_height_sigma(eo))
+    write_rows(eo, path, head, ",", form, *numbers, northing_first=northing_first)
 
 
 def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
@@ -79,7 +70,5 @@ def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
     The file has no accuracies and no header; digits and refusals are those of matic.
     """
     check_frame(eo, "pix4d_mapper", PROJECTED, TANGENT)
-    check_names(eo.images, ",")
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    form = "%s" + ",%.4f" * 3 + ",%.6f" * 3 + "\n"
-    atomic_write(path, table_text("", eo.images, form, np.hstack([places(eo), np.degrees(opk)])))
+    write_rows(eo, path, "", ",", "%.6f,%.6f,%.6f", np.degrees(opk))

@@ -12,20 +12,16 @@ The log with accuracies has the standard deviations of the axes; correlations ha
 
 import numpy as np
 
-from ....base.files import atomic_write
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, TANGENT
 from ..orientation.exported import (
     YPR,
     angles_of,
     check_frame,
-    check_names,
     comment_lines,
     north_attitude,
-    place_form,
-    places,
     places_sigma,
-    table_text,
+    write_rows,
 )
 from ..text.text import Source
 
@@ -69,15 +65,13 @@ def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
 
 def _write(eo: FramedOrientation, path: Source, name: str, accuracies: bool) -> None:
     check_frame(eo, name, GEOGRAPHIC, TANGENT)
-    check_names(eo.images, ",")
     ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)
     geographic = eo.frame.kind == GEOGRAPHIC
-    table = np.hstack([places(eo)[:, [1, 0, 2] if geographic else [0, 1, 2]], np.degrees(ypr)])
-    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3
+    form, numbers = "%.6f,%.6f,%.6f", [np.degrees(ypr)]
     columns = f"#name,{'latitude,longitude' if geographic else 'x,y'},altitude,yaw,pitch,roll"
     if accuracies:
-        table = np.hstack([table, places_sigma(eo), np.degrees(sigma)])
+        numbers += [places_sigma(eo), np.degrees(sigma)]
         form += ",%.5f" * 3 + ",%.6f" * 3
         columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
     head = comment_lines(eo, ANGLES) + columns + "\n"
-    atomic_write(path, table_text(head, eo.images, form + "\n", table))
+    write_rows(eo, path, head, ",", form, *numbers, northing_first=geographic)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.advance import through
-from ....base.errors import InputError
+from ....base.errors import InputError, installed
 from ....base.wording import DOCTOR
 from ..text.layout import decode, float_of, printable
 from ..text.text import Source, load, load_bytes
@@ -41,10 +41,8 @@ def read_log(path: Source) -> Log:
 def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     from ..text import _kernels
 
-    try:
+    with installed(MISSING, path):
         from pymavlink.DFReader import FORMAT_TO_STRUCT
-    except ImportError:
-        raise InputError.at_line(path, None, MISSING) from None
     lengths = np.zeros(256, dtype=np.int64)
     lengths[FMT] = 89
     kinds, places = (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.advance import share
-from ....base.errors import InputError, InsgnssError, UsageError
+from ....base.errors import InputError, UsageError, installed, legible
 from ....base.wording import DOCTOR
 from ....records import ImuSamples, Quantity
 from ..arrays.content import TableInfo
@@ -55,11 +55,9 @@ def bag_file(path: Path) -> Path:
 @contextmanager
 def _opened(path: Source) -> Iterator[Any]:
     """An open bag, and its failures in one line."""
-    try:
+    with installed(MISSING, path):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise InputError.at_line(path, None, MISSING) from None
     file = Path(path)
     bag = file.parent if file.suffix in ENDINGS else file
     if bag != file and not (bag / "metadata.yaml").is_file():
@@ -69,20 +67,13 @@ def _opened(path: Source) -> Iterator[Any]:
         if database.is_file() and is_database(database):
             with opened_database(database, ("messages", "topics"), KIND):
                 pass  # rosbags would read views and virtual tables
-    try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            yield reader
-    except InsgnssError:
-        raise
-    except MemoryError:  # the library believes any length that a record states
-        problem = "is no whole ROS bag, or a record takes more memory than there is"
-        raise InputError.at_line(path, None, f"{problem}; copy it again") from None
-    except Exception as error:  # a damaged file makes the library fail in any way
-        why = printable(" ".join(str(error).split()))[:120] or type(error).__name__
-        problem = f"is no whole ROS bag ({why})"
-        raise InputError.at_line(
-            path, None, f"{problem}; copy it again, or rosbag reindex"
-        ) from None
+    # the library believes any length that a record states: MemoryError is a damaged file as well
+    damaged = "is no whole ROS bag ({}); copy it again, or rosbag reindex"
+    with (
+        legible(path, damaged),
+        AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader,
+    ):
+        yield reader
 
 
 def _topics(reader: Any) -> dict[str, list[Any]]:

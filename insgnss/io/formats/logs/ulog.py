@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....base.errors import InputError, UsageError
+from ....base.errors import InputError, UsageError, installed, legible
 from ....base.wording import DOCTOR
 from ....geodesy.gpstime import gps_from_unix_utc
 from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples, Quantity
@@ -69,23 +69,17 @@ def read_log(path: Source) -> Log:
     """Read all topics; further sensors have their number behind: sensor_gps_1."""
     from ..text import _kernels
 
-    try:
+    with installed(MISSING, path):
         from pyulog import ULog
-    except ImportError:
-        raise InputError.at_line(path, None, MISSING) from None
     buf = load_bytes(path)
     end = int(_kernels.ulog_end(buf, ULOG_HEADER_BYTES)) if buf.size > ULOG_HEADER_BYTES else 0
-    try:
-        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
-            warnings.simplefilter("error")
-            log = ULog(_Stream(buf.tobytes()))
-    except MemoryError:
-        raise
-    except Exception as error:  # a damaged file makes the library fail in any way
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at_line(
-            path, None, f"is no whole ULog ({why[:120]}); copy it again from the card"
-        ) from None
+    with (
+        legible(path, "is no whole ULog ({}); copy it again from the card", MemoryError),
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(io.StringIO()),
+    ):
+        warnings.simplefilter("error")
+        log = ULog(_Stream(buf.tobytes()))
     tables: Tables = {}
     for topic in log.data_list:
         name = topic.name if topic.multi_id == 0 else f"{topic.name}_{topic.multi_id}"

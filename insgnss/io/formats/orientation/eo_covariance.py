@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import InputError, InsgnssError
+from ....base.errors import InputError, legible
 from ....base.files import atomic_write
 from ....base.inputs import opened
 from ....base.unpacking import check_archive
@@ -196,18 +196,17 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
     names : those that are wanted, if they are there; by default all.
     """
     try:
-        with opened(path) as stream, np.load(stream, allow_pickle=False) as file:
+        with (
+            legible(path, f"is no whole numpy archive; is it an {FILE}?", OSError),
+            opened(path) as stream,
+            np.load(stream, allow_pickle=False) as file,
+        ):
             check_archive(path, file.zip)
             wanted = [name for name in file.files if names is None or name in names]
             content = {name: file[name] for name in wanted}
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}; {AGAIN}"
         raise InputError.at_line(path, None, why) from None
-    except InsgnssError:
-        raise
-    except Exception:  # a damaged file makes numpy and zipfile fail in any way
-        message = f"is no whole numpy archive; is it an {FILE}?"
-        raise InputError.at_line(path, None, message) from None
     if str(content.get("format")) != FORMAT:
         raise InputError.at_line(
             path, None, f"is no covariance of strips; give the {FILE} of an output directory"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import InputError, InsgnssError
+from ....base.errors import InputError, legible
 from ....base.inputs import read_bytes
 from ....base.unpacking import check_archive
 from ....geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
@@ -121,16 +121,14 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
     if hashlib.sha256(content).hexdigest() != digest:
         message = f"does not belong to the eo.json beside it, whose sha256 is another; {AGAIN}"
         raise InputError.at_line(path, None, message)
-    try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as file:
-            check_archive(path, file.zip)
-            if "format" not in file.files or str(file["format"]) != FORMAT:
-                raise InputError.at_line(path, None, f"holds no numbers of images; {AGAIN}")
-            arrays = {name: file[name] for name in (*ARRAYS, *OF_A_RIG) if name in file.files}
-    except InsgnssError:
-        raise
-    except Exception:  # a damaged file makes numpy and zipfile fail in any way
-        raise InputError.at_line(path, None, f"is no whole numpy archive; {AGAIN}") from None
+    with (
+        legible(path, f"is no whole numpy archive; {AGAIN}"),
+        np.load(io.BytesIO(content), allow_pickle=False) as file,
+    ):
+        check_archive(path, file.zip)
+        if "format" not in file.files or str(file["format"]) != FORMAT:
+            raise InputError.at_line(path, None, f"holds no numbers of images; {AGAIN}")
+        arrays = {name: file[name] for name in (*ARRAYS, *OF_A_RIG) if name in file.files}
     for name, (shape, _) in (ARRAYS | OF_A_RIG).items():
         expected = (count - (name == "cross_cov6_next"), *shape)
         if name not in arrays and name not in (*OPTIONAL, *OF_A_RIG):

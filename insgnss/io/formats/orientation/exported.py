@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ....base import __version__
 from ....base.errors import DataError, InputError, UsageError
+from ....base.files import atomic_write
 from ....base.output.staging import destination
 from ....base.units import METRE
 from ....geodesy.rotation import (
@@ -36,6 +37,7 @@ from ....geodesy.rotation import (
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, TANGENT
 from ..text.layout import NUMBER
+from ..text.text import Source
 
 Array = NDArray[np.float64]
 
@@ -383,6 +385,49 @@ def table_text(
                 for name, row in zip(images[chunk], table[chunk].tolist(), strict=True)
             ]
         )
+
+
+def write_rows(
+    eo: FramedOrientation,
+    path: Source,
+    head: str,
+    separator: str,
+    form: str,
+    *numbers: Array,
+    names: Sequence[str] | None = None,
+    northing_first: bool = False,
+) -> None:
+    """Write a line an image: its name, `places`, and further numbers.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    head : str
+        What stands before.
+    separator : str
+        Of the columns: a comma, or a blank.
+    form : str
+        % format of the further columns.
+    *numbers : ndarray
+        (n, m) blocks of these.
+    names : sequence of str, optional
+        In the place of the images'.
+    northing_first : bool
+        Whether northing (latitude) stands before easting (longitude).
+
+    Raises
+    ------
+    InputError
+        A name that the table would not give back.
+    """
+    names = eo.images if names is None else names
+    check_names(names, separator.strip() or None)
+    position = places(eo)[:, [1, 0, 2] if northing_first else [0, 1, 2]]
+    form = separator.join(("%s", place_form(eo, separator), form)) + "\n"
+    atomic_write(path, table_text(head, names, form, np.hstack([position, *numbers])))
 
 
 def one_line(text: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....base.errors import InputError, InsgnssError
+from ....base.errors import InputError, legible
 from ....base.inputs import opened
 from ....base.output.staging import staged
 from ....base.unpacking import check_archive
@@ -56,17 +56,14 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
     InputError
         The file is damaged, has no such image, or is of other poses.
     """
-    try:
-        with opened(path) as stream, np.load(stream, allow_pickle=False) as file:
-            check_archive(path, file.zip)
-            names = [str(name) for name in file["images"]]
-            cov = file["cov"].astype(np.float64, casting="safe")
-    except InsgnssError:
-        raise
-    except Exception as error:  # a damaged file makes numpy and zipfile fail in any way
-        why = " ".join(str(error).split())[:120] or type(error).__name__
-        problem = f"is damaged ({why}); adjust the block again"
-        raise InputError.at_line(path, None, problem) from None
+    with (
+        legible(path, "is damaged ({}); adjust the block again"),
+        opened(path) as stream,
+        np.load(stream, allow_pickle=False) as file,
+    ):
+        check_archive(path, file.zip)
+        names = [str(name) for name in file["images"]]
+        cov = file["cov"].astype(np.float64, casting="safe")
     if cov.shape != (6 * len(names),) * 2 or not np.isfinite(cov).all():
         problem = f"cov of shape {cov.shape}, {(6 * len(names),) * 2} finite values are expected"
         raise InputError.at_line(path, None, problem)

@@ -165,4 +165,4 @@ def image_names(names: Sequence[str], path: Source) -> tuple[str, ...]:
     return file_names(names, path)
 
 
-ROUND = 1e-4
+ROUND = 1e-4  # of elements of a rotation from an orthonormal one: files print five digits or more

@@ -29,10 +29,10 @@ from ..text.text import Source
 from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
 
-OPK_COLUMNS = 7
+OPK_COLUMNS = 7  # name, X, Y, Z and three angles
 IGN_HEADER = re.compile(r"\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b", re.IGNORECASE)
 IGN_UNITS = {"g": 0.9, "d": 1.0, "r": float(np.degrees(1.0))}  # deg of a unit, by its first letter
-MATRIX_COLUMNS = 16
+MATRIX_COLUMNS = 16  # these, and nine elements of the matrix
 SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
 ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies

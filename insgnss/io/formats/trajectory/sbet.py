@@ -204,54 +204,6 @@ def read_gnss_sbet(
     )
 
 
-def read_sbet_trajectory(path: Source, gps_week: int, smrmsg: Source | None = None) -> Trajectory:
-    """Read an SBET with the standard deviations of its smrmsg.
-
-    Parameters
-    ----------
-    path : path
-        The SBET.
-    gps_week : int
-        Its week.
-    smrmsg : path, optional
-        The accuracies; those beside the SBET by default.
-
-    Returns
-    -------
-    Trajectory
-        The trajectory.
-
-    Raises
-    ------
-    InputError
-        No smrmsg, or a file that cannot be read.
-    """
-    sbet = read_sbet(path)
-    beside = Path(smrmsg) if smrmsg is not None else smrmsg_beside(path)
-    if beside is None:
-        raise InputError.at_line(
-            path, None, "has no smrmsg beside it, so its accuracy is not known; name the file"
-        )
-    check_increasing(NumberedRows(str(path), "record"), sbet.time)
-    sigma = _sigma_at(beside, sbet.time)
-    cov = np.zeros((sbet.time.size, 9, 9))
-    cov[:, range(6), range(6)] = sigma[:, :6] ** 2
-    E = rpy_jacobian(sbet.rpy)
-    cov[:, 6:, 6:] = np.einsum("nij,nj,nkj->nik", E, sigma[:, 6:] ** 2, E)
-    return Trajectory(
-        sbet.time,
-        sbet.lat,
-        sbet.lon,
-        sbet.height,
-        sbet.velocity_ned,
-        sbet.C_nb,
-        cov,
-        gps_week,
-        sbet.acceleration_b,
-        sbet.rate_b,
-    )
-
-
 def smrmsg_beside(path: Source) -> Path | None:
     """Return the accuracies that stand beside an SBET, by their name; None where there are none."""
     path = Path(path)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise
     from .result import FlightTuning
 
-DEFAULT = "in_flight_noise.toml"
+IN_FLIGHT_MODEL = "in_flight_noise.toml"
 
 
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
@@ -42,7 +42,7 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     UsageError
         Where the path takes no file, would overwrite an input, or files are of other recordings.
     """
-    target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
+    target = check_target(flight.path.parent / IN_FLIGHT_MODEL if out is None else Path(out))
     inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
     files = (target, *beside(target))
     taken = [str(file) for file in files if file.resolve() in inputs]
@@ -99,11 +99,11 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
     """Return the static model with the factors estimated, and their provenance."""
-    from .words import NAMES
+    from .words import TERMS
 
     f, static = noise.imu_factors(), recording.noise
     factors = ", ".join(
-        f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
+        f"{TERMS[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
         for name in f
         if noise.sigma(name) > 0.0
     )

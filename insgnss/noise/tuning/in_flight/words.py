@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
     from .straight_flight import StraightFlight
 
-NAMES = {
+TERMS = {
     "white_noise": "white noise of the IMU",
     "gyro.white_noise": "gyro white noise",
     "accel.white_noise": "accelerometer white noise",
@@ -56,7 +56,7 @@ def remarks_on(n: "InFlightNoise") -> list[str]:
 def _correlations(n: "InFlightNoise") -> str:
     pairs = [(i, j) for i in range(len(n.names)) for j in range(i)]
     strong = [
-        f"{NAMES[n.names[i]]} and {NAMES[n.names[j]]} {n.correlation[i, j]:+.2f}"
+        f"{TERMS[n.names[i]]} and {TERMS[n.names[j]]} {n.correlation[i, j]:+.2f}"
         for i, j in pairs
         if abs(n.correlation[i, j]) > CORRELATES
     ]
@@ -106,7 +106,7 @@ def _advice(n: "InFlightNoise") -> list[str]:
         k = n.names.index(name)
         size = f"{n.factor[k]:.2f} +- {n.sigma(name):.2f} times what the fixes claim"
         out.append(
-            f"{NAMES[name]}: {size}; it was estimated beside the IMU's noise, so that neither"
+            f"{TERMS[name]}: {size}; it was estimated beside the IMU's noise, so that neither"
             " stands for the other; correct the sigmas"
         )
     return out
@@ -133,7 +133,7 @@ def spectrum_parts(
     yield from _limits(straight, static)
     for name, ratio in beyond_spectrum(straight, model, n):
         yield (
-            f"{NAMES[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
+            f"{TERMS[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
             " ask for"
         )
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ....base.units import parse_unit
-from ....report.figures.noise import NAMES, UNIT
+from ....report.figures.noise import SENSOR_NAMES, UNIT
 from ...estimation.goodness import p_text
 from ..options import TuneOptions
 from ..recordings import AXES, StaticRecording
@@ -45,7 +45,7 @@ def sensor_words(
     several = f"{len(recordings)} recordings" if len(recordings) > 1 else recordings[0].name
     length = duration(max(r.length_s for r in recordings))
     levels = f", levels {options.levels}" if options.levels else ""
-    return f"{NAMES[cast('Sensor', sensor)]}: {title}", f"{several}, {length}{levels}"
+    return f"{SENSOR_NAMES[cast('Sensor', sensor)]}: {title}", f"{several}, {length}{levels}"
 
 
 def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:

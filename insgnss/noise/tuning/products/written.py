@@ -18,7 +18,7 @@ from ..targets import check_target, make_directory, refuse_others
 from ..usable import envelope, rounded_axis
 from .words import FITS_P, goodness_p, misfit, verdict
 
-DEFAULT = Path("imu_noise.toml")
+TUNED_MODEL = Path("imu_noise.toml")
 WORST_OF_SIX = FITS_P / 6.0  # p-value below which a misfit goes into the file: one by chance
 
 
@@ -26,7 +26,7 @@ def planned(out: Path | None, force: bool, measured: Sequence[Path]) -> Path:
     """Where the noise model goes. Raises UsageError where it cannot, or where one of the files is
     there that is not of a tuning of the same recordings.
     """
-    target = check_target(out or DEFAULT)
+    target = check_target(out or TUNED_MODEL)
     if not force:
         refuse_others((target, *_beside(target)), measured)
     return target

@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.errors import InputError, UsageError
-from ..geodesy.frames import LocalFrame
-from ..geodesy.rotation import rotation_from_rpy, rpy_from_rotation
-from ..records import ImuSamples
-from .flights import GPS_WEEK, Flight
-from .motion import Motion
+from insgnss.base.errors import InputError, UsageError
+from insgnss.geodesy.frames import LocalFrame
+from insgnss.geodesy.rotation import rotation_from_rpy, rpy_from_rotation
+from insgnss.records import ImuSamples
+from insgnss.simulation.flights import Flight, flight_along
+from insgnss.simulation.motion import Motion
 
 Array = NDArray[np.float64]
 
@@ -127,27 +127,6 @@ def _control(elapsed: Array, poses: Array, knot_s: float, pieces: int) -> Array:
 
     knots = (np.arange(pieces + 11) - 5.0) * knot_s
     return np.asarray(make_lsq_spline(np.minimum(elapsed, pieces * knot_s), poses, knots, k=5).c)
-
-
-def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
-    """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
-    if not every_s > 0.0:
-        raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
-    # off the samples of any sensor
-    time = np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + 0.00317
-    spacing = every_s * np.linalg.norm(motion.velocity(time), axis=1)
-    images = tuple(f"{1001 + k}.tif" for k in range(time.size))
-    return Flight(
-        name,
-        None,
-        motion,
-        images,
-        time,
-        np.ones(time.size, dtype=np.int64),
-        spacing,
-        np.zeros(3),
-        GPS_WEEK,
-    )
 
 
 def add_recorded_noise(samples: ImuSamples, noise: ArrayLike, first: int = 0) -> ImuSamples:
