@@ -44,7 +44,7 @@ from ..filter.codes import BIAS, IMU0, VEL
 from ..filter.layout import SLOW, SLOW_BIAS, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .candidates import ErrorModel
+from .candidates import ErrorModel, widened, with_layout
 from .constants import TAKEN
 from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
@@ -327,8 +327,10 @@ def bias_step_candidate(
     search.progress("when the biases of the IMU step")
     chosen = solution.separation_epoch
     around = np.arange(chosen[max(k - 1, 0)], chosen[min(k + 1, chosen.size - 1)] + 1)
+    layout = solution.problem.layout
+    _, start = widened(*with_layout(*posed, layout), posed[0].layout)
     try:
-        closer = solve(solution.problem, posed[1], "off", separations=around, about=solution)
+        closer = solve(solution.problem, start, "off", separations=around, about=solution)
     except DataError:
         return None
     evidence = step_evidence(closer)

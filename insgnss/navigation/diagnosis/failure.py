@@ -114,12 +114,11 @@ def rescue(
     model = ErrorModel(search.requested_errors)
     try:
         shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
-        shown_from = start
         for _ in range(ROUNDS):
             variances = VarianceSearch(shown, search.progress)
             winner = variances.strongest()
             slow = slow_bias_candidate(search, model, problem, variances)
-            step = bias_step_candidate(search, model, (problem, shown_from), shown)
+            step = bias_step_candidate(search, model, (problem, start), shown)
             stronger = {
                 name: one
                 for name, one in ((SLOW, slow), (STEP, step))
@@ -137,7 +136,6 @@ def rescue(
                 return solution, (check,)
             again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
             shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress)
-            shown_from = again[1]
     except DataError:
         return None
     return None
