@@ -60,7 +60,14 @@ GENERAL = (  # words that say that the sigmas do not hold
 UNSEEN = "unseen constants"
 CAUSES = {  # checks that name a cause
     *("antenna lever arm", "GNSS time offset", "clock rate", "IMU scale factors"),
-    *("IMU misalignments", "IMU noise", "IMU warm-up", "GNSS sigmas", "turn-on bias"),
+    *(
+        "IMU misalignments",
+        "IMU noise",
+        "IMU warm-up",
+        "IMU bias step",
+        "GNSS sigmas",
+        "turn-on bias",
+    ),
 }
 
 

@@ -19,7 +19,7 @@ DEG_H, MG = np.radians(1.0) / 3600.0, 9.80665e-3
 
 LEVER, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "clock rate"
 NOISE, SIGMAS = "IMU noise:", "GNSS sigmas:|: the GNSS sigmas are too small"
-WARM_UP = "IMU warm-up"
+WARM_UP, STEP = "IMU warm-up", "IMU bias step"
 CORRELATED, LOST = "time-correlated", "rejected by the gate|lost the fixes|were rejected"
 SCALE = {"gyro": r"gyro( \w+)? scale factor", "accel": r"accel(erometer)?( \w+)? scale factor"}
 MISALIGNED = {"gyro": r"gyro (\w+ from|misal)", "accel": r"accel(erometer)? (\w+ from|misal)"}
@@ -286,8 +286,9 @@ CASES = (
     Case("biases drift by 200 deg/h, 3 mg", drifting(200.0 * DEG_H, 3.0 * MG), WARM_UP),
     Case("biases drift by 50 deg/h, 0.5 mg", drifting(50.0 * DEG_H, 0.5 * MG), NOISE, True),
     Case("biases drift by 1000 deg/h, 20 mg", drifting(1000.0 * DEG_H, 20.0 * MG), WARM_UP),
-    Case("gyro biases jump by 200 deg/h", drifting(200.0 * DEG_H, 0.0, 150.0), NOISE),
-    Case("gyro biases jump by 2000 deg/h", drifting(2000.0 * DEG_H, 0.0, 150.0), NOISE),
+    Case("biases jump by 150 deg/h, 5 mg", drifting(150.0 * DEG_H, 5.0 * MG, 59.0), STEP),
+    Case("gyro biases jump by 200 deg/h", drifting(200.0 * DEG_H, 0.0, 150.0), STEP),
+    Case("gyro biases jump by 2000 deg/h", drifting(2000.0 * DEG_H, 0.0, 150.0), STEP),
     Case("IMU stamps tremble by 1 ms", jitter, f"{NOISE}|IMU rate|jitter"),
     Case("noise model too good (tactical)", model("tactical"), f"{NOISE}|turn-on bias"),
     Case("noise model too bad (consumer)", model("consumer"), NOISE, True),

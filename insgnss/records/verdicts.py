@@ -65,6 +65,7 @@ CHECKS: Mapping[str, float] = {
     "IMU scale factors": REMARK,
     "IMU misalignments": REMARK,
     "IMU warm-up": ADOPTED,
+    "IMU bias step": ADOPTED,
     "IMU noise": ADOPTED,
     "drift": ADOPTED,
     "GNSS sigmas": ADOPTED,

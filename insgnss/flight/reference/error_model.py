@@ -28,6 +28,8 @@ error of one makes of the navigation errors:
 
     M <- Phi M + h B,   Q_all <- Q_all + M diag(q) M' / T^2                        (T.13)
 
+A step of a channel's constant bias adds its variance to that of the bias (T.14).
+
 Groves (2013) 14.2; Van Loan (1978); Farrell (2008) 4.7.
 """
 
@@ -155,4 +157,7 @@ def propagate(problem: EstimationProblem, epoch: int, state: State) -> Interval:
             state = State(after.p, after.v, after.C_lb, half_decay**2 * state.x)
             elapsed += h
     q = epochs.gap[epoch] / (epochs.time[epoch] - epochs.time[epoch - 1]) ** 2
-    return Interval(state, Phi, Q + (M * q) @ M.T)  # (T.13)
+    Q = Q + (M * q) @ M.T  # (T.13)
+    constant = np.flatnonzero((layout.factor == BIAS) & (layout.beta == 0.0))  # (T.14)
+    Q[9 + constant, 9 + constant] += epochs.bias_step[epoch, layout.channel[constant]]
+    return Interval(state, Phi, Q)

@@ -314,10 +314,14 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
     back = with_epochs(problem, epochs, against)
     ep = back.epochs
     # of the interval that now ends at the epoch
-    gap = np.concatenate([np.zeros((1, N_CHANNELS)), ep.gap[:-1]])
+    gap, step = (
+        np.concatenate([np.zeros((1, N_CHANNELS)), values[:-1]])
+        for values in (ep.gap, ep.bias_step)
+    )
     # nothing is asked of the camera's events, whose covariances would be carried along
     no_event = np.full(epochs.size, ABSENT)
-    other = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, "gap": gap, "event": no_event}
+    of_interval = {"gap": gap, "bias_step": step, "event": no_event}
+    other = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, **of_interval}
     return replace(back, backward=True, epochs=ep._replace(**other))
 
 

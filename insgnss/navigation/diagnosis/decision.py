@@ -29,7 +29,12 @@ from .constants import (
     Hypothesis,
     settled_evidence,
 )
-from .drift import slow_bias_candidate
+from .drift import (
+    SlowBiasCandidate,
+    bias_step_candidate,
+    least_misfit,
+    slow_bias_candidate,
+)
 from .estimated import constant
 from .evidence import FEWEST_FIXES, ErrorModelSearch, Posed, follows, loses_fixes, misfit
 from .sensitivity import Sensitivity
@@ -40,6 +45,7 @@ OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is take
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
+STEP = "bias step"  # of what is attempted, beside `SLOW`
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
 EXPLAINED, OPEN = 0.25, 5.0
@@ -189,7 +195,7 @@ def _next(
     suspicious = _looked_at(search, here) if correlates else None
     variances = here.variances or VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
-    slow = _slow_bias(search, posed, here, variances) if promising else None
+    slow = _slow_bias(search, posed, here, variances)
     remedied = None
     if (
         constants is not None
@@ -209,7 +215,7 @@ def _next(
             and (slow is None or slow[0] < suspected.evidence)
         ):
             return _as_allowed(here, remedied, constants, suspected)
-    candidates = [slow, _variance(search, posed, here, variances)] if promising else []
+    candidates = [slow, _variance(search, posed, here, variances) if promising else None]
     if suspicious is not None:
         candidates.append(_time_correlated(search, posed, here, variances, suspicious))
     if constants is not None and suspected is not None and remedied is not None:
@@ -293,27 +299,29 @@ def _variance(
 def _slow_bias(
     search: ErrorModelSearch, posed: Posed, state: _State, variances: VarianceSearch
 ) -> Candidate | None:
-    """Return the strongest slow bias of the IMU; None where there is none."""
-    candidate = None
-    if SLOW not in state.attempted and BIAS_NOISE in variances.promising():
-        candidate = slow_bias_candidate(search, state.model, posed[0], variances)
-    if candidate is None:
+    """Return the slow bias of the IMU, or the step of it, that explains more; None without."""
+    candidates: dict[str, SlowBiasCandidate | None] = {}
+    if search.variances and SLOW not in state.attempted and BIAS_NOISE in variances.promising():
+        candidates[SLOW] = slow_bias_candidate(search, state.model, posed[0], variances)
+    if search.variances and STEP not in state.attempted:
+        candidates[STEP] = bias_step_candidate(search, state.model, posed, state.solution)
+    evidence = max((one.evidence for one in candidates.values() if one is not None), default=None)
+    if evidence is None:
         return None
 
     def adopt() -> _State | None:
-        solved = candidate.solved(search)
-        if solved is None:
+        explained = least_misfit(search, candidates)
+        if explained is None:
             return None
-        solution, start = solved
-        if misfit(state.solution) - misfit(solution) < EXPLAINED * candidate.evidence:
+        name, best, again, solution = explained
+        if misfit(state.solution) - misfit(solution) < EXPLAINED * best.evidence:
             return None
-        check = candidate.check(solution)
+        check = best.check(solution)
         history = (*state.history, f"{check.name}: {check.found}")
-        attempted, checks = state.attempted | {SLOW}, (*state.checks, check)
-        again = solution.problem, start
-        return _State(solution, candidate.model, checks, history, attempted, again)
+        attempted, checks = state.attempted | {name}, (*state.checks, check)
+        return _State(solution, best.model, checks, history, attempted, again)
 
-    return candidate.evidence, adopt
+    return evidence, adopt
 
 
 def _looked_at(search: ErrorModelSearch, here: _State) -> "Beside[bool]":

@@ -1,4 +1,4 @@
-"""Biases that drift: slow ones as states, and some seconds that larger noise has smoothed over.
+"""Biases that drift or step, as states, and drifts that larger noise has smoothed over.
 
 Slow biases: an IMU warms up after it was switched on, or its temperature drifts.
 
@@ -17,23 +17,36 @@ Fixes that drift by centimetres a second for half a minute (an ambiguity that co
 that is warmed, put a step into the separation of backward and forward velocities at either end:
 many sigmas there, none elsewhere. Larger noise explains such innovations by the likelihood as well,
 of the whole flight, and hides the step; a noise that is larger would separate them everywhere.
+
+Steps: of biases at one instant, as motors that start after the rest, a gap of the IMU, a shock.
+
+With lambda and Lambda of the smoother behind an epoch (`navigation.filter.smoother`), a step of the
+constant biases b there with the a-priori covariance V has the log evidence
+
+    lambda_b' (V^-1 + Lambda_bb)^-1 lambda_b / 2 - log det(1 + V Lambda_bb) / 2 - log m        (J.1)
+
+(De Jong and Penzer 1998 on shocks of a state), m epochs being as probable a priori. The smoother
+has worked out both at a hundred epochs already; where one of them shows a step, a second pass looks
+at all epochs around it. The filter is then given V as process noise of the biases (E.9), shared by
+the epochs that are about as probable, and the flight is aligned anew.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...base.errors import DataError
 from ...base.units import DEG_PER_H, MILLI_G
-from ...records import Finding, Question
-from ..filter.codes import IMU0
-from ..filter.layout import SLOW, SlowBias
+from ...records import Array, Finding, Question
+from ...records.states import CHANNELS
+from ..filter.codes import BIAS, IMU0, VEL
+from ..filter.layout import SLOW, SLOW_BIAS, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .candidates import ErrorModel
+from .candidates import ErrorModel, widened, with_layout
 from .constants import TAKEN
-from .evidence import ErrorModelSearch
+from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
 
 TIMES_S = (30.0, 90.0, 300.0, np.inf)  # T of the course
@@ -45,6 +58,10 @@ USUAL, FEW = 3.0, 0.2  # sigmas that noise leaves behind now and then; share of 
 LARGER_NOISE = ("IMU noise", "GNSS sigmas")  # names of checks
 AXES = ("N", "E", "D")
 STATES = ("position", "velocity", "attitude")
+PRIOR = np.array([SLOW_BIAS[sensor] for sensor, _ in CHANNELS])  # sigma of a step, by channel
+AS_PROBABLE = 5.0  # log evidence below the best instant, down to which an epoch shares the step
+AT_REST_MPS = 0.5  # smoothed speed, below which a vehicle has not taken off (chosen)
+NEAR_S = 2.0  # from a take-off or a gap, within which a step is said to be due to it (chosen)
 
 
 def hidden_drift(
@@ -209,3 +226,156 @@ def slow_bias_candidate(
     best = with_slow(time_s)
     posed = replace(problem, layout=search.layout(best))
     return SlowBiasCandidate(evidence[time_s], best, posed)
+
+
+@dataclass(frozen=True)
+class BiasStepCandidate(SlowBiasCandidate):
+    """A step of the biases of the IMU that is suspected; its problem has it as process noise."""
+
+    def check(self, solution: Solution) -> Finding:
+        """Say when the biases step, and by how much.
+
+        Parameters
+        ----------
+        solution : Solution
+            The flight solved with the step.
+
+        Returns
+        -------
+        Finding
+            A note: the step is estimated, and the sigmas of the images allow for it.
+        """
+        epochs = np.flatnonzero(self.problem.epochs.bias_step[:, 0] > 0.0)
+        first, last = int(epochs[0]), int(epochs[-1])
+        bias = solution.x @ solution.problem.layout.channel_sum().T
+        step = np.abs(bias[last] - bias[first - 1])
+        gyro, accel = step[:3].max() / DEG_PER_H, step[3:].max() / MILLI_G
+        time = float(np.abs(solution.time[last]))
+        near = np.abs(solution.time - solution.time[last]) <= NEAR_S
+        moves = np.hypot.reduce(solution.nav[:, VEL], axis=1) > AT_REST_MPS
+        when, remedy = "", "mount the IMU so that shocks and heat do not reach it"
+        if (self.problem.epochs.gap[near] > 0.0).any():
+            when, remedy = " (at a gap of the IMU)", "look for what interrupted the IMU"
+        elif not moves[:first].any() or (moves[near].any() and not moves[: np.argmax(near)].any()):
+            when = " (when the motors start)"
+            remedy = "mount the IMU softer, or let the motors run before the rest"
+        return Question(
+            "IMU bias step", "biases that change no more than the noise model says"
+        ).note(
+            f"the biases step by about {gyro:.0f} deg/h and {accel:.1f} mg at TOW {time:.1f} s"
+            f"{when}, log evidence {self.evidence:.0f}; estimated, and the sigmas of the images"
+            " allow for it",
+            remedy,
+        )
+
+
+def least_misfit(
+    search: ErrorModelSearch, candidates: Mapping[str, SlowBiasCandidate | None]
+) -> tuple[str, SlowBiasCandidate, Posed, Solution] | None:
+    """Align and solve a flight with each of some candidates; return the one that explains most.
+
+    Their evidence is of different parts of the flight, the misfit of the whole.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    candidates : mapping of str to SlowBiasCandidate or None
+        The candidates by name.
+
+    Returns
+    -------
+    tuple of str, SlowBiasCandidate, Posed and Solution, or None
+        Name and candidate, problem with its start, and solution; None where there is none.
+    """
+    solved = []
+    for name, one in candidates.items():
+        outcome = None if one is None else one.solved(search)
+        if one is not None and outcome is not None:
+            solution, start = outcome
+            solved.append((name, one, (solution.problem, start), solution))
+    return min(solved, key=lambda one: misfit(one[3]), default=None)
+
+
+def bias_step_candidate(
+    search: ErrorModelSearch, model: ErrorModel, posed: Posed, solution: Solution
+) -> BiasStepCandidate | None:
+    """Look for the instant at which a step of the biases explains the innovations best.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    model : ErrorModel
+        What is estimated already.
+    posed : tuple of EstimationProblem and InitialState
+        The problem of the whole flight and its initial state.
+    solution : Solution
+        The solution with this model, which has separations.
+
+    Returns
+    -------
+    BiasStepCandidate or None
+        None where no instant shows a step, or the flight cannot be aligned anew.
+    """
+    if search.align is None or solution.adjoint.shape[0] == 0:
+        return None
+    evidence = step_evidence(solution)
+    k = int(np.argmax(evidence))
+    if evidence[k] < TAKEN:
+        return None
+    search.progress("when the biases of the IMU step")
+    chosen = solution.separation_epoch
+    around = np.arange(chosen[max(k - 1, 0)], chosen[min(k + 1, chosen.size - 1)] + 1)
+    layout = solution.problem.layout
+    _, start = widened(*with_layout(*posed, layout), posed[0].layout)
+    try:
+        closer = solve(solution.problem, start, "off", separations=around, about=solution)
+    except DataError:
+        return None
+    evidence = step_evidence(closer)
+    best = float(evidence.max())
+    if best < TAKEN:
+        return None
+    shared = around[evidence > best - AS_PROBABLE]
+    # within an interval a step has its mean over it, for which the epochs at its ends are opened
+    epochs = np.arange(max(shared[0] - 1, 1), min(shared[-1] + 2, solution.time.size))
+    problem = replace(posed[0], layout=search.layout(model))
+    return BiasStepCandidate(best, model, with_bias_step(problem, epochs))
+
+
+def step_evidence(solution: Solution) -> Array:
+    """Return the log evidence (J.1) of a step at each epoch of the separations, (s,)."""
+    states = constant_biases(solution.problem.layout)
+    if states.size == 0:
+        return np.full(solution.separation_epoch.size, -np.inf)
+    sigma, index = PRIOR[solution.problem.layout.channel[states]], IMU0 + states
+    score = solution.adjoint[:, index] * sigma
+    A = solution.information[:, index[:, None], index] * np.outer(sigma, sigma) + np.eye(sigma.size)
+    gain = np.einsum("si,si->s", score, np.linalg.solve(A, score[:, :, None])[:, :, 0])
+    return 0.5 * (gain - np.linalg.slogdet(A)[1]) - np.log(solution.time.size)
+
+
+def constant_biases(layout: StateLayout) -> np.ndarray:
+    """Return the states that are constant biases or random walks of a channel."""
+    return np.flatnonzero((layout.factor == BIAS) & (layout.beta == 0.0))
+
+
+def with_bias_step(problem: EstimationProblem, epochs: np.ndarray) -> EstimationProblem:
+    """Return the problem whose biases may step by `PRIOR` in all, at some epochs.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    epochs : ndarray
+        (k,) the epochs, which share the variance.
+
+    Returns
+    -------
+    EstimationProblem
+        The same with process noise there.
+    """
+    variance = problem.epochs.bias_step.copy()
+    variance[epochs] += PRIOR**2 / epochs.size
+    return replace(problem, epochs=problem.epochs._replace(bias_step=variance))

@@ -8,13 +8,14 @@ import numpy as np
 from ...base.errors import DataError
 from ...records import Finding
 from ...records.states import OF_FIXES
+from ..filter.layout import SLOW
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .advice import advice, variance_check
 from .candidates import ErrorModel, widened, with_constants, with_layout
 from .constants import STRONG, Hypothesis
-from .decision import OF_CLOCK, ROUNDS, as_solved, step_under, together
-from .drift import slow_bias_candidate
+from .decision import OF_CLOCK, ROUNDS, STEP, as_solved, step_under, together
+from .drift import bias_step_candidate, least_misfit, slow_bias_candidate
 from .evidence import ErrorModelSearch, follows
 from .variances import VarianceSearch, with_variances
 
@@ -50,6 +51,8 @@ def explain_failure(
     if shown is None:
         return None
     suspected, rivals = shown
+    if _biases_step(replace(search, align=align), problem, start, suspected.evidence):
+        return None
     quiet = replace(search, second_pass="off", progress=lambda _: None)
     model = ErrorModel(search.requested_errors)
     model = with_constants(model, suspected.groups, suspected.factor)
@@ -66,6 +69,22 @@ def explain_failure(
     solved = as_solved(suspected, candidate)
     checks = advice(search.mounting, candidate, solved, rivals, search.exposures)
     return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def _biases_step(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState, evidence: float
+) -> bool:
+    """Return whether a step of the biases gives a solution, and has more evidence."""
+    try:
+        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
+    except DataError:
+        return False
+    model = ErrorModel(search.requested_errors)
+    step = bias_step_candidate(search, model, (problem, start), shown)
+    if step is None or step.evidence <= evidence:
+        return False
+    stepped = step.solved(search)
+    return stepped is not None and follows(stepped[0])
 
 
 def rescue(
@@ -94,15 +113,20 @@ def rescue(
         return calibrated
     model = ErrorModel(search.requested_errors)
     try:
-        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
+        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
         for _ in range(ROUNDS):
             variances = VarianceSearch(shown, search.progress)
             winner = variances.strongest()
             slow = slow_bias_candidate(search, model, problem, variances)
-            if slow is not None and (winner is None or slow.evidence > winner.evidence):
-                solved = slow.solved(search)
-                if solved is not None and follows(solved[0]):
-                    return solved[0], (slow.check(solved[0]),)
+            step = bias_step_candidate(search, model, (problem, start), shown)
+            stronger = {
+                name: one
+                for name, one in ((SLOW, slow), (STEP, step))
+                if one is not None and (winner is None or one.evidence > winner.evidence)
+            }
+            explained = least_misfit(search, stronger)
+            if explained is not None and follows(explained[3]):
+                return explained[3], (explained[1].check(explained[3]),)
             larger = None if winner is None else with_variances(model, winner)
             if winner is None or larger is None:
                 return None
@@ -111,7 +135,7 @@ def rescue(
             if solution is not None and follows(solution):
                 return solution, (check,)
             again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
-            shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress, 0)
+            shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress)
     except DataError:
         return None
     return None

@@ -180,8 +180,8 @@ class BlockwisePasses:
         The state at the first epoch.
     rows : ndarray
         (k,) increasing epochs of which the whole smoothed covariance is wanted.
-    separations : int
-        Number of epochs at which the forward/backward separation is worked out.
+    separations : int or ndarray
+        Number of epochs at which the forward/backward separation is worked out, or which.
     block : int
         Epochs of a block.
     whole_bytes : int
@@ -193,7 +193,7 @@ class BlockwisePasses:
         problem: EstimationProblem,
         start: InitialState,
         rows: np.ndarray,
-        separations: int,
+        separations: int | np.ndarray,
         block: int | None = None,
         whole_bytes: int | None = None,
     ) -> None:

@@ -102,6 +102,7 @@ def make_epochs(
         group=group,
         # writable: another type would have the kernels compiled anew
         gap=np.zeros((m, N_CHANNELS)) if inc.bridged is None else inc.bridged.copy(),
+        bias_step=np.zeros((m, N_CHANNELS)),
         constraint=np.full(m, NO_CONSTRAINT, dtype=np.int64),
         constraint_cov=np.zeros((m, 3, 3)),
         zaru_rate=np.zeros((m, 3)),

@@ -35,6 +35,10 @@ An interval of length B that the IMU did not see, bridged by increments of varia
 with column c_i of (E.5), adds
 
     c_i c_i' q / B^2  on Q_nn                                                                 (E.8)
+
+At an epoch before which the constant bias of channel i may step, with variance v_i,
+
+    v_i  on Q_bb of that bias                                                                 (E.9)
 """
 
 from dataclasses import dataclass

@@ -89,6 +89,8 @@ class Smoothed:
     separation, separation_sigma : Array
         (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN
         where the later data do not determine it.
+    adjoint, information : Array
+        (s, n) lambda and (s, n, n) Lambda there, of the data behind the epoch.
     """
 
     delta: Array
@@ -101,6 +103,8 @@ class Smoothed:
     separation_epoch: np.ndarray
     separation: Array
     separation_sigma: Array
+    adjoint: Array
+    information: Array
 
     @property
     def P(self) -> Array | None:
@@ -138,7 +142,7 @@ class SmootherRoom(NamedTuple):
         rows: np.ndarray,
         events: int,
         chained: bool = True,
-        separations: int = 100,
+        separations: int | np.ndarray = 100,
         full: bool = True,
     ) -> "SmootherRoom":
         """Return room for m epochs of n states.
@@ -153,8 +157,8 @@ class SmootherRoom(NamedTuple):
             Camera events.
         chained : bool
             Whether the covariance between any two of them is wanted (B.8).
-        separations : int
-            Number of epochs at which the forward/backward separation is worked out.
+        separations : int or ndarray
+            Number of epochs at which the forward/backward separation is worked out, or which.
         full : bool
             Whether there are covariances at all.
 
@@ -165,7 +169,9 @@ class SmootherRoom(NamedTuple):
         """
         rows = rows if full else rows[:0]
         chosen = np.zeros(0, dtype=np.int64)
-        if full and separations:
+        if full and isinstance(separations, np.ndarray):
+            chosen = separations
+        elif full and separations:
             chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
         chain = (events if full and chained else 0, n, n)
         return cls(
@@ -216,6 +222,8 @@ class SmootherRoom(NamedTuple):
             np.flatnonzero(self.keep != ABSENT),
             separation,
             sigma,
+            self.adjoint,
+            self.information,
         )
 
 

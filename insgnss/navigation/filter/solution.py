@@ -64,6 +64,8 @@ class Solution:
         (s,) epochs of the forward/backward separation.
     separation, separation_sigma : Array
         (s, 9) backward minus forward of the navigation states, and its standard deviation.
+    adjoint, information : Array
+        (s, n) and (s, n, n), what the data behind these epochs say (`navigation.filter.smoother`).
     passes : int
         Forward passes run.
     chain : EventChain or None
@@ -83,6 +85,8 @@ class Solution:
     separation_epoch: np.ndarray
     separation: Array
     separation_sigma: Array
+    adjoint: Array
+    information: Array
     passes: int
     chain: EventChain | None
 
@@ -192,7 +196,7 @@ def solve(
     start: InitialState,
     second_pass: Literal["auto", "on", "off"] = "auto",
     progress: Callable[[str], None] = lambda _: None,
-    separations: int = 100,
+    separations: int | np.ndarray = 100,
     about: Solution | None = None,
     rows: int = MOST_COVARIANCE_ROWS,
     follower: Follower | None = None,
@@ -210,8 +214,8 @@ def solve(
         for measurements given by their prediction (K.13).
     progress : callable
         Called with the name of each step.
-    separations : int
-        Number of epochs at which the forward/backward separation is worked out.
+    separations : int or ndarray
+        Number of epochs at which the forward/backward separation is worked out, or which.
     about : Solution, optional
         A solution of the same epochs and states about which the first pass is linearised already.
     rows : int
@@ -331,6 +335,8 @@ def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Soluti
         smoothed.separation_epoch,
         smoothed.separation,
         smoothed.separation_sigma,
+        smoothed.adjoint,
+        smoothed.information,
         count,
         passes.chain(smoothed),
     )

@@ -26,6 +26,7 @@ from ..filter.codes import (
 )
 from ..filter.kernels.copies import copy_matrix, copy_vector
 from ..filter.kernels.error_model import (
+    add_bias_step,
     add_gap_noise,
     linearise,
     predict_covariance,
@@ -170,6 +171,8 @@ def linearise_segment(intervals, ep, imu, earth, lever, nav, x, out):
             )
             if ep.gap[e, 0] > 0.0:
                 add_gap_noise(W[0], work.column, work.last_block[0], ep.gap[e])
+            if ep.bias_step[e, 0] > 0.0:
+                add_bias_step(Qbb[0], imu, ep.bias_step[e])
             for component in range(len(W)):
                 copy_matrix(W[component, :, NAV], out.Q[e, component])
                 if component < driven:

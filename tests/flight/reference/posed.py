@@ -47,6 +47,7 @@ class Pose:
     withheld: tuple[int, int] | None = None  # first and last epoch
     heading_deg: float = 0.8
     barometer: BarometerErrors | None = None
+    bias_step: int | None = None  # the epoch
 
 
 @cache
@@ -120,8 +121,12 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
     if pose.barometer is not None:
         height[2::3] = 0.7 - 1.05 * position[2::3, 2] + 0.02 * np.cos(np.arange(m)[2::3])
         height_variance[2::3] = 0.02**2
+    step = ep.bias_step.copy()
+    if pose.bias_step is not None:
+        step[pose.bias_step] = [4e-5] * 3 + [4e-3] * 3  # of 0.36 deg/s and 6 mg
     return ep._replace(
         has_velocity=has_velocity,
+        bias_step=step,
         constraint=motion,
         constraint_cov=cov,
         zaru_variance=still,

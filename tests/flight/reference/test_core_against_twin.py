@@ -72,6 +72,13 @@ CASES = {
         "bias",
         USUAL,
     ),
+    "bias step": Case(
+        Pose(
+            replace(G, turn_on_bias=5e-3), replace(A, turn_on_bias=5e-2), motion=ALL, bias_step=20
+        ),
+        "bias",
+        USUAL,
+    ),
     "random walk": Case(
         Pose(
             replace(G, turn_on_bias=5e-3, random_walk=1e-3),

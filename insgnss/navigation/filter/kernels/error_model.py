@@ -438,6 +438,24 @@ def add_gap_noise(W, column, B, variance):
                 W[r, k] += q * column[r, c] * column[k, c]
 
 
+@njit(cache=True, allocates=False)
+def add_bias_step(Qbb, model, variance):
+    """Add the variance of a step of the constant biases (E.9).
+
+    Parameters
+    ----------
+    Qbb : ndarray
+        (ns,) diagonal of the process noise behind the navigation states, changed in place.
+    model : StateModel
+        The error states behind those of navigation.
+    variance : ndarray
+        (6,) of the step of each channel's bias, (rad/s)^2 and (m/s^2)^2.
+    """
+    for s in range(Qbb.size):
+        if model.factor[s] == BIAS and model.beta[s] == 0.0:
+            Qbb[s] += variance[model.channel[s]]
+
+
 @njit(cache=True)
 def predict_covariance(P, F, D, W, Qbb, X, nine):
     """Predict the covariance in place: P <- Phi P Phi' + Q, Phi = [F; 0 D] and Q = [W; Q_bb].

@@ -19,6 +19,7 @@ from ..codes import (
 )
 from .copies import copy_matrix, copy_vector
 from .error_model import (
+    add_bias_step,
     add_gap_noise,
     linearise,
     predict_covariance,
@@ -115,6 +116,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
                 acceleration[i] = (nav[VEL0 + i] - acceleration[i]) / (epochs.time[e] - begin)
             if epochs.gap[e, 0] > 0.0:
                 add_gap_noise(W[0], work.column, work.last_block[0], epochs.gap[e])
+            if epochs.bias_step[e, 0] > 0.0:
+                add_bias_step(Qbb[0], model, epochs.bias_step[e])
             if history.outage[e] != ABSENT:
                 copy_matrix(W[0], history.W[history.outage[e]])
                 copy_vector(Qbb[0], history.Qbb[history.outage[e]])

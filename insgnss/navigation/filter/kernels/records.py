@@ -191,6 +191,9 @@ class Epochs(NamedTuple):
     gap : ndarray
         (m, 6) variance of the increments since the epoch before where a gap of the IMU was bridged
         (rad^2, m^2/s^2), else 0.
+    bias_step : ndarray
+        (m, 6) variance by which each channel's constant bias may have stepped since the epoch
+        before ((rad/s)^2, (m/s^2)^2), else 0.
     constraint : ndarray
         (m,) NO_CONSTRAINT, ZUPT or NHC.
     constraint_cov : ndarray
@@ -228,6 +231,7 @@ class Epochs(NamedTuple):
     sigma: np.ndarray
     group: np.ndarray
     gap: np.ndarray
+    bias_step: np.ndarray
     constraint: np.ndarray
     constraint_cov: np.ndarray
     zaru_rate: np.ndarray
