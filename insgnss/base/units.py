@@ -93,6 +93,7 @@ def _base(scale: float, angle: int = 0, length: int = 0, time: int = 0) -> Unit:
 
 
 DEG = math.pi / 180.0  # rad of a degree
+ARCSEC = DEG / 3600.0  # rad of a second of arc
 UNITS: dict[str, Unit] = {
     **{
         name: _base(scale)
@@ -104,7 +105,7 @@ UNITS: dict[str, Unit] = {
     },
     **{
         name: _base(scale, angle=1)
-        for name, scale in (("deg", DEG), ("arcmin", DEG / 60.0), ("arcsec", DEG / 3600.0))
+        for name, scale in (("deg", DEG), ("arcmin", DEG / 60.0), ("arcsec", ARCSEC))
     },
     **{
         name: _base(scale, length=1)

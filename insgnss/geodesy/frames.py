@@ -15,14 +15,14 @@ heights. Angles are rad, lengths m; arrays broadcast, points lie along the leadi
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from .earth import E2, EARTH_RATE, EP2, A, B, curvature_radii
-from .rotation import NED_ENU
+from .rotation import NED_ENU, rotation_from_vector
 
 Array = NDArray[np.float64]
 
@@ -211,12 +211,17 @@ class LocalFrame(_PointFrame):
         Geodetic latitude and longitude of the origin, rad.
     height : float
         Height of the origin above the WGS84 ellipsoid, m.
+    deflection : tuple of float
+        Deflection of the vertical, xi and eta in rad: the zenith of the plumb line is north and
+        east of the ellipsoidal normal by as much, the same all over the flight.
 
     Raises
     ------
     InputError
         Where latitude, longitude or height is not finite or beyond what its unit allows.
     """
+
+    deflection: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
 
     def _axes(self) -> Array:
         return rotation_en(self.lat, self.lon)
@@ -225,6 +230,15 @@ class LocalFrame(_PointFrame):
     def C_el(self) -> Array:
         """The rotation of l into ECEF, ndarray (3, 3)."""
         return self._axes()
+
+    @property
+    def C_el_of_gravity(self) -> Array:
+        """The rotation of l into axes in which normal gravity has the plumb line's direction.
+
+        ndarray (3, 3): C_el after the turn that takes gravity from (-xi, -eta, 1) g to (0, 0, 1) g.
+        """
+        xi, eta = self.deflection
+        return self._axes() @ rotation_from_vector(np.array([-eta, xi, 0.0]))
 
     @property
     def earth_rate_l(self) -> Array:

@@ -125,7 +125,11 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
             "axes": options.axes,
             "noise": noise,
         },
-        "gnss": {**_gnss_table(simulated), "time_sigma_s": EXACT_STAMP_S},
+        "gnss": {
+            **_gnss_table(simulated),
+            "time_sigma_s": EXACT_STAMP_S,
+            "deflection_sigma_arcsec": 0.0,
+        },
         "camera": {"events": EVENTS},
         "mounting": {
             "antenna_m": list(rig.antenna_m),

@@ -200,8 +200,8 @@ def test_time_correlated_errors_say_what_neighbours_share(diagnostics, eo) -> No
     assert s["neighbours"]["position_mm"] == pytest.approx(np.sqrt(0.5) * np.array([2, 3, 4]))
     text = said(s, "time-correlated errors")["text"]
     assert (
-        "the receiver's errors are time-correlated over 15 s, 0.90 of its sigmas (18.0 / 18.0 /"
-        " 27.0 mm, N / E / D)" in text
+        "the receiver's errors are taken as time-correlated over 15 s, 0.90 of its sigmas"
+        " (18.0 / 18.0 / 27.0 mm, N / E / D)" in text
     )
     assert (
         "known to 1.4 / 2.1 / 2.8 mm relative to each other, to 2.0 / 3.0 / 4.0 mm absolutely"

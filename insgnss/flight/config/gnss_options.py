@@ -97,6 +97,24 @@ class GnssInput:
         high=200.0,
         of_file=True,
     )
+    deflection_arcsec: tuple[float, float] = option(
+        (0.0, 0.0),
+        "deflection of the vertical at the flight, xi and eta: plumb line's zenith north and east "
+        "of the ellipsoidal normal, as a geoid model or a survey has it; gravity is turned by it",
+        unit="arcsec",
+        low=-120.0,
+        high=120.0,
+    )
+    # without a stated value what plains have: maps of the deflection reach 10 arcsec there, 20 to
+    # 50 in high mountains
+    deflection_sigma_arcsec: float = option(
+        5.0,
+        "standard deviation of each of its components, in the covariances of all attitudes; a geoid"
+        " model has 1 to 2, mountains without a stated value 20; 0: exact",
+        unit="arcsec",
+        low=0.0,
+        high=120.0,
+    )
     sigma_m: Triple | None = option(
         None,
         "standard deviations north, east, down, where the file has none",

@@ -10,13 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.units import ARCSEC
 from ...geodesy.frames import LocalFrame
 from ...navigation.align.initial import given_attitude, initial_state
 from ...navigation.align.measured import measured_attitude
 from ...navigation.diagnosis.evidence import ErrorModelSearch, FixClaims
 from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
-from ...navigation.filter.codes import NAV
+from ...navigation.filter.codes import NAV, PSI
+from ...navigation.filter.event_chain import SharedError
 from ...navigation.filter.problem import EstimationProblem, InitialState
+from ...navigation.filter.solution import Solution
 from ...navigation.prepare.clock import SHORTEST_OVERLAP_S, common_span
 from ...navigation.prepare.fix_covariance.numbers import largest_usual_scale
 from ...navigation.recognise.claims import RECOGNISED
@@ -79,7 +82,9 @@ def prepare_segments(flight: Flight, recording: Recording) -> PreparedFlight:
     fixes = recording.gnss
     lo, hi = common_span(recording.imu, fixes, flight.start_tow, flight.end_tow)
     first = int(np.searchsorted(fixes.time, lo))
-    frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
+    xi, eta = (ARCSEC * component for component in flight.gnss.deflection_arcsec)
+    origin = (float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height))
+    frame = LocalFrame(*origin, deflection=(xi, eta))
     refuse_beyond_memory(forecast_of(flight, recording, lo, hi))
     spans = recording.prepared.segments(lo, hi)
     segments: list[PreparedSegment | DataError] = []
@@ -262,7 +267,7 @@ def _solve(
         assert case.failure is not None
         raise case.failure
     return Segment(
-        case.solution,
+        case.solution.enlarged(_plumb_line(flight, case.solution)),
         prepared.fixes,
         prepared.grid,
         prepared.at_event,
@@ -274,6 +279,19 @@ def _solve(
         requested=_requested(flight),
         constants=case.constants,
     )
+
+
+def _plumb_line(flight: Flight, solution: Solution) -> tuple[SharedError, ...]:
+    """Return what a deflection of the vertical that is not stated makes of all attitudes.
+
+    To the IMU it is a level that leans: psi north and east take it over one to one (0.99 on a
+    simulated flight; turns alone tell it from a tilt).
+    """
+    sigma = ARCSEC * flight.gnss.deflection_sigma_arcsec
+    if sigma == 0.0:
+        return ()
+    cov = sigma**2 * np.diag([1.0, 1.0, 0.0])
+    return (SharedError(0, solution.time.size - 1, cov, PSI),)
 
 
 def _requested(flight: Flight) -> tuple[str, ...]:

@@ -76,9 +76,13 @@ class State:
 
 
 def gravity(frame: LocalFrame, p: Array) -> Array:
-    """Return gravity (3,) in l, m/s^2, at the position p (3,), m in l: down the normal there."""
+    """Return gravity (3,) in l, m/s^2, at the position p (3,), m in l.
+
+    It points down the normal there, turned by the deflection of the vertical.
+    """
     lat, _, height = frame.geodetic_from_position(p)
-    return normal_gravity(lat, height) * frame.C_ln_at(p)[:, 2]
+    plumb = np.array([-frame.deflection[0], -frame.deflection[1], 0.0])
+    return normal_gravity(lat, height) * (frame.C_ln_at(p)[:, 2] + plumb)
 
 
 def cross(a: Array, b: Array) -> Array:

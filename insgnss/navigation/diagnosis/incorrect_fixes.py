@@ -28,7 +28,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Array, Finding, Question
-from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POS, POSITION, REJECTED
+from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
 from ..filter.event_chain import SharedError
 from ..filter.filter import make_history, run_filter
 from ..filter.kernels.records import Epochs, FilterHistory
@@ -264,14 +264,8 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
         # the rejected fixes after its last one do not yet bring the solution to their level
         later = resets[resets > spell.last]
         last = int(later[0]) - 1 if later.size else spell.last
-        inside = (solution.event_epochs >= spell.first) & (solution.event_epochs <= last)
-        neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
-        solution.event_cross[neighbours, POS, POS] += added
         shared.append(SharedError(spell.first, last, added))
-    enlarged = replace(solution, covariances=solution.covariances.enlarged(tuple(shared)))
-    if (chain := solution.chain) is None:
-        return enlarged
-    return replace(enlarged, chain=replace(chain, shared=(*chain.shared, *shared)))
+    return solution.enlarged(tuple(shared))
 
 
 def incorrect_check(

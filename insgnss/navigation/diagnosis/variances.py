@@ -22,9 +22,12 @@ then
 
 (Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
 
-A time-correlated error that is neither shown nor excluded is carried in the covariance. With w_i
-the probabilities of shares c_i and correlation times T_i, all together a priori as probable as none
-(c = 0), what is carried has the variance, and the rate at which it moves, of their mean:
+Innovations tell c^2 / T of a time-correlated error of the fixes, the rate at which it moves, and
+not its share c: an error of 1 cm over 20 s, one of 2 cm over 60 s and noise that looks like either
+are one to them. What is carried in the covariance hence is a mean over models, not the best of
+them. With w_i the probabilities of shares c_i and correlation times T_i, a priori those of `SHARES`
+and `SLOW_S`, and all together as probable as none (c = 0), it has the variance, and the rate, of
+their mean:
 
     c^2 = sum w_i c_i^2,     c^2 / T = sum w_i c_i^2 / T_i                                     (V.3)
 
@@ -54,12 +57,18 @@ OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
 ENOUGH = 0.01  # gain of a step in -2 log L that ends the search: a tenth of a sigma of a factor
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
-# gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
-LEAST_SLOW, DOUBTFUL = 8.0, 2.0
-# the same, from which on it is not excluded: noise does it in one flight of thirty
+# gain of a slow error of the fixes from which on it is not excluded: noise does it in one flight of
+# thirty
 LEAST_AVERAGED = 2.5
 LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
-SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 300.0)
+SLOW_FIRST = (0.5, 60.0)  # share and correlation time (s) that are looked at first
+# a-priori probabilities of the share, in sigmas: beside 1 to 2 cm of noise carrier-phase multipath
+# has some 5 mm, rarely as much as the noise
+SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
+# those of its correlation time, s: of RTK over short baselines about 115 s at rest (Miller, O'Keefe
+# and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
+# corrections, which a flight of minutes does not tell from an error of the base
+SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
 
 
@@ -140,8 +149,8 @@ class VarianceSearch:
     def slow_error(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors | None:
         """Find an error of the fixes that is too slow, or too small, for the search of its shares.
 
-        Of the size that the fixes claim, or half of it, beside their white error: one number, the
-        correlation time, is looked for on a grid by the likelihood of the part.
+        It stands beside their white error; what is carried is the average (V.3) over a grid and no
+        such error at all, by the likelihood of the part.
 
         Parameters
         ----------
@@ -150,13 +159,11 @@ class VarianceSearch:
         errors : FixErrors
             The errors of the fixes that are estimated already.
 
-        What gains less than `LEAST_SLOW`, and more than `LEAST_AVERAGED`, is neither shown nor
-        excluded: then the average over the grid and no such error at all is carried (V.3).
-
         Returns
         -------
         FixErrors or None
-            `errors` with the time-correlated one; None where the flight speaks against it.
+            `errors` with the time-correlated one; None where the flight speaks against it, by a
+            gain of less than `LEAST_AVERAGED`.
         """
 
         def gain(share: float, time_s: float) -> float:
@@ -168,12 +175,7 @@ class VarianceSearch:
         if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < LEAST_AVERAGED:
             return None
         gains = {(share, time_s): gain(share, time_s) for share in SHARES for time_s in SLOW_S}
-        best = max(gains, key=lambda one: gains[one])
-        if gains[best] < LEAST_SLOW:
-            return with_time_correlated_error(errors, 1.0, *_averaged(gains))
-        # the largest that is as good: the fixes tell c^2 / T better than c
-        share, time_s = max(one for one in gains if gains[one] > gains[best] - DOUBTFUL)
-        return with_time_correlated_error(errors, 1.0, share, time_s)
+        return with_time_correlated_error(errors, 1.0, *_averaged(gains))
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
         """Return the log evidence (V.2) of the same flight with other states of its fixes.
@@ -212,8 +214,11 @@ class VarianceSearch:
 def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
     """Average share and correlation time (V.3) over their gains in -2 log L."""
     share, time_s = np.array(list(gains)).T
-    likelihood = np.exp(0.5 * np.array(list(gains.values()))) / len(gains)
-    weight = likelihood / (1.0 + likelihood.sum())
+    prior = np.array([SHARES[c] * SLOW_S[T] for c, T in gains])
+    half_gain = 0.5 * np.array(list(gains.values()))
+    largest = max(0.0, float(half_gain.max()))
+    likelihood = prior * np.exp(half_gain - largest)
+    weight = likelihood / (np.exp(-largest) + likelihood.sum())
     variance = float(weight @ share**2)
     return float(np.sqrt(variance)), variance / float(weight @ (share**2 / time_s))
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
-from .codes import N_NAV, POS
+from .codes import N_NAV
 from .event_chain import EventChain
 from .layout import StateLayout
 
@@ -99,7 +99,8 @@ def common_errors(
         inside = (chain.epoch >= error.first) & (chain.epoch <= error.last)
         size, axes = np.linalg.eigh(error.cov)
         root = axes * np.sqrt(np.maximum(size, 0.0))
-        parts.append((np.where(inside[:, None, None], T[:, :, POS], 0.0) @ root).reshape(k * d, 3))
+        derivative = np.where(inside[:, None, None], T[:, :, error.block], 0.0)
+        parts.append((derivative @ root).reshape(k * d, 3))
     return np.concatenate(parts, axis=1).reshape(k, d, -1)
 
 

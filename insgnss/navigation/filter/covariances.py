@@ -10,7 +10,7 @@ import numpy as np
 
 from ...records import Array
 from .blocks import BlockAgain
-from .codes import N_NAV, POS
+from .codes import N_NAV
 from .event_chain import SharedError
 from .smoother import diagonal, unpacked
 
@@ -40,7 +40,7 @@ class SmoothedCovariances:
     states : ndarray or None
         Rows and columns that are left of the n, all of navigation among them; None for all.
     shared : tuple of SharedError
-        Errors of the positions that no state describes, added to those of their epochs.
+        Errors that no state describes, added to those of their epochs.
     """
 
     nav: Array
@@ -125,7 +125,7 @@ class SmoothedCovariances:
         if self.states is not None:
             out = out[:, self.states]
         for error in self.shared:
-            out[self._within(error, epochs), POS] += np.diag(error.cov)
+            out[self._within(error, epochs), error.block] += np.diag(error.cov)
         return out
 
     def variance_of(self, index: np.ndarray, A: Array) -> Array:
@@ -152,7 +152,8 @@ class SmoothedCovariances:
         factor = whole[:, row] * whole[:, column] * np.where(row == column, 1.0, 2.0)
         out = np.asarray(self._triangles(epochs) @ factor.T)
         for error in self.shared:
-            out[self._within(error, epochs)] += np.diag(A[:, POS] @ error.cov @ A[:, POS].T)
+            derivative = A[:, error.block]
+            out[self._within(error, epochs)] += np.diag(derivative @ error.cov @ derivative.T)
         return out
 
     def piece(self, first: int, last: int) -> "SmoothedCovariances":
@@ -189,7 +190,7 @@ class SmoothedCovariances:
         return replace(self, states=np.delete(here, states))
 
     def enlarged(self, shared: tuple[SharedError, ...]) -> "SmoothedCovariances":
-        """Return those of positions that share further errors.
+        """Return those of epochs that share further errors.
 
         Parameters
         ----------
@@ -202,7 +203,7 @@ class SmoothedCovariances:
             The same otherwise.
         """
         moved = tuple(
-            SharedError(error.first + self.first, error.last + self.first, error.cov)
+            replace(error, first=error.first + self.first, last=error.last + self.first)
             for error in shared
         )
         return replace(self, shared=(*self.shared, *moved))
@@ -231,4 +232,4 @@ class SmoothedCovariances:
     def _add_shared(self, cov: Array, epochs: np.ndarray) -> None:
         """Add what no state describes to covariances (k, n, n) of some epochs, in slot."""
         for error in self.shared:
-            cov[self._within(error, epochs), POS, POS] += error.cov
+            cov[self._within(error, epochs), error.block, error.block] += error.cov

@@ -10,7 +10,7 @@ Only M_k is worked out ahead, since what it is made of is gone after the smoothe
 epochs and 34 states, 1 % of `process`. Three matrices n x n an event are kept.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,19 +23,22 @@ from .smoother import Smoothed
 
 @dataclass(frozen=True)
 class SharedError:
-    """An error of the positions that epochs share and no state describes.
+    """An error of navigation that epochs share and no state describes.
 
     Parameters
     ----------
     first, last : int
         Epochs, the last one included.
     cov : Array
-        (3, 3) covariance in l, m^2.
+        (3, 3) covariance in l: m^2 of positions, rad^2 of attitudes.
+    block : slice
+        The states of navigation that it is of, POS or PSI of `navigation.filter.codes`.
     """
 
     first: int
     last: int
     cov: Array
+    block: slice = field(default_factory=lambda: POS)
 
 
 @dataclass(frozen=True)
@@ -229,7 +232,7 @@ class EventChain:
         cov = Y @ self.gain[b] @ np.swapaxes(T_b, 1, 2)
         for error in self.shared:
             inside = (self.epoch[a] >= error.first) & (self.epoch[b] <= error.last)
-            first, second = T_a[inside][:, :, POS], T_b[inside][:, :, POS]
+            first, second = T_a[inside][:, :, error.block], T_b[inside][:, :, error.block]
             cov[inside] += first @ error.cov @ np.swapaxes(second, 1, 2)
         return cov
 
@@ -238,6 +241,6 @@ class EventChain:
         epoch = self.epoch[events]
         for error in self.shared:
             inside = np.flatnonzero((epoch >= error.first) & (epoch <= error.last))
-            of_position = T[inside][:, :, POS]
-            added = np.einsum("aix,xy,bjy->aibj", of_position, error.cov, of_position)
+            derivative = T[inside][:, :, error.block]
+            added = np.einsum("aix,xy,bjy->aibj", derivative, error.cov, derivative)
             cov[inside[:, None], :, inside] += added.transpose(0, 2, 1, 3)

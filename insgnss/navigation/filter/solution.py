@@ -24,7 +24,7 @@ from ...records import Array, Trajectory
 from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import COVARIANCES_AT_A_TIME, SmoothedCovariances
-from .event_chain import EventChain
+from .event_chain import EventChain, SharedError
 from .linearised import CHANGE, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
@@ -171,6 +171,28 @@ class Solution:
         inc, none = self.problem.inc, np.zeros((0, 3))
         problem = replace(self.problem, inc=replace(inc, dt=none[:, 0], dtheta=none, dvel=none))
         return replace(self, problem=problem, covariances=replace(self.covariances, again=None))
+
+    def enlarged(self, shared: tuple[SharedError, ...]) -> "Solution":
+        """Return the solution with further errors in its covariances.
+
+        Parameters
+        ----------
+        shared : tuple of SharedError
+            What epochs share and no state describes.
+
+        Returns
+        -------
+        Solution
+            The same otherwise; covariances of neighbouring events are changed in place.
+        """
+        for error in shared:
+            inside = (self.event_epochs >= error.first) & (self.event_epochs <= error.last)
+            neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
+            self.event_cross[neighbours, error.block, error.block] += error.cov
+        chain = self.chain
+        if chain is not None:
+            chain = replace(chain, shared=(*chain.shared, *shared))
+        return replace(self, covariances=self.covariances.enlarged(shared), chain=chain)
 
     def channel_bias(self, index: np.ndarray) -> tuple[Array, Array]:
         """Return the smoothed bias of the six channels at some epochs.

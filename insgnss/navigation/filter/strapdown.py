@@ -54,11 +54,12 @@ def kernel_earth(frame: LocalFrame, backward: bool = False) -> Earth:
     Returns
     -------
     Earth
-        Origin (m), axes and Earth rotation (rad/s) of l.
+        Origin (m), axes and Earth rotation (rad/s) of l. The axes give directions of gravity and
+        heights of a barometer, hence those of the plumb line.
     """
     return Earth(
         np.ascontiguousarray(frame.origin_ecef, dtype=np.float64),
-        np.ascontiguousarray(frame.C_el, dtype=np.float64),
+        np.ascontiguousarray(frame.C_el_of_gravity, dtype=np.float64),
         np.ascontiguousarray(
             -frame.earth_rate_l if backward else frame.earth_rate_l, dtype=np.float64
         ),

@@ -311,7 +311,7 @@ def time_correlated(f: Figures) -> Iterator[Finding]:
             f"{max(error['share']):.2f} of {'its' if all_ else 'their'} sigmas"
             f" ({lengths([1e3 * s for s in error['sigma_m']])}, N / E / D)"
         )
-        text = f"{whose} are time-correlated over {seconds} s, {size}"
+        text = f"{whose} are taken as time-correlated over {seconds} s, {size}"
         if near is not None:
             own = f["exposures"]["position_mm"]["median"]
             text += (

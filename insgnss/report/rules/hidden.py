@@ -54,12 +54,14 @@ def _of_positions(f: Figures) -> Iterator[Finding]:
         " mounting.antenna_sigma_m and gnss.time_sigma_s state how well both are known",
     )
     tilt = DEFLECTION_ARCSEC / 3600.0
+    allowed = (f["flight"].get("gnss") or {}).get("deflection_sigma_arcsec", 0.0)
     yield _note(
         "deflection of the vertical",
         f"a plumb line that is not normal to the ellipsoid tilts {moved} by as much:"
-        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(tilt)}",
-        "do nothing where this is below the accuracy that is needed; else adjust with ground"
-        " control",
+        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(tilt)}; the sigmas allow"
+        f" for {allowed:g} arcsec",
+        "do nothing where this is below the accuracy that is needed; else state"
+        " gnss.deflection_arcsec from a geoid model and its sigma, or adjust with ground control",
     )
 
 

@@ -14,6 +14,7 @@ from insgnss.navigation.diagnosis.variances import (
     SLOW_S,
     VarianceHypothesis,
     VarianceSearch,
+    _averaged,
     with_variances,
 )
 from insgnss.navigation.filter.layout import FixErrors, state_layout
@@ -159,14 +160,14 @@ def slow_error(monkeypatch, gain):
 
 
 def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
-    """Oracle: value and slope at lag zero of the autocovariance, averaged by hand over one share
-    of each time or none at all, even odds a priori. What the flight speaks against is not carried,
-    of what it shows the largest is taken.
+    """Oracle: value and slope at lag zero of the autocovariance, averaged by hand over the shares
+    and times at their odds a priori, and none at all. What the flight speaks against is not
+    carried; what it shows without doubt is the mean of all that explain it as well.
     """
     assert slow_error(monkeypatch, lambda c, T: 2.4) is None
     grid = [(c, T) for c in SHARES for T in SLOW_S]
     gains = {(c, T): 6.0 - 2.0 * c - 0.01 * T for c, T in grid}
-    odds = {one: np.exp(gain / 2.0) / len(grid) for one, gain in gains.items()}
+    odds = {(c, T): SHARES[c] * SLOW_S[T] * np.exp(gain / 2.0) for (c, T), gain in gains.items()}
     total = 1.0 + sum(odds.values())
     value = sum(odds[c, T] / total * c**2 for c, T in grid)
     slope = sum(odds[c, T] / total * c**2 / T for c, T in grid)
@@ -175,6 +176,22 @@ def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
     assert carried.gm_sigma == pytest.approx((value**0.5,) * 3)
     assert carried.correlation_time_s == pytest.approx(value / slope)
     assert carried.white_scale == (1.0, 1.0, 1.0)
-    shown = slow_error(monkeypatch, lambda c, T: 30.0 - abs(c - 1.0))
+    shown = slow_error(monkeypatch, lambda c, T: 3.0 + 3000.0 * (c == 1.0))
     assert shown is not None
-    assert (shown.gm_sigma, shown.correlation_time_s) == ((1.5,) * 3, 300.0)
+    assert shown.gm_sigma == pytest.approx((1.0,) * 3)
+    assert shown.correlation_time_s == pytest.approx(1.0 / sum(p / T for T, p in SLOW_S.items()))
+
+
+def test_a_little_more_evidence_carries_a_little_more():
+    """Oracle: none; what is carried grows with the evidence, by less than a fifth a unit of log
+    evidence where the error is shown: one reality has one sigma, whatever the noise.
+    """
+    grid = [(c, T) for c in SHARES for T in SLOW_S]
+    carried = [
+        _averaged({(c, T): gain - 4.0 * np.log(c**2 / T / 0.004) ** 2 for c, T in grid})[0]
+        for gain in np.arange(2.0, 40.0, 2.0)
+    ]
+    growth = np.diff(np.log(carried))
+    assert (growth > 0.0).all()
+    assert growth[2:].max() < 0.2
+    assert carried[-1] < 1.0

@@ -21,7 +21,7 @@ from insgnss.flight.reference.linear import (
     filtered,
     smoothed,
 )
-from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, ZUPT
+from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
 from insgnss.navigation.filter.common_errors import common_errors, nodes_of
 from insgnss.navigation.filter.error_model import linearise_interval
 from insgnss.navigation.filter.event_chain import EventChain, SharedError
@@ -298,17 +298,20 @@ def test_common_errors_explain_what_the_batch_says(case, in_one):
     assert np.abs(rest[:12, :12]).max() > 1e-3
 
 
-def test_what_a_spell_shares_is_a_common_error(case):
-    """Oracle: the covariance between events inside with and without it."""
+@pytest.mark.parametrize("block", [POS, PSI])
+def test_what_a_spell_shares_is_a_common_error(case, block):
+    """Oracle: the covariance between events inside with and without it, of the states it is of."""
     k, n = case.events.size, case.problem.layout.size
     T = np.tile(np.eye(9, n), (k, 1, 1))
     cov = np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.0], [0.0, 0.0, 0.0]])
-    spell = SharedError(int(case.events[1]), int(case.events[3]), cov)
+    spell = SharedError(int(case.events[1]), int(case.events[3]), cov, block)
     chain = replace(case.chain, shared=(spell,))
     nodes = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     A = common_errors(chain, *nodes, T).reshape(9 * k, -1)
     added = chain.covariance(0, T) - case.chain.covariance(0, T)
     np.testing.assert_allclose(A @ A.T, added, atol=1e-12)
+    second = added.reshape(k, 9, k, 9)[1, block, 2, block]
+    np.testing.assert_allclose(second, cov, atol=1e-12)
     assert np.abs(added).max() > 0.05
 
 

@@ -13,6 +13,7 @@ from flown import error_of, moved
 from numpy.testing import assert_allclose
 from surveys import block_flight
 
+from insgnss.flight.reference.strapdown import gravity
 from insgnss.geodesy.earth import EARTH_RATE, A, B, normal_gravity
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import (
@@ -20,7 +21,8 @@ from insgnss.geodesy.rotation import (
     rotation_from_quaternion,
     rotation_from_vector,
 )
-from insgnss.navigation.filter.strapdown import free_inertial
+from insgnss.navigation.filter.kernels.strapdown import gravity_l as kernel_gravity
+from insgnss.navigation.filter.strapdown import free_inertial, kernel_earth
 from insgnss.navigation.prepare.increments import body_increments
 from insgnss.records import Increments
 from insgnss.simulation.motion import Motion
@@ -143,6 +145,21 @@ def test_schuler_oscillation_of_an_initial_tilt():
     assert np.abs(error[:, 0] + 1j * error[:, 1] - expected).max() < 5e-3
     textbook = R * 1e-4 * (1.0 - np.cos(np.sqrt(g / R) * marks))
     assert_allclose(np.hypot(error[:, 0], error[:, 1]), textbook, atol=0.012 * R * 1e-4)
+
+
+def test_gravity_leans_by_the_deflection_of_the_vertical() -> None:
+    """Oracle: definition of xi and eta, the zenith's way north and east of the normal, and the
+    readable twin's gravity away from the origin, where turned axes are 1.2 m off in height.
+    """
+    xi, eta = np.radians([36.0, -50.0]) / 3600.0
+    frame = LocalFrame(np.radians(46.5), np.radians(6.5), 1500.0, deflection=(xi, eta))
+    found, scratch = np.zeros(3), np.zeros(3)
+    for place in (np.zeros(3), np.array([2000.0, -1500.0, -300.0])):
+        kernel_gravity(*place, kernel_earth(frame), scratch, found)
+        np.testing.assert_allclose(found, gravity(frame, place), atol=5e-6)
+        if not place.any():
+            astronomic = found / np.linalg.norm(found)
+            np.testing.assert_allclose(astronomic, [-xi, -eta, 1.0], atol=1e-7)
 
 
 def gravity_l(frame: LocalFrame, position) -> np.ndarray:
