@@ -110,12 +110,12 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
     residual = difference - drift * (boot_s - reference_s)
     offset = float(np.median(residual))
     spread = float(np.median(np.abs(residual - offset)))
-    step, at = _largest_step(residual) if abs(drift) > CRYSTAL_DRIFT else (0.0, 0)
+    step, after = _largest_step(residual) if abs(drift) > CRYSTAL_DRIFT else (0.0, 0)
     if spread > SPREAD_LIMIT_S or step > STEP_LIMIT_S:
         message = (
             f"GPS times of {boot_s.size} messages do not follow the autopilot's clock: spread"
             f" {spread:.3f} s about a drift of {1e6 * drift:+.0f} ppm (limit {SPREAD_LIMIT_S:.0f}"
-            f" s), step {step:.3f} s at its {boot_s[at]:.1f} s (limit {STEP_LIMIT_S:g} s)"
+            f" s), step {step:.3f} s at its {boot_s[after]:.1f} s (limit {STEP_LIMIT_S:g} s)"
         )
         raise InputError(f"{path}: {message}; split the log where the clock was set")
     over = int((offset + boot_s[0]) // WEEK_S)
