@@ -1,6 +1,7 @@
 """The path that the fixes draw: in metres, and which of them lie on it."""
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ...geodesy.earth import curvature_radii
@@ -9,6 +10,9 @@ from ...records import Array, GnssFixes
 FASTEST_DRONE_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
 # a fix off its neighbours' cubic by so many typical distances, and by at least this
 OUTLYING_SIGMAS, LEAST_DETOUR_M = 8.0, 0.05
+# m/s^2 by which a velocity may change between fixes: no drone or car makes more than 1 g for long
+STEEPEST_MS2 = 10.0
+AROUND = 5  # steps between fixes, whose median velocity a jump between two of them is compared with
 
 
 def north_east(gnss: GnssFixes) -> Array:
@@ -20,19 +24,23 @@ def north_east(gnss: GnssFixes) -> Array:
 
 
 def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
-    """Find the `length_s` seconds in which the fixes draw the longest path.
+    """Find the `length_s` seconds in which the fixes draw the longest path, and do not jump.
 
     Returns
     -------
     tuple of float, s
         Begin and end.
     """
+    ne = north_east(gnss)
     step = np.minimum(
-        np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1),
+        np.linalg.norm(np.diff(ne, axis=0), axis=1),
         FASTEST_DRONE_MS * np.diff(gnss.time),
     )
     path = np.concatenate([[0.0], np.cumsum(step)])
     end = np.searchsorted(gnss.time, gnss.time + length_s, side="right") - 1
+    sound = np.flatnonzero(sound_fixes(gnss))
+    before = np.append(sound[jumps(gnss.time[sound], ne[sound]) - 1], gnss.time.size - 1)
+    end = np.minimum(end, before[np.searchsorted(before, np.arange(gnss.time.size))])
     first = int(np.argmax(path[end] - path))
     return float(gnss.time[first]), float(gnss.time[end[first]])
 
@@ -72,3 +80,31 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
             break
         sound[rows[bad]] = False
     return sound
+
+
+def jumps(time: Array, ne: Array) -> NDArray[np.int64]:
+    """Find the fixes before which the path jumps farther than anything that flies can go.
+
+    A jump of the receiver, by a glitch or from one kind of solution to another, is one step between
+    two stretches that are smooth in themselves.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,), s
+    ne : ndarray, shape (n, 2), m
+        North and east.
+
+    Returns
+    -------
+    ndarray of int
+    """
+    if time.size <= AROUND:
+        return np.empty(0, dtype=np.int64)
+    interval = np.diff(time)
+    velocity = np.diff(ne, axis=0) / interval[:, None]
+    padded = np.pad(velocity, ((AROUND // 2, AROUND // 2), (0, 0)), mode="edge")
+    usual = np.median(sliding_window_view(padded, AROUND, axis=0), axis=-1)
+    excess = np.linalg.norm(velocity - usual, axis=1) * interval
+    limit = OUTLYING_SIGMAS * float(np.median(excess))
+    steepest = STEEPEST_MS2 * interval * (0.5 * interval + AROUND // 2 * np.median(interval))
+    return np.flatnonzero(excess > np.maximum(limit, steepest)) + 1

@@ -20,7 +20,7 @@ import numpy as np
 from ...base.findings.remedies import Remedy, SetKey, Step
 from ...geodesy.gpstime import LEAP_NOW_S
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question, Verdict
-from ..prepare.fix_path import north_east, sound_fixes
+from ..prepare.fix_path import jumps, north_east, sound_fixes
 from .relation import MAX_LAG_S, RIVAL_MISFIT_RATIO
 
 TURN_GRID_S = 0.1  # of the grid on which rates are compared (s): the epochs of usual receivers
@@ -367,7 +367,7 @@ def _gyro_unit_remedy(ratio: float, imu: ImuSamples, dt: float) -> Remedy:
 
 
 def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
-    """Rate of the course on the grid, rad/s, and where the speed allows it."""
+    """Rate of the course on the grid, rad/s, and where speed and jumps of the fixes allow it."""
     sound = sound_fixes(gnss)
     time, ne = gnss.time[sound], north_east(gnss)[sound]
     position = np.column_stack([_smooth(np.interp(grid, time, ne[:, c]), width) for c in range(2)])
@@ -382,6 +382,9 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
     slow = max(1.0, 3.0 * noise / (width * TURN_GRID_S))
     moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
     moving[: 2 * width] = moving[-2 * width :] = False
+    for k in jumps(time, ne):  # the smoothed course turns there as no vehicle did
+        first, last = ((time[k - 1 : k + 1] - grid[0]) / TURN_GRID_S).astype(np.int64)
+        moving[max(0, first - 2 * width) : max(0, last + 2 * width)] = False
     return rate, moving & (np.abs(rate) < FASTEST_TURN)
 
 

@@ -235,6 +235,35 @@ def test_inspect_and_the_reader_read_one_table_of_units(tmp_path, gyro, accel, c
     np.testing.assert_allclose(drafted.time, 200.0 + 0.01 * np.arange(N), rtol=0, atol=1e-9)
 
 
+def test_a_vertical_accuracy_in_degrees_is_a_length(tmp_path):
+    """Oracle: the header of phyphox, "Vertical Accuracy (°)" of a height in m; an angle for the
+    horizontal accuracy stays refused.
+    """
+    t = np.arange(60.0)
+    rows = np.column_stack([t, 46.5 + 1e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * t])
+    names = "Latitude (°)|Longitude (°)|Height (m)|Velocity (m/s)|Direction (°)"
+    accuracies = "Horizontal Accuracy (m)|Vertical Accuracy (°)"
+    path = tmp_path / "Location.csv"
+
+    def written(header):
+        header = ",".join(f'"{name}"' for name in header.split("|"))
+        values = np.column_stack([rows, np.full((60, 4), [1.0, 90.0, 3.0, 4.0])])
+        np.savetxt(path, values, "%.8f", ",", header=header, comments="", encoding="utf-8")
+        (source,) = [x for table in tables_of_file(path) for x in sources_of_table(path, table)]
+        keys = ("columns", "units", "sigma_velocity_mps")
+        columns, units, sigma = (source.keys.get(key) for key in keys)
+        return read_gnss(path, columns=columns, units=units, sigma_velocity=sigma)
+
+    fixes = written(f"Time (s)|{names}|{accuracies}")
+    np.testing.assert_allclose(fixes.cov_ned[0], np.diag([9.0, 9.0, 16.0]))
+    np.testing.assert_allclose(fixes.velocity_ned[0], [0.0, 1.0, 0.0], atol=1e-12)
+    assert any(
+        "Vertical Accuracy (°) in '°'" in note.found.replace('"', "") for note in fixes.notes
+    )
+    with pytest.raises(InputError, match="none of m, cm, mm"):
+        written(f"Time (s)|{names}|{accuracies}".replace("Accuracy (m)", "Accuracy (°)"))
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".npy"])
 @pytest.mark.parametrize(
     ("lat", "lon", "h"),

@@ -2,9 +2,12 @@
 values, and what it says of the columns that it leaves out.
 """
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.spatial.transform import Rotation
 
 from insgnss.flight.inspection.discovery import discover
 from insgnss.flight.inspection.run import inspect_files
@@ -69,6 +72,31 @@ def autopilot(tmp_path):
     for name, columns in tables.items():
         np.savetxt(tmp_path / name, np.column_stack(columns), fmt="%16.9e")
     return tmp_path
+
+
+@pytest.mark.parametrize("order", list(permutations(["gyro", "other", "accel"])))
+@pytest.mark.parametrize("other", ["gauss", "unit field", "force without gravity"])
+def test_nine_axes_without_names_in_any_order(tmp_path, order, other):
+    """Oracle: the columns as they were written, of a sensor that rolls, pitches and turns by its
+    gyros; the field beside it turns with it, of 0.5 gauss or of size 1 as the force in g, or the
+    force is there a second time without gravity.
+    """
+    rng = np.random.default_rng(6)
+    time = 0.02 * np.arange(6000)
+    angles = np.column_stack([0.05 * time, 0.2 * np.sin(0.9 * time), 0.3 * np.sin(0.7 * time)])
+    body = Rotation.from_euler("ZYX", angles)
+    rates = (body[:-1].inv() * body[1:]).as_rotvec() / 0.02
+    gyro = np.vstack([rates, rates[-1:]]) + rng.normal(0.01, 0.002, (6000, 3))
+    accelerations = rng.normal(0.0, 0.05, (6000, 3))
+    force = body.inv().apply([0.0, 0.0, -1.0]) + accelerations
+    field = body.inv().apply([0.44, 0.0, 0.9]) + rng.normal(0.0, 0.01, (6000, 3))
+    sizes = {"gauss": 0.5 * field, "unit field": field, "force without gravity": accelerations}
+    data = {"gyro": gyro, "accel": force, "other": sizes[other]}
+    values = np.column_stack([1e6 * time, *(data[name] for name in order)])
+    np.savetxt(tmp_path / "imu.txt", values, fmt="%.9f", delimiter=",")
+    columns = found(tmp_path / "imu.txt")["imu"].keys["columns"]
+    names = {"gyro": ["gx", "gy", "gz"], "accel": ["ax", "ay", "az"], "other": ["-"] * 3}
+    assert columns == ["tow", *(c for name in order for c in names[name])]
 
 
 def test_tables_of_an_autopilot_are_told_by_their_values(autopilot):

@@ -270,28 +270,63 @@ def test_clock_with_drift_and_late_messages() -> None:
     at = np.array([700.0, 1200.0])
     truth = at / (1.0 - 40e-6) + 603990.0
     assert_allclose(clock.gpst(None, at), truth - 0.19, rtol=0, atol=0.01)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="do not follow the autopilot's clock"):
-        fit_clock("x", boot * 1.1, np.full(gps.size, 2008.0), gps)
+    steep = fit_clock("x", boot * 1.1, np.full(gps.size, 2008.0), gps)
+    assert_allclose(steep.gpst(None, at * 1.1), truth - 0.19, rtol=0, atol=0.01)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="no GNSS fix with a GPS time"):
         fit_clock("x", boot[:0], gps[:0], gps[:0])
 
 
 @pytest.mark.parametrize(
-    ("ppm", "late_s", "fine"),
-    [(480, 0.0, True), (520, 0.0, False), (0, 0.9, True), (0, 1.1, False)],
+    ("ppm", "late_s", "step_s", "fine"),
+    [
+        (480, 0.0, 0.0, True),
+        (-83267, 0.3, 0.0, True),
+        (0, 0.9, 0.0, True),
+        (0, 1.1, 0.0, False),
+        (0, 0.0, 2.0, False),
+        (83267, 0.3, -2.0, False),
+    ],
 )
-def test_limits_of_an_autopilots_clock(ppm: float, late_s: float, fine: bool) -> None:
-    """Oracle: the limits that the refusal names, 500 ppm of drift and a spread of 1 s; late: two of
-    three messages, one to either side.
+def test_limits_of_an_autopilots_clock(
+    ppm: float, late_s: float, step_s: float, fine: bool
+) -> None:
+    """Oracle: the slope that the stamps are made with, and the limits that the refusal names, a
+    spread of 1 s and a step of 0.2 s; late: two of three messages, one to either side; the clock is
+    set at two thirds of the log.
     """
     gps = 604000.0 + 0.2 * np.arange(3000)
-    boot = (gps + late_s * np.tile([-1.0, 0.0, 1.0], 1000) - 603990.0) * (1.0 - 1e-6 * ppm)
+    boot = (gps + late_s * np.tile([-1.0, 0.0, 1.0], 1000) - 603990.0) / (1.0 + 1e-6 * ppm)
+    boot[2000:] += step_s
     week = np.full(gps.size, 2008.0)
     if fine:
         assert fit_clock("x", boot, week, gps).drift == pytest.approx(1e-6 * ppm, abs=5e-6)
     else:
-        with pytest.raises(InputError, match=r"\(limits 500 ppm, 1 s\)"):
+        with pytest.raises(InputError, match=r"\(limit 1 s\), step .*\(limit 0.2 s\)"):
             fit_clock("x", boot, week, gps)
+
+
+def test_height_above_the_ellipsoid_of_newer_firmware(tmp_path: Path) -> None:
+    """Oracle: AEl of the log, and the heights above the geoid, with the note, where one fix has
+    -2^31 cm in its place, which the firmware writes for none.
+    """
+    head = (
+        "FMT, 130, 50, GPS, QBIHLLe, TimeUS,Status,GMS,GWk,Lat,Lng,Alt\n"
+        "FMT, 131, 31, GPA, QCCCe, TimeUS,HAcc,VAcc,SAcc,AEl\n"
+    )
+    fixes = [
+        f"GPS, {10**6 * k}, 3, {1000 * k}, 2008, 46.57, 6.54, 580.5\n"
+        f"GPA, {10**6 * k}, 0, 0.03, 0.05, {{}}\n"
+        for k in range(1, 4)
+    ]
+    log = head + "".join(fixes)
+    (tmp_path / "x.log").write_text(log.format(630.25, 630.5, 630.75))
+    gnss = read_gnss(tmp_path / "x.log", sigma_m=[2, 2, 4])
+    assert gnss.height.tolist() == [630.25, 630.5, 630.75]
+    assert not any("geoid" in note.found for note in gnss.notes)
+    (tmp_path / "x.log").write_text(log.format(630.25, -21474836.48, 630.75))
+    gnss = read_gnss(tmp_path / "x.log", sigma_m=[2, 2, 4])
+    assert gnss.height.tolist() == [580.5] * 3
+    assert any("heights are above the geoid" in note.found for note in gnss.notes)
 
 
 def test_vehicle_imu_gives_rates_over_its_own_intervals(tmp_path: Path) -> None:

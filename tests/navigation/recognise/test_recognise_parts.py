@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from insgnss.geodesy.rotation import right_angle_rotations, rotation_from_vector
 from insgnss.navigation.prepare.axes import parse_axes
-from insgnss.navigation.prepare.fix_path import liveliest, sound_fixes
+from insgnss.navigation.prepare.fix_path import jumps, liveliest, sound_fixes
 from insgnss.navigation.recognise._kernels import interpolate
 from insgnss.navigation.recognise.axes import Pose, axes_words, down, forward, scores
 from insgnss.navigation.recognise.signal import (
@@ -290,3 +290,16 @@ def test_a_fast_drone_is_lively_at_its_speed():
     assert_allclose(
         liveliest(fixes(t, north, 0.0 * t, 500.0 + 0.0 * t), 100.0), (200.0, 300.0), atol=1.0
     )
+
+
+def test_the_liveliest_part_holds_no_jump():
+    """Oracle: the path, at 20 m/s from 200 to 300 s, where the fixes jump by 50 m at 270 s; 70 s of
+    that are longer than 100 s at 1 m/s.
+    """
+    t = np.arange(0.0, 400.0, 0.5)
+    north = np.cumsum(np.where((t >= 200.0) & (t < 300.0), 20.0, 1.0) * 0.5)
+    east = np.where(t >= 270.0, 50.0, 0.0)
+    assert jumps(t, np.column_stack([north, east])).tolist() == [540]
+    first, last = liveliest(fixes(t, north, east, 500.0 + 0.0 * t), 100.0)
+    assert first <= 200.0
+    assert 269.0 <= last < 270.0

@@ -2,6 +2,7 @@
 files in test_wrong_input.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -104,15 +105,21 @@ def test_forces_speak_for_a_drone_whose_nose_does_not_follow_its_course():
     assert _forces(replace(flown.imu, gyro=-flown.imu.gyro), flown.gnss).sure_of_all == 0.0
 
 
-def turning(gyro, course_rate):
-    """Records of 5 minutes whose course turns with one rate and whose gyro with another, rad/s."""
+def turning(gyro, course_rate, jump_m=0.0, every=4):
+    """Records of 5 minutes whose course turns with one rate and whose gyro with another, rad/s.
+
+    The fixes, of which one in `every` 0.05 s exists, jump aside for 12 s in every 40 s.
+    """
     t = np.arange(0.0, 300.0, 0.05)
     course = np.cumsum(course_rate(t)) * 0.05
     north, east = 8.0 * 0.05 * np.cumsum([np.cos(course), np.sin(course)], axis=1)
-    lat = 0.8 + north[::4] / 6.36e6
+    north += jump_m * (t % 40.0 < 12.0)
+    lat = 0.8 + north[::every] / 6.36e6
     cov = np.broadcast_to(1e-4 * np.eye(3), (lat.size, 3, 3))
-    lon = 0.1 + east[::4] / (6.38e6 * np.cos(0.8))
-    gnss = GnssFixes(t[::4], lat, lon, np.full(lat.size, 50.0), cov, None, None, None, 2200, "g")
+    lon = 0.1 + east[::every] / (6.38e6 * np.cos(0.8))
+    gnss = GnssFixes(
+        t[::every], lat, lon, np.full(lat.size, 50.0), cov, None, None, None, 2200, "g"
+    )
     rate = np.column_stack([0.0 * t, 0.0 * t, gyro(t)])
     force = np.tile([0.0, 0.0, -9.8], (t.size, 1))
     imu = ImuSamples(t, rate, force, "mean_rate", 2200, "i")
@@ -125,6 +132,17 @@ def drawn(seed, width=100):
     smooth = np.convolve(noise, np.hanning(width), mode="same")
     smooth *= 0.25 / np.std(smooth)
     return lambda t: np.interp(t, 0.05 * np.arange(-1000, 7000), smooth)
+
+
+@pytest.mark.parametrize(("jump_m", "every"), [(20.0, 4), (1e5, 4), (100.0, 20), (1e5, 20)])
+def test_turns_are_seen_between_jumps_of_the_fixes(jump_m, every):
+    """Oracle: the same fixes without jumps, five times and once a second."""
+    rate, ratios = drawn(8), []
+    for jump in (0.0, jump_m):
+        found = turning(rate, rate, jump, every)(Forces())
+        assert (found.verdict, found.advice) == ("ok", "")
+        ratios.append(float(re.search(r"ratio ([\d.]+)", found.found)[1]))
+    assert ratios[1] == pytest.approx(ratios[0], abs=0.1)
 
 
 def test_turns_never_contradict_what_the_forces_show():

@@ -31,6 +31,8 @@ POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
 APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
+TURNED = 0.3  # least correlation by which rates turn a vector; unrelated ones stay below 0.2
+TURN_PIECES = (20000, 5000, 1250, 300)  # means that a recording is cut into, to find the best one
 GRAVITY, NEAR = (9.8, 1.0, 1000.0), 0.15  # its size in usual units, and how near a median must be
 
 
@@ -65,9 +67,7 @@ def imu_roles(grid: Grid) -> Roles | None:
 
 def has_gravity(grid: Grid, roles: Roles) -> bool:
     """Tell whether the force of samples has the size of gravity in a usual unit."""
-    force = grid.values[:, [roles.columns[c] for c in ACCEL]]
-    size = float(np.median(np.linalg.norm(force, axis=1)))
-    return any(abs(np.log(max(size, 1e-12) / g)) < NEAR for g in GRAVITY)
+    return _of_gravity(grid.values[:, [roles.columns[c] for c in ACCEL]])
 
 
 def triads_named(grid: Grid) -> list[str]:
@@ -79,6 +79,8 @@ def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
     """First column of the gyro's and of the accelerometer's triad among the columns that change."""
     rows = values[:: max(1, len(values) // 20000)]
     alive = [k not in taken and float(np.ptp(rows[:, k])) > 0.0 for k in range(values.shape[1])]
+    if (pair := _beside_others(rows, alive)) is not None:
+        return pair
     best: tuple[float, int, int] | None = None
     for first in range(values.shape[1] - 5):
         if not all(alive[first : first + 6]):
@@ -93,6 +95,57 @@ def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
             order = (first + 3, first) if ratio[0] > ratio[1] else (first, first + 3)
             best = best or (gap, *order)
     return None if best is None else best[1:]
+
+
+def _beside_others(rows: Array, alive: list[bool]) -> tuple[int, int] | None:
+    """First column of gyro and accelerometer where there are three triads or more, in any order.
+
+    The accelerometer has the size of gravity and is the steadiest of those that have it. The gyro
+    is the triad that turns the others best: of a vector v that stands still outside, such as the
+    magnetic field, the derivative is v x rate. None where there are fewer, or no gravity.
+    """
+    triads, first = list[int](), 0
+    while first + 3 <= len(alive):
+        whole = all(alive[first : first + 3])
+        triads += [first] * whole
+        first += 3 if whole else 1
+    data = {k: rows[:, k : k + 3] for k in triads}
+    heavy = [k for k in triads if _of_gravity(data[k]) and _steadiness(data[k]) > STEADY]
+    if len(triads) < 3 or not heavy:
+        return None
+    accel = max(heavy, key=lambda k: _steadiness(data[k]))
+    turned = {
+        gyro: max(_turned(data[k], data[gyro]) for k in triads if k != gyro)
+        for gyro in triads
+        if gyro != accel
+    }
+    gyro = max(turned, key=lambda k: turned[k])
+    if turned[gyro] < TURNED:
+        gyro = min(turned, key=lambda k: _steadiness(data[k]))
+    return gyro, accel
+
+
+def _turned(vector: Array, rates: Array) -> float:
+    """Correlation of the increments of a vector (n, 3) with those that rates (n, 3) give it.
+
+    It is the largest of several lengths of means: short ones hold vibration, long ones whole turns.
+    """
+    best = 0.0
+    for pieces in TURN_PIECES:
+        edges = np.arange(0, len(vector), max(1, len(vector) // pieces))
+        lengths = np.diff(edges, append=len(vector))[:, None]
+        v, w = (np.add.reduceat(x, edges) / lengths for x in (vector, rates))
+        change, expected = np.diff(v, axis=0).ravel(), np.cross(v, w)
+        expected = (expected[1:] + expected[:-1]).ravel()
+        size = float(np.linalg.norm(change) * np.linalg.norm(expected))
+        best = max(best, float(change @ expected) / size if size else 0.0)
+    return best
+
+
+def _of_gravity(force: Array) -> bool:
+    """Tell whether a force (n, 3) has the size of gravity in a usual unit."""
+    size = float(np.median(np.linalg.norm(force, axis=1)))
+    return any(abs(np.log(max(size, 1e-12) / g)) < NEAR for g in GRAVITY)
 
 
 def _steadiness(triad: Array) -> float:
@@ -132,7 +185,8 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
         units["length"] = "mm"  # receivers that count so write whole millimetres
     if "course" in columns:
         # loggers name it wrongly
-        units["course"] = "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
+        largest = np.abs(grid.values[:, columns["course"]]).max()
+        units["course"] = "rad" if 0.0 < largest <= 6.3 else "deg"
     ticks = clocks(grid, 30.0)
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ....records import GnssFixes
+from ....records import Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION
 from ..names import GNSS, OF_A_SOLUTION, taken_by_readers
 from ..orientation.exported import quoted_names
 from ..text.columns import Columns, NamedTable, TableOut, TableSpec
-from ..text.headers import Settled, normalised
+from ..text.headers import Settled, factor_of, normalised, unit_in
+from ..text.order import note
 from ..text.text import Source, Table
 from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation
@@ -117,7 +118,8 @@ def read_gnss_text(
     """
     units = SPEC.checked_units(units, "quality")
     table = SPEC.read(path, columns)
-    settled = table.settled(units)
+    vertical = _vertical_angle(table)
+    settled = table.settled(units, unheeded=["sd_u"] if vertical else [])
     header_line = table.table.layout.header_line
     geoid_m, height_notes = settled_undulation(
         path, header_line, table.fields("h"), undulation_m, commented=True
@@ -132,8 +134,21 @@ def read_gnss_text(
         sigma_m,
         sigma_velocity,
         geoid_m,
-        (*settled.notes, *height_notes),
+        (*settled.notes, *vertical, *height_notes),
     )
+
+
+def _vertical_angle(table: NamedTable) -> tuple[Finding, ...]:
+    """Return the note on a vertical sigma whose header gives an angle for its unit, as phyphox's.
+
+    It is in the unit of the height then: along the vertical there is no angle.
+    """
+    fields = table.fields("sd_u")
+    unit = unit_in(fields[0], ()) if fields else None
+    if unit is None or factor_of(unit, ("angle",)) is None:
+        return ()
+    finding = f"the header gives {fields[0]} in {unit!r}; it was read in the unit of the height"
+    return (note("GNSS units", finding, "a length", "correct the header"),)
 
 
 def _described(named: NamedTable) -> dict[str, int]:

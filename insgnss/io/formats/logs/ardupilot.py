@@ -2,9 +2,9 @@
 
 IMU: TimeUS (or TimeMS), GyrX.. rad/s, AccX.. m/s^2, forward right down. GPS: week and time of week,
 degrees, metres above the geoid, ground speed, course, velocity down; GPA of the same stamp:
-standard deviations, and Und, the geoid below the ellipsoid (Alt - Und is the height above the
-ellipsoid). CAM: shutter instants. BARO: pressure. Messages are those of `dataflash`, all stamps are
-taken to GPST by `boot_clock`.
+standard deviations, and AEl, the height above the ellipsoid, or of firmware before 4.7 Und, the
+geoid below the ellipsoid (Alt - Und is that height). CAM: shutter instants. BARO: pressure.
+Messages are those of `dataflash`, all stamps are taken to GPST by `boot_clock`.
 """
 
 from typing import Any
@@ -23,6 +23,7 @@ from .autopilot import Array, Fixes, Log, Message
 from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
+NO_HEIGHT_M = -1e6  # the firmware writes -2^31 cm where the receiver gives no ellipsoidal height
 LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix; DGPS and RTK have larger ones
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
@@ -155,13 +156,12 @@ def read_gnss_ardupilot(
     message = fixes.message
     agree_on_week(message.lines, int(fixes.week[0]), gps_week)
     notes = [*log.notes("GNSS rows"), *fixes.left_out(log.tables[message.name]["Status"].size)]
-    lat, lon, height = (message.columns[label] for label in ("Lat", "Lng", "Alt"))
-    cols: dict[str, Any] = {"tow": fixes.tow, "week": fixes.week, "lat": lat, "lon": lon}
-    cols |= {"h": height, "q": message.qualities("Status")}
+    cols: dict[str, Any] = {"tow": fixes.tow, "week": fixes.week}
+    cols |= {"lat": message.columns["Lat"], "lon": message.columns["Lng"]}
+    cols |= {"h": message.columns["Alt"], "q": message.qualities("Status")}
     accuracy = _accuracy(log, message)
-    geoid = accuracy.pop("Und", np.zeros(1))
-    if geoid.any():
-        cols["h"], undulation_m = height - geoid, 0.0
+    if "h" in accuracy:
+        cols["h"], undulation_m = accuracy.pop("h"), 0.0
     elif undulation_m is None:
         finding = "heights are above the geoid"
         notes.append(note("GNSS rows", finding, "heights above the ellipsoid", "set undulation_m"))
@@ -183,9 +183,9 @@ def read_gnss_ardupilot(
 
 
 def _accuracy(log: Log, message: Message) -> dict[str, Array]:
-    """Return standard deviations, and Und, of the GPA message of each fix's stamp.
+    """Return standard deviations and height above the ellipsoid, of the GPA of each fix's stamp.
 
-    They are empty unless every fix has one with values.
+    Those that a fix does not have are left out.
     """
     gpa = log.tables.get(message.name.replace("GPS", "GPA"), {})
     if "TimeUS" not in message or not {"TimeUS", "HAcc", "VAcc", "SAcc"} <= gpa.keys():
@@ -194,12 +194,18 @@ def _accuracy(log: Log, message: Message) -> dict[str, Array]:
     stamp, first = np.unique(gpa["TimeUS"], return_index=True)
     index = np.searchsorted(stamp, time).clip(max=stamp.size - 1)
     h, v, s = (gpa[label][first[index]] for label in ("HAcc", "VAcc", "SAcc"))
-    if not ((stamp[index] == time) & (h > 0.0) & (v > 0.0)).all():
+    if not (stamp[index] == time).all():
         return {}
-    out = {"sd_n": h, "sd_e": h, "sd_u": v}
-    if (s > 0.0).all():
-        out |= dict.fromkeys(("sd_vn", "sd_ve", "sd_vd"), s)
-    return out | ({"Und": gpa["Und"][first[index]]} if "Und" in gpa else {})
+    out: dict[str, Array] = {}
+    if "AEl" in gpa and (gpa["AEl"][first[index]] > NO_HEIGHT_M).all():
+        out["h"] = gpa["AEl"][first[index]]
+    elif "Und" in gpa and (geoid := gpa["Und"][first[index]]).any():
+        out["h"] = message.columns["Alt"] - geoid
+    if ((h > 0.0) & (v > 0.0)).all():
+        out |= {"sd_n": h, "sd_e": h, "sd_u": v}
+        if (s > 0.0).all():
+            out |= dict.fromkeys(("sd_vn", "sd_ve", "sd_vd"), s)
+    return out
 
 
 def read_events_ardupilot(

@@ -11,6 +11,7 @@ from the motion.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
@@ -22,7 +23,9 @@ Array = NDArray[np.float64]
 
 MOST_MESSAGES = 200  # messages that the slope is taken from
 LEAST_DRIFT_SPAN_S = 60.0  # below it the clock's drift is taken for zero
-DRIFT_LIMIT = 500e-6  # s/s of the autopilot's clock: a crystal is ten times better (chosen)
+CRYSTAL_DRIFT = 500e-6  # s/s; a crystal is ten times better, a steeper clock is searched for steps
+WINDOW_MESSAGES = 20  # on each side of a step: their medians average the latency's scatter out
+STEP_LIMIT_S = 0.2  # of a steep clock: a latency changes by less, a clock that was set by more
 LONGEST_LOG_S = 1e8  # of a log
 # median residual (s) about the line: latencies of messages are tenths (chosen)
 SPREAD_LIMIT_S = 1.0
@@ -107,14 +110,26 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
     residual = difference - drift * (boot_s - reference_s)
     offset = float(np.median(residual))
     spread = float(np.median(np.abs(residual - offset)))
-    if abs(drift) > DRIFT_LIMIT or spread > SPREAD_LIMIT_S:
+    step, after = _largest_step(residual) if abs(drift) > CRYSTAL_DRIFT else (0.0, 0)
+    if spread > SPREAD_LIMIT_S or step > STEP_LIMIT_S:
         message = (
-            f"GPS times of {boot_s.size} messages do not follow the autopilot's clock: drift"
-            f" {1e6 * drift:+.0f} ppm, spread {spread:.3f} s"
+            f"GPS times of {boot_s.size} messages do not follow the autopilot's clock: spread"
+            f" {spread:.3f} s about a drift of {1e6 * drift:+.0f} ppm (limit {SPREAD_LIMIT_S:.0f}"
+            f" s), step {step:.3f} s at its {boot_s[after]:.1f} s (limit {STEP_LIMIT_S:g} s)"
         )
-        raise InputError(
-            f"{path}: {message} (limits {1e6 * DRIFT_LIMIT:.0f} ppm, {SPREAD_LIMIT_S:.0f} s); split"
-            " the log where the clock was set"
-        )
+        raise InputError(f"{path}: {message}; split the log where the clock was set")
     over = int((offset + boot_s[0]) // WEEK_S)
     return BootClock(first + over, offset - over * WEEK_S, drift, reference_s, spread, boot_s.size)
+
+
+def _largest_step(residual: Array) -> tuple[float, int]:
+    """Return the largest step of residuals (n,), s, and the message after it.
+
+    It is that of the medians of the messages before and after, so single late ones make none.
+    """
+    width = min(WINDOW_MESSAGES, residual.size // 2)
+    if width == 0:
+        return 0.0, 0
+    median = np.median(sliding_window_view(residual, width), axis=1)
+    steps = np.abs(median[width:] - median[:-width])
+    return float(steps.max()), int(steps.argmax()) + width

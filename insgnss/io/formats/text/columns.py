@@ -321,14 +321,25 @@ class NamedTable:
             if any(re.match(r"[\"'\s]*-\s*[A-Za-z]", field) for field in self.fields(name))
         ]
 
-    def settled(self, units: Mapping[str, str], kinds: Mapping[str, str] | None = None) -> Settled:
-        """Settle the units by caller and header; notes on them, dates and an open end."""
+    def settled(
+        self,
+        units: Mapping[str, str],
+        kinds: Mapping[str, str] | None = None,
+        unheeded: Sequence[str] = (),
+    ) -> Settled:
+        """Settle the units by caller and header; notes on them, dates and an open end.
+
+        The header's unit of the columns `unheeded` does not count.
+        """
         layout, rows = self.table.layout, f"{self.spec.record} rows"
         dates: tuple[Finding, ...] = ()
         if self.index.get("tow") in getattr(self.table, "dates", ()):
             units = {"time": DATES_UNIT, **units}
             dates = (note(rows, *DATES_FOR_STAMPS),)
-        fields = {key: self.fields(names) for key, names in self.spec.units.items()}
+        fields = {
+            key: self.fields(" ".join(name for name in names.split() if name not in unheeded))
+            for key, names in self.spec.units.items()
+        }
         settled = self.spec.settled(self.path, layout.header_line, fields, units, kinds)
         notes = (*open_end(rows, self.table.complete), *settled.notes, *dates)
         return settled._replace(notes=notes)
