@@ -155,11 +155,18 @@ class AdjustmentTable:
         4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
     )
     keep_all: bool = option(False, "no observation is rejected, whatever its residual")
+    write_anyway: bool = option(
+        False,
+        "write an orientation that observations contradict too much, into contradicted/; the exit "
+        "code stays 4",
+        cli="--write-anyway",
+    )
     accept: tuple[str, ...] = option(
         (),
         "observations whose contradiction is accepted, of image observations, ground control, "
         "aerial control, kinematic ground control, target sizes, check points: of residuals beyond "
-        "five times what their standard deviations allow no orientation is written otherwise",
+        "five times what their standard deviations allow, or whose cause moves a projection centre "
+        "by five of its own, no orientation is written otherwise",
         choices=(*GROUPS, "check points"),
     )
 

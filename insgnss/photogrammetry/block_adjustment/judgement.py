@@ -13,6 +13,7 @@ import numpy as np
 
 from ...base.findings import Finding, ranked
 from ...base.wording import some
+from ...flight.config.block_file import GROUPS
 from ...records.states import State
 from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
@@ -38,7 +39,8 @@ MANY_REJECTED = 0.05  # share of all image observations, beyond which it is repo
 MOST_OF_IMAGE, USUAL_REJECTED, IMAGE_CHANCE = 0.3, 0.02, 1e-5
 DISCONNECTED_GROUND = 8.0  # times the share of ground control, for its rank
 TOO_LARGE = 5.0
-"""Times its standard deviations of a contradiction, beyond which no orientation is written."""
+"""Times its standard deviations of a contradiction, or of a projection centre that its cause moves,
+beyond which no orientation is written."""
 CHECKS = "check points"
 # of the gain of the best explanation, from which on another one is named beside it
 RIVAL_GAIN = 0.8
@@ -130,7 +132,10 @@ def judged(
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
     accepted = solved.inputs.file.adjustment.accept
-    too_large = {f.name for f in beyond if f.rank >= TOO_LARGE} - {*accepted, "camera"}
+    wrong = {f.name for f in beyond if f.rank >= TOO_LARGE}
+    if any(t.moves_sigmas > TOO_LARGE for t in trials_made if t.explains or t.gain > _limit(t)):
+        wrong |= {f.name for f in beyond if f.rank >= 1.0}
+    too_large = {name for name in wrong if accepted_as(name) not in (*accepted, "camera")}
     if _worst_check_points(figures) < TOO_LARGE:
         too_large.discard(CHECKS)
     return Judgement(
@@ -141,6 +146,22 @@ def judged(
         trials_made,
         tuple(finding for finding in ordered if finding.name in too_large and finding.rank >= 1.0),
     )
+
+
+def accepted_as(name: str) -> str:
+    """Return the name by which adjustment.accept takes a finding.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+
+    Returns
+    -------
+    str
+        Its own, or "aerial control" where it is what a trial has shown.
+    """
+    return name if name in (*GROUPS, CHECKS, "camera") else "aerial control"
 
 
 def _worst_check_points(figures: Mapping[str, Any]) -> float:

@@ -1,5 +1,5 @@
 """Products of an adjusted block, all of them or none; of one that contradicts itself too much only
-adjust.json and the page.
+adjust.json and the page, or where it is asked for, the others in a directory `contradicted`.
 
 eo.json       orientation of the images with aerial control, which `insgnss export` takes
 exports       as output.formats asks for
@@ -44,6 +44,7 @@ from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
 
+CONTRADICTED = "contradicted"
 FORM_FILES = {
     "metashape": "camera{}_metashape.xml",
     "colmap": "cameras{}.txt",
@@ -80,11 +81,15 @@ def written(
     file = solved.inputs.file
     with together() as staging:
         into = staging.tree(directory)
-        if not judgement.refused:
+        if judgement.refused and file.adjustment.write_anyway:
+            _write_orientation(solved, figures, judgement, staging.tree(into / CONTRADICTED))
+        elif not judgement.refused:
             _write_orientation(solved, figures, judgement, into)
         start = file.path.absolute().parent
-        figures |= made_from(_input_files(solved), into / DOCUMENT, [*into.iterdir()], start)
-        figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
+        entries = [entry for entry in into.rglob("*") if entry.is_file()]
+        figures |= made_from(_input_files(solved), into / DOCUMENT, entries, start)
+        names = (entry.relative_to(into).as_posix() for entry in entries)
+        figures["products"] = sorted([*names, DOCUMENT, PAGE])
         page = document_of(solved, figures, judgement, charts_of(solved, figures, judgement))
         write_with_page(page, figures, into / DOCUMENT, into / PAGE)
         files = staging.goals()

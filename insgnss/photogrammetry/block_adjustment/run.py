@@ -13,10 +13,10 @@ from ...flight.config.block_file import BlockFile
 from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
-from .judgement import Judgement, advice, judged, shown
+from .judgement import Judgement, accepted_as, advice, judged, shown
 from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
-from .products import DOCUMENT, written
+from .products import CONTRADICTED, DOCUMENT, written
 from .solve import Solved, solved
 from .trials import converging
 
@@ -47,10 +47,13 @@ class AdjustmentResult(Shown):
         """Why no orientation was written; None where it was."""
         if not (refused := self.judgement.refused):
             return None
-        names = ", ".join(dict.fromkeys(f'"{finding.name}"' for finding in refused))
+        if self.solved.inputs.file.adjustment.write_anyway:
+            return DataError(f"{refused[0].sentence}; the orientation in {CONTRADICTED}/ has it")
+        names = ", ".join(dict.fromkeys(f'"{accepted_as(finding.name)}"' for finding in refused))
         return DataError(
             f"{refused[0].sentence}; no orientation is written, adjust.html shows the residuals;"
-            f" adjustment.accept = [{names}] in the block file overrules"
+            f" --write-anyway writes it into {CONTRADICTED}/, adjustment.accept = [{names}] in the"
+            " block file overrules"
         )
 
     def summary(self) -> str:

@@ -22,13 +22,13 @@ from ...flight.config.block_tables.vehicle import VehicleTable
 from ...geodesy.rotation import vector_from_rotation
 from ...records.block import INTERIOR, Array, ImageBlock
 from ..adjust.adjustment import adjusted
-from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET, AerialControl
 from ..adjust.groups import ObservationGroup, PointObservation
 from ..adjust.kinematic import CLOCK
 from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.precision import image_components
-from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
+from ..adjust.unknowns import CAMERA, POINT, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, stated_lever_arm
 from .check_points import check_points
@@ -46,7 +46,9 @@ DATUM: Key = ("shift of ground control", 0)
 GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
 GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
 CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas the trial is wrong
+FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
 ALMOST_ALL = 0.8  # of what is too much in check points
+LEAST_SIGMA_M = 1e-4  # of a projection centre: of held ones no share of zero is taken
 CHECK_SHIFT = "shift of check points"
 USUAL = ("f", "cx", "cy")
 
@@ -119,6 +121,9 @@ class Trial:
         How a block file asks for it.
     remedy : str
         What to do about it, where that is more than to estimate it.
+    moves_sigmas : float
+        By how many of its standard deviations it moves a projection centre, of that and the axis
+        where it does most.
     """
 
     name: str
@@ -130,6 +135,7 @@ class Trial:
     explains: bool
     key: str
     remedy: str = ""
+    moves_sigmas: float = 0.0
 
 
 def trials(
@@ -165,7 +171,65 @@ def trials(
         except DataError:
             continue  # it is not determined, so that it explains nothing
         done.append(trial)
+    if (of_line := _shifted_line(solved, excess)) is not None:
+        done.append(of_line)
     return tuple(sorted(done, key=lambda trial: trial.unknowns - trial.gain))
+
+
+def _shifted_line(solved: Solved, excess: float) -> Trial | None:
+    """Return the shift of the flight line that fits the rest worst, such as of a wrong ambiguity.
+
+    With the residuals e of a line's poses, their weight W, design J and the cofactors Q of its
+    unknowns, a shift of all its positions, H s, has
+
+        N = H^T (W - W J Q J^T W) H,    s = N^-1 H^T W e,    gain = s^T N s,    dx = -Q J^T W H s
+
+    as an adjustment with the shift as a further unknown has, without another adjustment.
+    """
+    from scipy.stats import chi2
+
+    best: Trial | None = None
+    groups = [g for g in solved.result.problem.groups if _is_line(g)]
+    if len(groups) < FEWEST_LINES or solved.inputs.file.aerial_control.shift_sigma_m is not None:
+        return None
+    block = solved.result.problem.block
+    for group in groups:
+        e, J = group.linearised(solved.result.values)
+        images = [row for name, row in group.keys if name == POSE]
+        size = e.size // len(images)
+        H = np.tile(np.eye(size)[:, :3], (len(images), 1))
+        W, Q = group.weight, solved.precision.cov(*group.keys)
+        JWH = J.T @ (W @ H)
+        N = H.T @ W @ H - JWH.T @ Q @ JWH
+        if not np.linalg.eigvalsh(N)[0] > 0.0:
+            continue
+        shift = np.asarray(np.linalg.solve(N, H.T @ (W @ e)), dtype=np.float64)
+        gain = float(shift @ N @ shift)
+        if best is not None and gain <= best.gain:
+            continue
+        moved = np.abs(Q @ JWH @ shift) / np.sqrt(np.diagonal(Q))
+        of_positions = moved[: 6 * len(images)].reshape(-1, 6)[:, :3]
+        first, last = block.images[images[0]], block.images[images[-1]]
+        best = Trial(
+            f"shift of the flight line from {first} to {last}",
+            gain,
+            3,
+            shift,
+            np.asarray(np.sqrt(np.diagonal(np.linalg.inv(N))), dtype=np.float64),
+            "m",
+            gain > max(chi2.isf((1.0 - GAIN_CHANCE) / len(groups), 3), GAIN_SHARE * excess),
+            "aerial_control.shift_sigma_m",
+            "look for a wrong ambiguity or another base there; aerial_control.shift_sigma_m"
+            " estimates a shift of each line",
+            float(of_positions.max()),
+        )
+    return best
+
+
+def _is_line(group: ObservationGroup) -> bool:
+    """Tell whether a group is absolute control of a flight line of several images."""
+    line = getattr(group, "group", group)
+    return isinstance(line, AerialControl) and len(line.images) >= FEWEST_OF_LINE
 
 
 def shift_of_check_points(solved: Solved) -> Trial | None:
@@ -353,6 +417,8 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
     enough = gain > max(chi2.ppf(GAIN_CHANCE, value.size), GAIN_SHARE * excess)
+    sigma_m = np.sqrt(np.diagonal(solved.precision.pose_cov[:, :3, :3], axis1=1, axis2=2))
+    moved_m = np.abs(again.values.position - result.values.position)
     return Trial(
         remedy.name,
         float(gain),
@@ -363,6 +429,7 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         bool(enough),
         remedy.option,
         what_to_do(inputs.vehicle, key, value, sigma),
+        float((moved_m / np.maximum(sigma_m, LEAST_SIGMA_M)).max()),
     )
 
 

@@ -36,11 +36,13 @@ def without_imu(flown, tmp_path_factory):
         true = {key: file[key] for key in file.files}
     plane = TangentPlane(*true["origin"])
 
-    def write(seed=1, lever_arm_m=(0.0, 0.0, 0.0)):
+    def write(seed=1, lever_arm_m=(0.0, 0.0, 0.0), shift=(0, 0.0)):
         directory = tmp_path_factory.mktemp("positions")
         draw = np.random.default_rng(seed)
         X = true["position_enu"] + true["C_mc"] @ np.array(lever_arm_m)
         X = X + SIGMA_ENU * draw.normal(size=X.shape)
+        images, north_m = shift
+        X[:images, 1] += north_m
         place = np.transpose(plane.geodetic_from_position(X))
         lines = [
             f"{int(name[:4])}\t{tow:.6f}\t[2200]\t0,N\t0,E\t0,V\t{np.degrees(lat):.9f},Lat"
@@ -258,3 +260,22 @@ def test_positions_at_exposures_are_poses_without_attitude(tmp_path, name, text)
     assert_allclose(place, [-36.41144502, 174.63075195, 170.415], rtol=1e-12)
     assert_allclose(poses.time, [275295.301059])
     assert_allclose(np.sqrt(np.diagonal(poses.cov_position[0])), [0.013, 0.012, 0.021])
+
+
+@pytest.mark.slow
+def test_a_wrong_ambiguity_of_one_line_leaves_no_orientation(flown, without_imu, tmp_path):
+    """Oracle: 27 cm that the test adds to one of three lines; no eo.json without a telling name."""
+    directory = without_imu(2, shift=(19, 0.27))
+    block = block_of(flown, directory)
+    done = adjust(block, tmp_path / "out")
+    assert done.refusal is not None
+    assert "shift of the flight line from 8001.tif to 8019.tif" in str(done.refusal)
+    (line,) = [t for t in done.judgement.trials_made if t.name.startswith("shift of the flight")]
+    assert abs(line.value[1] - 0.27) < 4.0 * line.sigma[1] < 0.2
+    assert {entry.name for entry in (tmp_path / "out").iterdir()} == {"adjust.json", "adjust.html"}
+    anyway = replace(block, adjustment=replace(block.adjustment, write_anyway=True))
+    done = adjust(anyway, tmp_path / "out")
+    assert done.refusal is not None
+    assert (tmp_path / "out/contradicted/eo.json").is_file()
+    assert not (tmp_path / "out/eo.json").exists()
+    assert adjust(block_of(flown, without_imu(2)), write=False).refusal is None
