@@ -139,6 +139,45 @@ def test_control_and_check_points_of_one_file(tmp_path) -> None:
     assert [block.points[p] for p in block.observations.point] == ["1", "1"]
 
 
+def test_columns_of_one_sigma_and_attributes(tmp_path) -> None:
+    """Oracle: DBAT's own rule: columns of each row, an attribute in their place."""
+    path = written(tmp_path)
+    table = "".join(f"{k}, 1, 1880.1, 2570.{k}, 0.{k}\n" for k in (1, 2))
+    (tmp_path / "points.txt").write_text(table)
+    text = path.read_text()
+    for changed, expected in (
+        ('format="im,id,x,y,sxy"', [[0.1, 0.1], [0.2, 0.2]]),
+        ('format="im,id,x,y,sxy" sx="0.7"', [[0.7, 0.1], [0.7, 0.2]]),
+        ('format="im,id,x,y,sxy" sxy="0.5"', [[0.5, 0.5], [0.5, 0.5]]),
+    ):
+        path.write_text(text.replace('format="im,id,x,y" sxy="0.5"', changed))
+        assert read_dbat(path).observations.sigma_px.tolist() == expected
+
+
+@pytest.mark.parametrize("initial", ["<all>loaded</all>", "<all>default</all>", "default"])
+def test_what_lacks_is_what_dbat_takes(tmp_path, initial) -> None:
+    """Oracle: DBAT's defaults: the focal length, the middle, aspect 1, skew 0, zeros of K and P."""
+    path = written(tmp_path)
+    text = re.sub(
+        "<aspect>.*?</P>",
+        "<focal>24</focal><model>3</model><nK>3</nK><nP>2</nP>",
+        path.read_text(),
+        flags=re.DOTALL,
+        count=1,
+    )
+    start = f"<operations><set_initial_values><io>{initial}</io></set_initial_values>"
+    elements = '<ctrl_pts><file format="id,x,y,z">ground.txt</file></ctrl_pts>'
+    text = text.replace("<operations>", start).replace("<images>", f"{elements}<images>")
+    path.write_text(text.replace("<P>false</P>", "<P>true</P>"))
+    (tmp_path / "ground.txt").write_text("1, 10.5, 20, 30\n")
+    block = read_dbat(path)
+    (camera,) = block.cameras
+    assert [camera.of(k) for k in ("f", "cx", "cy")] == pytest.approx([3744.0, 2808.0, 1872.0])
+    assert not np.any([camera.of(k) for k in ("b1", "b2", "k1", "k2", "k3", "p1", "p2")])
+    assert camera.free == ("f", "cx", "cy", "k1", "k2", "p1", "p2")
+    assert block.control.cov[0] == pytest.approx(1e-12 * np.eye(3))
+
+
 def test_images_without_prior_orientation(tmp_path) -> None:
     """Oracle: a script without prior_eo and datum: nothing held, no first values."""
     prior = re.search(r"  <prior_eo>.*?</prior_eo>\n", PAGE.read_text(), re.DOTALL)[0]

@@ -28,6 +28,39 @@ def block_of(name: str) -> ImageBlock:
     return read_dbat(DATA / name / f"{name}.xml")
 
 
+@pytest.mark.slow
+def test_a_camera_calibration_without_stated_values(tmp_path) -> None:
+    """Oracle: the printed camera of DBAT's calibration, its sigmas in three digits, sigma0."""
+    folder = DATA.parent / "camcal_images"
+    if not folder.is_dir():
+        pytest.skip("DBAT's camera calibration is not here")
+    for name in ("images.txt", "markpts.txt"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    corners = "1001,0,1,0\n1002,1,1,0\n1003,0,0,0\n1004,1,0,0\n"
+    (tmp_path / "control.txt").write_text(corners)
+    (tmp_path / "block.xml").write_text(CALIBRATION)
+    block = read_dbat(tmp_path / "block.xml")
+    result, precision = solved(block)
+    unit = block.cameras[0].unit_px
+    assert result.sigma0 == pytest.approx(1.6148, rel=2e-4)  # another aspect: 1.5e-4 less
+    assert result.values.interior[0, :3] / unit == pytest.approx(
+        [7.457, 3.61546, 2.61329], abs=1e-5
+    )
+    sigma = precision.sigma_interior(0)[:3] / unit
+    assert sigma == pytest.approx([0.00105, 0.00082, 0.00098], abs=5e-6)
+
+
+CALIBRATION = """<document dbat_script_version="1.0"><input base_dir="$HERE">
+<ctrl_pts><file format="id,x,y,z">control.txt</file></ctrl_pts>
+<images><file format="id,path">images.txt</file></images>
+<image_pts><file format="im,id,x,y,sxy">markpts.txt</file></image_pts>
+<cameras><camera><name>C4040Z</name><unit>mm</unit><sensor>auto,5.43764</sensor>
+<image>2272,1704</image><aspect>1</aspect><focal>7.5</focal><model>3</model><nK>3</nK><nP>2</nP>
+</camera></cameras></input><operations><operation><set_bundle_estimate_params><io>
+<all>true</all><skew>false</skew></io></set_bundle_estimate_params></operation></operations>
+</document>"""
+
+
 def solved(block: ImageBlock) -> tuple[Adjusted, Precision]:
     problem = problem_of(block, control_points(block.control))
     result = adjusted(problem, first_values(block))

@@ -10,9 +10,9 @@ what is left when the principal point is subtracted (an adjustment that stretche
 differs by 1e-5 of sigma_0 on DBAT's own demonstration).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,13 @@ from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_t
 from ..text.xml import parse_xml
 
 IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
-IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z", "sx", "sy", "sz")
+IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z")
+SIGMAS = {"sxyz": (0, 1, 2), "sxy": (0, 1), "sx": (0,), "sy": (1,), "sz": (2,)}
+"""Columns and attributes of standard deviations with the coordinates that they are of."""
+FIXED_M = 1e-6  # standard deviation of a ground point without one, which DBAT holds
+MOST_OF_ONE_KIND = 5  # zeros that stand for a missing K or P: one more than can be, to be refused
+USUAL = {"cc": "", "pp": "default", "aspect": "1", "skew": "0", "K": "", "P": ""}
+"""Elements of <camera> that may lack, or be 'default'; cc is <focal> then, K and P are zeros."""
 ANGLES = {"degrees": np.pi / 180.0, "radians": 1.0, "gon": np.pi / 200.0}
 BACKWARD_MODEL = "3"
 ESTIMATED = {  # elements of <io>, and the parameters that they switch
@@ -224,16 +230,25 @@ def _image_points(
         images = _row_of(table, whole_rows(table, value["im"], "image"), order)
         points = whole_rows(table, value["id"], "point")
         _once(table, images, points, value["im"])
-        both = element.get("sxy", "1")
-        sigma = np.full((len(images), 2), finite(both))
-        if np.isnan(sigma).any():
-            raise InputError.at_line(path, None, f"sxy={both!r} is no number of pixels; {PLAIN}")
-        for k, name in enumerate(("sx", "sy")):
-            if name in value:
-                sigma[:, k] = value[name]
+        sigma = _sigma(value, np.ones((len(images), 2)))
+        for name in ("sxy", "sx", "sy"):  # attributes are of the whole file, before its columns
+            if (text := element.get(name)) is None:
+                continue
+            if np.isnan(number := finite(text)):
+                problem = f"{name}={text!r} is no number of pixels; {PLAIN}"
+                raise InputError.at_line(path, None, problem)
+            sigma[:, SIGMAS[name]] = number
         yield images, points, np.column_stack([value["x"], value["y"]]), sigma
     if empty:
         raise InputError.at_line(path, None, "no <image_pts> with a <file>; name the measurements")
+
+
+def _sigma(value: Mapping[str, Array], sigma: Array) -> Array:
+    """Return `sigma` (n, k) with the standard deviations of a table's columns."""
+    for name, coordinates in SIGMAS.items():
+        if name in value:
+            sigma[:, coordinates] = value[name][:, None]
+    return sigma
 
 
 def _once(
@@ -258,6 +273,7 @@ def _ground(
         table = read_text_table(file)
         _checked(table, columns)
         number, *values = (table.floats(columns.index(c)) for c in GROUND)
+        stated = {c: table.floats(columns.index(c)) for c in SIGMAS if c in columns}
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
             listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
@@ -265,8 +281,9 @@ def _ground(
                 raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
-        position.append(np.column_stack(values[:3])[keep])
-        sigma.append(np.column_stack(values[3:])[keep])
+        position.append(np.column_stack(values)[keep])
+        own = _sigma(stated, np.zeros((len(number), 3)))[keep]
+        sigma.append(np.where(own == 0.0, FIXED_M, own))
     if not ids:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))
     every = np.concatenate(sigma)
@@ -296,8 +313,28 @@ def _initial(root: Element) -> dict[str, str]:
 
 
 def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
-    """Set numbers of a camera; InputError for what is none, such as 'default'."""
+    """Set numbers of a camera, and those that lack or are 'default' as DBAT does.
+
+    InputError for other words.
+    """
+    usual = USUAL | {"cc": _text(camera.find("focal"))}
+    for key in "KP":
+        listed = _text(camera.find(key))
+        count = whole(camera.findtext(f"n{key}") or "0") if not listed else listed.count(",") + 1
+        usual[key] = ",".join("0" * min(max(count, 0), MOST_OF_ONE_KIND))
+    if "default" in (values.get("all"), values.get("io")):
+        single = {key: text for key, text in values.items() if key not in ("all", "io")}
+        values = dict.fromkeys(USUAL, "default") | single
+    for key, text in usual.items():
+        element = camera.find(key)
+        if text and element is None:
+            element = SubElement(camera, key)
+            element.text = "default"
+        if text and element is not None and values.get(key, _text(element)) in ("default", "focal"):
+            element.text = text
     for key, text in values.items():
+        if text in ("default", "focal") and (usual.get(key) or key in "KP"):
+            continue
         element = camera.find(key)
         if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
             problem = f"set_initial_values: <{key}> {shown(text)} is no number of the camera's"
@@ -356,7 +393,8 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
             )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
-    value["cx"], value["cy"] = per_mm * of("pp", 2)
+    middle = _text(camera.find("pp")) == "default"
+    value["cx"], value["cy"] = 0.5 * np.array([width, height]) if middle else per_mm * of("pp", 2)
     value |= {f"k{k}": K[k - 1] for k in range(1, K.size + 1)}
     value |= dict(zip(("p1", "p2"), P * (1.0, -1.0) if P.size == 2 else (), strict=False))
     value |= {"b1": aspect - 1.0, "b2": -skew}
