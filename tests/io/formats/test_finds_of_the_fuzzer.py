@@ -95,7 +95,7 @@ CASES = {
     "first values that are not those of the camera": (
         read_dbat,
         SCRIPT.format("default"),
-        "set_initial_values: <io> 'default' is no number of the camera",
+        "set_initial_values: <cc> 'default' is no number of the camera",
     ),
 }
 
