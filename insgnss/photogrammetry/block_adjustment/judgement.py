@@ -5,7 +5,7 @@ outside the two-sided 99.9 % bounds of chi-square over its redundancy, and is wo
 explains it has been tried (`trials`).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from .aerial.relative import DATUM
 from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, Solved
-from .trials import Trial, shift_of_check_points, trials
+from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
 from .vehicle.verdict import AXES as OF_VEHICLE
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
@@ -42,8 +42,6 @@ TOO_LARGE = 5.0
 """Times its standard deviations of a contradiction, or of a projection centre that its cause moves,
 beyond which no orientation is written."""
 CHECKS = "check points"
-# of the gain of the best explanation, from which on another one is named beside it
-RIVAL_GAIN = 0.8
 HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
@@ -378,8 +376,16 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
                 float(np.sqrt(trial.gain / limit)),
                 f"the observations show a {trial.name} of {shown(trial)} that is not estimated:"
                 f" the cost falls by {trial.gain:.0f} with it, by {limit:.0f} at most by chance",
-                advice(trial),
+                f"{advice(trial)}{_rivals(trial, trials_made)}",
             )
+
+
+def _rivals(best: Trial, good: Sequence[Trial]) -> str:
+    """Name the explanations that do nearly as well as the best; empty where there is none."""
+    alike = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
+    return "".join(
+        f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike.values()
+    )
 
 
 def _explained(
@@ -404,11 +410,7 @@ def _explained(
         )
     best = good[0]
     sentence = f"{best.name} of {shown(best)} explains it: {advice(best)}"
-    rivals = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
-    alike = rivals.values()
-    sentence += "".join(
-        f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike
-    )
+    sentence += _rivals(best, good)
     if direct:
         sentence += "; where poses are held, errors of camera constant and bore-sight look alike"
     return replace(finding, remedy=sentence)

@@ -45,6 +45,7 @@ LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 DATUM: Key = ("shift of ground control", 0)
 GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
 GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
+RIVAL_GAIN = 0.8  # of the gain of the best explanation, from which on another one is a rival
 CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas the trial is wrong
 FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
 ALMOST_ALL = 0.8  # of what is too much in check points
@@ -157,7 +158,9 @@ def trials(
     Returns
     -------
     tuple of Trial
-        Those that could be adjusted, the largest gain beyond its unknowns first.
+        Those that could be adjusted, the largest gain beyond its unknowns first; the shift of one
+        line, which is the worst of many, before those of the whole flight only where these gain
+        much less.
     """
     done = []
     if solved.direct:
@@ -171,9 +174,11 @@ def trials(
         except DataError:
             continue  # it is not determined, so that it explains nothing
         done.append(trial)
+    done.sort(key=lambda trial: trial.unknowns - trial.gain)
     if (of_line := _shifted_line(solved, excess)) is not None:
-        done.append(of_line)
-    return tuple(sorted(done, key=lambda trial: trial.unknowns - trial.gain))
+        rivals = any(trial.gain > RIVAL_GAIN * of_line.gain for trial in done)
+        done.insert(len(done) if rivals else 0, of_line)
+    return tuple(done)
 
 
 def _shifted_line(solved: Solved, excess: float) -> Trial | None:
