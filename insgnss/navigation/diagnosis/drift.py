@@ -59,6 +59,8 @@ LARGER_NOISE = ("IMU noise", "GNSS sigmas")  # names of checks
 AXES = ("N", "E", "D")
 STATES = ("position", "velocity", "attitude")
 PRIOR = np.array([SLOW_BIAS[sensor] for sensor, _ in CHANNELS])  # sigma of a step, by channel
+# log evidence from which a step is suspected: a recorded walk without one shows 9
+LEAST_STEP_EVIDENCE = 20.0
 AS_PROBABLE = 5.0  # log evidence below the best instant, down to which an epoch shares the step
 AT_REST_MPS = 0.5  # smoothed speed, below which a vehicle has not taken off (chosen)
 NEAR_S = 2.0  # from a take-off or a gap, within which a step is said to be due to it (chosen)
@@ -322,7 +324,7 @@ def bias_step_candidate(
         return None
     evidence = step_evidence(solution)
     k = int(np.argmax(evidence))
-    if evidence[k] < TAKEN:
+    if evidence[k] < LEAST_STEP_EVIDENCE:
         return None
     search.progress("when the biases of the IMU step")
     chosen = solution.separation_epoch
@@ -335,7 +337,7 @@ def bias_step_candidate(
         return None
     evidence = step_evidence(closer)
     best = float(evidence.max())
-    if best < TAKEN:
+    if best < LEAST_STEP_EVIDENCE:
         return None
     shared = around[evidence > best - AS_PROBABLE]
     # within an interval a step has its mean over it, for which the epochs at its ends are opened
