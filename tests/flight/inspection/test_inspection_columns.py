@@ -264,6 +264,33 @@ def test_a_vertical_accuracy_in_degrees_is_a_length(tmp_path):
         written(f"Time (s)|{names}|{accuracies}".replace("Accuracy (m)", "Accuracy (°)"))
 
 
+@pytest.mark.parametrize(("zeros", "taken"), [(24, True), (58, False)])
+def test_fixes_of_two_kinds_keep_the_deviations_that_they_state(tmp_path, zeros, taken):
+    """Oracle: the deviations that were written, of RTK in 36 of 60 rows; where single ones state 0
+    the draft's sigma_m stands, with a note; those of two rows of 60 are left out with the reason.
+    """
+    t = np.arange(60.0)
+    stated = t < 60 - zeros
+    rows = [2e5 + t, 46.5 + 1e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * t]
+    rows += [np.where(stated, 0.02, 1.5), np.where(stated, 0.04, 0.0)]
+    path = tmp_path / "fixes.csv"
+    header = "tow,lat,lon,h_ell,hacc,vacc"
+    np.savetxt(path, np.column_stack(rows), "%.8f", ",", header=header, comments="")
+    (source,) = [x for table in tables_of_file(path) for x in sources_of_table(path, table)]
+    keys = source.keys
+    fixes = read_gnss(path, columns=keys.get("columns"), sigma_m=keys["sigma_m"])
+    sigma = np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2))
+    expected = np.tile(keys["sigma_m"], (60, 1))
+    if taken:
+        expected[stated] = [0.02, 0.02, 0.04]
+        assert fixes.sigma_assumed.tolist() == (~stated).tolist()
+        assert "24 of 60 fixes state 0" in " ".join(note.found for note in fixes.notes)
+        assert "24 of 60 fixes state 0" in source.why["sigma_m"]
+    else:
+        assert "not positive in 58 of 60 rows" in " ".join(source.columns_left_out)
+    np.testing.assert_allclose(sigma, expected)
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".npy"])
 @pytest.mark.parametrize(
     ("lat", "lon", "h"),

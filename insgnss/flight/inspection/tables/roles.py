@@ -29,6 +29,7 @@ SENSORS = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
+STATED = 0.1  # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
 STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
 APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
 TURNED = 0.3  # least correlation by which rates turn a vector; unrelated ones stay below 0.2
@@ -240,13 +241,15 @@ def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
     """Standard deviations that are of no use, with the reason.
 
     They are not positive, or double where those of north, east and up exist. Zeros that are rounded
-    numbers are of use.
+    numbers are of use, and zeros of some of the fixes, as of one kind of several.
     """
     bad = {}
     for role, k in columns.items():
         column = grid.values[:, k]
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
             continue
+        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED:
+            continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
             bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
     here = {role for role in columns if role in VELOCITY_SIGMAS}

@@ -15,6 +15,7 @@ from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ....io.formats import UNITS
 from ....io.formats.gnss.heights import refused_heights
+from ....io.formats.gnss.rounding import floor_of_zeros
 from ....io.formats.text.columns import TableSpec
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
@@ -238,6 +239,9 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             entry.set("repeat_column", table.fields[roles.repeat_column], HELD)
         if not POSITION_SIGMAS & columns.keys():
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
+        elif unstated := _unstated(table.grid, columns):
+            reason = f"{unstated} of {len(table.grid.values)} fixes state 0: as of a usual receiver"
+            entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
         if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
             sigma = SINGLE_POINT["sigma_velocity_mps"]
             entry.set("sigma_velocity_mps", sigma, NO_VELOCITY_SIGMA)
@@ -253,6 +257,13 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         span = _span(table.grid, clock, unit, rows)
         sources.append(Source("gnss", path, count, entry.keys, entry.why, span, free_height=True))
     return replace(sources[0], other_clocks=tuple(sources[1:]))
+
+
+def _unstated(grid: Grid, columns: dict[str, int]) -> int:
+    """Count the fixes with a standard deviation of zero that is no rounded one."""
+    sigmas = [grid.values[:, columns[role]] for role in POSITION_SIGMAS & columns.keys()]
+    zero = [sigma == 0.0 for sigma in sigmas if floor_of_zeros(sigma) is None]
+    return int(np.any(zero, axis=0).sum()) if zero else 0
 
 
 def _events(path: Path, table: Table) -> list[Source]:

@@ -73,7 +73,7 @@ def fixes_from_columns(
     gps_week : int, optional
         The week, where no column holds it.
     sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down where no columns hold them, m and m/s.
+        Standard deviations north, east, down where no columns hold them, or zeros, m and m/s.
     undulation_m : float
         Geoid above the ellipsoid, m, added to the heights.
     notes : tuple of Finding
@@ -113,6 +113,11 @@ def fixes_from_columns(
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
     cov, assumed = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
+    unstated = int((assumed & (cols.get(ASSUMED, 0.0) == 0.0)).sum())
+    if 0 < unstated < time.size:
+        finding = f"{unstated} of {time.size} fixes state 0 for a standard deviation"
+        advice = "sigma_m was taken for them; correct it where these fixes are better or worse"
+        floor_notes += (note("GNSS rows", finding, "positive standard deviations", advice),)
     velocity, velocity_cov = _velocity(cols, scales, lines, source, sigma_velocity)
     quality = _quality(cols, lines, scales.quality) if "q" in cols else None
     return GnssFixes(
@@ -254,7 +259,8 @@ def _covariance(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return diagonal covariances (n, 3, 3), and of which rows (n,) the file states none.
 
-    They are of the file's standard deviations times `factor`, else of the `given` three.
+    They are of the file's standard deviations times `factor`, else of the `given` three, which also
+    stand for the zeros of rows.
     """
     n = cols["tow"].size
     present = [name for name in names if name in cols]
@@ -278,6 +284,9 @@ def _covariance(
         assumed = np.ones(n, dtype=np.bool_)
         if not (np.isfinite(sigma) & (sigma > 0.0)).all():
             raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
+    if given is not None and (unstated := (sigma == 0.0).any(axis=1)).any():
+        sigma = np.where(unstated[:, None], np.asarray(given, dtype=np.float64), sigma)
+        assumed = assumed | unstated
     bad = ~((sigma > 0.0) & (sigma <= LARGEST_COORDINATE))
     if bad.any():
         row, k = (int(i) for i in np.argwhere(bad)[0])

@@ -97,7 +97,7 @@ def read_gnss_text(
         Name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a
         table of them to the header's.
     sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down where the file has none, m and m/s.
+        Standard deviations north, east, down of fixes without any, or with zeros, m and m/s.
     gps_week : int, optional
         The week, where no column holds it.
     units : mapping, optional
