@@ -92,7 +92,8 @@ def linearised_about(
     Returns
     -------
     problem : EstimationProblem
-        With derivatives, residuals and covariances about the solution.
+        With derivatives, residuals and covariances about the solution; as it was where that would
+        change less than `CHANGE`.
     change : float
         What the linearisation so far predicts of the measurements at this solution differs from
         their prediction by so many standard deviations, at most; infinite where there was none.
@@ -108,15 +109,21 @@ def linearised_about(
     )
     change = 0.0
     for g, measured in enumerate(problem.measurements):
-        _linearise(problem, measured, epochs, g)
+        measurement, index = measured.measurement, measured.at_epoch
+        residual = measurement.minus(measured.rows, prediction(problem, measured, about[index]))
+        epochs.linear_residual[index, g, : residual.shape[1]] = residual
         change = max(change, _change(measured, before, epochs, g))
+    if change <= CHANGE:
+        return problem, change
+    for g, measured in enumerate(problem.measurements):
+        _linearise(problem, measured, epochs, g)
     return replace(problem, epochs=epochs), change
 
 
 def _linearise(
     problem: EstimationProblem, measured: MeasuredRows, epochs: Epochs, number: int
 ) -> None:
-    """Fill in derivative, residual and covariance of one measurement about `linear_about`."""
+    """Fill in derivative and covariance of one measurement about `linear_about`."""
     measurement, index = measured.measurement, measured.at_epoch
     about = epochs.linear_about[index]
     H = np.zeros((index.size, measurement.values.shape[1], epochs.linear_H.shape[3]))
@@ -129,8 +136,6 @@ def _linearise(
         H[:, :, column] = measurement.wrapped(forward - backward) / (2.0 * step)
     c = measurement.values.shape[1]
     epochs.linear_H[index, number, :c] = H
-    residual = measurement.minus(measured.rows, prediction(problem, measured, about))
-    epochs.linear_residual[index, number, :c] = residual
     cov = np.tile(np.eye(3), (index.size, 1, 1))
     cov[:, :c, :c] = measurement.cov[measured.rows]
     epochs.linear_cov[index, number] = cov

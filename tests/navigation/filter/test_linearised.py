@@ -3,6 +3,7 @@ the truth of simulated flights.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from insgnss.base.errors import DataError, InputError
 from insgnss.flight.reference.linear import batch
 from insgnss.flight.reference.twin import solve_twin
 from insgnss.flight.reference.verify import differences
+from insgnss.flight.sensors.kinds import kinds
+from insgnss.flight.sensors.options import MeasurementInput
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.filter.codes import N_KINDS, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import state_layout
@@ -63,8 +66,7 @@ def measured(flown: Flown, kinds, rng: np.random.Generator) -> Flown:
     rate = flown.problem.inc.rate[at] - bias - np.einsum("kij,i->kj", C_lb, frame.earth_rate_l)
     motion = Motion(time, nav[:, :3], nav[:, 3:6], C_lb, rate, bias, frame)
     measurements = []
-    for name in kinds:
-        predict, sigma, states, values, period = KINDS[name]
+    for name, (predict, sigma, states, values, period) in kinds.items():
         exact = predict(motion, np.tile(np.array(values), (at.size, 1)))
         exact = exact.reshape(at.size, -1)
         noisy = exact + np.broadcast_to(sigma, exact.shape) * rng.standard_normal(exact.shape)
@@ -87,7 +89,7 @@ def test_core_agrees_with_the_twin_and_with_batch_least_squares():
     """Oracle: the twin, which predicts at every state instead of reading rows, and the batch
     least-squares solution of its last linear problem by singular values, to 1e-3 sigma.
     """
-    flown, start = flown_with(tuple(KINDS), 4, 2.0, 0.3 * SIGMA)
+    flown, start = flown_with(KINDS, 4, 1.5, 0.3 * SIGMA, 0.2)
     core = solve(flown.problem, start, "on")
     twin = solve_twin(flown.problem, start, core.passes + 1)
     assert max(d.in_sigmas for d in differences(core, twin)) < 1e-3
@@ -102,7 +104,7 @@ def test_core_agrees_with_the_twin_and_with_batch_least_squares():
 
 def test_derivative_is_the_change_of_the_innovation():
     """Oracle: the exact nonlinear prediction at a state 0.1 sigma away, to second order."""
-    flown, start = flown_with(tuple(KINDS), 4, 4.0)
+    flown, start = flown_with(KINDS, 4, 4.0)
     solution = solve(flown.problem, start)
     assert solution.passes >= 2
     _, change = linearised_about(solution.problem, solution.nav, solution.x)
@@ -122,7 +124,7 @@ def test_rows_hold_about_another_nominal():
     """Oracle: the solution that the rows were linearised about, which the closed loop filter, whose
     nominal goes elsewhere, must reach from the same rows but for what is not linear.
     """
-    flown, start = flown_with(tuple(KINDS), 4, 8.0, 0.3 * SIGMA)
+    flown, start = flown_with(KINDS, 4, 8.0, 0.3 * SIGMA)
     expected = solve(flown.problem, start, "on")
     rows_only = replace(expected.problem, measurements=())
     found = solve(rows_only, start, "off")
@@ -132,42 +134,60 @@ def test_rows_hold_about_another_nominal():
     assert np.abs((found.x - expected.x) / sigma[:, 9:]).max() < 0.05
 
 
-def nees_of(seed: int) -> tuple[float, float]:
-    """NEES of nine smoothed errors in the middle, and of the two constants."""
-    draw = np.random.default_rng(1000 + seed).standard_normal(9)
-    flown, start = flown_with(("heading", "velocity"), seed, 20.0, draw * SIGMA, 0.97)
-    states = np.random.default_rng(2000 + seed).standard_normal(2) * (0.1, 0.05)
-    truth = []
-    for m, value, known in zip(flown.problem.measurements, states, (0.04, 0.03), strict=True):
-        own, values = m.measurement, m.measurement.values
-        shift = value - known
-        moved = values + shift if own.period else values * (1.0 + value) / (1.0 + known)
-        truth.append(replace(own, values=moved, sigma=own.cov))
-    rows = [m.rows for m in flown.problem.measurements]
-    at = [m.at_epoch for m in flown.problem.measurements]
-    solution = solve(with_measurements(flown.problem, truth, rows, at), start)
+SENSORS = {  # columns, sigma, options
+    "heading": (("heading",), 0.01, {}),
+    "attitude": (("roll", "pitch", "heading"), 0.01, {}),
+    "body_velocity": (("forward", "right", "down"), 0.1, {}),
+    "baseline": (("n", "e", "d"), 0.01, {"lever_m": (1.0, 0.2, -0.1)}),
+}
+
+
+def nees_of(kind: str, seed: int, exact: bool) -> tuple[float, float]:
+    """NEES of nine smoothed errors in the middle, and of the states of a shipped kind of sensor,
+    drawn from their a-priori sigmas, or absent where `exact`.
+    """
+    columns, sigma, more = SENSORS[kind]
+    options = MeasurementInput(kind=kind, file=Path("x"), **more)
+    predict, own = kinds()[kind].model(options, columns)
+    rng = np.random.default_rng(1000 + seed)
+    drawn = rng.standard_normal(len(own)) * [state.sigma for state in own]
+    period = TURN if kinds()[kind].unit == "angle" else None
+    sigmas = (sigma,) * len(columns)
+    sensor = (predict, sigmas, own, drawn, period)
+    if exact:
+
+        def known(motion: Motion, _: np.ndarray) -> np.ndarray:
+            return predict(motion, np.zeros((motion.time.size, len(own))))
+
+        sensor = (known, sigmas, (), (), period)
+    flown, start = flown_with({kind: sensor}, seed, 20.0, rng.standard_normal(9) * SIGMA, 0.97)
+    solution = solve(flown.problem, start)
     k = np.array([flown.extra_epochs[10]])
-    P = solution.covariance(k)[0]
-    nav = error_of(solution.nav[k], flown.true_nav(k))[0]
-    own = states - solution.x[k[0], -2:]
-    return (
-        float(nav @ np.linalg.solve(P[:9, :9], nav)),
-        float(own @ np.linalg.solve(P[-2:, -2:], own)),
-    )
+    nav, P = error_of(solution.nav[k], flown.true_nav(k))[0], solution.covariance(k)[0]
+    nees = float(nav @ np.linalg.solve(P[:9, :9], nav))
+    if exact:
+        return nees, 0.0
+    error = drawn - solution.x[k[0], -len(own) :]
+    return nees, float(error @ np.linalg.solve(P[-len(own) :, -len(own) :], error))
 
 
-@pytest.mark.parametrize("flights", [4, pytest.param(24, marks=pytest.mark.slow)])
-def test_nees_lies_within_its_bounds(flights):
-    """Oracle: chi-square with 9 and 2 degrees of freedom a flight, two-sided 99 % bounds."""
-    nees = np.array([nees_of(seed) for seed in range(flights)]).sum(axis=0)
-    for total, freedom in zip(nees, (9, 2), strict=True):
+@pytest.mark.parametrize("exact", [False, True], ids=["with states", "exact"])
+@pytest.mark.parametrize("flights", [2, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", SENSORS)
+def test_nees_lies_within_its_bounds(kind, flights, exact):
+    """Oracle: chi-square with 9 degrees of freedom a flight, and one for each state of the sensor,
+    two-sided 99 % bounds.
+    """
+    nees = np.array([nees_of(kind, seed, exact) for seed in range(flights)]).sum(axis=0)
+    states = {"heading": 1, "body_velocity": 4}.get(kind, 3)
+    for total, freedom in zip(nees, (9, states), strict=True):
         low, high = chi2.ppf([0.005, 0.995], flights * freedom)
-        assert low < total < high
+        assert low < total < high or (exact and freedom == states)
 
 
 def test_a_wrong_value_is_left_out_and_the_rest_is_as_without_it():
     """Oracle: the solution of the same flight without that row."""
-    flown, start = flown_with(("heading",), 6, 6.0)
+    flown, start = flown_with({"heading": KINDS["heading"]}, 6, 6.0)
     own = flown.problem.measurements[0]
     values = own.measurement.values.copy()
     values[5] += 1.0
