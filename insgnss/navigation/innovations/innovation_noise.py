@@ -41,9 +41,10 @@ from .pieces import FEWEST, SHORTEST_S
 from .search import RANGE, Maximum, Search
 
 DEFAULT = ("gyro.white_noise", "accel.white_noise")
+# sigma of a logarithm up to which a factor is known, and its sigmas from one that may be chance
 KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
-LAGS = 20
+LAGS = 20  # of the test for whiteness: errors of fixes that stay for less than 20 of them show
 LONGEST_MIN = 600.0  # of a flight that is proposed
 OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is reported
 WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together

@@ -20,6 +20,7 @@ from .likelihood import IMU, Evaluated, LinearSegment, evaluate
 
 # a fix is not trusted to less than a fifth of its sigma
 RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
+# of a search; its last step and gain; and its longest step, a factor of e (chosen)
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
 # of the information: standard deviations of a logarithm of 1400 and 45 000
 LEAST_INFORMATION, RIDGE = 1e-6, 1e-9

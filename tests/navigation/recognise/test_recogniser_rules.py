@@ -11,6 +11,7 @@ from scipy.stats import linregress, norm
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.navigation.recognise import plausibility, turns
 from insgnss.navigation.recognise.axes import Forward, Pose, _direction, down, forward
+from insgnss.navigation.recognise.claims import _compare_clock
 from insgnss.navigation.recognise.fit import Scan
 from insgnss.navigation.recognise.propulsion import Propulsion, propulsion
 from insgnss.navigation.recognise.recognition import _abstained, _clocks, _mirrored
@@ -736,3 +737,17 @@ def test_when_exposures_lie_in_turns(monkeypatch, here, later, near, images, ver
     check = turns.check_events(events, gnss)
     assert check.verdict == verdict
     assert ("time_offset_s = 18" in check.advice) == (verdict == "contradiction")
+
+
+@pytest.mark.parametrize("weeks", [1, -2])
+def test_fixes_of_another_week_are_set_to_that_of_the_imu(weeks):
+    """Oracle: whole weeks of 604 800 s beside the offset that is set already."""
+    found = SimpleNamespace(found="", evidence="", confidence=1.0)
+    recognition = SimpleNamespace(
+        finding=lambda _: found,
+        time_offset_s=604800.0 * weeks + 0.2,
+        time_offset_sigma_s=0.1,
+        time_scale="",
+    )
+    finding = _compare_clock(recognition, 3.0)
+    assert f"gnss.time_offset_s = {604800.0 * weeks + 3.0:.1f}" in str(finding.as_dict())

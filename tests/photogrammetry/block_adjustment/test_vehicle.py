@@ -1,7 +1,9 @@
 """A vehicle in a block: its files joined, adjusted, wrong ones refused or told by name."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.plausibility import refuse_implausible
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.photogrammetry.block_adjustment.vehicle.observed import observed
+from insgnss.photogrammetry.block_adjustment.vehicle.rays import _refuse_sizes
 from insgnss.photogrammetry.block_adjustment.vehicle.track import Track, along_course
 from insgnss.photogrammetry.block_adjustment.vehicle.verdict import frame_of
 from insgnss.records import ExteriorOrientation
@@ -525,3 +528,15 @@ def test_options_that_do_not_go_together_are_refused(made, tmp_path, capsys) -> 
     file = write(made, tmp_path / "b", '[vehicle]\nfile = "vehicle.csv"\n')
     assert main(["adjust", str(file), "-q"]) == 3
     assert "vehicle.target_m (targets: --target-m) is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("count", "refused"), [(3, False), (4, True)])
+def test_sizes_of_another_target_are_refused_from_four_sightings_on(count, refused):
+    """Oracle: f / distance of a target of half a metre, which is given as one of a metre."""
+    options = SimpleNamespace(size_m=1.0, size_sigma_m=0.01, sizes="sizes.csv")
+    camera = SimpleNamespace(of=lambda _: 5000.0)
+    block = SimpleNamespace(cameras=[camera], camera=np.zeros(count, dtype=int))
+    vehicle = SimpleNamespace(options=options, size_px=np.full(count, 25.0))
+    refusal = pytest.raises(DataError, match=r"appears 0.5 times as large .* 0\.50 m fits")
+    with refusal if refused else nullcontext():
+        _refuse_sizes(vehicle, block, np.arange(count), np.full(count, 100.0))
