@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
+from ..base.inputs import is_file
 from ..base.wording import spoken_as
 from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, load_block
 from ..flight.config.command_line import add_options, given_of, names_of
@@ -67,7 +68,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     """
     given = {name: given_of(options, kind, name) for name, (kind,) in BLOCK_TABLES.items()}
     named = names_of(BLOCK_TABLES)
-    if options.block.is_dir() or options.block.suffix.lower() == ".toml":
+    if not is_file(options.block) or options.block.suffix.lower() == ".toml":
         file = load_block(options.block)
         with spoken_as(named):
             changed = {

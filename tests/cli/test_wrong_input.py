@@ -259,7 +259,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "unknown table": (
         _toml("[camera]", "[kamera]"),
         INPUT,
-        ("flight.toml:15: kamera: unknown", "'camera'"),
+        ("flight.toml:16: kamera: unknown", "'camera'"),
     ),
     "wrong type": (
         _toml("= 2008", '= "2008"'),
@@ -304,7 +304,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "bore-sight, no rotation": (
         _toml("[[0.99990", "[[0.95990"),
         INPUT,
-        ("flight.toml:23: mounting.boresight: no rotation", "digits"),
+        ("flight.toml:24: mounting.boresight: no rotation", "digits"),
     ),
     "bore-sight, mirrored": (
         _toml("[[0.99990", "[[-0.99990"),
@@ -319,7 +319,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             ],
         ),
         INPUT,
-        ("flight.toml:23: mounting.boresight", "must be 3 rows"),
+        ("flight.toml:24: mounting.boresight", "must be 3 rows"),
     ),
     "mounting, determinant 0": (
         _toml("[0.0, 0.0, 1.0]]", "[0.0, 0.0, 0.0]]"),
@@ -375,7 +375,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         _toml('"metashape"]', '"metashap"]'),
         INPUT,
         (
-            "flight.toml:30: output.formats = ['eo_local_plane', 'metashap']: 'metashap'",
+            "flight.toml:31: output.formats = ['eo_local_plane', 'metashap']: 'metashap'",
             "'metashape'",
         ),
     ),
@@ -611,7 +611,7 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         INPUT,
         ("camera.events", "does not exist"),
     ),
-    "events empty": (_write(EVENTS, b""), INPUT, ("flight.toml:16: camera.events", "is empty")),
+    "events empty": (_write(EVENTS, b""), INPUT, ("flight.toml:17: camera.events", "is empty")),
     "events header only": (_events(lambda x: []), INPUT, (EVENTS, "holds no data line")),
     "events bytes": (_write(EVENTS, BINARY), INPUT, (EVENTS, "binary")),
     "events NaN": (
@@ -898,7 +898,7 @@ def test_an_output_directory_that_cannot_be_is_refused_before_anything_runs(data
         capsys,
         data.root,
         INPUT,
-        ("flight.toml:29: output.directory", "is a file, a directory is expected"),
+        ("flight.toml:30: output.directory", "is a file, a directory is expected"),
     )
 
 

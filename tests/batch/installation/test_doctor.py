@@ -121,11 +121,8 @@ def test_the_self_test_sees_an_earth_that_does_not_turn(monkeypatch):
 
     class Resting:
         def __init__(self, frame):
-            self.origin_ecef, self.C_el, self.earth_rate_l = (
-                frame.origin_ecef,
-                frame.C_el,
-                np.zeros(3),
-            )
+            self.origin_ecef, self.C_el = frame.origin_ecef, frame.C_el
+            self.C_el_of_gravity, self.earth_rate_l = frame.C_el_of_gravity, np.zeros(3)
 
     monkeypatch.setattr(
         module, "free_inertial", lambda inc, frame, nav: integrate(inc, Resting(frame), nav)
