@@ -30,8 +30,10 @@ from .constants import (
     settled_evidence,
 )
 from .drift import (
+    STEP,
     SlowBiasCandidate,
     bias_step_candidate,
+    courses_beside,
     least_misfit,
     slow_bias_candidate,
 )
@@ -45,7 +47,6 @@ OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is take
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
-STEP = "bias step"  # of what is attempted, beside `SLOW`
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
 EXPLAINED, OPEN = 0.25, 5.0
@@ -300,28 +301,34 @@ def _slow_bias(
     search: ErrorModelSearch, posed: Posed, state: _State, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the slow bias of the IMU, or the step of it, that explains more; None without."""
-    candidates: dict[str, SlowBiasCandidate | None] = {}
+    slow = step = None
     if search.variances and SLOW not in state.attempted and BIAS_NOISE in variances.promising():
-        candidates[SLOW] = slow_bias_candidate(search, state.model, posed[0], variances)
+        slow = slow_bias_candidate(search, state.model, posed[0], variances)
     if search.variances and STEP not in state.attempted:
-        candidates[STEP] = bias_step_candidate(search, state.model, posed, state.solution)
-    evidence = max((one.evidence for one in candidates.values() if one is not None), default=None)
-    if evidence is None:
+        step = bias_step_candidate(search, state.model, posed, state.solution)
+    suspects = [one for one in (slow, step) if one is not None]
+    if not suspects:
         return None
 
     def adopt() -> _State | None:
-        explained = least_misfit(search, candidates)
+        beside: list[SlowBiasCandidate] = []
+        if step is not None and slow is None and SLOW not in state.attempted:
+            beside = courses_beside(search, state.model, posed[0], step)
+        explained = least_misfit(search, [*suspects, *beside])
         if explained is None:
             return None
-        name, best, again, solution = explained
-        if misfit(state.solution) - misfit(solution) < EXPLAINED * best.evidence:
+        best, again, solution = explained
+        gain = misfit(state.solution) - misfit(solution)
+        if gain < EXPLAINED * best.evidence:
             return None
+        if best in beside:
+            best = replace(best, evidence=0.5 * gain)
         check = best.check(solution)
         history = (*state.history, f"{check.name}: {check.found}")
-        attempted, checks = state.attempted | {name}, (*state.checks, check)
+        attempted, checks = state.attempted | {best.kind}, (*state.checks, check)
         return _State(solution, best.model, checks, history, attempted, again)
 
-    return evidence, adopt
+    return max(one.evidence for one in suspects), adopt
 
 
 def _looked_at(search: ErrorModelSearch, here: _State) -> "Beside[bool]":

@@ -31,8 +31,9 @@ at all epochs around it. The filter is then given V as process noise of the bias
 the epochs that are about as probable, and the flight is aligned anew.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -61,6 +62,7 @@ STATES = ("position", "velocity", "attitude")
 PRIOR = np.array([SLOW_BIAS[sensor] for sensor, _ in CHANNELS])  # sigma of a step, by channel
 # log evidence from which a step is suspected: a recorded walk without one shows 9
 LEAST_STEP_EVIDENCE = 20.0
+STEP = "bias step"  # of what is attempted, beside `SLOW`
 AS_PROBABLE = 5.0  # log evidence below the best instant, down to which an epoch shares the step
 AT_REST_MPS = 0.5  # smoothed speed, below which a vehicle has not taken off (chosen)
 NEAR_S = 2.0  # from a take-off or a gap, within which a step is said to be due to it (chosen)
@@ -130,6 +132,7 @@ class SlowBiasCandidate:
     evidence: float
     model: ErrorModel
     problem: EstimationProblem
+    kind: ClassVar[str] = SLOW
 
     def solved(self, search: ErrorModelSearch) -> tuple[Solution, InitialState] | None:
         """Align and solve the flight with it; None where there is no solution."""
@@ -234,6 +237,8 @@ def slow_bias_candidate(
 class BiasStepCandidate(SlowBiasCandidate):
     """A step of the biases of the IMU that is suspected; its problem has it as process noise."""
 
+    kind: ClassVar[str] = STEP
+
     def check(self, solution: Solution) -> Finding:
         """Say when the biases step, and by how much.
 
@@ -271,9 +276,46 @@ class BiasStepCandidate(SlowBiasCandidate):
         )
 
 
+def courses_beside(
+    search: ErrorModelSearch, model: ErrorModel, problem: EstimationProblem, step: SlowBiasCandidate
+) -> list[SlowBiasCandidate]:
+    """Return slow biases that the whole flight tells from a step.
+
+    The liveliest part, by which slow biases are looked for, may hold no more of a warm-up than a
+    step at its beginning: of flights longer than that part nothing but the misfit tells.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    model : ErrorModel
+        What is estimated already.
+    problem : EstimationProblem
+        The problem of the whole flight.
+    step : SlowBiasCandidate
+        The step that is suspected, whose evidence stands for theirs.
+
+    Returns
+    -------
+    list of SlowBiasCandidate
+        One a course of `TIMES_S`; none where a slow bias is among the states already.
+    """
+    if model.imu.slow is not None:
+        return []
+    duration_s = float(problem.epochs.time[-1] - problem.epochs.time[0])
+    models = [
+        replace(model, imu=replace(model.imu, slow=SlowBias(time_s, duration_s)))
+        for time_s in TIMES_S
+    ]
+    return [
+        SlowBiasCandidate(step.evidence, one, replace(problem, layout=search.layout(one)))
+        for one in models
+    ]
+
+
 def least_misfit(
-    search: ErrorModelSearch, candidates: Mapping[str, SlowBiasCandidate | None]
-) -> tuple[str, SlowBiasCandidate, Posed, Solution] | None:
+    search: ErrorModelSearch, candidates: Sequence[SlowBiasCandidate]
+) -> tuple[SlowBiasCandidate, Posed, Solution] | None:
     """Align and solve a flight with each of some candidates; return the one that explains most.
 
     Their evidence is of different parts of the flight, the misfit of the whole.
@@ -282,21 +324,21 @@ def least_misfit(
     ----------
     search : ErrorModelSearch
         What the search may vary.
-    candidates : mapping of str to SlowBiasCandidate or None
-        The candidates by name.
+    candidates : sequence of SlowBiasCandidate
+        The candidates.
 
     Returns
     -------
-    tuple of str, SlowBiasCandidate, Posed and Solution, or None
-        Name and candidate, problem with its start, and solution; None where there is none.
+    tuple of SlowBiasCandidate, Posed and Solution, or None
+        The candidate, problem with its start, and solution; None where there is none.
     """
     solved = []
-    for name, one in candidates.items():
-        outcome = None if one is None else one.solved(search)
-        if one is not None and outcome is not None:
+    for one in candidates:
+        outcome = one.solved(search)
+        if outcome is not None:
             solution, start = outcome
-            solved.append((name, one, (solution.problem, start), solution))
-    return min(solved, key=lambda one: misfit(one[3]), default=None)
+            solved.append((one, (solution.problem, start), solution))
+    return min(solved, key=lambda one: misfit(one[2]), default=None)
 
 
 def bias_step_candidate(

@@ -8,14 +8,13 @@ import numpy as np
 from ...base.errors import DataError
 from ...records import Finding
 from ...records.states import OF_FIXES
-from ..filter.layout import SLOW
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .advice import advice, variance_check
 from .candidates import ErrorModel, widened, with_constants, with_layout
 from .constants import STRONG, Hypothesis
-from .decision import OF_CLOCK, ROUNDS, STEP, as_solved, step_under, together
-from .drift import bias_step_candidate, least_misfit, slow_bias_candidate
+from .decision import OF_CLOCK, ROUNDS, as_solved, step_under, together
+from .drift import bias_step_candidate, courses_beside, least_misfit, slow_bias_candidate
 from .evidence import ErrorModelSearch, follows
 from .variances import VarianceSearch, with_variances
 
@@ -119,14 +118,16 @@ def rescue(
             winner = variances.strongest()
             slow = slow_bias_candidate(search, model, problem, variances)
             step = bias_step_candidate(search, model, (problem, start), shown)
-            stronger = {
-                name: one
-                for name, one in ((SLOW, slow), (STEP, step))
+            stronger = [
+                one
+                for one in (slow, step)
                 if one is not None and (winner is None or one.evidence > winner.evidence)
-            }
+            ]
+            if step is not None and slow is None:
+                stronger += courses_beside(search, model, problem, step)
             explained = least_misfit(search, stronger)
-            if explained is not None and follows(explained[3]):
-                return explained[3], (explained[1].check(explained[3]),)
+            if explained is not None and follows(explained[2]):
+                return explained[2], (explained[0].check(explained[2]),)
             larger = None if winner is None else with_variances(model, winner)
             if winner is None or larger is None:
                 return None

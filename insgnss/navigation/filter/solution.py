@@ -29,6 +29,7 @@ from .linearised import CHANGE, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
 
+UNSETTLED = 0.5  # standard deviations by which a prediction may still move after the last pass
 # of filter and smoother, so that a flight that does not converge comes to an end (chosen)
 MAX_PASSES = 6
 SECOND_ORDER = 0.2  # at 0.1 a further pass moved no exposure by more than 0.06 of its sigma
@@ -271,6 +272,7 @@ def solve(
             progress("smoother")
         smoothed = passes.smooth(full=not another)
         if count == MAX_PASSES:
+            _refuse_unsettled(passes, smoothed)
             break
         again = _linearised_again(passes, smoothed)
         moving = second_pass != "off" and _nonlinear(smoothed.delta, history.sigma)
@@ -283,6 +285,28 @@ def solve(
         passes.filter(closed_loop=False)
     refuse_negative_variances(problem, smoothed.nav_cov)
     return _solution(passes, smoothed, count)
+
+
+def _refuse_unsettled(passes: BlockwisePasses, smoothed: Smoothed) -> None:
+    """Refuse measurements whose prediction still moves when the passes end.
+
+    Raises
+    ------
+    DataError
+        Where it moves by more than `UNSETTLED` standard deviations.
+    """
+    if not passes.problem.measurements:
+        return
+    nav, x = passes.history.nav.copy(), passes.history.x.copy()
+    _move(nav, x, smoothed.delta)
+    _, change = linearised_about(passes.problem, nav, x)
+    if change > UNSETTLED:
+        names = ", ".join(one.measurement.name for one in passes.problem.measurements)
+        raise DataError(
+            f"measurements {names}: after {MAX_PASSES} passes their prediction still moves by"
+            f" {change:.2g} standard deviations from one to the next; check that `predict` is a"
+            " smooth function of the motion, the values and their sigmas"
+        )
 
 
 def _linearised_again(passes: BlockwisePasses, smoothed: Smoothed) -> EstimationProblem | None:

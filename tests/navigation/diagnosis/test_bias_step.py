@@ -65,6 +65,30 @@ def test_a_step_is_named_and_the_images_are_honest(motion, seed, gyro, accel, at
     assert np.mean(z**2) < 2.0
 
 
+@pytest.mark.slow
+def test_the_warm_up_of_a_long_flight_is_no_step():
+    """Oracle: the exact motion and what was planted: 500 deg/h and 15 mg that fade over 30 s, of
+    which the liveliest five minutes of twelve hold nothing.
+    """
+    sim = insgnss.simulate("ign8", 12.0, imu_rate_hz=100.0, seed=713)
+    course = np.exp(-(sim.imu.time - sim.imu.time[0]) / 30.0)[:, None] * np.array([1.0, -0.7, 0.5])
+    imu = replace(
+        sim.imu,
+        gyro=sim.imu.gyro + 500.0 * DEG_H * course,
+        accel=sim.imu.accel + 15.0 * MG * course,
+    )
+    result = insgnss.estimate(imu, sim.gnss, sim.events, mounting=sim.mounting)
+    names = {check.name for check in result.checks}
+    assert "IMU warm-up" in names
+    assert "IMU bias step" not in names
+    (check,) = [check for check in result.checks if check.name == "IMU warm-up"]
+    assert "warms up over about 30 s" in check.found
+    path = result.trajectory
+    true = sim.truth.trajectory.at(path.time)
+    turn = vector_from_rotation(true.C_nb @ np.swapaxes(path.C_nb, -1, -2))
+    assert np.abs(turn[:, :2] / np.sqrt(path.cov[:, [6, 7], [6, 7]])).max() < 4.0
+
+
 def test_the_evidence_is_that_of_the_filter_with_the_step():
     """Oracle: half the difference of -2 log L of the innovations, with the variance of a step at
     one epoch and without it, less the logarithm of the number of epochs.

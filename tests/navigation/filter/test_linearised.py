@@ -314,3 +314,15 @@ def test_a_prediction_that_cannot_be_is_refused(wrong, said):
     motion = Motion(TIME, zero, zero, eye, zero, zero, None)
     with pytest.raises(InputError, match=said):
         measurement.predicted(motion, np.zeros((3, 0)))
+
+
+def test_a_prediction_that_never_settles_is_refused():
+    """Oracle: by hand: the fourth decimal of a heading, which any pass moves as it likes."""
+
+    def digits(motion: Motion, states: np.ndarray) -> np.ndarray:
+        return (1e4 * motion.roll_pitch_heading[:, 2]) % 1.0
+
+    kinds = {"digits": (digits, 1e-3, (), (), None)}
+    flown, start = flown_with(kinds, 3, 10.0)
+    with pytest.raises(DataError, match=r"digits: after 6 passes .* check that `predict` is"):
+        solve(flown.problem, start)
