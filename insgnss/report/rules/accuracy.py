@@ -133,7 +133,10 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
             f"heading is known to {degrees(median[2])} in the median of the images, {times},"
             " because with this IMU only changes of horizontal velocity show it"
         )
-        help_ = "make sharper and more frequent turns, or use a better gyro or two antennas"
+        help_ = (
+            "make sharper and more frequent turns, or use a better gyro, or two antennas with their"
+            " heading in [[measurement]]"
+        )
         yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
