@@ -16,6 +16,13 @@ from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import rpy_from_rotation
 from ._checked import Array, frozen, increasing
 
+NOT_SI = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "mrad", "gon"), "rad"),
+    **dict.fromkeys(("deg/s", "deg/h"), "rad/s"),
+    **dict.fromkeys(("mm", "cm", "km", "ft"), "m"),
+    **dict.fromkeys(("km/h", "kn", "cm/s", "mm/s"), "m/s"),
+}
+"""Units that a state is given in by mistake, with those that it has to be in."""
 MOST_VALUES = 3  # at one instant: the filter takes its measurements as triples
 
 
@@ -60,6 +67,9 @@ class OwnState:
             if not low <= value < np.inf:
                 limit = "above 0" if low else "0 or more"
                 raise InputError(f"OwnState {self.name!r}: {key} = {value:g}, expected {limit}")
+        if self.unit in NOT_SI:
+            problem = f"unit {self.unit!r} is none of SI; give its sigma in {NOT_SI[self.unit]}"
+            raise InputError(f"OwnState {self.name!r}: {problem}")
         if time_s is not None and self.walk:
             raise InputError(
                 f"OwnState {self.name!r}: walk and correlation_time_s exclude each other; give one"

@@ -2,7 +2,7 @@
 vehicle's motion, the heights of a barometer, and the images that they leave out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +51,9 @@ WHITE_LAG = 0.1
 
 LEAST_VALUES = 30
 """Values of a measurement from which on their scatter, to 13 % by chance, is judged."""
+
+LEAST_SCATTER = 0.3
+"""Times the sigmas that values scatter at least; sigmas three times as wide have another unit."""
 
 MOST_STATE_SIGMAS = 4.5
 """Sigmas, of both together, between a constant of a sensor as stated and as the flight has it."""
@@ -327,24 +330,53 @@ def check_measurements(recording: Recording, segments: Sequence[Segment]) -> lis
         solutions = [segment.solution for segment in segments]
         nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])
         finding = f"{measurement.name}: {rejected} of {offered} values rejected"
-        bad, wide = not offered or rejected > MOST_REJECTED_FIXES * offered, False
+        bad, ratio = not offered or rejected > MOST_REJECTED_FIXES * offered, 1.0
+        question = Question("measurements", "some within the flight, most of them used")
+        remedy = Step("check its clock, units, sign and what `predict` returns, or leave it out")
+        if not offered:
+            time, first, last = measurement.time, solutions[0].time[0], solutions[-1].time[-1]
+            finding = (
+                f"{measurement.name}: none of its {time.size} values lies within the flight, TOW"
+                f" {first:.1f} to {last:.1f} s; they are of {time[0]:.1f} to {time[-1]:.1f} s"
+            )
+            remedy = Step("give its times in seconds of the GPS week of the flight, GPST")
         if nis.size:
             ratio = float(np.sqrt(nis.mean() / measurement.values.shape[1]))
             finding += f"; the others scatter {ratio:.2f} times as much as their sigmas say"
-            wide = nis.size >= LEAST_VALUES and ratio**2 > AS_CLAIMED[1]
-        question = Question("measurements", "some within the flight, most of them used")
-        remedy = Step("check its clock, units, sign and what `predict` returns, or leave it out")
+            finding += "".join(_moving_states(solutions, measurement.name))
+        judged = nis.size >= LEAST_VALUES
+        wide, narrow = judged and ratio**2 > AS_CLAIMED[1], judged and ratio < LEAST_SCATTER
         deviating = [text for s in solutions for text in _deviating_states(s, measurement.name)]
         if deviating and not bad:
             bad, finding = True, f"{measurement.name}: {deviating[0]}"
             question = Question("measurements", f"within {MOST_STATE_SIGMAS:g} sigmas")
             remedy = Step("measure it again and correct the values, or give it a larger sigma")
         if wide and not bad:
-            larger = Step("give the values standard deviations that are larger by this factor")
+            larger = Step(
+                "give the values standard deviations that are larger by this factor, or the states"
+                " that they lack: until then the sigmas of the flight are too small"
+            )
             checks.append(question.note(finding, larger))
+        elif narrow and not bad:
+            units = Step(
+                "look at the unit of its sigma and of the sigmas of its states, rad for deg say:"
+                " as they stand the flight has next to nothing of it"
+            )
+            checks.append(question.note(finding, units))
         else:
             checks.append(question.contradiction(finding, remedy, when=bad))
     return checks
+
+
+def _moving_states(solutions: Sequence[Solution], measurement: str) -> Iterator[str]:
+    """Say between which values the states of a measurement run that are no constants."""
+    layout = solutions[0].problem.layout
+    for s, state in enumerate(layout.states):
+        if state.group == measurement and layout.drive[s] > 0.0:
+            unit, factor = ("deg", 1.0 / DEG) if state.unit == "rad" else (state.unit, 1.0)
+            low = factor * min(float(one.x[:, s].min()) for one in solutions)
+            high = factor * max(float(one.x[:, s].max()) for one in solutions)
+            yield f"; its {state.axis} runs from {low:.3g} to {high:.3g} {unit}".rstrip()
 
 
 def _deviating_states(solution: Solution, measurement: str) -> list[str]:

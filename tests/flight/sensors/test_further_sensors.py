@@ -238,3 +238,37 @@ def test_an_installed_kind_is_found_and_replaces_no_shipped_one(monkeypatch):
         assert kinds()["heading"] != "installed"
     finally:
         kinds.cache_clear()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("sigma", "late_s", "words"),
+    [
+        (0.05, 0.0, "rejected; the others scatter 0.0"),  # degrees for radians
+        (np.radians(0.05), 604800.0, "values lies within the flight, TOW 205200"),
+        (np.radians(0.05), 0.0, "its bias runs from "),
+    ],
+)
+def test_mistakes_with_a_sensor_of_ones_own_are_told(sigma, late_s, words):
+    """Oracle: what was planted: a sigma in another unit, times of another week, a walking bias."""
+    sim = insgnss.simulate("ign8", 2.0, imu_rate_hz=50.0, seed=7, start_in_air=True)
+    truth = sim.truth.trajectory[10:-10:10]
+    noise = np.random.default_rng(1).standard_normal(len(truth))
+    bias = np.radians(0.1 * np.sin(truth.time / 30.0) + 0.05 * noise)
+    mine = insgnss.Measurement(
+        "pitchmeter",
+        truth.time + late_s,
+        truth.rpy[:, 1] + bias,
+        sigma,
+        lambda motion, states: motion.roll_pitch_heading[:, 1:2] + states,
+        (insgnss.OwnState("bias", np.radians(0.3), "rad", correlation_time_s=60.0),),
+    )
+    result = insgnss.estimate(
+        *(sim.imu, sim.gnss, sim.events),
+        mounting=sim.mounting,
+        measurements=[mine],
+        accept=["measurements"],
+    )
+    (check,) = [check for check in result.checks if check.name == "measurements"]
+    assert words in check.found
+    assert (check.verdict == "ok") is ("bias" in words)

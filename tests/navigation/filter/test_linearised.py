@@ -295,11 +295,18 @@ def test_a_measurement_that_cannot_be_is_refused(change, said):
 
 
 @pytest.mark.parametrize(
-    "change", [{"sigma": 0.0}, {"walk": -1.0}, {"correlation_time_s": 0.0}, {"sigma": np.inf}]
+    "change",
+    [
+        {"sigma": 0.0},
+        {"walk": -1.0},
+        {"correlation_time_s": 0.0},
+        {"sigma": np.inf},
+        {"unit": "deg"},
+    ],
 )
 def test_a_state_that_cannot_be_is_refused(change):
     """Oracle: the rule of each field, by hand."""
-    with pytest.raises(InputError, match="expected"):
+    with pytest.raises(InputError, match=r"expected|give its sigma in rad"):
         OwnState(**({"name": "bias", "sigma": 1.0} | change))
 
 
