@@ -49,7 +49,10 @@ def records(flight):
 
 @pytest.fixture(scope="module")
 def estimated(records, flight):
-    stated = {"gnss__time_sigma_s": flight.gnss.time_sigma_s}
+    stated = {
+        "gnss__time_sigma_s": flight.gnss.time_sigma_s,
+        "gnss__deflection_sigma_arcsec": flight.gnss.deflection_sigma_arcsec,
+    }
     return insgnss.estimate(
         *records, mounting=flight.mounting, tangent_plane=origin(flight), **stated
     )
@@ -125,7 +128,12 @@ def test_arrays_and_tables_give_the_same(form, records, estimated, flight):
         given += [{"image": events.images, "tow": events.time}]
         more = {"gnss_sigma_m": SIGMA_M, "gps_week": 2008}
     result = insgnss.estimate(
-        *given, mounting=flight.mounting, tangent_plane=plane, gnss__time_sigma_s=5e-5, **more
+        *given,
+        mounting=flight.mounting,
+        tangent_plane=plane,
+        gnss__time_sigma_s=5e-5,
+        gnss__deflection_sigma_arcsec=0.0,
+        **more,
     )
     assert in_sigmas(result, estimated) < DEGREES
     assert result.eo.gps_week == 2008
@@ -152,6 +160,7 @@ def test_options_act_as_in_a_flight_file(records, flight):
         "trajectory_hz": None,
         "gnss__gate_sigma": 4.0,
         "gnss__time_sigma_s": flight.gnss.time_sigma_s,
+        "gnss__deflection_sigma_arcsec": flight.gnss.deflection_sigma_arcsec,
     }
     result = insgnss.estimate(*records, mounting=flight.mounting, tangent_plane=plane, **given)
     assert in_sigmas(result, expected) < SAME

@@ -360,9 +360,10 @@ def bias_step_candidate(
     Returns
     -------
     BiasStepCandidate or None
-        None where no instant shows a step, or the flight cannot be aligned anew.
+        None where no instant shows a step, the flight cannot be aligned anew, or further sensors
+        take part, of which a wrong constant is a rival that no trial here has.
     """
-    if search.align is None or solution.adjoint.shape[0] == 0:
+    if search.align is None or solution.adjoint.shape[0] == 0 or solution.problem.measurements:
         return None
     evidence = step_evidence(solution)
     k = int(np.argmax(evidence))
