@@ -37,6 +37,7 @@ SINGLE_SHARE = 0.5  # of the points measured in one image alone: names that diff
 # largest distance of the middle of ground points from that of the images (m) at which another CRS
 # is named for them: blocks are smaller, and zones differ by more
 NEAR_GROUND_M = 5e3
+EARTH_M = 6.4e6  # radius by which degrees are compared with it
 FAR_GROUND_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
 
@@ -365,8 +366,10 @@ def ground_in_plane(
             fits = _fitting(as_read, plane, eo) or "such as EPSG:2056"
             advice = f"they stand in a CRS: name it by ground.crs or --crs, {fits}"
         else:
-            advice = _otherwise_near(as_read, axes, plane, eo) or (
-                f"{crs} is not their CRS; name the right one, with its zone"
+            advice = (
+                _exchanged_positions(file, as_read, axes, eo)
+                or _otherwise_near(as_read, axes, plane, eo)
+                or f"{crs} is not their CRS; name the right one, with its zone"
             )
         raise InputError.in_file(
             path,
@@ -374,6 +377,23 @@ def ground_in_plane(
             f" from the images; {advice}",
         )
     return ground
+
+
+def _exchanged_positions(
+    file: BlockFile, ground: GroundTable, axes: GroundAxes, eo: ExteriorOrientation
+) -> str:
+    """Say that images lie near the points with latitude and longitude exchanged; empty if not."""
+    path = file.aerial_control.file
+    if path is None or not has_positions_alone(path):
+        return ""
+    try:
+        lat, lon, _ = axes.geodetic(np.median(ground.position_m, axis=0, keepdims=True))
+    except InsgnssError:
+        return ""
+    away = np.hypot(lat[0] - eo.origin[1], lon[0] - eo.origin[0])
+    if away * EARTH_M > FAR_GROUND_M:
+        return ""
+    return f"those of {path.name} have latitude and longitude exchanged: exchange them there"
 
 
 def _otherwise_near(

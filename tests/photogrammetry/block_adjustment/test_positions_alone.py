@@ -1,6 +1,7 @@
 """Blocks whose aerial control is positions alone: of drones with RTK or PPK and no IMU log."""
 
 import os
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.base.errors import InputError
+from insgnss.base.errors import DataError, InputError
 from insgnss.cli.main import main
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
@@ -279,3 +280,23 @@ def test_a_wrong_ambiguity_of_one_line_leaves_no_orientation(flown, without_imu,
     assert (tmp_path / "out/contradicted/eo.json").is_file()
     assert not (tmp_path / "out/eo.json").exists()
     assert adjust(block_of(flown, without_imu(2)), write=False).refusal is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pattern", "changed", "words"),
+    [
+        (r"(\S+),Lat\t(\S+),Lon", r"\2,Lat\t\1,Lon", r"latitude and longitude exchanged"),
+        (r"^(\d+)", lambda match: str(int(match[1]) + 1), r"had the pose of another: .*\+1 in the"),
+    ],
+)
+def test_mistakes_in_a_list_of_positions_are_named(
+    flown, without_imu, monkeypatch, pattern, changed, words
+):
+    """Oracle: what the test exchanges: latitudes with longitudes, each number with the next."""
+    directory = without_imu()
+    monkeypatch.setenv("INSGNSS_SHOWN", str(directory))
+    path = directory / "Timestamp.MRK"
+    path.write_text(re.sub(pattern, changed, path.read_text(), flags=re.MULTILINE))
+    with pytest.raises((InputError, DataError), match=words):
+        adjust(block_of(flown, directory), write=False)

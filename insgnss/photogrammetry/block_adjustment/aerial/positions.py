@@ -39,7 +39,7 @@ from ...comparison.reading import read_poses
 Rows = NDArray[np.int64]
 FEWEST = 3  # images with position and pose, of which a similarity follows
 DOWN_WEIGHT = 1e-3  # w of (P.1) (chosen): a block 30 times longer than it is wide still counts more
-FIRST_VALUE_DEG = 5.0  # standard deviation (chosen) of attitudes that are first values
+FIRST_VALUE_DEG = 0.4  # standard deviation (chosen) of attitudes that are first values
 MISSHAPEN = 0.2  # rms that a similarity leaves, of the positions' own: they are of other images
 VIEW = np.array([0.0, 0.0, 1.0])  # of a camera: x right, y down, z viewing direction
 DOWN = np.array([0.0, 0.0, -1.0])  # of the tangent plane: east, north, up
