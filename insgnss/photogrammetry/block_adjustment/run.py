@@ -20,6 +20,8 @@ from .products import CONTRADICTED, DOCUMENT, written
 from .solve import Solved, solved
 from .trials import converging
 
+ORIENTATION = "eo.json"
+
 
 @dataclass(frozen=True, eq=False)
 class AdjustmentResult(Shown):
@@ -48,13 +50,21 @@ class AdjustmentResult(Shown):
         if not (refused := self.judgement.refused):
             return None
         if self.solved.inputs.file.adjustment.write_anyway:
-            return DataError(f"{refused[0].sentence}; the orientation in {CONTRADICTED}/ has it")
+            problem = f"{refused[0].sentence}; the orientation in {CONTRADICTED}/ has it"
+            return DataError(f"{problem}{self._of_earlier_run()}")
         names = ", ".join(dict.fromkeys(f'"{accepted_as(finding.name)}"' for finding in refused))
         return DataError(
             f"{refused[0].sentence}; no orientation is written, adjust.html shows the residuals;"
             f" --write-anyway writes it into {CONTRADICTED}/, adjustment.accept = [{names}] in the"
-            " block file overrules"
+            f" block file overrules{self._of_earlier_run()}"
         )
+
+    def _of_earlier_run(self) -> str:
+        """Say that an orientation lies beside the products of a refused run; empty where none."""
+        directories = {path.parent for path in self.files if path.name == DOCUMENT}
+        if not any((directory / ORIENTATION).exists() for directory in directories):
+            return ""
+        return f"; the {ORIENTATION} that lies there is of an earlier run"
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -279,7 +279,10 @@ def test_a_wrong_ambiguity_of_one_line_leaves_no_orientation(flown, without_imu,
     assert done.refusal is not None
     assert (tmp_path / "out/contradicted/eo.json").is_file()
     assert not (tmp_path / "out/eo.json").exists()
-    assert adjust(block_of(flown, without_imu(2)), write=False).refusal is None
+    assert "earlier run" not in str(done.refusal)
+    assert adjust(block_of(flown, without_imu(2)), tmp_path / "out", force=True).refusal is None
+    again = adjust(block, tmp_path / "out", force=True)
+    assert str(again.refusal).endswith("; the eo.json that lies there is of an earlier run")
 
 
 @pytest.mark.slow
