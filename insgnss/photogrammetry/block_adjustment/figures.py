@@ -96,7 +96,10 @@ def _weighed(solved: Solved) -> list[str]:
     if solved.control.covariance not in ("chain", "image"):
         return []
     how = {"chain": "by covariances of neighbours alone", "image": "each image alone"}
-    if has_positions_alone(solved.inputs.file.aerial_control.file):
+    options = solved.inputs.file.aerial_control
+    if has_positions_alone(options.file):
+        if options.shift_sigma_m is not None:
+            return []
         return [
             "positions are weighed as if each image had errors of its own: those of RTK and PPK"
             " last for minutes, and so sigmas are too small where aerial_control.shift_sigma_m does"
