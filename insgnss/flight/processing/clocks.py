@@ -27,9 +27,7 @@ from ..config.flight_file import Flight
 from .segment import Segment
 
 WHOLE_S = 0.5  # half of the smallest difference of scales, a leap second: latencies are below
-FOUND_SIGMAS = (
-    3.0  # below, stamps stay on their grid: an offset is noise in all but 1 of 370 flights
-)
+FOUND_SIGMAS = 3.0  # of an offset, below which stamps stay on their grid: it may be noise
 LEAST_LEAP_S = 13.0  # GPST - UTC from 1999 on: no GNSS recording of a drone is older
 
 

@@ -32,6 +32,7 @@ from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.filter.solution import Solution
 from ...navigation.innovations.residuals import worst_piece
 from ...records import Finding, Question
+from ...records.states import State
 from ...report.rules.wording import AXES, millimetres
 from ...report.statistics import Z_CONFIDENCE, lag_one, residual_limit
 from ..config.flight_file import Flight
@@ -373,10 +374,15 @@ def _moving_states(solutions: Sequence[Solution], measurement: str) -> Iterator[
     layout = solutions[0].problem.layout
     for s, state in enumerate(layout.states):
         if state.group == measurement and layout.drive[s] > 0.0:
-            unit, factor = ("deg", 1.0 / DEG) if state.unit == "rad" else (state.unit, 1.0)
+            unit, factor = _shown_unit(state)
             low = factor * min(float(one.x[:, s].min()) for one in solutions)
             high = factor * max(float(one.x[:, s].max()) for one in solutions)
             yield f"; its {state.axis} runs from {low:.3g} to {high:.3g} {unit}".rstrip()
+
+
+def _shown_unit(state: State) -> tuple[str, float]:
+    """Return the unit that a state is shown in, degrees of an angle, and its factor from SI."""
+    return ("deg", 1.0 / DEG) if state.unit == "rad" else (state.unit, 1.0)
 
 
 def _deviating_states(solution: Solution, measurement: str) -> list[str]:
@@ -395,7 +401,7 @@ def _deviating_states(solution: Solution, measurement: str) -> list[str]:
         value, sigma = solution.x[0, s] / variance[s] / information, information**-0.5
         pull = abs(value - solution.x[0, s]) / np.sqrt(variance[s])
         if pull > MOST_PULL_SIGMAS and abs(value) > MOST_STATE_SIGMAS * np.hypot(sigma, prior):
-            unit, factor = ("deg", 1.0 / DEG) if state.unit == "rad" else (state.unit, 1.0)
+            unit, factor = _shown_unit(state)
             numbers = f"{factor * value:.3g} +- {factor * sigma:.2g} {unit}".rstrip()
             texts.append(
                 f"{state.axis} of {numbers} by this flight, stated 0 +- {factor * prior:.2g}"

@@ -212,15 +212,12 @@ def slow_bias_candidate(
     if search.align is None or model.imu.slow is not None:
         return None
     search.progress("biases that warm up or drift")
-    duration_s = float(problem.epochs.time[-1] - problem.epochs.time[0])
     evidence: dict[float, float] = {}
-
-    def with_slow(time_s: float) -> ErrorModel:
-        return replace(model, imu=replace(model.imu, slow=SlowBias(time_s, duration_s)))
 
     def best_of(times_s: Sequence[float]) -> float:
         for time_s in times_s:
-            evidence[time_s] = variances.evidence_of(search.layout(with_slow(time_s)), PARAMETERS)
+            layout = search.layout(_with_slow_bias(model, problem, time_s))
+            evidence[time_s] = variances.evidence_of(layout, PARAMETERS)
         return max(evidence, key=lambda time_s: evidence[time_s])
 
     time_s = best_of(TIMES_S)
@@ -228,9 +225,15 @@ def slow_bias_candidate(
         time_s = best_of((time_s / factor, time_s * factor))
     if evidence[time_s] < TAKEN:
         return None
-    best = with_slow(time_s)
+    best = _with_slow_bias(model, problem, time_s)
     posed = replace(problem, layout=search.layout(best))
     return SlowBiasCandidate(evidence[time_s], best, posed)
+
+
+def _with_slow_bias(model: ErrorModel, problem: EstimationProblem, time_s: float) -> ErrorModel:
+    """Return an error model with slow biases of a time constant."""
+    duration_s = float(problem.epochs.time[-1] - problem.epochs.time[0])
+    return replace(model, imu=replace(model.imu, slow=SlowBias(time_s, duration_s)))
 
 
 @dataclass(frozen=True)
@@ -302,11 +305,7 @@ def courses_beside(
     """
     if model.imu.slow is not None:
         return []
-    duration_s = float(problem.epochs.time[-1] - problem.epochs.time[0])
-    models = [
-        replace(model, imu=replace(model.imu, slow=SlowBias(time_s, duration_s)))
-        for time_s in TIMES_S
-    ]
+    models = [_with_slow_bias(model, problem, time_s) for time_s in TIMES_S]
     return [
         SlowBiasCandidate(step.evidence, one, replace(problem, layout=search.layout(one)))
         for one in models

@@ -54,11 +54,7 @@ def event_delay(solution: Solution) -> Array:
     Array
         (events,) d of each event, s; zeros where no time offset is among the states.
     """
-    layout, index = solution.problem.layout, solution.event_epochs
-    if layout.offset < 0:
-        return np.zeros(index.size)
-    delay: Array = _of_constants(solution, index) @ _clock(solution)
-    return delay
+    return _delay(solution, solution.problem.epochs.time[solution.event_epochs])
 
 
 def delay_at(solution: Solution, time: Array) -> Array:
@@ -76,11 +72,14 @@ def delay_at(solution: Solution, time: Array) -> Array:
     Array
         (n,) d, s; zeros where no time offset is among the states.
     """
+    return _delay(solution, time - solution.time[0] + solution.problem.epochs.time[0])
+
+
+def _delay(solution: Solution, elapsed: Array) -> Array:
+    """Return d at instants of the problem's own time, s."""
     if solution.problem.layout.offset < 0:
-        return np.zeros(time.size)
-    elapsed = time - solution.time[0] + solution.problem.epochs.time[0]
-    constants = np.column_stack([np.ones(time.size), elapsed])[:, : _states(solution).size]
-    return np.asarray(constants @ _clock(solution))
+        return np.zeros(elapsed.size)
+    return np.asarray(_of_constants(solution, elapsed) @ _clock(solution))
 
 
 def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
@@ -104,7 +103,7 @@ def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
         return trajectory(solution, index, gps_week, events=True)
     d = event_delay(solution)
     nav, A, u = _moved(solution, index, d)
-    U = u[:, :, None] * _of_constants(solution, index)[:, None, :]
+    U = u[:, :, None] * _of_constants(solution, solution.problem.epochs.time[index])[:, None, :]
     states = _states(solution)
     P, own = solution.covariance(index), np.arange(N_NAV)
     to_clock, of_clock = P[:, own[:, None], states], P[:, states[:, None], states]
@@ -163,7 +162,8 @@ def event_derivatives(solution: Solution, of_receiver: bool) -> Array:
     if of_receiver and solution.problem.layout.offset >= 0 and index.size:
         nav, A, u = _moved(solution, index, event_delay(solution))
         T[:, :, :N_NAV] = A
-        T[:, :, _states(solution)] = u[:, :, None] * _of_constants(solution, index)[:, None, :]
+        g = _of_constants(solution, solution.problem.epochs.time[index])
+        T[:, :, _states(solution)] = u[:, :, None] * g[:, None, :]
     lat, lon, _ = frame.geodetic_from_position(nav[:, POS])
     C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
     for block in (POS, VEL, PSI):
@@ -183,10 +183,9 @@ def _clock(solution: Solution) -> Array:
     return values
 
 
-def _of_constants(solution: Solution, index: np.ndarray) -> Array:
-    """g_t of (X.2), (k, 1 or 2)."""
-    elapsed = solution.problem.epochs.time[index]
-    return np.column_stack([np.ones(index.size), elapsed])[:, : _states(solution).size]
+def _of_constants(solution: Solution, elapsed: Array) -> Array:
+    """g_t of (X.2), (k, 1 or 2), at instants of the problem's own time."""
+    return np.column_stack([np.ones(elapsed.size), elapsed])[:, : _states(solution).size]
 
 
 def _moved(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Array, Array]:

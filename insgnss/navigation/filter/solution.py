@@ -295,11 +295,7 @@ def _refuse_unsettled(passes: BlockwisePasses, smoothed: Smoothed) -> None:
     DataError
         Where it moves by more than `UNSETTLED` standard deviations.
     """
-    if not passes.problem.measurements:
-        return
-    nav, x = passes.history.nav.copy(), passes.history.x.copy()
-    _move(nav, x, smoothed.delta)
-    _, change = linearised_about(passes.problem, nav, x)
+    _, change = _about_smoothed(passes, smoothed)
     if change > UNSETTLED:
         names = ", ".join(one.measurement.name for one in passes.problem.measurements)
         raise DataError(
@@ -311,12 +307,17 @@ def _refuse_unsettled(passes: BlockwisePasses, smoothed: Smoothed) -> None:
 
 def _linearised_again(passes: BlockwisePasses, smoothed: Smoothed) -> EstimationProblem | None:
     """Return the problem linearised about what was smoothed, None where that changes nothing."""
+    problem, change = _about_smoothed(passes, smoothed)
+    return problem if change > CHANGE else None
+
+
+def _about_smoothed(passes: BlockwisePasses, smoothed: Smoothed) -> tuple[EstimationProblem, float]:
+    """Linearise again about what was smoothed; nothing changes without measurements."""
     if not passes.problem.measurements:
-        return None
+        return passes.problem, 0.0
     nav, x = passes.history.nav.copy(), passes.history.x.copy()
     _move(nav, x, smoothed.delta)
-    problem, change = linearised_about(passes.problem, nav, x)
-    return problem if change > CHANGE else None
+    return linearised_about(passes.problem, nav, x)
 
 
 def _kept_rows(problem: EstimationProblem, regular: int) -> np.ndarray:

@@ -6,9 +6,10 @@ deviations are observed as those of a flight are. Else the images' own poses of 
 program are first values, in the axes of the positions by (S.1) of `insgnss.geodesy.similarity`,
 whose rotation is that of
 
-    sum Y_k X_k^T + w (sum X_k^T X_k) d v^T                                                (P.1)
+    sum Y_k X_k^T + w |X| |Y| d v^T                                                        (P.1)
 
-with X program's and Y measured positions about their means, v the program's mean viewing direction
+with X program's and Y measured positions about their means, |X| and |Y| the roots of the sums of
+their squares, v the program's mean viewing direction
 of unit length and d straight down: of positions along one line alone (P.1) has the rotation about
 it, and elsewhere the small w moves nothing that a first value needs.
 """
