@@ -47,7 +47,7 @@ class Request:
     )
     out: Path | None = option(
         None,
-        "the noise model; its figures and table (.json) go beside it",
+        "the noise model; its page (.html) and table (.json) go beside it",
         usual="imu_noise.toml, of a flight in_flight_noise.toml",
         cli="--",
     )

@@ -6,7 +6,7 @@ choose, fit, infer               each sensor, axis by axis or the three jointly,
 trends at the start              against the fitted noise (`trend`)
 noise model                      its turn-on bias from the means (`turn_on`), what cannot be known
                                  written as what it acts like
-files                            noise model, table as JSON, a figure a sensor (`written`)
+files                            noise model, table as JSON, page with a chart a sensor (`written`)
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -44,14 +44,6 @@ def run(capsys, *argv):
     return code, said.err if code else said.out
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    """Pictures are drawn and looked at elsewhere."""
-    monkeypatch.setattr(
-        "insgnss.noise.tuning.products.figures.sensor_figure", lambda result, sensor: b""
-    )
-
-
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6)])
 def test_stamps_of_another_unit_are_read_as_inspect_reads_them(
     rest, tmp_path, capsys, unit, factor

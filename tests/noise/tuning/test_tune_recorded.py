@@ -18,16 +18,8 @@ DEG_H = np.pi / 180.0 / 3600.0
 HOW = {"rate_hz": 100.0, "gyro_unit": "0.05 deg/s", "accel_unit": "3.33 mg"}
 
 
-@pytest.fixture
-def no_pictures(monkeypatch):
-    """Pictures are drawn and looked at elsewhere."""
-    monkeypatch.setattr(
-        "insgnss.noise.tuning.products.figures.sensor_figure", lambda result, sensor: b""
-    )
-
-
 @pytest.mark.slow
-def test_a_disturbed_recording_is_named(tmp_path, no_pictures):
+def test_a_disturbed_recording_is_named(tmp_path):
     """Oracle: the recordings' README: the fourth holds a mechanical disturbance, the fifth none."""
     if not ADIS.is_dir():
         pytest.skip("the recordings adis16405_static are not here")
@@ -56,7 +48,7 @@ def test_a_disturbed_recording_is_named(tmp_path, no_pictures):
     assert {fit["near_stationarity"]["degrees"] for fit in table["fits"]} == {3}
 
 
-def test_a_real_navchip_from_its_published_variances(tmp_path, no_pictures):
+def test_a_real_navchip_from_its_published_variances(tmp_path):
     """Oracle: the issue's figures for gyro y and z, white noise and two Gauss-Markov processes,
     from the scale of a quarter second on.
 

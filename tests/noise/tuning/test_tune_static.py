@@ -45,14 +45,6 @@ def tuned(folder):
     return tune_static([folder / "rest1.npy", folder / "rest2.npy"], OPTIONS, folder / "imu.toml")
 
 
-@pytest.fixture
-def no_pictures(monkeypatch):
-    """Pictures are drawn and looked at elsewhere."""
-    monkeypatch.setattr(
-        "insgnss.noise.tuning.products.figures.sensor_figure", lambda result, sensor: b""
-    )
-
-
 def truth(sensor):
     axis = GYRO if sensor == "gyro" else ACCEL
     (process,) = axis.gauss_markov
@@ -135,10 +127,6 @@ def test_the_table_for_machines(tuned, folder):
         "driving_noise_1",
     ]
     assert table["recordings"][0]["checks"][0]["name"] == "sampling"
-    for sensor in ("gyro", "accel"):
-        picture = (folder / f"imu_{sensor}.png").read_bytes()
-        assert picture.startswith(b"\x89PNG")
-        assert picture.endswith(b"IEND\xaeB`\x82")
 
 
 def test_the_page_shows_the_deviations_of_the_table(tuned, folder):
@@ -162,7 +150,7 @@ def test_the_page_shows_the_deviations_of_the_table(tuned, folder):
     assert "<h2 id=" in text
 
 
-def test_joint_axes_are_tighter(tuned, folder, no_pictures):
+def test_joint_axes_are_tighter(tuned, folder):
     """Oracle: three axes of the same noise; the standard error of one fit to all falls by about
     sqrt(3), between 1.3 and 2.3.
     """
@@ -320,7 +308,7 @@ def test_damaged_files_are_refused(folder, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_published_variances_will_do(folder, tmp_path, capsys, no_pictures):
+def test_published_variances_will_do(folder, tmp_path, capsys):
     """Oracle: the recording that the published table is of; the same estimates to the digits
     printed.
     """
@@ -361,7 +349,7 @@ def test_published_variances_will_do(folder, tmp_path, capsys, no_pictures):
     assert "variances do not determine the turn-on bias" in document["turn_on_bias"][0]
 
 
-def test_text_with_units_in_its_header_needs_no_options(tmp_path, capsys, no_pictures):
+def test_text_with_units_in_its_header_needs_no_options(tmp_path, capsys):
     """Oracle: the same samples as an array; white noise agrees to the digits of the text."""
     values = samples(5, 3)
     head = (
@@ -428,9 +416,7 @@ def test_levels_in_words(text, levels):
 
 
 @pytest.mark.slow
-def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(
-    folder, tmp_path, no_pictures
-):
+def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(folder, tmp_path):
     """Oracle: the mean of neighbouring samples, which takes three quarters of the finest scale of
     white noise and little of the others.
     """
@@ -469,7 +455,7 @@ def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(
     assert sum(held) >= 14
 
 
-def test_scales_that_determine_the_white_noise_are_not_advised_away(tmp_path, no_pictures):
+def test_scales_that_determine_the_white_noise_are_not_advised_away(tmp_path):
     """Oracle: rounding noise put in, which is most of the finest scales: a model without it that
     leaves them out would have less noise there than was measured.
     """
@@ -489,7 +475,7 @@ def test_scales_that_determine_the_white_noise_are_not_advised_away(tmp_path, no
     assert len(result.model.misfit) == 6
 
 
-def test_knocks_do_not_move_the_noise(folder, tmp_path, no_pictures):
+def test_knocks_do_not_move_the_noise(folder, tmp_path):
     """Oracle: the noise simulated, before three knocks of two seconds were put in; a knock is no
     white noise of the sensor. Robust variances know it to 2 %, the others have four times as much.
     """
@@ -518,9 +504,7 @@ def test_knocks_do_not_move_the_noise(folder, tmp_path, no_pictures):
     assert noise_misfit(replace(back, misfit=())) == []
 
 
-def test_nothing_is_written_where_the_file_falls_short_of_the_fit(
-    folder, tmp_path, no_pictures, monkeypatch
-):
+def test_nothing_is_written_where_the_file_falls_short_of_the_fit(folder, tmp_path, monkeypatch):
     """Oracle: a writer that halves the white noise, at the finest scale half of the deviation."""
 
     def halved(axis, units):
@@ -551,7 +535,7 @@ def test_a_process_below_a_sample_leaves_the_competition():
 
 
 @pytest.mark.slow
-def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):
+def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path):
     """Oracle: a slow Gauss-Markov process put in beside the one of the model; the advice is that
     process, not fewer fine scales.
     """
@@ -571,7 +555,7 @@ def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):
         assert all(start > lowest for start in starts)
 
 
-def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsys):
+def test_models_compete_where_none_is_named(folder, tmp_path, capsys):
     """Oracle: the processes simulated, which no smaller and no larger model of the list matches;
     the ranking is told.
     """
@@ -596,7 +580,7 @@ def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsy
 
 
 @pytest.mark.slow
-def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pictures):
+def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path):
     """Oracle: a recording whose noise is half as large again; near-stationarity is refused, and of
     two neither is blamed.
     """
@@ -616,7 +600,7 @@ def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pic
 
 
 @pytest.mark.slow
-def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path, no_pictures):
+def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path):
     """Oracle: 400 deg/h put in, settling with a minute; three time constants are three minutes, and
     without them there is no trend.
     """
@@ -640,9 +624,7 @@ def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path, no_pictures):
 
 
 @pytest.mark.slow
-def test_bootstrap_and_robust_variances_are_there_for_the_asking(
-    folder, tmp_path, no_pictures, capsys
-):
+def test_bootstrap_and_robust_variances_are_there_for_the_asking(folder, tmp_path, capsys):
     """Oracle: theory's own interval of white noise, half to twice; the table says how both were
     made.
     """

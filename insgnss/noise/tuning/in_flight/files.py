@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....base.errors import UsageError
-from ....base.files import atomic_write
 from ....base.inputs import sha256
 from ....base.output.staging import together
 from ....base.provenance import made_from
@@ -55,10 +54,9 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     return target
 
 
-def beside(target: Path) -> tuple[Path, Path, Path]:
-    """Return the paths of the table, the page and the picture beside a noise model."""
-    picture = target.with_name(f"{target.stem}_spectrum.png")
-    return target.with_suffix(".json"), target.with_suffix(".html"), picture
+def beside(target: Path) -> tuple[Path, Path]:
+    """Return the paths of the table and the page beside a noise model."""
+    return target.with_suffix(".json"), target.with_suffix(".html")
 
 
 def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning":
@@ -79,20 +77,16 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
         The result, with the files named.
     """
     from ....report.document import write_with_page
-    from .spectrum import spectra, spectrum_figure
+    from .spectrum import spectra
 
-    table, page, picture = beside(target)
-    drawn = spectrum_figure(tuning)
-    files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
-    tuning = replace(tuning, files=files)
+    table, page = beside(target)
+    model_files = (target,) if tuning.accepted else ()
+    tuning = replace(tuning, files=(*model_files, table, page))
     make_directory(target)
     with together():
-        if drawn:
-            atomic_write(picture, drawn)
         if tuning.accepted:
             write_noise_model(tuning.model, target, tuning.reasons)
-        products = [path for path in files if path not in (table, page)]
-        document = tuning.as_dict() | made_from(input_files(flight), table, products)
+        document = tuning.as_dict() | made_from(input_files(flight), table, model_files)
         write_with_page(tuning.document(spectra(tuning)), document, table, page)
     return tuning
 

@@ -1,4 +1,4 @@
-"""The spectrum of the IMU in straight flight: charts for the page, and the picture."""
+"""The spectrum of the IMU in straight flight: charts for the page."""
 
 from typing import TYPE_CHECKING
 
@@ -48,18 +48,3 @@ def spectra(tuning: "FlightTuning") -> tuple[Chart, ...]:
             )
         )
     return spectrum_charts(panels)
-
-
-def spectrum_figure(tuning: "FlightTuning") -> bytes:
-    """Draw the IMU's spectra as a PNG, empty without one."""
-    from ....report.charts.drawn import draw_sheet
-
-    s = tuning.straight
-    if s is None:
-        return b""
-    subtitle = (
-        f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
-        f" {s.lowest_hz:g} Hz the vehicle's own motion"
-    )
-    columns = [[chart] for chart in spectra(tuning)]
-    return draw_sheet(columns, f"{tuning.name}: {tuning.headline}", subtitle)

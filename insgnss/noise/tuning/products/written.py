@@ -1,13 +1,10 @@
-"""The files of a tuning: noise model, table for machines, page, a figure a sensor. They appear
-together or not at all.
-"""
+"""The files of a tuning: noise model, table, page. They appear together or not at all."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ....base.errors import DataError
-from ....base.files import atomic_write
 from ....base.output.staging import together
 from ....base.provenance import made_from
 from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
@@ -36,7 +33,6 @@ def _beside(target: Path) -> list[Path]:
     return [
         target.with_suffix(".json"),
         target.with_suffix(".html"),
-        *(target.with_name(f"{target.stem}_{sensor}.png") for sensor in SENSORS),
     ]
 
 
@@ -80,15 +76,11 @@ def noise_model(
 def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneResult:
     """Write all files, made from the recordings `measured`; the result that names them."""
     from ....report.document import write_with_page
-    from .figures import sensor_chart, sensor_figure
+    from .charts import sensor_chart
 
-    table, page, *figures = _beside(target)
-    drawn = {
-        path: png
-        for path, sensor in zip(figures, SENSORS, strict=True)
-        if (png := sensor_figure(result, sensor))
-    }
-    files = (*((target,) if result.model is not None else ()), table, page, *drawn)
+    table, page = _beside(target)
+    model_files = (target,) if result.model is not None else ()
+    files = (*model_files, table, page)
     notes = result.notes
     if result.model is None:
         notes = (*notes, _why_no_model(result.tuned, table))
@@ -97,12 +89,9 @@ def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneRes
         _read_back(result, target)
     make_directory(target)
     with together():
-        for path, png in drawn.items():
-            atomic_write(path, png)
         if result.model is not None:
             write_noise_model(result.model, target, _remarks(result))
-        products = [path for path in files if path not in (table, page)]
-        document = result.as_dict() | made_from(measured, table, products)
+        document = result.as_dict() | made_from(measured, table, model_files)
         charts = [chart for s in SENSORS if (chart := sensor_chart(result, s)) is not None]
         write_with_page(result.document(charts), document, table, page)
     return result

@@ -1,4 +1,4 @@
-"""The figure of one sensor of a tuning: a panel an axis, or one for the axes that share a model."""
+"""The chart of one sensor of a tuning: a panel an axis, or one for the axes that share a model."""
 
 import math
 from typing import TYPE_CHECKING, cast
@@ -9,7 +9,7 @@ from ...estimation.goodness import p_text
 from ...moments.theory import haar_variance, haar_variance_parts
 from ...processes.composition import GAUSS_MARKOV, NoiseTerm
 from ..recordings import AXES, StaticRecording
-from .words import goodness_p, sensor_words
+from .words import goodness_p
 
 if TYPE_CHECKING:
     from ..fits import Tuned
@@ -22,16 +22,6 @@ def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
     if not tuned:
         return None
     return noise_chart(cast(Sensor, sensor), [_panel(t, result.recordings) for t in tuned])
-
-
-def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
-    """PNG of a sensor, empty where it was not tuned."""
-    from ....report.charts.drawn import draw_sheet
-
-    chart = sensor_chart(result, sensor)
-    tuned = [t for t in result.tuned if t.sensor == sensor]
-    verdict = sensor_words(tuned, result.recordings, result.options) if tuned else ()
-    return b"" if chart is None else draw_sheet([[chart]], *verdict)
 
 
 def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
