@@ -42,7 +42,13 @@ import numpy as np
 from ...records import Array
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.solution import Solution
-from ..innovations.likelihood import LinearSegment, available, evaluate, linear_segment
+from ..innovations.likelihood import (
+    CORRELATED,
+    LinearSegment,
+    available,
+    evaluate,
+    linear_segment,
+)
 from ..innovations.search import Search
 from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
 from .evidence import liveliest_part
@@ -142,9 +148,12 @@ class VarianceSearch:
 
     def strongest(self) -> VarianceHypothesis | None:
         """Return the promising family of the largest positive evidence (V.2), or None."""
-        hypotheses = [self._hypothesis(family) for family in self.promising()]
-        best = max(hypotheses, key=lambda one: one.evidence, default=None)
-        return best if best is not None and best.evidence > 0.0 else None
+        best: VarianceHypothesis | None = None
+        for family in sorted(self.promising(), key=lambda family: -self.left((family,))):
+            one = self._hypothesis(family, max(0.0, best.evidence if best else 0.0))
+            if one.evidence > (best.evidence if best else 0.0):
+                best = one
+        return best
 
     def slow_error(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors | None:
         """Find an error of the fixes that is too slow, or too small, for the search of its shares.
@@ -166,16 +175,18 @@ class VarianceSearch:
             gain of less than `LEAST_AVERAGED`.
         """
 
-        def gain(share: float, time_s: float) -> float:
-            model = with_time_correlated_error(errors, 1.0, share, time_s)
-            other = evaluate([_linearised(self.part, layout_factory(model))], np.zeros(0))
-            return float(self.nothing.cost - other.cost)
+        def gains(time_s: float, shares: Sequence[float]) -> dict[tuple[float, float], float]:
+            layout = layout_factory(with_time_correlated_error(errors, 1.0, 1.0, time_s))
+            segment = _linearised(self.part, layout, (CORRELATED,))  # once for all shares
+            others = {c: evaluate([segment], np.log([c]), np.zeros(1, bool)) for c in shares}
+            return {(c, time_s): self.nothing.cost - other.cost for c, other in others.items()}
 
         time = self.part.problem.epochs.time
-        if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < LEAST_AVERAGED:
+        (share, time_s), least = SLOW_FIRST, LEAST_AVERAGED
+        if time[-1] - time[0] < LEAST_SPAN * time_s or gains(time_s, (share,))[SLOW_FIRST] < least:
             return None
-        gains = {(share, time_s): gain(share, time_s) for share in SHARES for time_s in SLOW_S}
-        return with_time_correlated_error(errors, 1.0, *_averaged(gains))
+        every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}
+        return with_time_correlated_error(errors, 1.0, *_averaged(every))
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
         """Return the log evidence (V.2) of the same flight with other states of its fixes.
@@ -195,17 +206,22 @@ class VarianceSearch:
         other = evaluate([_linearised(self.part, errors_layout)], np.zeros(0))
         return self._evidence(other.cost, parameters)
 
-    def _hypothesis(self, family: str) -> VarianceHypothesis:
+    def _hypothesis(self, family: str, to_beat: float) -> VarianceHypothesis:
+        """Maximise over a family; below the evidence `to_beat` the search ends before."""
         free = self._free(family)
-        maximum = self.search.maximum(free, STARTS)
+        cost = self.nothing.cost - 2.0 * to_beat - self._penalty(int(free.sum()))
+        maximum = self.search.maximum(free, STARTS, cost)
         theta = dict(zip(self.names, np.exp(maximum.theta).tolist(), strict=True))
         factors = {name: theta[name] for name in self.families[family]}
         evidence = self._evidence(maximum.evaluated.cost, int(free.sum()))
         return VarianceHypothesis(family, evidence, factors)
 
     def _evidence(self, cost: float, parameters: int) -> float:
-        gain = self.nothing.cost - cost
-        return float(0.5 * gain - 0.5 * parameters * np.log(3.0 * self.nothing.offered))
+        return 0.5 * (self.nothing.cost - cost - self._penalty(parameters))
+
+    def _penalty(self, parameters: int) -> float:
+        """Return the gain in -2 log L that so many parameters must bring (V.2)."""
+        return float(parameters * np.log(3.0 * self.nothing.offered))
 
     def _free(self, family: str) -> np.ndarray:
         return np.array([name in self.families[family] for name in self.names])
@@ -223,7 +239,9 @@ def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
     return float(np.sqrt(variance)), variance / float(weight @ (share**2 / time_s))
 
 
-def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
+def _linearised(
+    solution: Solution, layout: StateLayout, names: Sequence[str] = ()
+) -> LinearSegment:
     """Linearise about the solution with the states of another layout at zero where they are new."""
     states = solution.problem.layout.states
     x = np.zeros((solution.x.shape[0], len(layout.states)))
@@ -231,7 +249,7 @@ def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
         if state in states:
             x[:, s] = solution.x[:, states.index(state)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
-    return linear_segment(other, ())
+    return linear_segment(other, names)
 
 
 def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:

@@ -1,12 +1,16 @@
 """The maximum of the likelihood of the innovations over factors of noise.
 
 With theta the logarithms of all factors, and g, A gradient and expected second derivative of
--2 log L (`likelihood`), the maximum is searched by scoring with damping d,
+-2 log L (`likelihood`), the maximum is searched by scoring,
 
-    theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,
+    theta <- theta + l s,     (A + k I) s = -g,     within the factors of `RANGE`,
     cov theta = 2 A^-1 at the maximum                                                          (N.1)
 
-from the best of a few starts.
+from the best of a few starts. Where the model of the noise is wrong, the curvature along a step is
+not s' A s but c times as large: the gain of a step l s tells c, and the next has l = 1 / c where c
+is above one,
+
+    gain of l s = -l s' g - c l^2 s' A s / 2                                                   (N.2)
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +26,8 @@ from .likelihood import IMU, Evaluated, LinearSegment, evaluate
 RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
 # of a search; its last step and gain; and its longest step, a factor of e (chosen)
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
+LENGTHS = (0.01, 1.0)  # of a step, l of (N.1): the shortest that is tried (chosen), and the whole
+HOPE = 10.0  # gains of the last step, as many as a search may still win (chosen)
 # of the information: standard deviations of a logarithm of 1400 and 45 000
 LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
 STARTED = 0.3  # of the search: by then the best of the starts is known
@@ -83,7 +89,9 @@ class Search:
     range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
     gain: float = DONE
 
-    def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
+    def maximum(
+        self, free: np.ndarray, starts: Sequence[float] = STARTS, to_beat: float = np.inf
+    ) -> Maximum:
         """Maximise over some parameters, the others at one, from the best start.
 
         Parameters
@@ -92,11 +100,13 @@ class Search:
             The parameters that vary.
         starts : sequence of float
             Logarithms of the IMU's factors from which it is looked for.
+        to_beat : float
+            Value of -2 log L at which another search arrived.
 
         Returns
         -------
         Maximum
-            The maximum.
+            The maximum; where it stays above `to_beat` in any case, a point on the way to it.
         """
         moved = np.array([name in IMU for name in self.names]) & free
         thetas = [np.where(moved, s, 0.0) for s in (starts if moved.any() else STARTS[:1])]
@@ -107,33 +117,43 @@ class Search:
                 Maximum(theta, evaluate(self.segments, theta, free)) for theta in through(thetas)
             ]
         with within(STARTED, 1.0):
-            return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
+            return self._climb(min(first, key=lambda m: m.evaluated.cost), free, to_beat)
 
-    def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
+    def _climb(self, here: Maximum, free: np.ndarray, to_beat: float) -> Maximum:
         """Climb to the maximum by (N.1)."""
         low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
-        damping, longest = 0.0, 0.0
+        length, longest = 1.0, 0.0
         for _ in range(STEPS):
             theta, g = here.theta, here.evaluated.gradient
             active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
             if not active.any():
                 break
             A = here.evaluated.information[np.ix_(active, active)]
-            step = -np.linalg.solve(A + np.diag(damping * np.diag(A) + 1e-6), g[active])
             moved = theta.copy()
-            moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+            moved[active] += np.clip(length * _step(A, g[active]), -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
             there = Maximum(moved, evaluate(self.segments, moved, free))
             size = float(np.abs(moved - theta).max())
             longest = max(longest, size)
             share(converged(size, longest, DONE))
-            if there.evaluated.cost <= here.evaluated.cost:
-                small = here.evaluated.cost - there.evaluated.cost < self.gain or size < DONE
-                here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
-                if small:
-                    break
-            elif size < DONE or damping > 1e6:
+            gain, step = here.evaluated.cost - there.evaluated.cost, (moved - theta)[active]
+            if gain >= 0.0:
+                here = there
+            if size < DONE or 0.0 <= gain < self.gain or (gain < 0.0 and length == LENGTHS[0]):
                 break
-            else:
-                damping = max(10.0 * damping, 1e-2)
+            if here.evaluated.cost - HOPE * abs(gain) > to_beat:
+                break
+            curvature = 2.0 * float(-step @ g[active] - gain) / max(float(step @ A @ step), 1e-300)
+            length = float(np.clip(1.0 / max(curvature, 1e-3), *LENGTHS))
         return here
+
+
+def _step(A: Array, g: Array) -> Array:
+    """Solve (A + k I) s = -g with the least k that leaves no component beyond the longest step.
+
+    What the data determine moves as without k, what they hardly determine no further than that.
+    """
+    ridge = LEAST_INFORMATION
+    while np.abs(step := np.linalg.solve(A + ridge * np.eye(len(A)), -g)).max() > LONGEST_STEP:
+        ridge *= 4.0
+    return np.asarray(step, dtype=np.float64)

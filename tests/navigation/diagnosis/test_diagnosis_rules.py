@@ -309,12 +309,15 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
     }
     gains[0.5, 60.0] = gain  # what is looked at first
     cost = {key: 100.0 - value for key, value in gains.items()}
-    monkeypatch.setattr(variances_module, "_linearised", lambda part, layout: layout)
+    monkeypatch.setattr(variances_module, "_linearised", lambda part, layout, names: layout)
     monkeypatch.setattr(
         variances_module,
         "evaluate",
-        lambda layouts, _: SimpleNamespace(
-            cost=cost[round(layouts[0].gm_sigma[0], 9), layouts[0].correlation_time_s]
+        lambda layouts, theta, _: SimpleNamespace(
+            cost=cost[
+                round(layouts[0].gm_sigma[0] * float(np.exp(theta[0])), 9),
+                layouts[0].correlation_time_s,
+            ]
         ),
     )
 

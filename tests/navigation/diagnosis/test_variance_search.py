@@ -149,12 +149,12 @@ def slow_error(monkeypatch, gain):
     part = SimpleNamespace(problem=SimpleNamespace(epochs=SimpleNamespace(time=np.r_[0.0, 300.0])))
     looked = SimpleNamespace(part=part, nothing=SimpleNamespace(cost=1000.0))
 
-    def evaluated(segments, _):
+    def evaluated(segments, theta, _):
         (errors,) = segments
-        own = gain(errors.gm_sigma[0], errors.correlation_time_s)
+        own = gain(errors.gm_sigma[0] * np.exp(theta[0]), errors.correlation_time_s)
         return SimpleNamespace(cost=1000.0 - own)
 
-    monkeypatch.setattr(variances, "_linearised", lambda _, errors: errors)
+    monkeypatch.setattr(variances, "_linearised", lambda _, errors, names: errors)
     monkeypatch.setattr(variances, "evaluate", evaluated)
     return VarianceSearch.slow_error(looked, lambda errors: errors, FixErrors())
 
@@ -176,7 +176,7 @@ def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
     assert carried.gm_sigma == pytest.approx((value**0.5,) * 3)
     assert carried.correlation_time_s == pytest.approx(value / slope)
     assert carried.white_scale == (1.0, 1.0, 1.0)
-    shown = slow_error(monkeypatch, lambda c, T: 3.0 + 3000.0 * (c == 1.0))
+    shown = slow_error(monkeypatch, lambda c, T: 3.0 + 3000.0 * (abs(c - 1.0) < 1e-9))
     assert shown is not None
     assert shown.gm_sigma == pytest.approx((1.0,) * 3)
     assert shown.correlation_time_s == pytest.approx(1.0 / sum(p / T for T, p in SLOW_S.items()))
