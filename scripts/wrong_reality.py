@@ -106,7 +106,8 @@ def run(case: Case, motion: str, seed: int) -> Run:
     """Plant a fault, estimate, and judge."""
     sim = recording(motion, seed, case.simulated)
     mounting = replace(sim.mounting, antenna_sigma_m=CALIPER_M)
-    scene = Scene(sim.imu, sim.gnss, None if motion == "car" else sim.events, mounting)
+    events = None if motion == "car" else sim.events
+    scene = Scene(sim.imu, sim.gnss, events, mounting, truth=sim.truth.trajectory)
     scene = case.plant(scene, np.random.default_rng([seed, zlib.crc32(case.name.encode())]))
     plane = sim.tangent_plane
     try:

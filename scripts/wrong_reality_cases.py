@@ -15,7 +15,8 @@ import insgnss
 
 RATE_HZ = 100.0  # of the IMU
 EARTH_A, EARTH_E2 = 6378137.0, 6.69437999014e-3
-DEG_H, MG = np.radians(1.0) / 3600.0, 9.80665e-3
+G = 9.80665
+DEG_H, MG = np.radians(1.0) / 3600.0, 1e-3 * G
 
 LEVER, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "clock rate"
 NOISE, SIGMAS = "IMU noise:", "GNSS sigmas:|: the GNSS sigmas are too small"
@@ -41,6 +42,7 @@ class Scene:
     events: insgnss.CameraEvents | None
     mounting: insgnss.Mounting
     noise: str = "navchip"
+    truth: insgnss.Trajectory | None = None
 
     def of_imu(self, **changes: Any) -> "Scene":
         """The scene with other samples."""
@@ -155,6 +157,62 @@ def warming(gyro: float, accel: float, time_s: float) -> Plant:
 def claimed(factor: float) -> Plant:
     """The fixes claim that many times their sigmas."""
     return lambda scene, draw: scene.of_gnss(cov_ned=scene.gnss.cov_ned * factor**2)
+
+
+def rectified(accel: float) -> Plant:
+    """Accelerometer biases of this size a tenth of g of load beyond one, alike on all axes."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        load = np.linalg.norm(scene.imu.accel, axis=1) / G - 1.0
+        return scene.of_imu(accel=scene.imu.accel + accel * (load / 0.1)[:, None])
+
+    return plant
+
+
+def late_gyro(late_s: float) -> Plant:
+    """The gyros show what the accelerometers show so much later."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        time, gyro = scene.imu.time, scene.imu.gyro
+        late = [np.interp(time - late_s, time, gyro[:, c]) for c in range(3)]
+        return scene.of_imu(gyro=np.stack(late, axis=1))
+
+    return plant
+
+
+def one_axis(sensor: str, row: int, column: int, rad: float) -> Plant:
+    """One axis of a sensor is turned towards one other."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        M = np.eye(3)
+        M[row, column] = rad
+        return scene.of_imu(**{sensor: getattr(scene.imu, sensor) @ M.T})
+
+    return plant
+
+
+def tracked(natural_hz: float) -> Plant:
+    """A receiver's loop follows the antenna behind by its acceleration over (2 pi Hz)^2."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        true = scene.truth.at(scene.gnss.time)
+        wn, dt = 2.0 * np.pi * natural_hz, float(np.median(np.diff(scene.gnss.time)))
+        behind = -np.gradient(true.velocity_ned, dt, axis=0) / wn**2
+        return moved(lambda since, _: behind)(scene, draw)
+
+    return plant
+
+
+def dropped(samples: int, since_s: float) -> Plant:
+    """Samples are lost at once, and the stamps count on without them."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        imu = scene.imu
+        k = int(np.searchsorted(imu.time - imu.time[0], since_s))
+        keep = np.r_[:k, k + samples : imu.time.size]
+        return scene.of_imu(time=imu.time[: keep.size], gyro=imu.gyro[keep], accel=imu.accel[keep])
+
+    return plant
 
 
 def moved(error: Callable[[np.ndarray, Draw], np.ndarray]) -> Plant:
@@ -274,6 +332,12 @@ CASES = (
         for s in ("gyro", "accel")
         for a in (0.002, 0.01)
     ),
+    Case("gyro x 5 mrad from y", one_axis("gyro", 0, 1, 0.005), "gyro x from y"),
+    Case("gyro x 5 mrad from z", one_axis("gyro", 0, 2, 0.005), "gyro x from z"),
+    Case("accel bias 2 mg a tenth of g", rectified(2.0 * MG), "load"),
+    *(Case(f"gyros {ms:g} ms late", late_gyro(1e-3 * ms), "gyros") for ms in (2.0, 5.0)),
+    *(Case(f"receiver's loop of {hz:g} Hz", tracked(hz), "loop") for hz in (1.0, 2.0, 4.0)),
+    *(Case(f"{n} samples lost", dropped(n, 150.0), "samples (were )?lost") for n in (4, 20)),
     Case("gyro white noise x 3", noisy(gyro=3.0), NOISE, True),
     Case("gyro white noise x 10", noisy(gyro=10.0), NOISE),
     Case("accel white noise x 3", noisy(accel=3.0), NOISE, True),

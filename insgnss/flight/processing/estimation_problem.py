@@ -1,7 +1,7 @@
 """The estimation problem of a segment: its increments, measurements and error states."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from ...navigation.prepare.clock import cut_fixes
 from ...navigation.prepare.increments import merge_marks
 from ...records import Array, GnssFixes
 from ...records.measurements import Measurement
-from ...records.states import LEVER_ARM, TIME_OFFSET
+from ...records.states import LEVER_ARM, MISALIGNMENT, SCALE_FACTOR, TIME_OFFSET, State
 from ..config.flight_file import Flight
 from .recording import Recording
 
@@ -174,6 +174,16 @@ def layout_factory(
         else BarometerErrors(barometer.bias_sigma_m, barometer.bias_walk, barometer.scale_sigma)
     )
 
+    requested = [
+        replace(state, sensor=sensor)
+        for state, is_requested in (
+            (State(SCALE_FACTOR), options.scale_factor),
+            (State(MISALIGNMENT, unit="rad"), options.misalignment),
+        )
+        for sensor in ("gyro", "accel")
+        if is_requested
+    ]
+
     def layout(errors: FixErrors, imu: ImuErrors = AS_STATED) -> StateLayout:
         return state_layout(
             imu.of(noise),
@@ -183,6 +193,7 @@ def layout_factory(
             of_barometer,
             imu.slow,
             measurements,
+            (*imu.constants, *requested) if imu.constants else (),
         )
 
     return layout

@@ -60,7 +60,9 @@ class ImuErrors:
     Parameters
     ----------
     scale_factor, misalignment : float, optional
-        A-priori sigma of these states of every channel; None: as the flight file has it.
+        A-priori sigma of these states; None: as the flight file has it.
+    constants : tuple of State
+        Those that are states, all of a sensor where the axis is empty; empty for every channel.
     white_noise, driving_noise : tuple of float
         (2,) factors of the root densities of white noise, and of what drives random walks and
         Gauss-Markov processes, of gyros and of accelerometers.
@@ -70,6 +72,7 @@ class ImuErrors:
 
     scale_factor: float | None = None
     misalignment: float | None = None
+    constants: tuple[State, ...] = ()
     white_noise: tuple[float, float] = (1.0, 1.0)
     driving_noise: tuple[float, float] = (1.0, 1.0)
     slow: SlowBias | None = None
@@ -138,7 +141,8 @@ def with_constants(model: ErrorModel, groups: Sequence[State], factor: float = 1
     model : ErrorModel
         What is estimated already.
     groups : sequence of State
-        Groups of `constants.group_of`; one brings those with it that are states together only.
+        Groups of `constants.group_of`, or single states of an IMU; of the clock both are states
+        together only.
     factor : float
         Of the a-priori sigmas of the fixes' constants.
 
@@ -149,6 +153,11 @@ def with_constants(model: ErrorModel, groups: Sequence[State], factor: float = 1
     """
     fixes, imu = model.fixes, model.imu
     kinds = {one.group for one in groups}
+    of_imu = tuple(one for one in groups if one.group in (SCALE_FACTOR, MISALIGNMENT))
+    if of_imu:
+        of_sensors = all(one.sensor for one in of_imu)
+        constants = tuple(dict.fromkeys((*imu.constants, *of_imu))) if of_sensors else ()
+        imu = replace(imu, constants=constants)
     if LEVER_ARM in kinds:
         fixes = replace(fixes, lever_arm_m=factor * WIDE_LEVER_ARM_M)
     if kinds & {TIME_OFFSET.group, CLOCK_RATE.group}:

@@ -13,19 +13,22 @@ J and j of (Y.2) and D the sigma a priori, a step at t explains in log evidence
 
 beyond offset and rate. Two passes more look between the neighbours of the best instant, down to the
 interval of the fixes. An IMU's clock that steps ahead leaves a gap in its stamps, which is bridged
-as if the flight had gone on meanwhile, and one that steps back has its samples left out until the
-stamps go on: such a step puts the position off by -v as well, so that flying straight on shows
-nothing of it. Each gap is a candidate besides, for a step as long as it is, each instant one for a
-step back.
+as if the flight had gone on meanwhile. A logger that loses samples and counts on, or has those left
+out whose stamps went back, leaves none: its stamps fall behind. Such a step puts the position off
+by -v as well, so that flying straight on shows nothing of it. Each gap is a candidate besides, for
+a step as long as it is, each instant one for lost samples.
 
 The step is then tried: the fixes from t on are moved along the flight by
 
     z(t) <- z(t) - [p(t + s) - p(t)]                                                          (Z.2)
 
 p the antenna of the solution, a gap is closed, and the flight is solved again, which is what mended
-stamps would give. It is shown where that follows the fixes without a covariance reset, which fixes
-that jump to one side would need as well, and its likelihood of all innovations (`evidence.misfit`)
-is better than that of whatever was adopted without it by `SHOWN`.
+stamps would give. Of lost samples instant and length are looked for again by the misfit of the
+whole flight, with as much time inserted, which is bridged and has the variance (G.1) of
+`navigation.prepare.gaps`, worked out from the increments around. A step is shown where that follows
+the fixes without a covariance reset, which fixes that jump to one side would need as well, and its
+likelihood of all innovations (`evidence.misfit`) is better than that of whatever was adopted
+without it by `SHOWN`.
 """
 
 from collections.abc import Callable
@@ -40,6 +43,7 @@ from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
 from ..filter.codes import (
     COVARIANCE_RESET,
+    N_CHANNELS,
     N_NAV,
     NHC,
     NO_CONSTRAINT,
@@ -68,6 +72,11 @@ REFINED = 3  # times that the size is estimated with the fixes moved
 # best of a hundred instants reaches 6 by chance, slow errors of the fixes somewhat more
 SHOWN = 20.0
 EDGE_FIXES = 20  # on either side of a step, without which it is a matter of the ends
+# s between instants that are tried for lost samples, from the one that (Z.1) shows on: as far as
+# the misfit falls, and beyond by so many; then around the best, from one spacing to the next
+SPACINGS_S, BEYOND = (2.0, 0.5, 0.1), 6
+AROUND_S = 30.0  # s on either side, whose motion shows how well lost samples are bridged
+SAME_S = 7  # decimals of a second, to which two instants are one
 
 
 @dataclass(frozen=True)
@@ -84,6 +93,8 @@ class ClockStep:
         Logarithm, against what was adopted without a step.
     of_imu : bool
         Whether it is the IMU's clock that steps, as its stamps show.
+    missing : int
+        Number of the samples that the IMU lost, whose stamps count on without them.
     solution : Solution
         The flight with the fixes after it moved.
     """
@@ -94,6 +105,7 @@ class ClockStep:
     sigma: float
     evidence: float
     of_imu: bool
+    missing: int
     solution: Solution
 
 
@@ -134,7 +146,8 @@ def find_clock_step(
         candidate = _strongest(*posed)
         if candidate is None:
             return None
-        stepped, step_s, sigma = _refined(*posed, candidate)
+        mended = _with_samples if candidate.loses_samples else _refined
+        stepped, since, step_s, sigma = mended(*posed, candidate)
         solution = solve(stepped, posed[1], second_pass, progress)
     except DataError:
         return None
@@ -143,19 +156,20 @@ def find_clock_step(
     gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(solution))
     if not follows(solution) or gained < SHOWN or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M:
         return None
+    missing = round(-step_s / problem.inc.nominal_s) if candidate.loses_samples else 0
     epochs, begin = problem.epochs, float(problem.inc.marks[0])
     fixes = epochs.time[epochs.has_position]
-    k = int(np.searchsorted(fixes, candidate.since))
+    k = int(np.searchsorted(fixes, since))
     before, after = begin + float(fixes[k - 1]), begin + float(fixes[k])
-    of_imu = candidate.lapse is not None
-    return ClockStep(before, after, step_s, sigma, float(gained), of_imu, solution)
+    of_imu = candidate.loses_samples or candidate.lapse is not None
+    return ClockStep(before, after, step_s, sigma, float(gained), of_imu, missing, solution)
 
 
 @dataclass(frozen=True)
 class _Lapse:
-    """Where the stamps of the IMU lapse: its clock steps ahead over a gap, or back over samples.
+    """A gap at which the clock of the IMU steps ahead.
 
-    `epochs` are those that a gap was bridged at, `intervals` are put right, by `step_s` in all.
+    `epochs` are those that it was bridged at, `intervals` are put right, by `step_s` in all.
     """
 
     epochs: np.ndarray
@@ -165,12 +179,13 @@ class _Lapse:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """The instant that shows a step best, its size, the lapse of the IMU's clock, if it is its."""
+    """What shows a step best: the instant, its size, and a gap or lost samples of the IMU."""
 
     solution: Solution
     since: float
     step_s: float
-    lapse: _Lapse | None
+    lapse: _Lapse | None = None
+    loses_samples: bool = False
 
 
 def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | None:
@@ -201,8 +216,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         of_imu = np.full(INSTANTS, kind[k])
         reach = NEIGHBOURS * (high - low) / (INSTANTS - 1)
         low, high = max(best - reach, first), min(best + reach, last)
-    lapse = _stepping_back(problem, best, step_s) if of_imu[0] else None
-    return _Candidate(solution, best, step_s, lapse)
+    return _Candidate(solution, best, step_s, loses_samples=bool(of_imu[0]))
 
 
 def _shown(
@@ -221,17 +235,10 @@ def _shown(
     return solution, size, evidence
 
 
-def _stepping_back(problem: EstimationProblem, instant: float, step_s: float) -> _Lapse:
-    """Return the lapse of a clock that steps back at an instant: samples before it are left out."""
-    stop = problem.epochs.stop
-    e = max(int(np.searchsorted(problem.epochs.time, instant)), 1)
-    return _Lapse(np.zeros(0, dtype=np.int64), np.arange(stop[e - 1], stop[e]), step_s)
-
-
 def _refined(
     problem: EstimationProblem, start: InitialState, candidate: _Candidate
-) -> tuple[EstimationProblem, float, float]:
-    """Return the problem with a step mended, its size and its sigma, which the rest tells."""
+) -> tuple[EstimationProblem, float, float, float]:
+    """Return the problem with a step mended, its instant, its size and its sigma."""
     since, step_s, solution = candidate.since, candidate.step_s, candidate.solution
     problem = problem if candidate.lapse is None else _without_lapse(problem, candidate.lapse)
     instants, none = np.array([since]), np.zeros((1, N_NAV))
@@ -241,7 +248,76 @@ def _refined(
         step_s += float(size[0])
         if abs(size[0]) < sigma[0]:
             break
-    return _moved(problem, solution, since, step_s), step_s, float(sigma[0])
+    return _moved(problem, solution, since, step_s), since, step_s, float(sigma[0])
+
+
+def _with_samples(
+    problem: EstimationProblem, start: InitialState, candidate: _Candidate
+) -> tuple[EstimationProblem, float, float, float]:
+    """Return the problem with lost samples bridged, the instant, the step and its sigma."""
+    time, velocity = problem.epochs.time, candidate.solution.nav[:, VEL]
+
+    def outcome(since: float, step_s: float) -> tuple[float, float, float, float]:
+        jump = np.zeros((1, N_NAV))
+        jump[0, POS] = -velocity[np.searchsorted(time, since)]
+        bridged = _fixes_alone(_bridged(problem, since, -step_s))
+        solution, size, sigma, _ = _scanned(bridged, start, np.array([since]), jump)
+        # of the misfit, with the step that this one shows
+        gain = float(size[0] / sigma[0]) ** 2
+        step_s = min(step_s + float(size[0]), -problem.inc.nominal_s)
+        return misfit(solution) - gain, since, step_s, float(sigma[0])
+
+    coarse, *finer = SPACINGS_S
+    best = outcome(candidate.since, candidate.step_s)
+    for spacing in (-coarse, coarse):
+        since, in_vain = best[1], 0
+        while in_vain < BEYOND and coarse < since + spacing < time[-1] - coarse:
+            since += spacing
+            one = outcome(since, best[2])
+            in_vain = in_vain + 1 if one > best else 0
+            best = min(best, one)
+    reach = coarse
+    for spacing in finer:
+        around = np.clip(best[1] + np.arange(-reach, reach, spacing), coarse, time[-1] - coarse)
+        best = min(outcome(float(since), best[2]) for since in around)
+        reach = spacing
+    _, since, step_s, sigma = best
+    return _bridged(problem, since, -step_s), since, step_s, sigma
+
+
+def _bridged(problem: EstimationProblem, since: float, lost_s: float) -> EstimationProblem:
+    """Return the problem with time inserted at an instant, after which the stamps fall behind."""
+    inc, epochs = problem.inc, problem.epochs
+    old = np.concatenate([[0.0], np.cumsum(inc.dt)])
+    sums = np.cumsum(np.hstack([inc.dtheta, inc.dvel]), axis=0)
+    sums = np.concatenate([np.zeros((1, N_CHANNELS)), sums])
+    k = int(np.argmin(np.abs(old - since)))
+
+    def interpolated(time: Array, nodes: Array, values: Array) -> Array:
+        return np.stack([np.interp(time, nodes, column) for column in values.T], axis=1)
+
+    one = inc.nominal_s
+    begin, end = max(old[k] - AROUND_S, one), min(old[k] + AROUND_S, old[-1] - lost_s - one)
+    around = np.arange(begin, end, 0.25 * lost_s)
+    edges = [interpolated(around + after, old, sums) for after in (-one, 0.0, lost_s, lost_s + one)]
+    first, within, last = np.diff(edges, axis=0)
+    variance = np.mean((0.5 * lost_s / one * (first + last) - within) ** 2, axis=0)
+    ends = interpolated(old[k] + one * np.array([-1.0, 1.0]), old, sums)
+    nodes = np.concatenate([old[: k + 1], old[k:] + lost_s])
+    sums = np.concatenate([sums[: k + 1], sums[k:] + 0.5 * lost_s / one * (ends[1] - ends[0])])
+    time = np.round(epochs.time, SAME_S)
+    every = np.unique(np.round(np.concatenate([nodes, time]), SAME_S))
+    every = every[every <= time[-1]]
+    stop = np.searchsorted(every, time)
+    change = np.diff(interpolated(every, nodes, sums), axis=0)
+    dtheta, dvel = (np.ascontiguousarray(half) for half in np.hsplit(change, 2))
+    before = np.where(time > old[k], np.maximum(time - lost_s, old[k]), time)
+    rate = interpolated(before, epochs.time, inc.rate)
+    inside = np.clip(time, old[k], old[k] + lost_s)
+    share = np.diff(inside, prepend=inside[0]) / lost_s
+    inc = replace(inc, dt=np.diff(every), dtheta=dtheta, dvel=dvel, stop=stop, rate=rate)
+    epochs = epochs._replace(stop=stop, rate=rate, gap=epochs.gap + np.outer(share, variance))
+    return replace(problem, inc=inc, epochs=epochs)
 
 
 def step_check(step: ClockStep) -> Finding:
@@ -261,15 +337,9 @@ def step_check(step: ClockStep) -> Finding:
     beyond = (
         "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond any rate"
     )
-    back = step.of_imu and step.size < 0.0
     whose = ""
     if step.of_imu:
-        whose = (
-            "; the IMU's stamps fall behind there: its clock went back, or samples were lost and"
-            " the stamps counted on without them"
-            if back
-            else "; the IMU's stamps have a gap as long there, so its clock it is"
-        )
+        whose = "; the IMU's stamps have a gap as long there, so its clock it is"
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
     if step.of_imu:
         mended = f"add {to_imu} from there on, and to events of its clock"
@@ -280,19 +350,24 @@ def step_check(step: ClockStep) -> Finding:
         )
     parts = (
         ""
-        if back
+        if step.missing
         else f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
-    about = "some seconds about " if back else ""
+    moves = f"{abs(step.size) * speed:.2f} m at {speed:.1f} m/s{beyond}"
+    sentence = (
+        f"from {step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +- {step.sigma:.4f} s"
+        f" more than before, {moves}{whose}"
+    )
+    if step.missing:
+        sentence = (
+            f"{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost shortly"
+            f" before {step.after:.2f} s and the stamps count on without them: from there on they"
+            f" are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
+        )
     return Question(
         STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m"
-    ).contradiction(
-        f"from {about}{step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +-"
-        f" {step.sigma:.4f} s more than before, {abs(step.size) * speed:.2f} m at"
-        f" {speed:.1f} m/s{beyond}{whose}",
-        Step(f"{mended}: solved so, the flight follows its fixes{parts}"),
-    )
+    ).contradiction(sentence, Step(f"{mended}: solved so, the flight follows its fixes{parts}"))
 
 
 def _fixes_alone(problem: EstimationProblem) -> EstimationProblem:
@@ -339,8 +414,7 @@ def _gaps(problem: EstimationProblem) -> list[_Lapse]:
 def _without_lapse(problem: EstimationProblem, lapse: _Lapse) -> EstimationProblem:
     """Return the problem whose IMU's clock does not lapse.
 
-    A gap is one sample, as no time went by in it; where the stamps step back, the samples that were
-    left out for it are made up for by their neighbours.
+    A gap is one sample, as no time went by in it.
     """
     inc, k = problem.inc, lapse.intervals
     share = 1.0 - lapse.step_s / float(inc.dt[k].sum())

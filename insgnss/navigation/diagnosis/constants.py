@@ -87,7 +87,7 @@ class Hypothesis:
     Parameters
     ----------
     groups : tuple of State
-        The groups (`group_of`).
+        The groups (`group_of`), or single axes of the IMU.
     evidence : float
         Logarithm of its evidence against the flight file's.
     states : tuple of State
@@ -155,11 +155,22 @@ class ConstantsEvidence:
         Those whose estimates a sensor or a mounting may have; a constant that is requested, or has
         been given its wide sigma already, is not suspected.
         """
-        narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
-        groups = tuple(dict.fromkeys(g for g, k in zip(self.group, narrow, strict=True) if k))
-        groups = tuple(one for one in groups if one.group not in self.requested)
+        groups = tuple(dict.fromkeys(self._may_be_suspected))
         sizes = range(1, MOST_TOGETHER + 1)
-        every = [suspected for size in sizes for suspected in combinations(groups, size)]
+        return self._judged([one for size in sizes for one in combinations(groups, size)])
+
+    @cached_property
+    def _may_be_suspected(self) -> dict[State, list[State]]:
+        """The candidates of each group that have no wide sigma yet."""
+        narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
+        of_group: dict[State, list[State]] = {}
+        for group, state, is_narrow in zip(self.group, self.states, narrow, strict=True):
+            if is_narrow and group.group not in self.requested:
+                of_group.setdefault(group, []).append(state)
+        return of_group
+
+    def _judged(self, every: Sequence[tuple[State, ...]]) -> tuple[Hypothesis, ...]:
+        """Return the hypotheses that suspect these groups or single states, strongest first."""
         cases = [(suspected, factor) for suspected in every for factor in FACTORS]
         cost, estimate, cov = self._evaluate([((), 1.0), *cases])
         evidence = (cost[1:] - cost[0]).reshape(-1, len(FACTORS))
@@ -167,7 +178,7 @@ class ConstantsEvidence:
         hypotheses = []
         for k, (suspected, factor) in enumerate(zip(every, evidence.argmax(axis=1), strict=True)):
             case = 1 + k * len(FACTORS) + int(factor)
-            own = np.flatnonzero([group in suspected for group in self.group])
+            own = np.flatnonzero(self._is_suspected(suspected))
             of_imu = own[~self.of_fixes[own]]
             if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
                 continue
@@ -191,8 +202,8 @@ class ConstantsEvidence:
         -------
         Hypothesis or None
             The one of fewest groups within `OTHERS` of the strongest, of those that leave alone
-            what is stated as exact where there are any; None where that is not beyond `TAKEN`:
-            nothing is suspected.
+            what is stated as exact where there are any, and single axes of the IMU where they
+            explain as much as all; None where that is not beyond `TAKEN`: nothing is suspected.
         """
         every = self.hypotheses
         if not every:
@@ -200,7 +211,20 @@ class ConstantsEvidence:
         close = [one for one in every if one.evidence > every[0].evidence - OTHERS]
         close = [one for one in close if not self.denied(one)] or close
         simplest = min(close, key=lambda one: (len(one.groups), -one.evidence))
-        return simplest if simplest.evidence >= TAKEN else None
+        return self._of_single_axes(simplest) if simplest.evidence >= TAKEN else None
+
+    def _of_single_axes(self, one: Hypothesis) -> Hypothesis:
+        """Return the hypothesis with axes of the IMU in place of all of a sensor, if they do."""
+        chosen = tuple(group for group in one.groups if group in OF_FIXES)
+        axes = [s for g in one.groups if g not in OF_FIXES for s in self._may_be_suspected[g]]
+        while axes and len(chosen) < MOST_TOGETHER:
+            every = self._judged([(*chosen, axis) for axis in axes if axis not in chosen])
+            if not every:
+                break
+            if every[0].evidence > one.evidence - OTHERS:
+                return every[0]
+            chosen = every[0].groups
+        return one
 
     def rivals(self, of: Hypothesis) -> list[Hypothesis]:
         """Return other hypotheses that the flight does not tell apart from one.
@@ -214,12 +238,25 @@ class ConstantsEvidence:
         -------
         list of Hypothesis
             Those of as few groups whose evidence is within `OTHERS` of it; beside one that leaves
-            alone what is stated as exact, none that suspects it.
+            alone what is stated as exact, none that suspects it; beside one of single axes those of
+            others, but none of all axes with them.
         """
+        axes = [axis for axes in self._may_be_suspected.values() for axis in axes]
+        single = [group for group in of.groups if group.sensor and group.axis]
+        of_others = self._judged(
+            [
+                (*(group for group in of.groups if group != one), axis)
+                for one in single
+                for axis in axes
+                if axis.sensor and axis not in of.groups
+            ]
+        )
+        with_them = {one.of_all_axes for one in single}
         return [
             one
-            for one in self.hypotheses
+            for one in (*self.hypotheses, *of_others)
             if one.groups != of.groups
+            and with_them.isdisjoint(one.groups)
             and (self.denied(of) or not self.denied(one))
             and len(one.groups) <= len(of.groups)
             and one.evidence > of.evidence - OTHERS
@@ -284,12 +321,17 @@ class ConstantsEvidence:
         """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
         return np.array([state in OF_FIXES for state in self.states])
 
+    def _is_suspected(self, groups: tuple[State, ...]) -> list[bool]:
+        """Tell which candidates these groups or single states are."""
+        pairs = zip(self.states, self.group, strict=True)
+        return [state in groups or group in groups for state, group in pairs]
+
     def _evaluate(
         self, cases: Sequence[tuple[tuple[State, ...], float]]
     ) -> tuple[Array, Array, Array]:
         """Return F, e and cov e of (D.2) of groups and factors, in units of `wide`."""
         stated = self.stated / self.wide
-        is_suspected = np.array([[g in suspected for g in self.group] for suspected, _ in cases])
+        is_suspected = np.array([self._is_suspected(suspected) for suspected, _ in cases])
         factors = np.array([factor for _, factor in cases])
         own = np.where(self.of_fixes, factors[:, None] / FAR, 1.0)
         W = np.where(is_suspected, np.maximum(own, stated), stated)

@@ -24,7 +24,7 @@ a-priori sigma, and the time-correlated error of the fixes, a Gauss-Markov proce
 barometer, its bias, a random walk, and its scale factor, a constant.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -281,6 +281,7 @@ def state_layout(
     barometer: BarometerErrors | None = None,
     slow: SlowBias | None = None,
     measurements: Sequence[Measurement] = (),
+    constants: Collection[State] = (),
 ) -> StateLayout:
     """Return the states that a noise model asks for, and those that are asked for besides.
 
@@ -300,12 +301,19 @@ def state_layout(
         A slow bias of every channel, where there is one.
     measurements : sequence of Measurement
         Measurements with states of their own, which stand last.
+    constants : collection of State
+        The scale factors and misalignments that are states, all of a sensor where the axis is
+        empty; without any every channel has them.
 
     Returns
     -------
     StateLayout
         The states in their order.
     """
+
+    def chosen(state: State) -> bool:
+        return not constants or state in constants or state.of_all_axes in constants
+
     rows: list[Row] = []
     axes = [*model.gyro, *model.accel]
     for c, axis in enumerate(axes):
@@ -314,14 +322,14 @@ def state_layout(
         rows += [_slow_state(c, slow) for c in range(N_CHANNELS)]
     for c, axis in enumerate(axes):
         sensor, letter = CHANNELS[c]
-        if scale_factor:
-            state = State(SCALE_FACTOR, letter, "", sensor)
+        state = State(SCALE_FACTOR, letter, "", sensor)
+        if scale_factor and chosen(state):
             rows.append((state, c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE))
         if misalignment:
             sigma = axis.misalignment or DEFAULT_SCALE
             for j in range(3 * (c // 3), 3 * (c // 3) + 3):
                 state = State(MISALIGNMENT, f"{letter} from {CHANNELS[j][1]}", "rad", sensor)
-                if j != c:
+                if j != c and chosen(state):
                     rows.append((state, c, j, 0.0, 0.0, sigma))
     rows += _fix_states(fixes)
     if barometer is not None:

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from flown import Flown, fly, start_near
+from numpy.testing import assert_allclose
 
 from insgnss.navigation.diagnosis.candidates import FAR, ErrorModel, with_constants, with_layout
 from insgnss.navigation.diagnosis.clock_step import ClockStep, find_clock_step, step_check
+from insgnss.navigation.diagnosis.clock_step import _bridged as bridged
 from insgnss.navigation.diagnosis.clock_step import _moved as moved_fixes
 from insgnss.navigation.filter.epochs import make_epochs
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
@@ -72,31 +74,60 @@ def found(flown: Flown) -> ClockStep | None:
 
 
 @pytest.mark.parametrize(
-    ("imu", "gnss", "size", "of_imu", "within_s"),
+    ("imu", "gnss", "size", "of_imu", "missing"),
     [
-        (step(0.05), same, 0.05, True, 0.2),
-        (same, step(0.05), -0.05, False, 0.2),
-        (same, step(-0.05), 0.05, False, 0.2),
-        # flying straight on does not show when its samples were left out
-        (step(-0.05), same, -0.05, True, 15.0),
+        (step(0.05), same, 0.05, True, 0),
+        (same, step(0.05), -0.05, False, 0),
+        (same, step(-0.05), 0.05, False, 0),
+        # 5 and 20 samples are left out, and the stamps count on: the latter moves the fixes by
+        # metres, which a step of the clock in the one interval does not hold
+        pytest.param(step(-0.05), same, -0.05, True, 5, marks=pytest.mark.slow),
+        pytest.param(step(-0.2), same, -0.2, True, 20, marks=pytest.mark.slow),
     ],
 )
-def test_a_step_is_found_with_its_size_and_its_instant(clean, imu, gnss, size, of_imu, within_s):
+def test_a_step_is_found_with_its_size_and_its_instant(clean, imu, gnss, size, of_imu, missing):
     """Oracle: what was planted, by the sign of the flight file: what the fixes' stamps lack; to 4
-    sigma, and to the interval of the fixes where the data show the instant.
+    sigma, its instant to two intervals of the fixes, and the number of samples that are lost.
     """
     flown = posed(clean, imu, gnss)
     one = found(flown)
     assert one is not None
     assert one.size == pytest.approx(size, abs=4.0 * one.sigma + 1e-3)
     assert one.sigma < 2e-3
-    assert one.of_imu == of_imu
+    assert (one.of_imu, one.missing) == (of_imu, missing)
     at = clean.sim.imu.time[0] + AT_S
-    assert one.before - within_s < at < one.after + within_s
+    assert one.before - 0.2 < at < one.after + 0.2
     check = step_check(one)
     assert check.verdict == "contradiction"
-    assert f"{one.size:+.4f}" in check.found
+    assert (f"{missing} IMU samples were lost" if missing else f"{one.size:+.4f}") in check.found
     assert ("start_tow" in check.advice) == (not of_imu or size > 0.0)
+
+
+def test_lost_samples_are_bridged_as_a_gap_of_true_stamps(clean):
+    """Oracle: the same samples with their true stamps, whose gap `navigation.prepare` bridges: the
+    increments of it agree to its variance, the variance to a factor of two, all others agree.
+    """
+    lost = posed(clean, step(-0.2), same).problem
+    gap = posed(clean, lambda t: np.where((t > AT_S + 1e-6) & (t < AT_S + 0.201), -1.0, t), same)
+    since = clean.sim.imu.time[0] + AT_S - lost.inc.marks[0]
+    mended, true = bridged(lost, since, 0.2), gap.problem
+    last = mended.epochs.time.size
+    assert_allclose(true.epochs.time[:last], mended.epochs.time)
+    totals = []
+    for problem in (mended, true):
+        inc, stop = problem.inc, problem.epochs.stop[:last]
+        sums = np.cumsum(np.hstack([inc.dt[:, None], inc.dtheta, inc.dvel]), axis=0)
+        totals.append(np.diff(sums[stop[1:] - 1], axis=0))
+    off, variance = totals[0] - totals[1], mended.epochs.gap
+    assert_allclose(off[:, 0], 0.0, atol=2e-7)
+    of_gap = true.epochs.gap[:last]
+    assert ((variance > 0.0) == (of_gap > 0.0)).all()
+    inside = variance[2:, 0] > 0.0
+    assert_allclose(off[~inside, 1:], 0.0, atol=1e-6)
+    assert (np.abs(off[inside, 1:].sum(axis=0)) < 2.0 * np.sqrt(variance.sum(axis=0))).all()
+    ratio = variance.sum(axis=0) / of_gap.sum(axis=0)
+    assert (ratio > 0.5).all()
+    assert (ratio < 2.0).all()
 
 
 def test_fixes_that_were_withheld_are_heard_again(clean):

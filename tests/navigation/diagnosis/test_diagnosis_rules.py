@@ -487,12 +487,13 @@ def test_when_a_clock_steps(monkeypatch, changes, found) -> None:
     after = solved(
         100 - changes.get("rejected", 0), changes.get("rejected", 0), changes.get("resets", 0)
     )
-    candidate = SimpleNamespace(since=3.2, lapse=None) if changes.get("candidate", True) else None
+    shown = SimpleNamespace(since=3.2, lapse=None, loses_samples=False)
+    candidate = shown if changes.get("candidate", True) else None
     monkeypatch.setattr(clock_step, "with_layout", lambda problem, start, layout: (problem, start))
     monkeypatch.setattr(clock_step, "widened", lambda problem, start, layout: (problem, start))
     monkeypatch.setattr(clock_step, "replace", lambda problem, **changes: problem)
     monkeypatch.setattr(clock_step, "_strongest", lambda *_: candidate)
-    monkeypatch.setattr(clock_step, "_refined", lambda *_: (None, -0.01, 1e-3))
+    monkeypatch.setattr(clock_step, "_refined", lambda *_: (None, 3.2, -0.01, 1e-3))
     monkeypatch.setattr(clock_step, "solve", lambda *_: after)
     monkeypatch.setattr(clock_step, "misfit", lambda one: 0.0 if one is after else gained)
     monkeypatch.setattr(clock_step, "rms_speed", lambda _: changes.get("speed", 10.0))

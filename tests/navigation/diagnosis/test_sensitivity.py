@@ -38,9 +38,8 @@ STATED = ErrorModel(FixErrors(lever_arm_m=2e-3, time_offset_s=1e-4))
 
 def layout(model: ErrorModel) -> StateLayout:
     imu: ImuErrors = model.imu
-    return state_layout(
-        imu.of(NAVCHIP), imu.scale_factor is not None, imu.misalignment is not None, model.fixes
-    )
+    of_kinds = imu.scale_factor is not None, imu.misalignment is not None
+    return state_layout(imu.of(NAVCHIP), *of_kinds, model.fixes, constants=imu.constants)
 
 
 WIDE = layout(with_every_constant(STATED))
