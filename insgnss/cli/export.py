@@ -12,7 +12,8 @@ from ..base.output.staging import together
 from ..base.wording import spoken_as
 from ..flight.config.command_line import names_of
 from ..io.options.camera_options import ImageMatch
-from ..io.options.schema import argument
+from ..io.options.kinds import Checked
+from ..io.options.schema import Triple, argument
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -52,7 +53,7 @@ class ExportResult:
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(Checked):
     """Options of the verb."""
 
     eo: Path = argument(
@@ -116,6 +117,22 @@ class Request:
     )
     camera_delay: float = argument(
         0.0, "from the stamps of EO to the middle of the exposures", unit="s"
+    )
+    moved_base: tuple[Triple, Triple] | None = argument(
+        None,
+        "position of the base that EO was solved with, and the one that it should have had, each "
+        "LAT,LON,H: all positions move with it",
+        kind="moved",
+        metavar="OLD NEW",
+    )
+    base_sigma: Triple = argument(
+        (0.0, 0.0, 0.0),
+        "standard deviations of the new position north, east, down, common to all images",
+        unit="m",
+        low=0.0,
+        high=100.0,
+        needs=("moved_base",),
+        metavar="M M M",
     )
     force: bool = argument(
         False, "overwrite a run's own table in another frame, and what --out names where it differs"
@@ -212,13 +229,26 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     _warn_of_changed_inputs(given.eo)
     if given.camera is not None:
         eo = eo.of_camera(given.camera)
+    moved = _moved_base(given)
+    eo = eo if moved is None else moved.orientation(eo)
     progress(f"writing {out}")
     with together() as staging:
         done = export(eo, given.format, out, target, given.rename, **options)
         if not given.force:
             refuse_replacing(staging, out, given.out is not None, done.frame)
     files = (*(done.files or (done.file,)), *done.helpers)
-    return ExportResult(given.format, files, done.notes)
+    notes = done.notes if moved is None else (*done.notes, moved.sentence)
+    return ExportResult(given.format, files, notes)
+
+
+def _moved_base(request: argparse.Namespace) -> Any:
+    """Return the `MovedBase` that is asked for, or None."""
+    if request.moved_base is None:
+        return None
+    from ..navigation.prepare.moved_base import MovedBase
+
+    old, new = request.moved_base
+    return MovedBase(old, new, request.base_sigma)
 
 
 def _warn_of_changed_inputs(eo: Path) -> None:
@@ -301,6 +331,8 @@ def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) 
         raise UsageError(f"export: {out} holds the camera positions themselves; give --out")
     with spoken_as(names_of()):
         positions, notes = _read_positions(given)
+    if (moved := _moved_base(given)) is not None:
+        positions, notes = moved.positions(positions), (*notes, moved.sentence)
     progress(f"writing {out}")
     with together() as staging:
         done = export_positions(positions, given.format, out, target)
