@@ -9,7 +9,11 @@ from typing import Any, Literal
 
 from ..base.errors import UsageError
 from ..base.output.staging import together
-from ..io.options.schema import argument
+from ..base.wording import spoken_as
+from ..flight.config.command_line import names_of
+from ..io.options.camera_options import ImageMatch
+from ..io.options.kinds import Checked
+from ..io.options.schema import Triple, argument
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -17,7 +21,8 @@ EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metas
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
   insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
   insgnss export eo.json colmap --set camera="PINHOLE 5120 3840 5607 5607 2560 1920" --rename safe
-  insgnss export ppk/camera_positions.csv metashape
+  insgnss export DJI_202411_Timestamp.MRK metashape --images photos
+  insgnss export photos.csv pix4d_matic --fixes antenna.pos --time-scale utc+02:00
   insgnss export navchip kalibr --set rate=200 --set cluster=10 --out imu.yaml
   insgnss export --proof metashape proof_scene"""
 
@@ -48,14 +53,15 @@ class ExportResult:
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(Checked):
     """Options of the verb."""
 
     eo: Path = argument(
         ...,
-        "the eo.json of a processed flight or its directory, the camera_positions.csv of ppk, for "
-        "metashape, pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with "
-        "--proof: a format below)",
+        "the eo.json of a processed flight or its directory; positions without an IMU, for "
+        "metashape, pix4d_matic, pix4d_mapper and odm: .MRK, _events.pos, camera_positions.csv, "
+        "references of Metashape or Pix4D, any events with --fixes; or a noise model by name or "
+        "file (with --proof: a format below)",
         cli="EO",
     )
     format: str = argument(
@@ -98,6 +104,35 @@ class Request:
         "goes beside the export",
         repeated=True,
         metavar="RULE",
+    )
+    fixes: Path | None = argument(
+        None,
+        "positions of the antenna (.pos, NMEA, text), between which the exposures of EO are placed",
+        metavar="FILE",
+    )
+    time_scale: str | None = argument(
+        None,
+        "scale of exposures that are dates: utc, gpst, utc+02:00",
+        metavar="SCALE",
+    )
+    camera_delay: float = argument(
+        0.0, "from the stamps of EO to the middle of the exposures", unit="s"
+    )
+    moved_base: tuple[Triple, Triple] | None = argument(
+        None,
+        "position of the base that EO was solved with, and the one that it should have had, each "
+        "LAT,LON,H: all positions move with it",
+        kind="moved",
+        metavar="OLD NEW",
+    )
+    base_sigma: Triple = argument(
+        (0.0, 0.0, 0.0),
+        "standard deviations of the new position north, east, down, common to all images",
+        unit="m",
+        low=0.0,
+        high=100.0,
+        needs=("moved_base",),
+        metavar="M M M",
     )
     force: bool = argument(
         False, "overwrite a run's own table in another frame, and what --out names where it differs"
@@ -172,8 +207,9 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
         return noise_verb(given, progress)
     if given.eo.is_dir():
         given.eo = _master_of(given.eo)
-    if given.eo.suffix.lower() == ".csv":
+    if given.eo.suffix.lower() != ".json":
         return _positions_verb(given, progress)
+    _refuse_of_positions(given)
     from ..flight.exporting.export import Target, export, known_format
     from ..flight.exporting.options import typed_options
     from ..flight.exporting.replacing import refuse_replacing
@@ -193,13 +229,26 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     _warn_of_changed_inputs(given.eo)
     if given.camera is not None:
         eo = eo.of_camera(given.camera)
+    moved = _moved_base(given)
+    eo = eo if moved is None else moved.orientation(eo)
     progress(f"writing {out}")
     with together() as staging:
         done = export(eo, given.format, out, target, given.rename, **options)
         if not given.force:
             refuse_replacing(staging, out, given.out is not None, done.frame)
     files = (*(done.files or (done.file,)), *done.helpers)
-    return ExportResult(given.format, files, done.notes)
+    notes = done.notes if moved is None else (*done.notes, moved.sentence)
+    return ExportResult(given.format, files, notes)
+
+
+def _moved_base(request: argparse.Namespace) -> Any:
+    """Return the `MovedBase` that is asked for, or None."""
+    if request.moved_base is None:
+        return None
+    from ..navigation.prepare.moved_base import MovedBase
+
+    old, new = request.moved_base
+    return MovedBase(old, new, request.base_sigma)
 
 
 def _warn_of_changed_inputs(eo: Path) -> None:
@@ -230,12 +279,47 @@ def _master_of(directory: Path) -> Path:
     )
 
 
+def _refuse_of_positions(request: argparse.Namespace) -> None:
+    """Refuse options of positions without an IMU where there are orientations."""
+    for name in ("images", "skip_events", "fixes", "time_scale", "camera_delay"):
+        if getattr(request, name):
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(
+                f"export: {option} is of positions without an IMU, and {request.eo} has"
+                " orientations; leave it out"
+            )
+
+
+def _read_positions(request: argparse.Namespace) -> tuple[Any, tuple[str, ...]]:
+    """Return the positions of EO itself, or between fixes, and what to know of them."""
+    from ..gnss.exposures.camera_positions import exposures_between
+    from ..io.exposures.naming import named_positions
+    from ..io.formats.positions.camera_positions import read_camera_positions
+    from ..photogrammetry.comparison.of_records import positions_of
+    from ..photogrammetry.comparison.reading import read_poses, sniff_poses
+
+    path, match = request.eo, request.records[ImageMatch]
+    if request.fixes is not None:
+        return exposures_between(
+            path, request.fixes, match, request.time_scale, request.camera_delay
+        )
+    if request.time_scale is not None or request.camera_delay:
+        raise UsageError(
+            f"export: the positions of {path} do not move with --time-scale or --camera-delay; give"
+            " the antenna's positions as --fixes, or leave these options out"
+        )
+    if sniff_poses(path) == "camera_positions":
+        return named_positions(read_camera_positions(path), match)
+    poses = read_poses(path)
+    positions, notes = named_positions(positions_of(poses), match)
+    return positions, (*poses.notes, *notes)
+
+
 def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
-    """Write camera positions of PPK in a format that takes them without angles."""
+    """Write camera positions without an IMU in a format that takes them without angles."""
     from ..flight.exporting.export import Target
     from ..flight.exporting.positions import export_positions, position_format
     from ..flight.exporting.replacing import refuse_replacing
-    from ..io.formats.positions.camera_positions import read_camera_positions
 
     form = position_format(given.format)
     _refuse_camera(given, "for camera positions")
@@ -245,13 +329,16 @@ def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) 
     out = given.out or given.eo.parent / form.product
     if out.resolve() == given.eo.resolve():
         raise UsageError(f"export: {out} holds the camera positions themselves; give --out")
-    positions = read_camera_positions(given.eo)
+    with spoken_as(names_of()):
+        positions, notes = _read_positions(given)
+    if (moved := _moved_base(given)) is not None:
+        positions, notes = moved.positions(positions), (*notes, moved.sentence)
     progress(f"writing {out}")
     with together() as staging:
         done = export_positions(positions, given.format, out, target)
         if not given.force:
             refuse_replacing(staging, out, given.out is not None, done.frame)
-    return ExportResult(given.format, (done.file, *done.helpers), done.notes)
+    return ExportResult(given.format, (done.file, *done.helpers), (*done.notes, *notes))
 
 
 def frame_kind(word: str | None) -> str | None:
@@ -321,7 +408,7 @@ VERB = Verb(
     "export",
     "write the master exterior orientation in the format of a bundle adjustment",
     EXAMPLE,
-    (Request,),
+    (Request, ImageMatch),
     run,
     more_help=_list_formats,
 )

@@ -390,7 +390,7 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
             ["metashape", "--crs", "EPSG:2056", "--ground", "5000"],
             "is not below the cameras, the lowest of which is at 630.0 m",
         ),
-        (["metashape", "--crs", "EPSG:2056", "--ground", "nan"], "ground nan m is no height"),
+        (["metashape", "--crs", "EPSG:2056", "--ground", "nan"], "--ground nan: must be a number"),
         (
             ["kml"],
             (

@@ -151,6 +151,13 @@ class GnssInput:
         low=1980.0,
         high=2100.0,
     )
+    moved_base: tuple[Triple, Triple] | None = option(
+        None,
+        "old and new position of the base of ready positions, which all move with it",
+        kind="moved",
+        form="[old, new], each [latitude deg, longitude deg, ellipsoidal height m]",
+        of_file=True,
+    )
     variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     repeat_column: str | None = option(
         None,

@@ -223,7 +223,7 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: "Device") -> Gnss
     if isinstance(options.file, GnssFixes):
         return options.file
     assert options.file is not None
-    return read_gnss(
+    fixes = read_gnss(
         options.file,
         columns=options.columns,
         sigma_m=options.sigma_m,
@@ -234,6 +234,11 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: "Device") -> Gnss
         repeat_column=options.repeat_column,
         gps_week=gps_week,
     )
+    if options.moved_base is None:
+        return fixes
+    from ...navigation.prepare.moved_base import MovedBase
+
+    return MovedBase(*options.moved_base).fixes(fixes)
 
 
 def read_barometer_file(options: BarometerInput, gps_week: int | None) -> BarometerHeights:

@@ -19,11 +19,16 @@ The offset is taken as exact: its errors are those of the drone's attitude, 1 de
 of 0.2 m.
 """
 
+from pathlib import Path
+
 import numpy as np
 
 from ...base.errors import DataError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...geodesy.gpstime import WEEK_S
+from ...io.exposures.match import delayed
+from ...io.exposures.naming import ImageMatch, events_of, named
+from ...io.formats import read_gnss
 from ...records import Array, CameraEvents, Finding, GnssFixes, Question
 from ...records.cameras.camera_positions import CameraPositions
 from ...records.qualities import Quality
@@ -96,6 +101,37 @@ def camera_positions(
         events.source,
     )
     return positions, (_of_what(events), _interpolated(between))
+
+
+def exposures_between(
+    path: Path, fixes: Path, match: ImageMatch, time_scale: str | None, delay_s: float
+) -> tuple[CameraPositions, tuple[str, ...]]:
+    """Place the exposures of a file between the fixes of another one.
+
+    Parameters
+    ----------
+    path, fixes : Path
+        Exposures of any format, positions of the antenna.
+    match : ImageMatch
+        The images that name the exposures.
+    time_scale : str, optional
+        Scale of dates that do not say it.
+    delay_s : float
+        From a stamp to the middle of the exposure, s.
+
+    Returns
+    -------
+    positions : CameraPositions
+        As `camera_positions` has them.
+    notes : tuple of str
+        What a reader should know of the match and the interpolation.
+    """
+    events = named(events_of(path, match.image_ending, time_scale=time_scale), match)
+    positions, (_, interpolated) = camera_positions(read_gnss(fixes), delayed(events, delay_s))
+    notes = [f"{note.name}: {note.found}" for note in (*events.notes, interpolated)]
+    if outside := len(events) - len(positions):
+        notes.append(f"{outside} of {len(events)} exposures lie outside of {fixes.name}")
+    return positions, tuple(notes)
 
 
 def _moved(geodetic: Array, offset_ned: Array) -> tuple[Array, Array, Array]:

@@ -3,17 +3,21 @@
 Its keys are declared in `insgnss.io.options.camera_options`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...records import CameraEvents
+from ...records.cameras.camera_positions import CameraPositions
 from ..formats import read_events
 from ..options.camera_options import ImageMatch
 from .exif_events import exif_events
 from .images import image_names, image_times
 from .match import name_events
 
-__all__ = ["ImageMatch", "events_of", "named"]
+__all__ = ["ImageMatch", "events_of", "named", "named_positions"]
 
 
 def events_of(path: Path, ending: str | None = None, **spec: Any) -> CameraEvents:
@@ -53,3 +57,24 @@ def named(events: CameraEvents, wanted: ImageMatch) -> CameraEvents:
     return name_events(
         events, names, taken_s=taken, skip_events=wanted.skip_events, skip_images=wanted.skip_images
     )
+
+
+def named_positions(
+    positions: CameraPositions, wanted: ImageMatch
+) -> tuple[CameraPositions, tuple[str, ...]]:
+    """Give camera positions the names of the images, as `named` does with events.
+
+    Returns
+    -------
+    positions : CameraPositions
+        Those that are not to be skipped.
+    notes : tuple of str
+        What a reader should know of the match.
+    """
+    images, time = positions.images, positions.time
+    events = named(CameraEvents(images, time, positions.gps_week, positions.source), wanted)
+    notes = [f"{note.name}: {note.found}" for note in events.notes]
+    if wanted.images is None and all(name.isdecimal() for name in images):
+        notes.append("images are called by numbers; --images DIR gives their names")
+    chosen = positions[np.searchsorted(time, events.time)]
+    return replace(chosen, images=events.images), tuple(notes)

@@ -20,6 +20,9 @@ from ...base.wording import listed, named
 from .schema import Declared, class_names, declared, plain
 
 Problem = Callable[[Declared, Any], str]
+# m: a base that averaged its own position is off by metres, one of another datum by hundreds
+MOST_MOVED_M = 1000.0
+EARTH_M = 6.37e6  # radius of the Earth (m), for a distance that is held against MOST_MOVED_M
 COUNTS = ("", "a number", "two numbers", "three numbers")
 
 
@@ -301,6 +304,18 @@ def _no_place(item: Declared, value: Any) -> str:
     return f"must be latitude, longitude (deg), ellipsoidal height (m){advice}"
 
 
+def _no_moved(item: Declared, value: Any) -> str:
+    places: tuple[Any, ...] = value if isinstance(value, tuple) and len(value) == 2 else ("", "")
+    if problem := next(filter(None, (_no_place(item, position) for position in places)), ""):
+        return f"must be the old and the new position of the base; each {problem}"
+    (lat, lon, height), (new_lat, new_lon, new_height) = places
+    north = EARTH_M * math.radians(new_lat - lat)
+    east = EARTH_M * math.radians(new_lon - lon) * math.cos(math.radians(lat))
+    moved = math.hypot(north, east, new_height - height)
+    far = f"are {moved:.0f} m apart (limit {MOST_MOVED_M:g} m); {swapped(new_lat, new_lon)}"
+    return far if moved > MOST_MOVED_M else ""
+
+
 def _no_lever(item: Declared, value: Any) -> str:
     from ...records.cameras.mounting import MAX_LEVER_M
 
@@ -439,6 +454,7 @@ KINDS: dict[str, Kind] = {
     "numbers": _NUMBERS,
     "observations": _FILES,
     "origin": _POSITION,
+    "moved": Kind(_no_moved, _as_rows, word=comma_numbers),
     "pair": Kind(_no_numbers, _as_numbers, word=comma_numbers),
     "place": _POSITION,
     "quality_sigmas": Kind(no_mapping, by_name(_as_numbers), _no_sigmas),

@@ -1,10 +1,13 @@
-"""Poses of records in memory, for a comparison without files."""
+"""Poses of records in memory, for a comparison without files, and positions as records of poses."""
 
 import numpy as np
 
+from ...base.errors import InputError
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import NED_ENU
 from ...records import Array, ExteriorOrientation, Trajectory
+from ...records.cameras.camera_positions import CameraPositions
+from ...records.qualities import Quality
 from .poses import CoordinateFrame, Poses
 
 
@@ -72,3 +75,35 @@ def _turned(C: Array, P: Array) -> Array | None:
     """C P C^T, None where the variances are zero."""
     P = C @ P @ np.swapaxes(C, -1, -2)
     return P if (np.diagonal(P, axis1=1, axis2=2) > 0.0).all() else None
+
+
+def positions_of(poses: Poses) -> CameraPositions:
+    """Return poses of images, or what has no attitude, as camera positions, by time.
+
+    Raises
+    ------
+    InputError
+        A trajectory, and positions without standard deviations.
+    """
+    if poses.x == "body":
+        raise InputError.in_file(
+            poses.source, "is a trajectory of the IMU, not of images; give the eo.json beside it"
+        )
+    if poses.cov_position is None:
+        raise InputError.in_file(
+            poses.source,
+            "has no standard deviations of positions; give positions that have them, such as those"
+            " of PPK with --fixes antenna.pos",
+        )
+    time = np.arange(poses.n, dtype=np.float64) if poses.time is None else poses.time
+    images = poses.images or tuple(str(k + 1) for k in range(poses.n))
+    order = np.argsort(time, kind="stable")
+    return CameraPositions(
+        tuple(images[k] for k in order),
+        *(time[order], poses.lat[order], poses.lon[order], poses.height[order]),
+        NED_ENU @ poses.cov_position[order] @ NED_ENU.T,
+        np.full(poses.n, float(Quality.UNKNOWN)),
+        np.full(poses.n, float(poses.point == "projection centre")),
+        poses.gps_week,
+        poses.source,
+    )

@@ -106,3 +106,78 @@ def test_a_system_of_another_place_is_told(file, capsys):
     """Oracle: the area of use of EPSG:32732 in the registry, which is south of the equator."""
     assert main(["export", str(file), "odm", "--crs", "EPSG:32732", "-q"]) == 0
     assert "2 of 2 images lie outside: is it the right CRS?" in capsys.readouterr().out
+
+
+MRK = "".join(
+    f"{k}\t{10 + k}.000000\t[2024]\t0,N\t0,E\t0,V\t46.570{k},Lat\t6.54,Lon\t700.5,Ellh"
+    "\t0.030000, 0.040000, 0.050000\t50,Q\n"
+    for k in (1, 2, 3)
+)
+POS = (
+    "%  GPST  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)"
+    "  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio\n"
+)
+POS += "".join(
+    f"2024 {10 + k}.000 46.570{k} 6.54 700.5 1 9 0.0300 0.0400 0.0500 0 0 0 0 9\n" for k in range(6)
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words", "of_antenna"),
+    [
+        ("Timestamp.MRK", MRK, [], False),
+        ("rover_events.pos", POS, [], True),
+        (
+            "stamps.txt",
+            "10.5\n11.5\n12.5\n",
+            ["--fixes", "antenna.pos", "--camera-delay", "0.5"],
+            True,
+        ),
+    ],
+)
+def test_exposures_without_an_imu_are_exported(
+    tmp_path, capsys, monkeypatch, name, text, words, of_antenna
+):
+    """Oracle: the lines by hand: images in the order of the exposures, positions and deviations of
+    the file, or of fixes on a straight line half a second behind the stamps."""
+    monkeypatch.chdir(tmp_path)
+    rows = text.splitlines(keepends=True)
+    text = text if name != "rover_events.pos" else "".join(rows[:1] + rows[2:5])
+    (tmp_path / name).write_text(text)
+    (tmp_path / "antenna.pos").write_text(POS)
+    (tmp_path / "names.txt").write_text("c.jpg\nb.jpg\na.jpg\n")
+    assert main(["export", name, "metashape", "--images", "names.txt", *words]) == 0
+    lines = (tmp_path / "metashape_positions.csv").read_text().splitlines()[1:]
+    assert lines == [
+        f"{image},6.5400000000,46.570{k}000000,700.5000,0.04000,0.03000,0.05000"
+        for image, k in (("c.jpg", 1), ("b.jpg", 2), ("a.jpg", 3))
+    ]
+    assert ("of the antenna" in capsys.readouterr().out) == of_antenna
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["Timestamp.MRK", "odm", "--camera-delay", "0.1"], 2, "give the antenna's positions as"),
+        (["times.MRK", "odm"], 3, "has no standard deviations of positions"),
+        (["eo.json", "metashape", "--fixes", "antenna.pos"], 2, "--fixes is of positions without"),
+        (
+            ["stamps.csv", "odm", "--fixes", "antenna.pos"],
+            3,
+            "dates do not say whether they are UTC or GPS",
+        ),
+    ],
+)
+def test_exposures_that_have_no_position_are_refused(
+    tmp_path, capsys, monkeypatch, words, code, message
+):
+    """Oracle: one line that names what to give; nothing written."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Timestamp.MRK").write_text(MRK)
+    (tmp_path / "times.MRK").write_text(MRK.replace("\t0.030000, 0.040000, 0.050000", ""))
+    (tmp_path / "antenna.pos").write_text(POS)
+    (tmp_path / "stamps.csv").write_text("image,datetime\na.jpg,2018-10-21 00:00:11.5\n")
+    before = sorted(tmp_path.iterdir())
+    assert main(["export", *words]) == code
+    assert message in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before
