@@ -29,6 +29,7 @@ class Request(Checked):
         None, f"write FILE as {', '.join(WRITTEN.split())}", cli="--as", metavar="FORMAT"
     )
     out: Path | None = argument(None, "the file to write")
+    force: bool = argument(False, "replace a file that is there and differs")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -36,7 +37,9 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..photogrammetry.comparison.cameras import report_cameras
 
     progress("reading cameras")
-    result = report_cameras(options.file, options.second, options.name, options.form, options.out)
+    result = report_cameras(
+        options.file, options.second, options.name, options.form, options.out, options.force
+    )
     return show_result(options, progress, result)
 
 

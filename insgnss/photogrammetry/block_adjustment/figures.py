@@ -17,7 +17,6 @@ from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from .aerial.control import stated_lever_arm
-from .aerial.positions import has_positions_alone
 from .aerial.relative import weakly_held
 from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
@@ -97,7 +96,7 @@ def _weighed(solved: Solved) -> list[str]:
         return []
     how = {"chain": "by covariances of neighbours alone", "image": "each image alone"}
     options = solved.inputs.file.aerial_control
-    if has_positions_alone(options.file):
+    if options.positions_alone:
         if options.shift_sigma_m is not None:
             return []
         return [
@@ -217,7 +216,7 @@ def _mounting(solved: Solved) -> dict[str, Any]:
             "value": vector.tolist(),
             "sigma": sigma.tolist(),
             "sigma_before": list(map(float, prior or ())),
-            "stated_in": "block file" if has_positions_alone(options.file) else "flight file",
+            "stated_in": "block file" if options.positions_alone else "flight file",
         }
     return out
 

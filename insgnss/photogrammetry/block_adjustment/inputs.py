@@ -24,7 +24,7 @@ from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, BrownCamera, ImageBlock
 from ..adjust.groups import InteriorObservation, weight_of
-from .aerial.positions import has_positions_alone, orientation_of
+from .aerial.positions import orientation_of
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .placing import placed
 from .vehicle.places import Vehicle, vehicle_of
@@ -120,7 +120,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     eo = None
     if (poses := file.aerial_control.file) is not None:
         progress("reading aerial control")
-        if has_positions_alone(poses):
+        if file.aerial_control.positions_alone:
             eo, table = orientation_of(file.aerial_control, source, notes)
             file = replace(file, aerial_control=table)
         else:
@@ -344,7 +344,7 @@ def ground_in_plane(
     if eo is None:
         return ground if crs is None else _in_own_plane(ground, crs, file.ground.geoid, notes)
     plane = TangentPlane(*eo.origin)
-    if crs is None and has_positions_alone(file.aerial_control.file):
+    if crs is None and file.aerial_control.positions_alone:
         raise InputError.in_file(
             path,
             "does not say in which CRS its ground points are, and without a flight there is no"
@@ -384,7 +384,7 @@ def _exchanged_positions(
 ) -> str:
     """Say that images lie near the points with latitude and longitude exchanged; empty if not."""
     path = file.aerial_control.file
-    if path is None or not has_positions_alone(path):
+    if path is None or not file.aerial_control.positions_alone:
         return ""
     try:
         lat, lon, _ = axes.geodetic(np.median(ground.position_m, axis=0, keepdims=True))

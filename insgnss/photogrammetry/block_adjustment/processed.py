@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from ...base.received.nesting import read_object
-from .aerial.positions import has_positions_alone
 from .inputs import Inputs
 
 
@@ -22,7 +21,7 @@ def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
     mapping or None
         Its tables; None where no report says them.
     """
-    if has_positions_alone(inputs.file.aerial_control.file):
+    if inputs.file.aerial_control.positions_alone:
         return None
     beside = Path(inputs.file.aerial_control.file or ".").parent / "report.json"
     flight = read_object(beside).get("flight")

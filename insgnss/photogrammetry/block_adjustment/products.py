@@ -36,7 +36,6 @@ from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ...report.document import write_with_page
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
-from .aerial.positions import has_positions_alone
 from .judgement import Judgement
 from .page import charts_of, document_of
 from .processed import processed_with
@@ -132,9 +131,7 @@ def _input_files(solved: Solved) -> list[Path]:
     file = solved.inputs.file
     named_files = [path for path in paths_named_by(file) if path != file.output.directory]
     poses = (file.aerial_control.file, file.vehicle.file)
-    beside = [
-        path.parent / STRIPS for path in poses if path is not None and not has_positions_alone(path)
-    ]
+    beside = [path.parent / STRIPS for path in poses if path and path.suffix.lower() == ".json"]
     parts = [] if file.images.file is None else parts_of_block(file.images.file)
     return [path for path in dict.fromkeys([*named_files, *beside, *parts]) if path.is_file()]
 
@@ -315,7 +312,7 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
     """
     eo, blocks = solved.inputs.eo, solved.result.values.blocks
     estimated = [name for name in (BORESIGHT, LEVER_ARM, TIME_OFFSET) if (name, 0) in blocks]
-    if eo is None or not estimated or has_positions_alone(solved.inputs.file.aerial_control.file):
+    if eo is None or not estimated or solved.inputs.file.aerial_control.positions_alone:
         return None
     before = processed_with(solved.inputs)
     cov = {name: solved.precision.cov((name, 0)) for name in estimated}

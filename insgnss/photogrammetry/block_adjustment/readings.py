@@ -21,7 +21,6 @@ from ...geodesy.rotation import (
 from ...records.block import INTERIOR, Array, BrownCamera
 from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
-from .aerial.positions import has_positions_alone
 from .inputs import Inputs
 
 FEWEST_RAYS = 60  # below which no reading is judged (chosen): three or four unknowns are fitted
@@ -289,7 +288,7 @@ def _other_numbers(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]
         images, source = order[one], order[source_order]
         position, C = few.position.copy(), few.C.copy()
         position[images] = few.position[source]
-        if not has_positions_alone(inputs.file.aerial_control.file):
+        if not inputs.file.aerial_control.positions_alone:
             C[images] = few.C[source]  # else attitudes come by name, from elsewhere
         text = f"images were numbered in the reverse order, {names[order[0]]} the last"
         if k is not None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, UsageError, near
+from ...base.output.staging import together
 from ...io.formats.blocks.camera_files import FORMS, write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
 from ...io.formats.returned.cameras import read_cameras, recognised_camera
@@ -125,7 +126,8 @@ class CameraReport:
                 f"after the best rotation {d.rms_left:.3g} px rms remain (limit {ALIKE_PX:g} px)"
             )
             verdict = worst_of(
-                "the calibrations agree, but for a rotation that attitudes take up",
+                f"the calibrations agree to {ALIKE_PX:g} px rms, but for a rotation that attitudes"
+                " take up",
                 [disagree] if d.rms_left > ALIKE_PX else [],
             )
         notes = list(self.notes)
@@ -182,6 +184,7 @@ def report_cameras(
     name: str | None = None,
     form: str | None = None,
     out: Path | None = None,
+    force: bool = False,
 ) -> CameraReport:
     """Read, compare and convert calibrated cameras.
 
@@ -191,13 +194,15 @@ def report_cameras(
     name : of the camera that is taken from files with several.
     form : that the first is written in.
     out : the file that is written.
+    force : whether a file that is there and differs is replaced.
 
     Raises
     ------
     InputError
         What a reader refuses.
     UsageError
-        A name or format that is unknown, or options that do not go together.
+        A name or format that is unknown, options that do not go together, or a file that would
+        be replaced.
     DataError
         Cameras that cannot be compared.
     """
@@ -217,12 +222,17 @@ def report_cameras(
         difference = _difference(files[0].cameras[0], files[1].cameras[0], notes)
     if form is not None and out is not None:
         cameras = files[0].cameras
-        if form == "toml":
-            if len(cameras) > 1:
-                raise UsageError(f"camera: {first} has {len(cameras)} cameras; name one: --name")
-            write_camera_toml(cameras[0], out)
-        else:
-            notes += write_cameras(cameras, out, form)
+        if form == "toml" and len(cameras) > 1:
+            raise UsageError(f"camera: {first} has {len(cameras)} cameras; name one: --name")
+        with together() as staging:
+            if form == "toml":
+                write_camera_toml(cameras[0], out)
+            else:
+                notes += write_cameras(cameras, out, form)
+            if not force and any(staging.changed()):
+                raise UsageError(
+                    f"camera: {out} is there and differs; give another file, or --force"
+                )
     return CameraReport(files, difference, tuple(notes), out)
 
 

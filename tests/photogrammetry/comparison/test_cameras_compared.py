@@ -50,7 +50,7 @@ def test_a_rotation_is_taken_up(tmp_path: Path) -> None:
     moved = turn.apply([0.0, 0.0, 1.0])
     assert 5600.0 * moved[0] / moved[2] == pytest.approx(2.0, abs=0.3)
     assert done.difference.rms_left < 0.2
-    assert "the calibrations agree" in done.summary()
+    assert "the calibrations agree to 0.5 px rms" in done.summary()
 
 
 def test_of_another_resolution(tmp_path: Path) -> None:
@@ -69,6 +69,15 @@ def test_the_verb(tmp_path: Path, capsys) -> None:
     command = ["camera", str(tmp_path / "cameras.txt"), "--name", "2", "--as", "opensfm"]
     assert main([*command, "--out", str(tmp_path / "cameras.json")]) == 0
     assert read_camera(tmp_path / "cameras.json").of("f") == pytest.approx(4000.0, abs=1e-9)
+    other = [*command[:3], "1", *command[4:], "--out", str(tmp_path / "cameras.json")]
+    assert main(other) == 2
+    assert "cameras.json is there and differs; give another file, or --force" in (
+        capsys.readouterr().err
+    )
+    assert read_camera(tmp_path / "cameras.json").of("f") == pytest.approx(4000.0, abs=1e-9)
+    assert main([*other, "--force"]) == 0
+    assert read_camera(tmp_path / "cameras.json").of("f") != pytest.approx(4000.0, abs=1.0)
+    assert main([*command, "--out", str(tmp_path / "cameras.json"), "--force"]) == 0
     capsys.readouterr()
     pair = [str(tmp_path / "cameras.json"), str(tmp_path / "cameras.txt"), "--name", "2", "--json"]
     assert main(["camera", *pair]) == 0

@@ -147,6 +147,7 @@ class AerialControlTable:
         unit="m",
         kind="sigmas",
         usual="none",
+        cli="--shift-sigma",
     )
     drift_sigma_mps: Triple | None = option(
         None,
@@ -180,6 +181,11 @@ class AerialControlTable:
         """Control of the flight lines that have another one, by the name of an image."""
         pairs = (text.rpartition(" ") for text in self.lines)
         return {name.strip(): control for name, _, control in pairs}
+
+    @property
+    def positions_alone(self) -> bool:
+        """Whether the file is no eo.json, which has attitudes and covariances of flight lines."""
+        return self.file is not None and self.file.suffix.lower() != ".json"
 
     @property
     def absolute_attitudes(self) -> bool:

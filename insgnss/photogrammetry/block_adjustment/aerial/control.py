@@ -37,7 +37,6 @@ from ...adjust.aerial import (
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.unknowns import Key
 from ..inputs import Inputs
-from .positions import has_positions_alone
 from .relative import Strip, breaks, relative_groups
 
 MOUNTING = "mounting"
@@ -171,14 +170,14 @@ def _absolute(
 
 def motion_is_known(eo: ExteriorOrientation, options: AerialControlTable) -> bool:
     """Tell whether a delay of the exposures can be estimated."""
-    if has_positions_alone(options.file):
+    if options.positions_alone:
         return eo.gps_week > 0
     return eo.velocity_mps is not None and eo.rate_radps is not None
 
 
 def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array, Array]:
     """Return velocities and rates of the images, zero where they are not known and not needed."""
-    if has_positions_alone(options.file) and motion_is_known(eo, options):
+    if options.positions_alone and motion_is_known(eo, options):
         return differenced(eo), np.zeros((len(eo), 3))
     if options.time_offset_sigma_s > 0.0 and not motion_is_known(eo, options):
         raise InputError.in_file(
@@ -268,7 +267,7 @@ def _pieces(
     """Return which covariances weigh the poses, and rows with their covariance, line by line."""
     beside = _beside(options)
     kind: Any = options.covariance
-    if has_positions_alone(options.file):
+    if options.positions_alone:
         if kind not in ("auto", "image"):
             raise InputError.in_file(
                 options.file,

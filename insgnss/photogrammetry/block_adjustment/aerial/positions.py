@@ -46,11 +46,6 @@ VIEW = np.array([0.0, 0.0, 1.0])  # of a camera: x right, y down, z viewing dire
 DOWN = np.array([0.0, 0.0, -1.0])  # of the tangent plane: east, north, up
 
 
-def has_positions_alone(path: Path | None) -> bool:
-    """Tell whether aerial control is no eo.json, which has attitudes and covariances of lines."""
-    return path is not None and path.suffix.lower() != ".json"
-
-
 def orientation_of(
     table: AerialControlTable, source: MeasuredBlock, notes: list[str]
 ) -> tuple[ExteriorOrientation, AerialControlTable]:
