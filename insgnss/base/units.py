@@ -6,18 +6,20 @@
 Dimensions are tracked over angle, length and time with exact rational exponents. Angle is a
 dimension, so that a gyroscope's unit is never taken for an accelerometer's; Hz is 1/s, so that
 deg/h/sqrt(Hz) and deg/sqrt(h) are of one dimension. There are no prefixes beyond the names of
-`UNITS`; ppt is parts per thousand; g is the standard 9.80665 m/s^2.
+`UNITS`; ppt is parts per thousand; g is the standard 9.80665 m/s^2. Clocks have a `time_zone`.
 """
 
 import math
 import re
 import sys
 from dataclasses import dataclass
+from datetime import timedelta, timezone, tzinfo
 from fractions import Fraction
 from numbers import Real
 from typing import Any
+from zoneinfo import ZoneInfo
 
-from .errors import InputError, near
+from .errors import InputError, UsageError, near
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
 DEG_PER_H, MILLI_G = math.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY  # rad/s, m/s^2
@@ -304,3 +306,34 @@ def _si(unit: Unit) -> str:
 
 def _plain(text: str) -> str:
     return text.replace("\u00b5", "u").replace("\u03bc", "u")
+
+
+def time_zone(name: str) -> tzinfo:
+    """Return a time zone of clocks.
+
+    Parameters
+    ----------
+    name : str
+        Name of the IANA data base ("Europe/Zurich") or offset against UTC ("+02:00").
+
+    Returns
+    -------
+    tzinfo
+        The zone; its name is "CEST" or "UTC+02:00".
+
+    Raises
+    ------
+    UsageError
+        For a text that names none, or none that this machine knows.
+    """
+    if offset := re.fullmatch(r"(?:utc)?([+-])(\d{1,2}):(\d{2})", name, re.IGNORECASE):
+        minutes = 60 * int(offset[2]) + int(offset[3])
+        if minutes < 24 * 60:
+            return timezone(timedelta(minutes=-minutes if offset[1] == "-" else minutes))
+    try:
+        return ZoneInfo(name)
+    except (KeyError, ValueError, OSError) as error:
+        raise UsageError(
+            f"time zone {name!r} is none that this machine knows; give a name such as"
+            ' "Europe/Zurich" or an offset such as "+02:00"'
+        ) from error

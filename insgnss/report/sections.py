@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from ..base.findings import Finding, ranked
-from ..geodesy.gpstime import calendar_from_gps
 from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
-from .rules.wording import lengths, millimetres
+from .rules.wording import clock, lengths, millimetres
 
 Summary = Mapping[str, Any]
 
@@ -84,8 +83,8 @@ def about(s: Summary) -> str:
         if text
     ]
     if week is not None:
-        begin, end = (calendar_from_gps(week, span[key]) for key in ("start_tow_s", "end_tow_s"))
-        parts.append(f"flown {begin:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S} UTC")
+        begin, end = (clock(s, span[key]) for key in ("start_tow_s", "end_tow_s"))
+        parts.append(f"flown {begin:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S %Z}")
     done = [s["run"][key] for key in ("date (UTC)",) if key in s["run"]]
     parts += [f"processed {date} UTC" for date in done]
     return "; ".join(parts)

@@ -1,5 +1,6 @@
 """GPS time against published weeks, leap seconds of the IERS and datetime arithmetic."""
 
+import zoneinfo
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError, UsageError
+from insgnss.base.units import time_zone
 from insgnss.geodesy import gpstime
 
 
@@ -164,3 +166,28 @@ def test_times_before_gps_are_refused():
     for wrong in (0.0, [np.nan], []):
         with pytest.raises(InputError, match="1980-01-06"):
             gpstime.gps_from_unix_utc(wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "hour", "shown"),
+    [("UTC", 9, "UTC"), ("+05:30", 14, "UTC+05:30"), ("utc-03:00", 6, "UTC-03:00")],
+)
+def test_time_zones_by_offset_and_by_name(name: str, hour: int, shown: str) -> None:
+    """Oracle: arithmetic of hours."""
+    local = datetime(2018, 7, 3, 9, 5, tzinfo=UTC).astimezone(time_zone(name))
+    assert (local.hour, f"{local:%Z}") == (hour, shown)
+
+
+def test_a_zone_by_its_name_has_summer_time() -> None:
+    """Oracle: central European summer time is two hours ahead."""
+    if "Europe/Zurich" not in zoneinfo.available_timezones():
+        pytest.skip("this machine has no data base of time zones")
+    local = datetime(2018, 7, 3, 9, 5, tzinfo=UTC).astimezone(time_zone("Europe/Zurich"))
+    assert (local.hour, f"{local:%Z}") == (11, "CEST")
+
+
+@pytest.mark.parametrize("name", ["", "Mars/Base", "+25:00", "2 hours", "../etc/passwd"])
+def test_what_is_no_time_zone_is_refused(name: str) -> None:
+    """Oracle: the message names both forms."""
+    with pytest.raises(UsageError, match=r"Europe/Zurich.*02:00"):
+        time_zone(name)

@@ -294,6 +294,9 @@ def test_the_summary_says_whose_flight_it_is_and_the_rest_is_the_appendix(
     """
     output = {"operator": "A. <b>", "equipment": None, "formats": ["metashape"], "crs": None}
     s = summary(diagnostics(), eo(), output=output, included=["../wing3.toml"])
+    s["flight"]["output"]["time_zone"] = "+02:00"
+    assert "flown 2018-07-03 10:59:42 to 11:01:41 UTC+02:00" in "".join(page(s, []))
+    s["flight"]["output"]["time_zone"] = "UTC"
     whole = "".join(page(s, []))
     about = "Operator A. &lt;b&gt;; equipment wing3; flown 2018-07-03 08:59:42 to 09:01:41 UTC"
     assert f'<p class="soft about">{about}' in whole

@@ -141,6 +141,12 @@ class Output:
         form="text",
         usual="the name of the included file",
     )
+    time_zone: str = option(
+        "UTC",
+        "of clock times in the report",
+        kind="zone",
+        form='name such as "Europe/Zurich" or offset such as "+02:00"',
+    )
     need: str | None = option(
         None,
         'accuracy that the images are wanted with: "control" (no ground control: 30, 30, 50 mm and'

@@ -14,8 +14,8 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, get_args
 
-from ...base.errors import OptionError, near
-from ...base.units import LARGEST_UNIT, is_number
+from ...base.errors import OptionError, UsageError, near
+from ...base.units import LARGEST_UNIT, is_number, time_zone
 from ...base.wording import listed, named
 from .schema import Declared, class_names, declared, plain
 
@@ -355,6 +355,14 @@ def _no_date(item: Declared, value: Any) -> str:
     return ""
 
 
+def _no_zone(item: Declared, value: Any) -> str:
+    try:
+        time_zone(value)
+    except (TypeError, UsageError):
+        return 'must be a time zone such as "Europe/Zurich" or "+02:00"'
+    return ""
+
+
 def _no_sign(item: Declared, value: Any) -> str:
     return "" if is_number(value) and abs(value) == 1.0 else "must be 1 or -1"
 
@@ -467,4 +475,5 @@ KINDS: dict[str, Kind] = {
     "triple": Kind(_no_triple, _as_triple),
     "triples": Kind(no_mapping, by_name(_as_triple), lambda item, _, v: _no_triple(item, v)),
     "whole": Kind(_no_number, as_number, word=int),
+    "zone": Kind(_no_zone),
 }

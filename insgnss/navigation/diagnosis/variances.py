@@ -178,8 +178,8 @@ class VarianceSearch:
         def gains(time_s: float, shares: Sequence[float]) -> dict[tuple[float, float], float]:
             layout = layout_factory(with_time_correlated_error(errors, 1.0, 1.0, time_s))
             segment = _linearised(self.part, layout, (CORRELATED,))  # once for all shares
-            others = {c: evaluate([segment], np.log([c]), np.zeros(1, bool)) for c in shares}
-            return {(c, time_s): self.nothing.cost - other.cost for c, other in others.items()}
+            costs = {c: evaluate([segment], np.log([c]), np.zeros(1, bool)).cost for c in shares}
+            return {(c, time_s): self.nothing.cost - costs[c] for c in shares}
 
         time = self.part.problem.epochs.time
         (share, time_s), least = SLOW_FIRST, LEAST_AVERAGED

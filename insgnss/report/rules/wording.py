@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import Any
 
-from ...base.units import STANDARD_GRAVITY
+from ...base.units import STANDARD_GRAVITY, time_zone
 from ...geodesy.gpstime import calendar_from_gps
 from ...records.states import State
 
@@ -39,18 +40,21 @@ def span(f: Figures, start: float, end: float) -> str:
     """Return a piece of the flight as `at_time` has its ends."""
     if f["span"]["gps_week"] is None:
         return f"TOW {start:.1f} to {end:.1f} s"
-    return f"{_clock(f, start)} to {_clock(f, end)} UTC (TOW {start:.1f} to {end:.1f} s)"
+    begin, until = clock(f, start), clock(f, end)
+    return f"{begin:%H:%M:%S} to {until:%H:%M:%S %Z} (TOW {start:.1f} to {end:.1f} s)"
 
 
 def at_time(f: Figures, tow: float) -> str:
     """Return an instant as clock time and time of week; without a week as the latter alone."""
     if f["span"]["gps_week"] is None:
         return f"TOW {tow:.1f} s"
-    return f"{_clock(f, tow)} UTC (TOW {tow:.1f} s)"
+    return f"{clock(f, tow):%H:%M:%S %Z} (TOW {tow:.1f} s)"
 
 
-def _clock(f: Figures, tow: float) -> str:
-    return f"{calendar_from_gps(f['span']['gps_week'], tow):%H:%M:%S}"
+def clock(f: Figures, tow: float) -> datetime:
+    """Return an instant of a flight with a GPS week in the time zone that `output` states."""
+    zone = time_zone((f["flight"].get("output") or {}).get("time_zone") or "UTC")
+    return calendar_from_gps(f["span"]["gps_week"], tow).astimezone(zone)
 
 
 def no_fix(f: Figures, outage: Figures) -> str:

@@ -262,6 +262,7 @@ def test_resolved_flight_is_json_with_every_default(load):
         "equipment": None,
         "need": None,
         "need_m": None,
+        "time_zone": "UTC",
         "need_deg": None,
         "crs": None,
         "geoid": None,
