@@ -22,6 +22,9 @@ stamps knows the instants to a few hundredths of the last digit,
 and where the rounding explains every stamp, these instants take the place of the stamps. Where it
 does not, because a sensor samples unevenly or a logger stamps late, they stay as they are.
 
+Delays. Stamps that scatter about the line over the count of the rows, or come in bunches, are of a
+logger that is late, not of lost samples (`without_jitter`).
+
 Stamps whose digit is the interval itself, 10 ms at 100 Hz, skip one instant and repeat the next
 where the sensor is a little late: all rows are there, and the stamp between is put where it was.
 """
@@ -58,6 +61,17 @@ COARSE, TOO_COARSE = 0.02, 0.45  # of the interval: digits that matter, and that
 # of a line: longer than the beat of most rates with a millisecond; fewest stamps that are spread
 FITTED_SPAN_S, LEAST_STAMPS = 20.0, 40
 PAIRED = 0.95  # of the repeated stamps: those beside a skipped one
+MOST_SENSORS = 3  # rows of each stamp that may be of as many sensors in one file
+# of the rows: those with a stamp of their own where the rest tell a rate above the stamps' digit;
+# more are single contradictions, half of them a second sensor (chosen)
+MOST_SHARED = 0.95
+MEAN_ROWS = 200  # rows of a mean interval: many times the rows that a driver hands over at once
+# share of the steps that are no single interval, from which they are jitter: of fewer each is a
+# gap or a row out of order (`order`)
+LEAST_JITTERY = 0.01
+# standard deviations of the steps that stamps scatter about the line: 0.7 if each is late by
+# chance, 1 in bunches of ten, ten times as much if the intervals themselves vary (chosen)
+MOST_WALK, MOST_DELAY = 1.2, 8.0
 # of the steps: fewer are of a sensor that samples unevenly, or of a broken recording
 LEAST_EVEN_SHARE = 0.98
 MOST_RESIDUAL_DIGITS = 0.6  # of the digit: what rounding and the line leave at most
@@ -205,7 +219,9 @@ def _without_steps(
         f"the clock was set in the recording {count} by {steps[0][1]:+.3f} s at"
         f" {_line_of(lines, steps[0][0])}; the rows {moved}"
     )
-    advice = "stamps of the same clock in other files need the same, and any rows lost there count"
+    advice = (
+        "move the stamps of the same clock in other files alike; no row was lost there, it is taken"
+    )
     return out, (note(name, finding, "a clock that nobody sets", advice),)
 
 
@@ -303,25 +319,113 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
 
 
 def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Return stamps (n,), s, without repetitions beside a skipped stamp, and the note on them.
+    """Return stamps (n,), s, without repetitions beside skipped stamps, and the note on them.
 
-    They stay as they are where more repeat than that explains.
+    Rows that a driver hands over at once have the stamp of the last of them. The stamps stay as
+    they are where more repeat than that explains.
     """
-    repeats = np.flatnonzero(time[1:] == time[:-1])
-    if time.size < LEAST_STAMPS or not repeats.size:
+    repeats = time[1:] == time[:-1]
+    if time.size < LEAST_STAMPS or not repeats.any() or _of_several_sensors(time):
         return time, ()
-    step = np.diff(time)
-    usual = float(np.median(step))
-    skips = np.abs(np.pad(step, 1) - 2.0 * usual) < 0.5 * usual  # at i + 1 that of step i
-    skip_before, skip_after = skips[repeats], skips[repeats + 2]
-    if usual <= 0.0 or np.mean(skip_before | skip_after) < PAIRED:
+    usual = _mean_interval(time)
+    run = np.concatenate([[0], np.cumsum(~repeats)])  # of rows of one stamp, each row's
+    length = np.bincount(run)
+    stamp = time[np.cumsum(length) - 1]
+    step = np.concatenate([[np.inf], np.diff(stamp), [np.inf]])
+    step[0] = 0.0 if length[0] == 2 and step[1] > 1.5 * usual else np.inf
+    skip_before = step[:-1] > (length - 0.5) * usual
+    skip_after = (length == 2) & (step[1:] > 1.5 * usual) & ~skip_before
+    mended = (length > 1) & (skip_before | skip_after)
+    if usual <= 0.0 or mended.sum() < PAIRED * (length > 1).sum():
         return time, ()
-    out = time.copy()
-    out[repeats[skip_before]] -= usual
-    out[repeats[skip_after & ~skip_before] + 1] += usual
-    finding = f"{int((skip_before | skip_after).sum())} stamps repeat beside one that is skipped"
-    advice = "they were put there: log more digits where the logger can"
+    after = np.cumsum(length)[run] - 1 - np.arange(time.size)  # rows of the stamp after each
+    out = time - usual * after * (mended & skip_before)[run]
+    out[np.cumsum(length)[mended & skip_after] - 1] += usual
+    finding = f"{int((length - 1)[mended].sum())} stamps repeat beside one that is skipped"
+    advice = "they were put there: log more digits, or the sensor's clock, where the logger can"
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
+
+
+def without_jitter(time: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """Return stamps (n,), s, of an even sensor without the logger's delays, and the note on them.
+
+    A logger that stamps when it gets round to it, or a bus that hands rows over in bunches, leaves
+    steps that look like lost samples and like rows out of order. The count of the rows shows that
+    none is lost: where their stamps scatter about a line over the count and do not walk away from
+    it, the line takes their place, from one real gap to the next. A sensor that samples unevenly
+    walks away.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,), s
+        In the order of the file.
+    """
+    if time.size < LEAST_STAMPS or _share_uneven(time, _mean_interval(time)) < LEAST_JITTERY:
+        return time, ()
+    interval, stamps = _mean_interval(time), np.unique(time)
+    shared = stamps.size <= MOST_SHARED * time.size
+    if _of_several_sensors(time) or stamps.size < LEAST_STAMPS or 2 * stamps.size == time.size:
+        return time, ()
+    if not shared and _share_uneven(stamps, interval) < LEAST_JITTERY:
+        return time, ()  # rows out of order, or double
+    ends = _gaps(time, interval)
+    out = time.copy()
+    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
+        if last - first >= LEAST_STAMPS:
+            out[first:last] = _line(time[first:last], interval)
+    delay, step = time - out, np.delete(np.diff(time), ends - 1)
+    scatter = float(np.std(step))
+    if (
+        np.std(delay) > MOST_WALK * scatter
+        or np.abs(delay).max() > MOST_DELAY * scatter
+        or not (np.diff(out) > 0.0).all()
+    ):
+        return time, ()
+    finding = (
+        f"stamps that scatter by {1e3 * np.std(delay):.2g} ms about an even"
+        f" {1.0 / interval:.6g} Hz were spread evenly"
+    )
+    advice = "let the sensor stamp its samples; all may be late by the logger's mean delay"
+    return out, (note("IMU rows", finding, "stamps of the sensor's clock", advice),)
+
+
+def _mean_interval(time: Array) -> float:
+    """Interval of the rows, s, whatever their jitter: the median of means over some of them."""
+    rows = min(MEAN_ROWS, time.size // 2)
+    return float(np.median(time[rows:] - time[:-rows])) / rows
+
+
+def _share_uneven(time: Array, interval: float) -> float:
+    """Share of the steps that are no single interval."""
+    return float(np.mean(np.abs(np.diff(time) - interval) > 0.5 * interval))
+
+
+def _gaps(time: Array, interval: float) -> NDArray[np.intp]:
+    """Rows of jittery stamps before which samples are lost: the level of the stamps rises there."""
+    step = np.diff(time)
+    excess = time - interval * np.arange(time.size)
+    jitter = min(float(np.std(step[np.abs(step - interval) < 20.0 * interval])) / interval, 3.0)
+    rows = int(max(LEVEL_ROWS, 16 * LEVEL_ROWS * jitter**2))
+    k = np.flatnonzero(step > 1.5 * interval) + 1
+    k = k[(k >= LEAST_LEVEL_ROWS) & (k <= time.size - LEAST_LEVEL_ROWS)]
+    rise = np.array(
+        [
+            np.median(excess[row : row + rows]) - np.median(excess[max(row - rows, 0) : row])
+            for row in k.tolist()
+        ]
+    )
+    k = k[rise > 0.6 * interval]
+    ends: list[int] = []
+    for near in np.split(k, np.flatnonzero(np.diff(k) > rows) + 1) if k.size else []:
+        distance = np.abs(near - np.mean(near)) / rows
+        ends.append(int(near[np.argmax(step[near - 1] / interval - 4.0 * distance)]))
+    return np.array(ends, dtype=np.intp)
+
+
+def _of_several_sensors(time: Array) -> bool:
+    """Whether all stamps occur twice, or three times: the rows may be of so many sensors."""
+    length = np.diff(np.flatnonzero(np.concatenate([[True], time[1:] != time[:-1], [True]])))[1:-1]
+    return bool(length.size and 1 < length[0] <= MOST_SENSORS and (length == length[0]).all())
 
 
 def _last_digit(time: Array) -> float:
