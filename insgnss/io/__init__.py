@@ -28,8 +28,8 @@ Where to look
     a table of text: `TableSpec` and `TableOut` in `formats/text/columns.py`, stamps in `clock.py`
         there; which names a column may have, for readers and `inspect`: `formats/names.py`
     units of a header: `formats/text/headers.py`, factors in `units.py` there
-    zeros of standard deviations: `formats/gnss/rounding.py`; stamps spread evenly, dates:
-        `formats/text/stamps.py`, `dates.py` there
+    zeros of standard deviations: `formats/gnss/rounding.py`; clocks that were set, counters that
+        begin anew, stamps spread evenly: `formats/text/stamps.py`, dates: `dates.py` there
     gyros and accelerometers of two files: `formats/imu/apart.py`, found by
         `insgnss/flight/inspection/tables/halves.py`; two axes exchanged in both triads:
         `formats/imu/exchanged_columns.py`

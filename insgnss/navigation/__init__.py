@@ -36,7 +36,8 @@ Where to look
         `recognise/propulsion.py`
     latitude and longitude exchanged, in radians, of the wrong sign: `recognise/positions.py`,
         `_mirrored` in `recognition.py`; left-handed readings: `handedness.py`; gross errors of
-        clocks: `turns.py`, latency: `fit.py`; the advice on all of it: `claims.py` there
+        clocks: `turns.py`, latency: `fit.py`; the advice on all of it, a clock set in flight:
+        `claims.py` there
     time offset of the fixes: state in `filter/layout.py`, `fix_delay` in
         `filter/kernels/measurements.py`; search, advice and its share in the stamps in
         `diagnosis/decision.py`, `advice.py`, `remedies.py` there

@@ -2,18 +2,27 @@
 
 A contradiction says what would put the claim right; the exchange of two axes was tried before it is
 advised (`handedness`).
+
+A clock that was set ahead in flight shows in its stamps as a pause. A pause of the recording leaves
+the motion that GNSS saw where the stamps have it. Where a clock was set ahead by s, the pause is s
+and an interval long, and the samples of both sides together explain that motion once the pause is
+closed, and neither with the pause nor with another part of it closed.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
-from ...records import Array, Finding, Question
+from ...records import Array, Finding, GnssFixes, ImuSamples, Question
+from ..prepare.clock import cut_fixes, cut_samples
+from ..prepare.gaps import BRIDGE_S, find_gaps, nominal_interval
 from .axes import axes_words, imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
-from .recognition import EXCHANGED_ADVICE, Recognition
+from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise
+from .relation import MAX_LAG_S
 from .units import ACCEL_UNITS, GYRO_UNITS
 
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
@@ -22,6 +31,11 @@ REPORTED_OFFSET_S = 0.02  # a time offset that is reported
 # a time offset that stops the job; below it the filter copes, and a note reports it
 OFFSET_LIMIT_S = 0.5
 RECOGNISED = tuple(f"recognised {kind}" for kind in ("units", "axes", "sign", "clock"))
+MOST_PAUSES = 3  # of a recording, the longest, that are looked at: each takes a second
+OTHER_S = 5.0  # by which another closing differs, s, or half of the pause: turns take as long
+# times that the right closing leaves less unexplained than any other; a pause that was one leaves
+# more, not less (chosen)
+CLEARLY = 1.5
 Exchange = Callable[[tuple[int, int]], Remedy]
 
 
@@ -244,3 +258,70 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
         advice = Step("{} ({}, leap seconds)", advice, recognition.time_scale)
     sure = abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE_OF_EXCHANGE
     return ask.against(statement, advice, sure)
+
+
+def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:
+    """Look for a clock of the IMU that was set ahead in a pause of its stamps.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    gnss : GnssFixes
+
+    Returns
+    -------
+    Finding or None
+        A contradiction with the name of the clock's check; None where no clock was set.
+    """
+    interval = nominal_interval(imu.time)
+    pauses = [gap for gap in find_gaps(imu.time, interval) if gap[1] > BRIDGE_S]
+    for start, length in sorted(pauses, key=lambda gap: -gap[1])[:MOST_PAUSES]:
+        row, step = int(np.searchsorted(imu.time, start, side="right")), length - interval
+        common = imu.time[row] < gnss.time[-1] and imu.time[row - 1] > gnss.time[0]
+        # samples apart from all fixes leave nothing unexplained: another closing has to
+        controls = (0.0,) if common else (0.0, step - min(OTHER_S, 0.5 * step))
+        closings = []
+        for rows, instant, sign in (("after", start, -1.0), ("up to", start + length, 1.0)):
+            side = slice(row, None) if rows == "after" else slice(row)
+            (misfit, offset), *of_controls = (
+                _misfit(_moved(imu, side, sign * by), gnss, instant) for by in (step, *controls)
+            )
+            if misfit < of_controls[0][0] and CLEARLY * misfit < of_controls[-1][0]:
+                closings.append((abs(offset), rows, sign * step, misfit, of_controls[0][0]))
+        if not closings:
+            continue
+        _, rows, added, misfit, paused = min(closings)
+        return Question("recognised clock", "a clock that nobody sets").contradiction(
+            f"the IMU's clock was set by {step:+.3f} s between {start:.3f} and"
+            f" {start + length:.3f} s, its samples {row} and {row + 1}: with the pause closed they"
+            f" explain {1.0 - misfit:.1%} of the motion that GNSS saw, else {1.0 - paused:.1%} at"
+            " most",
+            Step(
+                f"add {added:+.3f} s to the stamps {rows} there, and to events of the same clock;"
+                " no single time offset mends it"
+            ),
+        )
+    return None
+
+
+def _moved(imu: ImuSamples, rows: slice, by: float) -> ImuSamples:
+    """Return the samples with the stamps of some moved."""
+    time = imu.time.copy()
+    time[rows] += by
+    return replace(imu, time=time)
+
+
+def _misfit(imu: ImuSamples, gnss: GnssFixes, instant: float) -> tuple[float, float]:
+    """Share of the motion about `instant` that samples leave unexplained, and their time offset, s.
+
+    The share is 1 where nothing is sure.
+    """
+    lo, hi = instant - 0.5 * LOOKED_AT_S, instant + 0.5 * LOOKED_AT_S
+    if not ((gnss.time >= lo) & (gnss.time < hi)).any():
+        return 1.0, 0.0
+    recognition = recognise(
+        cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi)
+    )
+    if recognition.finding("time offset").confidence <= SURE_OF_EXCHANGE:
+        return 1.0, 0.0
+    return 1.0 - float(recognition.curves["lag_score"].max()), recognition.time_offset_s

@@ -87,11 +87,6 @@ def test_later_contradiction_is_left_out_and_counted(tmp_path: Path) -> None:
             np.repeat(TABLE, 2, axis=0) + np.outer(np.arange(2 * N) % 2, [0, 1, 0, 0, 0, 0, 0]),
             r"imu.csv:2: .*in 1000 of 2000 rows",
         ),
-        (
-            TABLE + np.outer(np.arange(N) >= 500, [-3, 1, 0, 0, 0, 0, 0]),
-            r"imu.csv:501: the clock goes back by 2.990000 s here, to 200002.000000 s, and 300 of"
-            r" 1000 rows have .*split the file here",
-        ),
     ],
 )
 def test_beyond_the_limits_the_first_row_is_refused(

@@ -16,6 +16,7 @@ from ....records import Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
 from ..text.clock import clock_of, gps_time
 from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
+from ..text.stamps import on_one_clock
 from .rounding import floor_of_zeros
 
 Array = NDArray[np.float64]
@@ -90,7 +91,17 @@ def fixes_from_columns(
         The first row with an impossible value, or no standard deviation at all.
     """
     cols, described = _apart(cols)
-    time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+    tow, week, undated, clock_notes = on_one_clock(
+        lines, clock_of(cols), cols.get("week"), scales.time, "GNSS rows"
+    )
+    if undated:
+        lines = Picked(lines, np.arange(undated, tow.size))
+        tow, week = tow[undated:], None if week is None else week[undated:]
+        cols, described = (
+            {name: column[undated:] for name, column in columns.items()}
+            for columns in (cols, described)
+        )
+    time, gps_week = gps_time(lines, tow, week, gps_week, scales.time)
     rows, order_notes = put_in_order(
         lines,
         time,
@@ -131,7 +142,7 @@ def fixes_from_columns(
         quality,
         gps_week,
         source,
-        (*notes, *order_notes, *floor_notes),
+        (*notes, *clock_notes, *order_notes, *floor_notes),
         sigma_assumed=assumed if assumed.any() else None,
         source_format="",  # the door to all readers names it
         **of_the_solution(described),

@@ -21,7 +21,7 @@ from ..text.direct import Bytes, Rows, Target, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
-from ..text.stamps import spread_evenly, unrepeated
+from ..text.stamps import on_one_clock, spread_evenly, unrepeated, without_jitter
 from ..text.text import Source, Table, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
 from .apart import joined
@@ -290,6 +290,10 @@ def _samples(
     notes: Notes,
 ) -> ImuSamples:
     """Make samples of the columns of a clock, which is emptied, and of triads (n, 3) in SI."""
+
+    def same(i: int, k: int) -> bool:
+        return bool((gyro[i] == gyro[k]).all() and (accel[i] == accel[k]).all())
+
     if scales.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
@@ -298,19 +302,19 @@ def _samples(
             )
         time = np.arange(len(gyro)) / scales.rate_hz
     else:
-        time, gps_week = gps_time(lines, clock_of(clock), clock.get("week"), gps_week, scales.time)
+        tow, week, _, clock_notes = on_one_clock(
+            lines, clock_of(clock), clock.get("week"), scales.time, "IMU rows", same
+        )
+        time, gps_week = gps_time(lines, tow, week, gps_week, scales.time)
+        notes = (*notes, *clock_notes)
     clock.clear()  # so that one copy of the stamps lives
     time, repeat_notes = unrepeated(time)
-    rows, order_notes = put_in_order(
-        lines,
-        time,
-        lambda i, k: bool((gyro[i] == gyro[k]).all() and (accel[i] == accel[k]).all()),
-        "IMU rows",
-    )
+    time, jitter_notes = without_jitter(time)
+    rows, order_notes = put_in_order(lines, time, same, "IMU rows")
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
     time, stamp_notes = spread_evenly(time)
-    notes = (*notes, *repeat_notes, *order_notes, *stamp_notes)
+    notes = (*notes, *repeat_notes, *jitter_notes, *order_notes, *stamp_notes)
     return ImuSamples(time, gyro, accel, quantity, gps_week, source, notes, scales.units)
 
 

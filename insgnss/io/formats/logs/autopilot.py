@@ -19,6 +19,7 @@ from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 from ..text.clock import agree_on_week
 from ..text.order import NumberedRows, note, refuse_rows
+from ..text.stamps import stale_weeks, weeks_in_step
 from .boot_clock import BootClock, fit_clock
 
 Array = NDArray[np.float64]
@@ -81,6 +82,7 @@ class Fixes:
     boot: Array
     week: Array
     tow: Array
+    named_week: Array  # as the message has it, where it lags behind the times of week
 
     @classmethod
     def of(cls, message: Message, fixed: NDArray[np.bool_], *times: Array) -> "Fixes":
@@ -94,13 +96,15 @@ class Fixes:
         if not fixed.any():
             path, count = message.lines.path, f"{fixed.size} {message.name} messages"
             raise InputError(f"{path}: none of {count} has a fix and a time; {NO_FIX}")
-        return cls(message.of(fixed), *(time[fixed] for time in times))
+        boot, week, tow = (time[fixed] for time in times)
+        return cls(message.of(fixed), boot, weeks_in_step(week, tow), tow, week)
 
     def left_out(self, rows: int) -> tuple[Finding, ...]:
-        """Return the note on the messages without a fix, of so many."""
-        left = rows - self.boot.size
+        """Return the notes on the messages without a fix, of so many, and on stale weeks."""
+        left, wrong = rows - self.boot.size, int((self.week != self.named_week).sum())
         text = f"{left} messages without a fix left out"
-        return (note("GNSS rows", text, "a fix each", ""),) if left else ()
+        notes = (note("GNSS rows", text, "a fix each", ""),) if left else ()
+        return (*notes, stale_weeks("GNSS rows", wrong, self.week.size)) if wrong else notes
 
 
 @dataclass(frozen=True)

@@ -201,6 +201,7 @@ def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> 
         limits = f"limits {LATE_LIMIT_S:.0f} s and {SHARE_LIMIT:.0%}"
         raise lines.error_at(
             int(rows[k]),
-            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where"
-            " the clock was set",
+            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or add"
+            f" {by[k] + float(np.median(np.diff(kept))):.3f} s to the rows from here on if the"
+            " clock was set",
         )

@@ -1,0 +1,157 @@
+"""Stamps of clocks that were set, of counters that begin anew, and of dates that were not known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from insgnss.base.errors import InputError
+from insgnss.geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
+from insgnss.io.formats import read_gnss, read_imu
+from insgnss.io.formats.logs.autopilot import Fixes, Message
+from insgnss.io.formats.text.clock import gps_time
+from insgnss.io.formats.text.order import NumberedRows, put_in_order
+from insgnss.io.formats.text.stamps import on_one_clock, weeks_in_step
+
+N, RATE_HZ = 3000, 100.0
+VALUES = np.random.default_rng(3).normal(size=(N, 6))
+COUNT = np.arange(N) / RATE_HZ
+UNIX = GPS_EPOCH_UNIX_S + 2008 * WEEK_S + 205200.0 - 18.0
+SHORT_LINES = NumberedRows("imu.csv", "line")
+
+
+def imu_of(tmp_path: Path, stamps: np.ndarray, unit: str, form: str = "%.4f"):
+    """The samples of a file with these stamps, in this unit."""
+    path = tmp_path / "imu.csv"
+    np.savetxt(path, np.column_stack([stamps, VALUES[: stamps.size]]), fmt=[form, *["%.6f"] * 6])
+    return read_imu(path, units={"time": unit})
+
+
+@pytest.mark.parametrize(
+    ("modulus", "tick"),
+    [(2.0**32, 1e-6), (2.0**32, 1e-4), (2.0**16, 1e-3), (2.0**32, 1e-3)],
+    ids=["micros", "tenths", "words", "millis"],
+)
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_counter_that_begins_anew_is_counted_on(tmp_path, modulus, tick, signed):
+    """Oracle: the count before it was taken modulo its range, from 15 s before its end."""
+    clean = np.round(COUNT / tick) + (0.5 * modulus if signed else modulus) - round(15.0 / tick)
+    ticks = (clean + 0.5 * modulus) % modulus - 0.5 * modulus if signed else clean % modulus
+    tow, _, _, (told,) = on_one_clock(
+        SHORT_LINES, ticks, None, f"{tick} s", "IMU rows", lambda i, k: False
+    )
+    np.testing.assert_allclose(tow, clean, atol=0.01)
+    assert "begins anew at imu.csv: line 1501" in told.found
+
+
+def test_a_counter_in_a_file_and_a_week_are_counted_on(tmp_path):
+    """Oracle: the instants; Arduino's micros, seconds made of them, and times of week."""
+    first = 2.0**32 * 1e-6 - 12.0
+    micros = np.round((first + COUNT) * 1e6) % 2**32
+    for stamps, unit, form in (
+        (micros, "us", "%.0f"),
+        (micros * 1e-6, "s", "%.6f"),
+        ((WEEK_S - 12.0 + COUNT) % WEEK_S, "s", "%.3f"),
+    ):
+        imu = imu_of(tmp_path, stamps, unit, form)
+        np.testing.assert_allclose(imu.time - imu.time[0], COUNT, atol=2e-6)
+    assert imu.notes == ()  # a week's end is no fault
+
+
+@pytest.mark.parametrize("unit", ["unix", "s", "gps"])
+@pytest.mark.parametrize("by_s", [-0.05, -0.37, -3.7, -9.99])
+def test_a_clock_that_is_set_back_is_taken_as_set_right(tmp_path, unit, by_s):
+    """Oracle: the instants before the first 11 s were stamped by a clock that is ahead."""
+    start = {"unix": UNIX, "s": 205200.0, "gps": 2008 * WEEK_S + 205200.0}[unit]
+    stamps = start + COUNT - by_s * (COUNT < 11.0)
+    imu = imu_of(tmp_path, stamps, unit)
+    np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+    np.testing.assert_allclose(imu.gyro, VALUES[:, :3], atol=1e-6)
+    (told,) = imu.notes
+    assert f"once, by {by_s:+.3f} s at" in told.found
+    assert "imu.csv:1101" in told.found
+
+
+@pytest.mark.parametrize("epoch_s", [0.0, GPS_EPOCH_UNIX_S, 946684800.0])
+@pytest.mark.parametrize("rows", [1, 3, 700, 2500])
+def test_rows_before_the_date_was_known_are_counted_back(tmp_path, epoch_s, rows):
+    """Oracle: the instants before some of the first rows counted from 1970, 1980 or 2000."""
+    stamps = np.where(np.arange(N) < rows, epoch_s + 25.0, UNIX) + COUNT
+    imu = imu_of(tmp_path, stamps, "unix")
+    np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+    assert imu.gps_week == 2008
+    assert f"imu.csv:{rows + 1}" in imu.notes[0].found
+
+
+def test_a_clock_that_forgets_the_date_in_between_counts_on(tmp_path):
+    """Oracle: the instants before rows 1000 to 1999 counted from 1970, and the last ones."""
+    for end in (2000, N):
+        lost = (np.arange(N) >= 1000) & (np.arange(N) < end)
+        imu = imu_of(tmp_path, np.where(lost, 0.0, UNIX) + COUNT, "unix")
+        np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+
+
+def test_a_clock_set_back_by_more_than_was_recorded_is_refused_with_both_causes(tmp_path):
+    """Oracle: a zone's hour; rows of which none has the stamps of others may be out of order."""
+    stamps = 205200.0 + COUNT - 3600.0 * (COUNT >= 11.0)
+    with pytest.raises(InputError, match=r"imu.csv:1101: .*3600\.000 s to the rows.*if the clock"):
+        imu_of(tmp_path, stamps, "s")
+
+
+def test_fixes_before_the_date_was_known_are_left_out(tmp_path):
+    """Oracle: the fixes without the three of 1980, whose second nobody knows."""
+    path = tmp_path / "gnss.txt"
+    unix = UNIX + 0.2 * np.arange(200)
+    unix[:3] = GPS_EPOCH_UNIX_S + np.arange(3.0)
+    rows = np.column_stack([unix, 46.5 + 1e-6 * np.arange(200), np.full((200, 5), 6.5)])
+    np.savetxt(path, rows, fmt="%.7f")
+    fixes = read_gnss(path, units={"time": "unix"})
+    np.testing.assert_allclose(fixes.time, 205200.0 + 0.2 * np.arange(3, 200), atol=1e-6)
+    np.testing.assert_allclose(np.degrees(fixes.lat), 46.5 + 1e-6 * np.arange(3, 200), atol=1e-9)
+    assert "3 rows before" in fixes.notes[0].found
+
+
+@pytest.mark.parametrize("stale", [0, 1, 5, 9])
+@pytest.mark.parametrize("named", [0.0, 2008.0, 2007.0])
+def test_stale_weeks_are_taken_from_the_times_of_week(stale, named):
+    """Oracle: instants over a week's end whose week is named late, as u-blox receivers do."""
+    instants = WEEK_S - 2.0 + 0.2 * np.arange(40)
+    week, tow = 2008.0 + instants // WEEK_S, instants % WEEK_S
+    late = week.copy()
+    late[10 : 10 + stale] = named
+    assert np.array_equal(weeks_in_step(late, tow), week)
+    path = NumberedRows("log.bin", "GPS")
+    fixes = Fixes.of(Message("GPS", {}, path), np.ones(40, dtype=bool), instants, late, tow)
+    assert np.array_equal(fixes.week, week)
+    assert len(fixes.left_out(40)) == bool(stale)
+    tow, weeks, _, _ = on_one_clock(path, tow, late, "s", "GNSS rows")
+    time, first = gps_time(path, tow, weeks, None)
+    np.testing.assert_allclose(time + (first - 2008) * WEEK_S, instants, atol=1e-6)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    st.floats(-100.0, 1e5),
+    st.integers(20, 580),
+    st.sampled_from([50.0, 99.7, 128.0, 400.0]),
+    st.sampled_from(["unix", "s"]),
+)
+def test_stamps_of_a_clock_that_was_set_come_back_or_are_refused(by_s, row, rate_hz, unit):
+    """Oracle: the instants before those from one row on were shifted: they come back but for one
+    constant, or with the step ahead that only motion tells from a pause, or are refused for it.
+    """
+    count = np.arange(600) / rate_hz
+    stamps = (UNIX if unit == "unix" else 205200.0) + count + by_s * (np.arange(600) >= row)
+    lines, different = NumberedRows("x", "line"), lambda i, k: False
+    tow, week, _, notes = on_one_clock(lines, stamps, None, unit, "IMU rows", different)
+    time, _ = gps_time(lines, tow, week, None, unit)
+    step = np.diff(time)
+    if notes:
+        assert np.ptp(time - count) < 1e-4
+    elif step.min() > 0.0:
+        assert step[row - 1] == pytest.approx(by_s + 1.0 / rate_hz, abs=1e-5)
+    elif by_s < -1.6 / rate_hz:  # less is jitter: two rows change places
+        with pytest.raises(InputError, match="clock"):
+            put_in_order(lines, time, different, "IMU rows")
