@@ -31,6 +31,7 @@ CHECKS: Mapping[str, float] = {
     "GNSS speed": REMARK,
     "GNSS position": REMARK,
     "GNSS velocity": REMARK,
+    "GNSS kinds": REMARK,
     "tangent plane origin": REMARK,
     "turn rate, gyro against GNSS course": REMARK,
     "camera events": REMARK,

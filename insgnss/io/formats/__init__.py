@@ -169,7 +169,11 @@ def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
     options = _options(path, form, reader.options.split(), spec)
     content = (load_content(form, path),) if form in LOADERS else ()
     record = function_at(reader.function)(path, *content, **options)
-    return replace(record, source_format=form) if kind == "gnss" else record
+    if kind != "gnss":
+        return record
+    from .gnss.kinds import with_agreeing_kinds
+
+    return with_agreeing_kinds(replace(record, source_format=form))
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:

@@ -264,17 +264,28 @@ def test_a_vertical_accuracy_in_degrees_is_a_length(tmp_path):
         written(f"Time (s)|{names}|{accuracies}".replace("Accuracy (m)", "Accuracy (°)"))
 
 
-@pytest.mark.parametrize(("zeros", "taken"), [(24, True), (58, False)])
-def test_fixes_of_two_kinds_keep_the_deviations_that_they_state(tmp_path, zeros, taken):
+@pytest.mark.parametrize(
+    ("zeros", "taken", "unstated", "why"),
+    [
+        (24, True, 0.0, ""),
+        (24, True, np.nan, ""),
+        (58, False, 0.0, "not positive in 58"),
+        (58, False, np.nan, "no number in 58"),
+    ],
+)
+def test_fixes_of_two_kinds_keep_the_deviations_that_they_state(
+    tmp_path, zeros, taken, unstated, why
+):
     """Oracle: the deviations that were written, of RTK in 36 of 60 rows; where single ones state 0
-    the draft's sigma_m stands, with a note; those of two rows of 60 are left out with the reason.
-    """
+    or none the draft's sigma_m stands, with a note; those of two rows of 60 are left out with the
+    reason; 4 is fixed in the codes of NMEA alone, where 1 states none."""
     t = np.arange(60.0)
     stated = t < 60 - zeros
     rows = [2e5 + t, 46.5 + 1e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * t]
-    rows += [np.where(stated, 0.02, 1.5), np.where(stated, 0.04, 0.0)]
+    rows += [np.where(stated, 0.02, unstated), np.where(stated, 0.04, unstated)]
+    rows += [np.where(stated, 4, 1)]
     path = tmp_path / "fixes.csv"
-    header = "tow,lat,lon,h_ell,hacc,vacc"
+    header = "tow,lat,lon,h_ell,hacc,vacc,quality"
     np.savetxt(path, np.column_stack(rows), "%.8f", ",", header=header, comments="")
     (source,) = [x for table in tables_of_file(path) for x in sources_of_table(path, table)]
     keys = source.keys
@@ -284,10 +295,11 @@ def test_fixes_of_two_kinds_keep_the_deviations_that_they_state(tmp_path, zeros,
     if taken:
         expected[stated] = [0.02, 0.02, 0.04]
         assert fixes.sigma_assumed.tolist() == (~stated).tolist()
-        assert "24 of 60 fixes state 0" in " ".join(note.found for note in fixes.notes)
-        assert "24 of 60 fixes state 0" in source.why["sigma_m"]
+        assert "24 of 60 fixes state no" in " ".join(note.found for note in fixes.notes)
+        assert "24 of 60 fixes state none" in source.why["sigma_m"]
+        assert keys["units"] == {"quality": "nmea"}
     else:
-        assert "not positive in 58 of 60 rows" in " ".join(source.columns_left_out)
+        assert f"{why} of 60 rows" in " ".join(source.columns_left_out)
     np.testing.assert_allclose(sigma, expected)
 
 

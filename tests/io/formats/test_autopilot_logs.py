@@ -363,3 +363,21 @@ def test_vehicle_imu_gives_rates_over_its_own_intervals(tmp_path: Path) -> None:
         match="no topic camera_capture or camera_trigger; there are sensor_gps, vehicle_imu",
     ):
         read_events(tmp_path / "x.ulg")
+
+
+@pytest.mark.parametrize("status", [None, 1])
+def test_a_log_without_fixes_keeps_the_autopilot_clock(tmp_path: Path, status: int | None) -> None:
+    """Oracle: the stamps put in, without a week; positions are refused, with what to give."""
+    lines = ["FMT, 130, 30, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"]
+    lines += ["FMT, 131, 30, GPS, QBBIHLLf, TimeUS,I,Status,GMS,GWk,Lat,Lng,Alt"]
+    lines += [f"IMU, {5_000_000 + 20_000 * k}, 0, 0.01, 0, 0, 0, 0, -9.8" for k in range(50)]
+    if status is not None:
+        lines += [f"GPS, {5_000_000 + 200_000 * k}, 0, {status}, 0, 0, 0, 0, 0" for k in range(5)]
+    path = tmp_path / "bench.log"
+    path.write_text("\n".join(lines) + "\n")
+    imu = read_imu(path)
+    assert_allclose(imu.time, 5.0 + 0.02 * np.arange(50))
+    assert imu.gps_week is None
+    assert any("no fix of a receiver in the log" in note.found for note in imu.notes)
+    with pytest.raises(InputError, match=r"no message GPS|give positions of their own"):
+        read_gnss(path)

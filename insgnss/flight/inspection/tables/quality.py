@@ -27,8 +27,10 @@ def codes_of(quality: Array, sigma: Array) -> str | None:
     ----------
     quality : ndarray, shape (n,)
     sigma : ndarray, shape (n,), any unit
-        Standard deviations of the positions.
+        Standard deviations of the positions; zero, or no number, where a kind of fixes has none, as
+        the worst ones do.
     """
+    sigma = np.where(np.nan_to_num(sigma) > 0.0, sigma, np.inf)
     codes, counts = np.unique(quality, return_counts=True)
     if codes.size > MOST_CODES or not np.isin(codes, range(MOST_QUALITY + 1)).all():
         return None

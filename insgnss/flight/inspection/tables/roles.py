@@ -234,6 +234,7 @@ def _not_finite(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
         for role, k in columns.items()
         if role not in ("lat", "lon", "h")
         and (count := int((~np.isfinite(grid.values[:, k])).sum()))
+        and not (role in POSITION_SIGMAS and count < (1.0 - STATED) * len(grid.values))
     }
 
 
@@ -241,11 +242,12 @@ def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
     """Standard deviations that are of no use, with the reason.
 
     They are not positive, or double where those of north, east and up exist. Zeros that are rounded
-    numbers are of use, and zeros of some of the fixes, as of one kind of several.
+    numbers are of use, and zeros, or what is no number, of some of the fixes, as of one kind of
+    several.
     """
     bad = {}
     for role, k in columns.items():
-        column = grid.values[:, k]
+        column = np.nan_to_num(grid.values[:, k])
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
             continue
         if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED:

@@ -240,7 +240,8 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         if not POSITION_SIGMAS & columns.keys():
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
         elif unstated := _unstated(table.grid, columns):
-            reason = f"{unstated} of {len(table.grid.values)} fixes state 0: as of a usual receiver"
+            fixes = f"{unstated} of {len(table.grid.values)} fixes"
+            reason = f"{fixes} state none, or 0: those of a single-point receiver"
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
         if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
             sigma = SINGLE_POINT["sigma_velocity_mps"]
@@ -260,8 +261,10 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
 
 
 def _unstated(grid: Grid, columns: dict[str, int]) -> int:
-    """Count the fixes with a standard deviation of zero that is no rounded one."""
-    sigmas = [grid.values[:, columns[role]] for role in POSITION_SIGMAS & columns.keys()]
+    """Count the fixes without a standard deviation, or with a zero that is no rounded one."""
+    sigmas = [
+        np.nan_to_num(grid.values[:, columns[role]]) for role in POSITION_SIGMAS & columns.keys()
+    ]
     zero = [sigma == 0.0 for sigma in sigmas if floor_of_zeros(sigma) is None]
     return int(np.any(zero, axis=0).sum()) if zero else 0
 

@@ -5,7 +5,7 @@ changes with each new fix: a fix is taken at the row where it changes to somethi
 zero nor not-a-number, and it is stamped with that row's time.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from ....base.errors import InputError, UsageError
 from ....records import GnssFixes, ImuSamples, Quantity
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
-from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
+from ..gnss.fixes import OF_POSITION, SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
 from ..imu import imu_csv
@@ -46,9 +46,9 @@ def _taken(
     return cols
 
 
-def _finite(table: Mapping[str, Array], lines: Lines) -> None:
+def _finite(table: Mapping[str, Array], lines: Lines, incomplete: Collection[str] = ()) -> None:
     for name, column in table.items():
-        if name not in OF_THE_SOLUTION:
+        if name not in (*OF_THE_SOLUTION, *incomplete):
             message = f"{name} is {{}}; it must be finite; leave the row out"
             refuse_rows(lines, ~np.isfinite(column), message, column)
 
@@ -186,7 +186,7 @@ def gnss_of_content(
     ):
         finding = "more than half of the rows repeat the fix before"
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
-    _finite(table, lines)
+    _finite(table, lines, () if sigma_m is None else OF_POSITION)
     return fixes_from_columns(
         table,
         lines,

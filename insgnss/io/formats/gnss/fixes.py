@@ -29,6 +29,7 @@ SIGMA, VELOCITY, VELOCITY_SIGMA = (
 ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = {"var_n", "var_e", "var_u"}
+OF_POSITION = {*SIGMA, "sd_ne", *VARIANCE}
 MOST_QUALITY = 7  # of RTKLIB
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
@@ -74,7 +75,8 @@ def fixes_from_columns(
     gps_week : int, optional
         The week, where no column holds it.
     sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down where no columns hold them, or zeros, m and m/s.
+        Standard deviations north, east, down where no columns hold them, or, of positions, zeros or
+        no numbers, m and m/s.
     undulation_m : float
         Geoid above the ellipsoid, m, added to the heights.
     notes : tuple of Finding
@@ -91,6 +93,9 @@ def fixes_from_columns(
         The first row with an impossible value, or no standard deviation at all.
     """
     cols, described = _apart(cols)
+    if sigma_m is not None:
+        stated = {name: np.nan_to_num(cols[name]) for name in OF_POSITION & cols.keys()}
+        cols = {**cols, **stated}
     tow, week, undated, clock_notes = on_one_clock(
         lines, clock_of(cols), cols.get("week"), scales.time, "GNSS rows"
     )
@@ -126,7 +131,7 @@ def fixes_from_columns(
     cov, assumed = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
     unstated = int((assumed & (cols.get(ASSUMED, 0.0) == 0.0)).sum())
     if 0 < unstated < time.size:
-        finding = f"{unstated} of {time.size} fixes state 0 for a standard deviation"
+        finding = f"{unstated} of {time.size} fixes state no standard deviation, or 0"
         advice = "sigma_m was taken for them; correct it where these fixes are better or worse"
         floor_notes += (note("GNSS rows", finding, "positive standard deviations", advice),)
     velocity, velocity_cov = _velocity(cols, scales, lines, source, sigma_velocity)

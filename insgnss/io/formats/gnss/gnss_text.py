@@ -20,7 +20,7 @@ from ..text.columns import Columns, NamedTable, TableOut, TableSpec
 from ..text.headers import Settled, factor_of, normalised, unit_in
 from ..text.order import note
 from ..text.text import Source, Table
-from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from .fixes import OF_POSITION, SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation
 
 Array = NDArray[np.float64]
@@ -97,7 +97,8 @@ def read_gnss_text(
         Name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a
         table of them to the header's.
     sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down of fixes without any, or with zeros, m and m/s.
+        Standard deviations north, east, down of fixes without any, or with zeros or no numbers,
+        m and m/s.
     gps_week : int, optional
         The week, where no column holds it.
     units : mapping, optional
@@ -117,7 +118,7 @@ def read_gnss_text(
         A bad value, with file and line, or no standard deviation at all.
     """
     units = SPEC.checked_units(units, "quality")
-    table = SPEC.read(path, columns)
+    table = SPEC.read(path, columns, () if sigma_m is None else OF_POSITION)
     vertical = _vertical_angle(table)
     settled = table.settled(units, unheeded=["sd_u"] if vertical else [])
     header_line = table.table.layout.header_line

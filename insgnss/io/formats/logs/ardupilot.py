@@ -92,7 +92,7 @@ def read_imu_ardupilot(
     if IMU_FIELDS[3] not in message:
         message, notes = _raw_pair(log, message)
     triads = message.floats(*IMU_FIELDS)
-    clock = log.clock(_fixes(log), gps_week)
+    clock = log.clock(_fixes, gps_week)
     return log.samples(message, clock, _boot(message), triads, quantity, notes)
 
 
@@ -217,7 +217,7 @@ def read_events_ardupilot(
     """
     log = read_log(path)
     message = log.message(("CAM", "TRIG"), variable)
-    return log.events(message, log.clock(_fixes(log), gps_week), _boot(message), "Img")
+    return log.events(message, log.clock(_fixes, gps_week), _boot(message), "Img")
 
 
 def read_barometer_ardupilot(
@@ -231,4 +231,4 @@ def read_barometer_ardupilot(
     log = read_log(path)
     message = log.message(("BARO", "BARO2", "BAR2"), variable)
     labels = {"pressure": "Press", "h": "Alt"}
-    return log.heights(message, log.clock(_fixes(log), gps_week), _boot(message), labels)
+    return log.heights(message, log.clock(_fixes, gps_week), _boot(message), labels)

@@ -5,7 +5,7 @@ fix; what is done with the columns is the same. All stamps but those of fixes co
 of the autopilot and are taken to GPST by `boot_clock`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,10 @@ Tables = dict[str, dict[str, Array]]
 # GPS.Status and fix_type to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
 QUALITY = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
 NO_FIX = "give positions of their own, gnss.file"
+
+
+class AbsentError(InputError):
+    """A log lacks a message, or all of its fixes."""
 
 
 def as_float(column: NDArray[Any]) -> Array:
@@ -90,12 +94,12 @@ class Fixes:
 
         Raises
         ------
-        InputError
+        AbsentError
             No row has a fix.
         """
         if not fixed.any():
             path, count = message.lines.path, f"{fixed.size} {message.name} messages"
-            raise InputError(f"{path}: none of {count} has a fix and a time; {NO_FIX}")
+            raise AbsentError(f"{path}: none of {count} has a fix and a time; {NO_FIX}")
         boot, week, tow = (time[fixed] for time in times)
         return cls(message.of(fixed), boot, weeks_in_step(week, tow), tow, week)
 
@@ -129,19 +133,27 @@ class Log:
 
         Raises
         ------
-        InputError
+        AbsentError
             No such message.
         """
         chosen = variable or next((name for name in names if name in self.tables), None)
         if chosen is None or chosen not in self.tables:
             there = ", ".join(sorted(self.tables)) or "none"
             wanted = chosen or " or ".join(names)
-            raise InputError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
+            raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
         return Message(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
 
-    def clock(self, fixes: Fixes, gps_week: int | None) -> BootClock:
-        """Return the autopilot's clock by its receiver's fixes; InputError for another week."""
+    def clock(self, fixes_of: "Callable[[Log], Fixes]", gps_week: int | None) -> BootClock:
+        """Return the autopilot's clock by its receiver's fixes; InputError for another week.
+
+        Without any fix the stamps stay those since power-up.
+        """
+        try:
+            fixes = fixes_of(self)
+        except AbsentError:
+            return BootClock(gps_week)
         clock = fit_clock(self.path, fixes.boot, fixes.week, fixes.tow)
+        assert clock.gps_week is not None  # that of the fixes
         agree_on_week(fixes.message.lines, clock.gps_week, gps_week)
         return clock
 

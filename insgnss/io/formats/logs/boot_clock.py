@@ -35,15 +35,16 @@ SPREAD_LIMIT_S = 1.0
 class BootClock:
     """GPST = boot + offset_s + drift (boot - at_s), in seconds of `gps_week`.
 
-    `spread_s` is the median absolute distance of the messages.
+    `spread_s` is the median absolute distance of the messages. Without any, the stamps stay those
+    of the autopilot since power-up.
     """
 
-    gps_week: int
-    offset_s: float
-    drift: float
-    at_s: float
-    spread_s: float
-    messages: int
+    gps_week: int | None
+    offset_s: float = 0.0
+    drift: float = 0.0
+    at_s: float = 0.0
+    spread_s: float = 0.0
+    messages: int = 0
 
     def gpst(self, lines: Lines, boot_s: Array) -> Array:
         """Return seconds of the week of stamps (n,) of the autopilot, s, to the microsecond.
@@ -59,6 +60,9 @@ class BootClock:
 
     def note(self, name: str) -> Finding:
         """Return the note on the clock, for the record `name`."""
+        if not self.messages:
+            finding = "no fix of a receiver in the log: stamps count from when it was switched on"
+            return note(name, finding, "GPST", "gnss.time_offset_s ties them to fixes of a file")
         finding = (
             f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"
             f" spread {1e3 * self.spread_s:.0f} ms"

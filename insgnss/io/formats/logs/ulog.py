@@ -166,7 +166,7 @@ def read_imu_ulog(
     else:
         labels = [f"{name}[{k}]" for name in ("gyro_rad", "accelerometer_m_s2") for k in range(3)]
         stamp, *columns = message.floats("timestamp", *labels)
-    clock = log.clock(_fixes(log), gps_week)
+    clock = log.clock(_fixes, gps_week)
     return log.samples(message, clock, MICRO * stamp, columns, quantity)
 
 
@@ -235,7 +235,7 @@ def read_events_ulog(
     log = read_log(path)
     message = log.message(EVENT_TOPICS, variable)
     (stamp,) = message.floats("timestamp")
-    return log.events(message, log.clock(_fixes(log), gps_week), MICRO * stamp, "seq")
+    return log.events(message, log.clock(_fixes, gps_week), MICRO * stamp, "seq")
 
 
 def read_barometer_ulog(
@@ -247,4 +247,4 @@ def read_barometer_ulog(
     label = "timestamp_sample" if "timestamp_sample" in message else "timestamp"
     names = {"pressure": "baro_pressure_pa", "h": "baro_alt_meter"}
     (stamp,) = message.floats(label)
-    return log.heights(message, log.clock(_fixes(log), gps_week), MICRO * stamp, names)
+    return log.heights(message, log.clock(_fixes, gps_week), MICRO * stamp, names)

@@ -8,7 +8,7 @@ needed is an error that prints it; names are never guessed from values. `TableOu
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -185,17 +185,28 @@ class TableSpec:
             assigned[index] = canonical
         return assigned
 
-    def read(self, path: Source, columns: Columns = None) -> "NamedTable":
+    def read(
+        self, path: Source, columns: Columns = None, incomplete: Collection[str] = ()
+    ) -> "NamedTable":
         """Read a table; InputError with file and line for what cannot be read."""
         table = read_text_table(path) if self.text else read_table(path, whole=False)
-        return self.of(table, columns)
+        return self.of(table, columns, incomplete)
 
-    def of(self, table: Table | TextTable, columns: Columns = None) -> "NamedTable":
-        """Return a table that was read with its columns; InputError as `index`, and for text."""
+    def of(
+        self,
+        table: Table | TextTable,
+        columns: Columns = None,
+        incomplete: Collection[str] = (),
+    ) -> "NamedTable":
+        """Return a table that was read with its columns.
+
+        InputError as `index`, and for text where a number must stand: in columns other than those
+        that may be `incomplete`.
+        """
         if isinstance(table, Table) and table.layout.header is None and columns is None:
             table.refuse_text(range(table.layout.n_fields))
         index = self.index(table.path, table.layout, columns)
-        return NamedTable(self, table, index).checked()
+        return NamedTable(self, table, index).checked(incomplete)
 
     def checked_units(self, units: Mapping[str, str] | None, *more: str) -> Mapping[str, str]:
         """Return the caller's units; UsageError for a key that is none, of these or `more`."""
@@ -284,10 +295,10 @@ class NamedTable:
         """The error `message` at the line of `row`."""
         return self.table.error_at(row, message)
 
-    def checked(self) -> "NamedTable":
-        """Return the table; InputError where a column of numbers holds text."""
+    def checked(self, incomplete: Collection[str] = ()) -> "NamedTable":
+        """Return the table; InputError where a column of numbers, none `incomplete`, holds text."""
         if isinstance(self.table, Table):
-            self.table.refuse_text(self.index.values())
+            self.table.refuse_text(k for name, k in self.index.items() if name not in incomplete)
         return self
 
     def floats(self, name: str) -> Array:
