@@ -6,7 +6,8 @@ rows and by the same function, the candidate explains the misfit where
 
     q_c <= EXPLAINS q   and   q_c <= good                                                   (X.1)
 
-with the misfit `good` that data of the kind may have. Of those that do, the one with the least
+with the misfit `good` that data of the kind may have, and never where it leaves more than all data
+do as given. Of those that do, the one with the least
 
     (q_c + floor) LEAST_MISFIT_RATIO^p                                                     (X.2)
 
@@ -160,7 +161,7 @@ def explain(
             continue
         before = whole if candidate.same is None else misfit_of(candidate.same)
         remaining = misfit_of(candidate.read)
-        if remaining <= min(EXPLAINS * before, good) and np.isfinite(remaining):
+        if remaining <= min(EXPLAINS * before, good, whole) and np.isfinite(remaining):
             cost = (remaining + floor) * LEAST_MISFIT_RATIO**candidate.parameters
             judged.append((cost, remaining, before, candidate))
     if not judged:

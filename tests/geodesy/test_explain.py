@@ -187,3 +187,11 @@ def test_a_shift_is_searched_in_finer_steps() -> None:
     assert shift == pytest.approx(12.34, abs=1e-9)
     assert left == pytest.approx(1.0)
     assert best_shift(lambda s: np.inf, 30.0, 1.0) is None
+
+
+def test_an_explanation_never_leaves_more_than_all_data_do() -> None:
+    """Oracle: by hand: of the rows that it is judged on it takes nine tenths, and leaves more than
+    the whole has."""
+    one = Candidate[float]("c", lambda _: 3.0, same=lambda _: 40.0)
+    assert explain(2.0, [one], lambda x: x) is None
+    assert explain(4.0, [one], lambda x: x) is not None

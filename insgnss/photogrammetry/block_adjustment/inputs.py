@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, InsgnssError, near
+from ...base.findings import Finding
 from ...base.tables import Columns
 from ...base.units import FOOT_M
 from ...base.wording import some
@@ -63,6 +64,8 @@ class Inputs:
         What earlier calibrations say of the cameras.
     vehicle : Vehicle or None
         Kinematic ground control.
+    unchecked : Finding or None
+        That no ground point checks where positions alone lie.
     """
 
     file: BlockFile
@@ -72,6 +75,7 @@ class Inputs:
     notes: tuple[str, ...]
     interior: tuple[InteriorObservation, ...] = ()
     vehicle: Vehicle | None = None
+    unchecked: Finding | None = None
 
 
 def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
@@ -117,15 +121,16 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         and source.camera.max(initial=0) >= len(source.cameras)
     ):
         source = replace(source, camera=np.zeros_like(source.camera))
-    eo = None
+    eo = unchecked = None
     if (poses := file.aerial_control.file) is not None:
         progress("reading aerial control")
         if file.aerial_control.positions_alone:
-            eo, table = orientation_of(file.aerial_control, source, notes)
+            eo, table, unchecked = orientation_of(file.aerial_control, source, notes)
             file = replace(file, aerial_control=table)
         else:
             eo = read_one_camera(poses, "an adjustment")
     ground = ground_in_plane(file, source, eo, notes)
+    unchecked = unchecked if ground is None else None
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
     moving = () if vehicle is None else vehicle.points
@@ -152,7 +157,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
-    return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block), vehicle)
+    interior = calibrated(file, block)
+    return Inputs(file, block, eo, rows, tuple(notes), interior, vehicle, unchecked)
 
 
 def _with_vehicle(

@@ -126,6 +126,7 @@ def judged(
         beyond += _hidden(trials_made)
     findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
     findings += _weakly_held(figures)
+    findings += [] if solved.inputs.unchecked is None else [solved.inputs.unchecked]
     findings += [*_images(solved), *_lever_arm(solved)]
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))

@@ -130,7 +130,8 @@ def _verdict(judgement: Judgement) -> Verdict:
     good = "no observation group contradicts another"
     if undetermined:
         good += f"; not determined by this block, and held: {', '.join(undetermined)}"
-    return worst_of(good, bad=worst if judgement.contradicted else [])
+    doubtful = [f.found for f in judgement.findings if f.verdict == "unknown"]
+    return worst_of(good, doubtful, worst if judgement.contradicted else [])
 
 
 def _of_page(title: str, table: Table, caption: str = "") -> Section:

@@ -146,6 +146,8 @@ def _refuse_readings(
     """
 
     def misfit(reading: Reading) -> float:
+        if reading is few:  # fitted to the end, which others are not where they are hopeless
+            return misclosure_px
         return np.inf if reading.image.size < FEWEST_RAYS else reading.fitted(misclosure_px)[0]
 
     def words(one: Candidate[Reading]) -> str:
@@ -161,11 +163,13 @@ def _refuse_readings(
             f"{start}, and {explanation.left:.1f} px as if {explanation.clauses(words)}"
         )
     if misclosure_px > limits[1]:
+        control = inputs.file.aerial_control
+        angles = "first attitudes" if control.positions_alone else "its angles"
         raise DataError(
             f"{start}, and none of mirrored or exchanged pixel axes, turned images or camera"
             " axes, images in another order, a delay, a principal point from the middle fits;"
-            f" {inputs.file.aerial_control.file} is of another flight, its angles were in other"
-            " units (degrees for radians), or names of images or points are others"
+            f" {control.file} is of another flight, {angles} were in other units (degrees for"
+            " radians), or names of images or points are others"
         )
 
 

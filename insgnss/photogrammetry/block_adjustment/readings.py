@@ -28,6 +28,9 @@ MOST_RAYS = 500  # of one reading (chosen): dozens of readings are fitted
 # steps of a fit, and after how many a hopeless one is given up; longest step (rad, s) (chosen)
 MOST_READING_STEPS, FEW_STEPS, LONGEST_READING_STEP = 10, 3, 0.2
 OWN_AXES = ("its x axis", "its y axis", "its z axis")
+OF_FLIGHT = "correct camera_from_body or bore-sight of the flight file and process again"
+OF_EO = "write the attitudes of eo.json as its conventions say (data_specs/eo_json.md)"
+ALONE = "begin with other attitudes (--initial)"
 FAR_OFF = 1e6  # pixels, of a point behind its camera
 Rows = NDArray[np.int64]
 
@@ -206,8 +209,9 @@ def readings(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     """
     yield from _other_stamps(inputs, few)
     yield from _other_numbers(inputs, few)
-    yield from _other_axes(few)
-    yield from _other_attitudes(few)
+    alone = inputs.file.aerial_control.positions_alone
+    yield from _other_axes(few, ALONE if alone else OF_FLIGHT)
+    yield from _other_attitudes(few, ALONE if alone else OF_EO)
     yield from _other_cameras(inputs, few)
 
 
@@ -221,7 +225,7 @@ def _read(
     return Candidate(text, lambda _: rays_of_reading, remedy=remedy, same=lambda _: same)
 
 
-def _other_axes(few: Reading) -> Iterator[Candidate[Reading]]:
+def _other_axes(few: Reading, attitudes: str) -> Iterator[Candidate[Reading]]:
     """Pixel axes and camera axes: the 48 signed permutations of the axes of a ray."""
     corner = "(x right, y down from the upper left corner)"
     for order, sign, text, remedy in (
@@ -232,18 +236,14 @@ def _other_axes(few: Reading) -> Iterator[Candidate[Reading]]:
     ):
         reread = replace(few, xy=few.xy[:, order] * np.array(sign))
         yield _read(text, f"{remedy} {corner}", few, reread)
-    remedy = (
-        "correct camera_from_body or bore-sight of the flight file and process again, or turn the"
-        " images as the camera took them"
-    )
+    remedy = f"{attitudes}, or turn the images as the camera took them"
     for R in right_angle_rotations()[1:].swapaxes(1, 2):
         text = f"the camera were turned by {turned_by(R, OWN_AXES)}"
         yield _read(text, remedy, few, replace(few, C=few.C @ R))
 
 
-def _other_attitudes(few: Reading) -> Iterator[Candidate[Reading]]:
+def _other_attitudes(few: Reading, remedy: str) -> Iterator[Candidate[Reading]]:
     """Attitudes that were composed in another way."""
-    remedy = "write the attitudes of eo.json as its conventions say (data_specs/eo_json.md)"
     good = np.isfinite(few.C).all(axis=(1, 2))
     R = few.C[good] @ CV_RUB
 

@@ -168,7 +168,10 @@ def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], Non
         return named
     if inputs.eo is None or (trial := converging(inputs, progress)) is None:
         return DataError(f"{failure}{worse_than_stated(inputs)}")
+    where = (
+        "" if inputs.file.aerial_control.positions_alone else ", or correct it in the flight file"
+    )
     return DataError(
         f"the adjustment does not converge as the block file has it, and does with {trial.name}"
-        f" estimated, {shown(trial)}: {advice(trial)}, or correct it in the flight file"
+        f" estimated, {shown(trial)}: {advice(trial)}{where}"
     )

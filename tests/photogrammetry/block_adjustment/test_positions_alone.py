@@ -16,14 +16,19 @@ from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.io.formats.blocks.ground_points import read_ground_points
 from insgnss.photogrammetry.block_adjustment.aerial.control import differenced
-from insgnss.photogrammetry.block_adjustment.aerial.positions import (
-    _of_images,
+from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
+    FirstPoses,
+    first_attitudes,
+    in_other_order,
+    lie_elsewhere,
     oriented_similarity,
 )
+from insgnss.photogrammetry.block_adjustment.aerial.positions import _of_images
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.photogrammetry.comparison.reading import read_poses
 
 BLOCK = "01_Observations/Camera/Block"
+NO_POSES = FirstPoses(("z",), np.full((1, 3), np.nan), np.eye(3)[None], "of the program")
 SIGMA_ENU = np.array([0.02, 0.02, 0.03])
 NADIR = np.diag([1.0, -1.0, -1.0])
 
@@ -221,10 +226,11 @@ def test_velocities_are_differences_within_a_line():
 def test_positions_find_their_images(names, images, expected):
     """Oracle: by hand: by name, by the counter in the names, by their natural order."""
     n = len(names) or len(images)
-    poses = SimpleNamespace(images=names, n=n, time=None, source="f.MRK")
+    place = {"lat": np.zeros(n), "lon": 1e-6 * np.arange(n), "height": np.zeros(n)}
+    poses = SimpleNamespace(images=names, n=n, time=None, source="f.MRK", **place)
     notes = []
     source = SimpleNamespace(measured=SimpleNamespace(images=images[::-1]))
-    row, found = _of_images(poses, source, notes)
+    row, found = _of_images(poses, NO_POSES, source, notes)
     names = names or tuple(str(k + 1) for k in range(n))
     pairs = dict(zip(found, (names[k] for k in row), strict=True))
     assert expected.items() <= pairs.items()
@@ -234,10 +240,82 @@ def test_positions_find_their_images(names, images, expected):
 
 def test_positions_of_other_images_are_refused():
     """Oracle: by hand: no name, no counter and another number of them."""
-    poses = SimpleNamespace(images=("1", "2"), n=2, time=None, source="f.MRK")
+    place = {"lat": np.zeros(2), "lon": np.array([0.0, 1e-6]), "height": np.zeros(2)}
+    poses = SimpleNamespace(images=("1", "2"), n=2, time=None, source="f.MRK", **place)
     source = SimpleNamespace(measured=SimpleNamespace(images=("x.tif", "y.tif", "z.tif")))
     with pytest.raises(InputError, match=r"none of its 2 positions \(1, \.\.\.\)"):
-        _of_images(poses, source, [])
+        _of_images(poses, NO_POSES, source, [])
+
+
+def posed_block(n_lines=5, on_earth=None):
+    """First poses of a block in the program's axes, or on Earth, and the same positions measured
+    to 0.3 m."""
+    X, Y, C, _ = turned_block(n_lines)
+    images = tuple(f"a{k}.tif" for k in range(len(X)))
+    Y = Y + 0.3 * np.random.default_rng(1).normal(size=Y.shape)
+    return FirstPoses(images, X, C, "of the program", on_earth), Y
+
+
+@pytest.mark.parametrize(
+    ("positions", "images", "words"),
+    [
+        (np.arange(60), np.arange(60), ""),
+        (np.r_[0:17, 16:60], np.arange(60), r"0\.5 m without position 1[78], or .*; remove it"),
+        (np.r_[30, 0:60], np.arange(60), r"61 positions and 60 images .* without position 1;"),
+        (np.delete(np.arange(60), 20), np.arange(60), r"without image a20\.tif; leave it out"),
+        (np.r_[30, 0:59], np.arange(60), r"\+1 off, a29\.tif at position 31; look for a test"),
+        (np.r_[0:12, 12:60:3][::-1], np.r_[0:12, 12:60:3], r"in the reverse order, a18\.tif at"),
+        (np.arange(12)[:-1], np.arange(12), ""),
+        (np.r_[30, 0:20, 21:60], np.arange(60), ""),  # two breaks: it abstains
+        (np.r_[[30] * 4, 0:60], np.arange(60), ""),
+    ],
+)
+def test_the_position_or_image_too_many_is_named(positions, images, words):
+    """Oracle: the row that the test repeats, leaves out or moves; one line at even steps fits
+    without any of its ends; two breaks and four rows are none of the candidates."""
+    first, Y = posed_block()
+    names = [str(k + 1) for k in range(len(positions))]
+    said = in_other_order(names, Y[positions], [first.images[k] for k in images], first)
+    assert re.search(words, said) if words else said == ""
+
+
+def geodetic(positions):
+    """Latitudes, longitudes and heights of a plane at 46.5, 7 deg, and the plane."""
+    plane = TangentPlane(np.radians(46.5), np.radians(7.0), 0.0)
+    return np.column_stack(plane.geodetic_from_position(positions)), plane
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ((1, 0, 2), "it has latitude and longitude exchanged; correct it there"),
+        ((1.0, -1.0, 1.0), "longitude with the other sign, or latitude with the other sign"),
+    ],
+)
+def test_mirrored_positions_are_named(change, words, tmp_path):
+    """Oracle: the columns that the test exchanges or mirrors; the cameras would look upwards."""
+    first, Y = posed_block()
+    right, plane = geodetic(Y)
+    wrong = right[:, change] if isinstance(change[0], int) else right * change
+    got = first_attitudes(tmp_path / "a.MRK", first.images, right, plane, first)
+    assert np.degrees(vector_from_rotation(got @ NADIR)).max() < 10.0
+    with pytest.raises(InputError, match=words):
+        first_attitudes(tmp_path / "a.MRK", first.images, wrong, plane, first)
+
+
+@pytest.mark.parametrize(
+    ("up_m", "words"), [(0.0, "nothing in this block checks"), (50.0, r"lie .* -50\.0 m")]
+)
+def test_positions_that_no_ground_point_checks_are_reported(up_m, words, tmp_path):
+    """Oracle: the heights by which the test moves the first poses of the same images."""
+    _, Y = posed_block()
+    (lat, lon, height), plane = geodetic(Y)[0].T, geodetic(Y)[1]
+    on_earth = SimpleNamespace(images=[f"a{k}.tif" for k in range(60)], lat=lat, lon=lon)
+    on_earth.height, on_earth.cov_position = height + up_m, None
+    first, _ = posed_block(on_earth=on_earth)
+    finding = lie_elsewhere(tmp_path / "a.MRK", first.images, Y, plane, first)
+    assert re.search(words, finding.found)
+    assert (finding.verdict == "unknown") == (up_m > 0.0)
 
 
 MRK = (

@@ -2,31 +2,22 @@
 
 The positions are read as `compare` reads them: .MRK, camera_positions.csv, `_events.pos` of
 RTKLIB, references of Metashape or Pix4D, tables. Attitudes that the file has with standard
-deviations are observed as those of a flight are. Else the images' own poses of the photogrammetry
-program are first values, in the axes of the positions by (S.1) of `insgnss.geodesy.similarity`,
-whose rotation is that of
-
-    sum Y_k X_k^T + w |X| |Y| d v^T                                                        (P.1)
-
-with X program's and Y measured positions about their means, |X| and |Y| the roots of the sums of
-their squares, v the program's mean viewing direction
-of unit length and d straight down: of positions along one line alone (P.1) has the rotation about
-it, and elsewhere the small w moves nothing that a first value needs.
+deviations are observed as those of a flight are. Else poses to begin with (`first_poses`) give the
+first attitudes.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
+from ....base.findings import Finding
 from ....base.wording import some
 from ....flight.config.block_tables.aerial_control import AerialControlTable
 from ....geodesy.frames import TangentPlane
-from ....geodesy.rotation import NED_ENU, nearest_rotation
-from ....geodesy.similarity import Similarity, similarity
+from ....geodesy.rotation import NED_ENU
 from ....io.exposures.images import natural
 from ....io.exposures.numbering import image_numbers
 from ....io.formats.blocks.joined import matched
@@ -36,19 +27,15 @@ from ....records.block import Array
 from ...comparison.hints import Hints, turned
 from ...comparison.poses import Poses
 from ...comparison.reading import read_poses
+from .first_poses import FirstPoses, first_attitudes, first_poses, in_other_order, lie_elsewhere
 
 Rows = NDArray[np.int64]
-FEWEST = 3  # images with position and pose, of which a similarity follows
-DOWN_WEIGHT = 1e-3  # w of (P.1) (chosen): a block 30 times longer than it is wide still counts more
 FIRST_VALUE_DEG = 0.4  # standard deviation (chosen) of attitudes that are first values
-MISSHAPEN = 0.2  # rms that a similarity leaves, of the positions' own: they are of other images
-VIEW = np.array([0.0, 0.0, 1.0])  # of a camera: x right, y down, z viewing direction
-DOWN = np.array([0.0, 0.0, -1.0])  # of the tangent plane: east, north, up
 
 
 def orientation_of(
     table: AerialControlTable, source: MeasuredBlock, notes: list[str]
-) -> tuple[ExteriorOrientation, AerialControlTable]:
+) -> tuple[ExteriorOrientation, AerialControlTable, Finding]:
     """Read positions of images and give them first values of their attitudes.
 
     Parameters
@@ -67,6 +54,8 @@ def orientation_of(
     table : AerialControlTable
         The same with what can be observed: positions alone ("Ap") where attitudes have no standard
         deviations.
+    finding : Finding
+        Whether anything but ground points checks where the positions lie.
 
     Raises
     ------
@@ -80,9 +69,10 @@ def orientation_of(
         raise InputError.in_file(
             path, "is a trajectory of the IMU, not of images; give the eo.json beside it"
         )
-    rows, images = _of_images(poses, source, notes)
+    first = first_poses(table, source)
+    rows, images = _of_images(poses, first, source, notes)
     poses = poses.taken(rows)
-    plane = TangentPlane(float(np.mean(poses.lat)), float(np.mean(poses.lon)), 0.0)
+    plane = _plane_of(poses)
     position = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)
     C_mE = plane.C_mn(poses.lat, poses.lon) @ NED_ENU
     cov = np.zeros((len(images), 6, 6))
@@ -92,13 +82,11 @@ def orientation_of(
         C = C_mE @ poses.C_Ex
     else:
         cov[:, 3:, 3:] = np.radians(FIRST_VALUE_DEG) ** 2 * np.eye(3)
-        if table.initial is not None:
-            C, origin = _initial(table.initial, images, plane), f"of {table.initial.name}"
-        else:
-            C, origin = _first_attitudes(path, images, position, source), "of the program"
+        measured = np.column_stack([poses.lat, poses.lon, poses.height])
+        C = first_attitudes(path, images, measured, plane, first)
         notes.append(
             f"{path.name} has positions alone: attitudes follow from the image observations, and"
-            f" begin with those {origin}"
+            f" begin with those {first.origin}"
         )
         table = replace(table, control="Ap", boresight_sigma_deg=0.0)
     oriented = np.isfinite(C).all(axis=(1, 2))
@@ -112,7 +100,7 @@ def orientation_of(
     if not stamped:
         notes.append(f"{path.name} has no GPS times: the order of the images stands for them")
     time = poses.time if stamped and poses.time is not None else np.arange(len(images), dtype=float)
-    return ExteriorOrientation(
+    orientation = ExteriorOrientation(
         tuple(images[k] for k in keep),
         time[keep],
         int(poses.gps_week or 0),
@@ -126,7 +114,12 @@ def orientation_of(
         history=(f"positions of {path.name}",),
         datum=poses.datum,
         epoch=poses.epoch,
-    ), table
+    )
+    return orientation, table, lie_elsewhere(path, images, position, plane, first)
+
+
+def _plane_of(poses: Poses) -> TangentPlane:
+    return TangentPlane(float(np.mean(poses.lat)), float(np.mean(poses.lon)), 0.0)
 
 
 def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array:
@@ -144,7 +137,7 @@ def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array
 
 
 def _of_images(
-    poses: Poses, source: MeasuredBlock, notes: list[str]
+    poses: Poses, first: FirstPoses, source: MeasuredBlock, notes: list[str]
 ) -> tuple[Rows, tuple[str, ...]]:
     """Return the rows of poses that are of images of the block, by time, and their names.
 
@@ -160,8 +153,12 @@ def _of_images(
         how = "numbers in the names of the images"
         if counter is not None and all(int(n) in row_of for n in counter):
             row = np.array([row_of[int(n)] for n in counter], dtype=np.int64)
-        elif len(images) == len(names):
-            row, how = np.arange(len(names)), "order of the images' names"
+        else:
+            position = _plane_of(poses).position_from_geodetic(poses.lat, poses.lon, poses.height)
+            if problem := in_other_order(names, position, images, first):
+                raise InputError.in_file(poses.source, problem)
+            if len(images) == len(names):
+                row, how = np.arange(len(names)), "order of the images' names"
         if (row >= 0).any():
             notes.append(
                 f"positions and images are matched by the {how}: {_pair(names, images, row)}"
@@ -183,69 +180,3 @@ def _pair(names: Sequence[str], images: Sequence[str], row: Rows) -> str:
     """Return the first pair, which a reader can check."""
     k = int(np.argmax(row >= 0))
     return f"{names[row[k]]} is {images[k]}"
-
-
-def _initial(path: Path, images: Sequence[str], plane: TangentPlane) -> Array:
-    """Return the attitudes (n, 3, 3) that another file has of the images, NaN of others."""
-    poses = read_poses(path)
-    if poses.C_Ex is None or poses.x != "camera" or not poses.images:
-        raise InputError.in_file(
-            path, "has no attitudes of images by their names; leave aerial_control.initial out"
-        )
-    row = matched(images, poses.images)
-    C = plane.C_mn(poses.lat, poses.lon) @ NED_ENU @ poses.C_Ex
-    return np.where((row >= 0)[:, None, None], C[row], np.nan)
-
-
-def _first_attitudes(
-    path: Path, images: Sequence[str], position: Array, source: MeasuredBlock
-) -> Array:
-    """Return the attitudes (n, 3, 3) of the program's poses in the axes of the positions (P.1)."""
-    row = matched(images, source.measured.images)
-    X, C = source.position_m[row], source.C_mc[row]
-    posed = np.isfinite(X).all(axis=1) & np.isfinite(C).all(axis=(1, 2))
-    if posed.sum() < FEWEST:
-        raise InputError.in_file(
-            path,
-            f"has positions and no attitudes, and only {int(posed.sum())} of {len(images)} images"
-            " have a pose in the image observations to begin with; give the project of a program"
-            " that has aligned them (Metashape, COLMAP, ...), or a table with angles",
-        )
-    fitted = oriented_similarity(X[posed], position[posed], C[posed])
-    residual = fitted.points(X[posed]) - position[posed]
-    spread = position[posed] - position[posed].mean(axis=0)
-    rms, size = (float(np.sqrt(np.mean(np.sum(v**2, axis=1)))) for v in (residual, spread))
-    if rms > MISSHAPEN * size:
-        raise InputError.in_file(
-            path,
-            f"its positions are {rms:.1f} m (rms) from where the poses of the image observations"
-            f" lie after shift, turn and scale, and spread by {size:.1f} m themselves: they do not"
-            " belong to these images; check names and order",
-        )
-    out = np.full(C.shape, np.nan)
-    out[posed] = fitted.rotation @ C[posed]
-    return out
-
-
-def oriented_similarity(X: Array, Y: Array, C: Array) -> Similarity:
-    """Fit (S.1) to positions, with the rotation of (P.1).
-
-    Parameters
-    ----------
-    X, Y : ndarray, (n, 3)
-        Positions in the program's axes, and measured ones, up along z.
-    C : ndarray, (n, 3, 3)
-        Attitudes, camera to the program's axes.
-
-    Returns
-    -------
-    Similarity
-        From the program's axes to those of Y.
-    """
-    x, y = X - X.mean(axis=0), Y - Y.mean(axis=0)
-    view = (C @ VIEW).mean(axis=0)
-    weight = DOWN_WEIGHT * float(np.linalg.norm(x) * np.linalg.norm(y))
-    turn = nearest_rotation(y.T @ x + weight * np.outer(DOWN, view / np.linalg.norm(view)))
-    fitted = similarity(X, Y, turn)
-    assert fitted is not None  # a rotation is given
-    return fitted
