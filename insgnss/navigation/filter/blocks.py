@@ -390,6 +390,15 @@ class BlockAgain:
             out[own] = self._of_block(b, wanted)[inverse]
         return out
 
+    @property
+    def start(self) -> InitialState:
+        """The state at the first epoch, about the nominal of the last pass."""
+        first = self.checkpoints[0]
+        nav, x = first.nav, first.x
+        if self.nominal is not None:
+            nav, x = (each[0] for each in self.nominal)
+        return InitialState(nav, x, first.m, first.P)
+
     def records(self, b: int) -> tuple[FilterHistory, int, int]:
         """Filter a block again from its checkpoint.
 

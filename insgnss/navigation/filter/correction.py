@@ -29,13 +29,87 @@ applications", for what is gained; Bryson and Frazier (1963) for the form of the
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ...records import Array
 from .blocks import BlockAgain
-from .codes import IMU, IMU0, NAV
+from .codes import IMU, IMU0, N_NAV, NAV
 from .kernels.records import FilterHistory
+from .solution import Solution, moved_by, solve
+
+
+def corrected(solution: Solution, events: np.ndarray, moment: Array, root: Array) -> Solution:
+    """Return a solution that knows what further observations say of its events (B.11).
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight, with its increments.
+    events : ndarray
+        (e,) the increasing events that they are of.
+    moment : Array
+        (e, n) T_j' lambda_j.
+    root : Array
+        (e, n, w) T_j' of the columns of a root of M; what M has beside it, covariances keep.
+
+    Returns
+    -------
+    Solution
+        Moved, with smaller covariances; without its chain, which further observations tie.
+    """
+    again, before = solution.covariances.again, solution.covariances
+    assert again is not None, "the increments are gone"
+    epoch = solution.event_epochs
+    delta = np.empty((solution.time.size, moment.shape[1]))
+    nav, kept = before.nav.copy(), before.kept.copy()
+    at_event = np.empty((epoch.size, N_NAV, root.shape[2]))
+    information = np.concatenate([moment[:, :, None], root], axis=2)
+    of_nav, of_all = np.tril_indices(N_NAV), np.tril_indices(moment.shape[1])
+    for first, last, of_block in corrections(again, epoch[events], information):
+        for error in before.shared:
+            inside = (epoch[events] >= error.first) & (epoch[events] <= error.last)
+            shared = slice(max(error.first - first, 0), max(error.last + 1 - first, 0))
+            of_block[shared, error.block] += error.cov @ information[inside, error.block].sum(
+                axis=0
+            )
+        delta[first:last], less = of_block[:, :, 0], of_block[:, :, 1:]
+        of_navigation = less[:, :N_NAV]
+        nav[first:last] -= (of_navigation @ np.swapaxes(of_navigation, 1, 2))[:, *of_nav]
+        begin, end = np.searchsorted(before.rows, (first, last))
+        whole = less[before.rows[begin:end] - first]
+        kept[begin:end] -= (whole @ np.swapaxes(whole, 1, 2))[:, *of_all]
+        inside = (epoch >= first) & (epoch < last)
+        at_event[inside] = of_navigation[epoch[inside] - first]
+    cross = solution.event_cross.copy()
+    cross[1:] -= at_event[:-1] @ np.swapaxes(at_event[1:], 1, 2)
+    covariances = replace(before, nav=nav, kept=kept)
+    nominal, x = moved_by(solution.nav, solution.x, delta)
+    return replace(
+        solution, nav=nominal, x=x, covariances=covariances, event_cross=cross, chain=None
+    )
+
+
+def smoothed_about(solution: Solution, about: Solution) -> Solution:
+    """Return a solution of the same data, linearised about another one.
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight, with its increments.
+    about : Solution
+        One of the same epochs and states, such as a corrected one.
+
+    Returns
+    -------
+    Solution
+        What the data of the flight alone say.
+    """
+    again = solution.covariances.again
+    assert again is not None, "the increments are gone"
+    alone = solve(solution.problem, again.start, "off", about=about)
+    return alone.enlarged(solution.covariances.shared)
 
 
 def corrections(
@@ -52,12 +126,11 @@ def corrections(
     information : Array
         (e, n, w) T_j' b_j of each event, for w columns at once.
 
-    Yields
-    ------
-    first, last : int
-        The first epoch of a block and the first behind it; the last block comes first.
-    moved : Array
-        (last - first, n, w) X_k b.
+    Returns
+    -------
+    iterator of tuple
+        First epoch of a block, the first behind it, and (last - first, n, w) X_k b of its epochs;
+        the last block comes first.
     """
     n, width = information.shape[1:]
     at_event = dict(zip(epoch.tolist(), information, strict=True))

@@ -23,10 +23,9 @@ from insgnss.flight.reference.linear import (
 )
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
-from insgnss.navigation.filter.common_errors import common_errors, nodes_of
 from insgnss.navigation.filter.correction import corrections
 from insgnss.navigation.filter.error_model import linearise_interval
-from insgnss.navigation.filter.event_chain import EventChain, SharedError
+from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S, make_history, run_filter
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
