@@ -67,12 +67,17 @@ def process(
     DataError : the data do not support an answer.
     UsageError : the products cannot be written into `out`.
     """
-    from ..flight.config.flight_file import Flight
-    from ..flight.config.load import load_flight
     from ..flight.processing.pipeline import process as run
 
-    flight_file = flight if isinstance(flight, Flight) else load_flight(Path(flight))
-    return run(flight_file, None if out is None else Path(out), progress, write, force)
+    return run(_flight_of(flight), None if out is None else Path(out), progress, write, force)
+
+
+def _flight_of(flight: "Flight | Source") -> "Flight":
+    """Return a flight file that may have been read already."""
+    from ..flight.config.flight_file import Flight
+    from ..flight.config.load import load_flight
+
+    return flight if isinstance(flight, Flight) else load_flight(Path(flight))
 
 
 @heard
@@ -83,6 +88,7 @@ def adjust_block(
     *,
     mode: "Mode | None" = None,
     control: "ControlKind | None" = None,
+    trajectory: "Flight | Source | None" = None,
     write: bool = True,
     force: bool = False,
     progress: Progress = logged,
@@ -96,6 +102,8 @@ def adjust_block(
     mode : "iso", "indirect", "fast_at" or "direct"; None: the block file's adjustment.mode.
     control : "Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap" or "Rp", absolute or relative position and attitude;
         None: the block file's aerial_control.control.
+    trajectory : the flight file of the orientation, its directory, or a `Flight`: the images
+        correct its trajectory, with products in the directory trajectory of `out`.
     write : whether to write the products; False: they are in the result only.
     force : whether to overwrite results of other image observations.
     progress : is called with the name of each step.
@@ -103,7 +111,8 @@ def adjust_block(
     Returns
     -------
     The result: `figures` (what adjust.json holds), `judgement` (headline, findings, what was
-    determined), `solved` (values and covariances), `files` and `summary()`.
+    determined), `solved` (values and covariances), `files`, `trajectory` (what `process` gives,
+    after the images) and `summary()`.
 
     Raises
     ------
@@ -121,7 +130,8 @@ def adjust_block(
     if control is not None:
         changes["aerial_control"] = replace(file.aerial_control, control=control)
     file = replace(file, **changes)
-    return adjust(file, None if out is None else Path(out), progress, write, force)
+    flight = None if trajectory is None else _flight_of(trajectory)
+    return adjust(file, None if out is None else Path(out), progress, write, force, flight)
 
 
 @heard

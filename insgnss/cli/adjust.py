@@ -23,6 +23,7 @@ EXAMPLE = """\
   insgnss adjust 02_Processed/GPS-INS/eo.json --images image_points.csv \\
       --camera camera.toml --ground ground_points.csv
   insgnss adjust eo.json --images project.psx --ground gcp.csv --crs EPSG:2056+5728 --check G4 G7
+  insgnss adjust block.toml --trajectory flight.toml
   insgnss adjust DJI_202411_Timestamp.MRK --images project.xml --ground gcp.csv --crs EPSG:2056
   insgnss adjust simulated/02_Processed/GPS-INS/eo.json --plan --camera camera.toml \\
       --ground-height 510"""
@@ -47,6 +48,13 @@ class Request:
         "where the products go",
         usual=f"{DIRECTORY} beside BLOCK, or as it says",
         metavar="DIR",
+    )
+    trajectory: Path | None = argument(
+        None,
+        "flight file of BLOCK's orientation: process the flight again, together with the images,"
+        " which correct trajectory, biases, lever arm of the antenna and clocks; products in the"
+        " directory trajectory of --out",
+        metavar="FLIGHT",
     )
     force: bool = argument(False, "overwrite results of other image observations")
 
@@ -116,7 +124,14 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         return show_result(options, progress, planned(file, progress, out))
     from ..photogrammetry.block_adjustment.run import adjust
 
-    result: AdjustmentResult = adjust(file, options.out, progress, force=options.force)
+    flight = None
+    if options.trajectory is not None:
+        from ..flight.config.load import load_flight
+
+        flight = load_flight(options.trajectory)
+    result: AdjustmentResult = adjust(
+        file, options.out, progress, force=options.force, flight=flight
+    )
     return show_judged(options, progress, result, file.path)
 
 

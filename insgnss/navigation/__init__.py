@@ -51,8 +51,9 @@ Where to look
     fixes minus solution, minute by minute: `innovations/residuals.py`
     covariance of neighbouring images: (B.5) in `filter/smoother.py`, `filter/kernels/forward.py`,
         `backward.py` there; as relative control: `orient/relative.py`
-    covariance of a flight line: (B.8) in `filter/smoother.py`, `event_chain.py` there, lines in
-        `orient/strips.py`; what lines have in common: (B.9) in `filter/common_errors.py`
+    covariance of a flight line, and what lines have in common: (B.8) in `filter/smoother.py`,
+        (B.8), (B.9) in `event_chain.py` there, lines in `orient/strips.py`
+    what images make of the states at all epochs: (B.10) to (B.13) in `filter/correction.py`
     filter and smoother block by block: `filter/blocks.py`, kept covariances: `covariances.py`,
         between epochs: `dense.py` there
     digits of the covariance through an outage: (B.6) in `filter/smoother.py`, `kernels/outage.py`

@@ -11,9 +11,8 @@ from ...base.errors import DataError
 from ...geodesy.frames import TangentPlane
 from ...io.exposures.rig import CameraExposures, ExposedRows
 from ...navigation.filter.codes import N_NAV
-from ...navigation.filter.common_errors import common_errors, nodes_of
 from ...navigation.filter.dense import dense_trajectory
-from ...navigation.filter.event_chain import EventChain
+from ...navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from ...navigation.filter.event_clock import at_uncertain_times, event_derivatives, receiver_events
 from ...navigation.filter.solution import trajectory
 from ...navigation.orient.exterior import exterior_orientation, pose_derivatives
@@ -188,6 +187,64 @@ def strip_covariances(
     )
     note += f"; left out {left_out}, whose digits do not hold it" if left_out else ""
     return tuple(strips), common, note
+
+
+@dataclass(frozen=True, eq=False)
+class PoseChain:
+    """The poses of the images of a segment as its chain of states has them.
+
+    Parameters
+    ----------
+    rows : ndarray of int
+        (k,) rows of the images in the orientation.
+    events : ndarray of int
+        (k,) their events in the solution.
+    derivatives : Array
+        (k, 6, n) errors of position (m) and psi (rad), in the axes of the orientation, by those of
+        all states.
+    cov : Array
+        (6 k, 6 k) covariance of all poses.
+    """
+
+    rows: NDArray[np.int64]
+    events: NDArray[np.int64]
+    derivatives: Array
+    cov: Array
+
+
+def pose_chains(
+    flight: Flight, recording: Recording, segments: Sequence[Segment], eo: ExteriorOrientation
+) -> list[PoseChain]:
+    """Return the poses of each segment with the covariance of all of them.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, of one camera.
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+    eo : ExteriorOrientation
+        The orientation of their images.
+
+    Returns
+    -------
+    list of PoseChain
+        One a segment; without rows where it has no images.
+    """
+    plane = TangentPlane(*(float(x) for x in eo.origin))
+    (images,) = _images(flight, recording, segments)
+    chains = []
+    for number, segment in enumerate(segments):
+        rows = np.flatnonzero(images.segment == number)
+        events = images.instant[rows]
+        T = images.derivatives(number, plane)[events]
+        cov = _chain(segment).covariance_of(events, T) if rows.size else np.zeros((0, 0))
+        for a, row in enumerate(rows):
+            cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
+        chains.append(PoseChain(rows, events, T, cov))
+    return chains
 
 
 def _strip(rows: NDArray[np.int64], cov: Array, eo: ExteriorOrientation) -> StripCovariance | None:

@@ -6,7 +6,7 @@
 `api.demo` runs it on a flight that it simulates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -66,6 +66,9 @@ from .segment_checks import (
     check_residuals,
 )
 from .solve_segments import PreparedFlight, prepare_segments, solve_segments
+
+Correction = Callable[[Flight, Recording, list[Segment]], list[Segment]]
+"""Returns the solved segments of a flight with what further observations make of them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -138,6 +141,7 @@ def process(
     progress: Progress = quiet,
     write: bool = True,
     force: bool = False,
+    correct: Correction | None = None,
 ) -> ProcessResult:
     """Process a flight: from its flight file to the orientation of every image and its report.
 
@@ -153,6 +157,8 @@ def process(
         Whether to write the products at all.
     force : bool
         Whether results of other measurements are overwritten.
+    correct : callable, optional
+        What corrects the solved segments, such as the images of a block.
 
     Returns
     -------
@@ -169,11 +175,16 @@ def process(
         Where the products cannot go into `out`.
     """
     with reading(flight.read):
-        return _process(flight, out, progress, write, force)
+        return _process(flight, out, progress, write, force, correct)
 
 
 def _process(
-    flight: Flight, out: Path | None, progress: Progress, write: bool, force: bool
+    flight: Flight,
+    out: Path | None,
+    progress: Progress,
+    write: bool,
+    force: bool,
+    correct: Correction | None,
 ) -> ProcessResult:
     directory = output_directory(flight, out) if write else None
     others = None if directory is None or force else overwriting(flight, directory, out)
@@ -198,6 +209,9 @@ def _process(
         recording = recording.without_samples()
     segments, checks = _solve(flight, recording, prepared, clock.step)  # align, filter, smooth
     del prepared
+    if correct is not None:
+        clock.step("correct")
+        segments = correct(flight, recording, segments)
 
     clock.step("orient")
     rows = report_rows(segments, week)
@@ -210,7 +224,7 @@ def _process(
     common: CommonErrors | None = None
     if eo is None:
         refuse_unobservable(flight, sampled)
-    elif flight.output.strip_covariance:
+    elif flight.output.strip_covariance and correct is None:
         strips, common, note = strip_covariances(flight, recording, segments, eo)
         history = (*history, note)
         eo = replace(eo, history=history)

@@ -390,8 +390,32 @@ class BlockAgain:
             out[own] = self._of_block(b, wanted)[inverse]
         return out
 
-    def _of_block(self, b: int, rows: np.ndarray) -> Array:
-        """Return the triangles of increasing epochs of a block."""
+    @property
+    def start(self) -> InitialState:
+        """The state at the first epoch, about the nominal of the last pass."""
+        first = self.checkpoints[0]
+        nav, x = first.nav, first.x
+        if self.nominal is not None:
+            nav, x = (each[0] for each in self.nominal)
+        return InitialState(nav, x, first.m, first.P)
+
+    def records(self, b: int) -> tuple[FilterHistory, int, int]:
+        """Filter a block again from its checkpoint.
+
+        Parameters
+        ----------
+        b : int
+            The block.
+
+        Returns
+        -------
+        history : FilterHistory
+            What the filter leaves of its epochs, with that of the epoch before it in front.
+        front : int
+            The epoch of the first row.
+        begin : int
+            The first row of the block's own.
+        """
         epochs, n = self.problem.epochs, self.problem.layout.size
         first = b * self.size
         last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
@@ -405,9 +429,15 @@ class BlockAgain:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
         _forward(inputs, own, _copied(self.checkpoints[b]), room, first - front)
-        smoother = SmootherRoom.of(last - front, n, rows - front, 0, False, 0)
-        state = _copied(self.adjoints[b])
-        run_backward(own.event, room, True, state, first - front, *smoother)
+        return room, front, first - front
+
+    def _of_block(self, b: int, rows: np.ndarray) -> Array:
+        """Return the triangles of increasing epochs of a block."""
+        room, front, begin = self.records(b)
+        count, n = room.m.shape
+        smoother = SmootherRoom.of(count, n, rows - front, 0, False, 0)
+        state, no_event = _copied(self.adjoints[b]), np.full(count, ABSENT, dtype=np.int64)
+        run_backward(no_event, room, True, state, begin, *smoother)
         return smoother.kept
 
 

@@ -315,8 +315,7 @@ def _about_smoothed(passes: BlockwisePasses, smoothed: Smoothed) -> tuple[Estima
     """Linearise again about what was smoothed; nothing changes without measurements."""
     if not passes.problem.measurements:
         return passes.problem, 0.0
-    nav, x = passes.history.nav.copy(), passes.history.x.copy()
-    _move(nav, x, smoothed.delta)
+    nav, x = moved_by(passes.history.nav, passes.history.x, smoothed.delta)
     return linearised_about(passes.problem, nav, x)
 
 
@@ -397,6 +396,26 @@ def _nonlinear(delta: Array, sigma: Array) -> bool:
     of_heading = 0.5 * heading**2 / sigma[:, AZ]
     second_order = max(of_tilt.max(), of_heading.max())
     return bool(second_order > SECOND_ORDER or np.hypot(tilt[0], heading[0]) > LARGE_RAD)
+
+
+def moved_by(nav: Array, x: Array, delta: Array) -> tuple[Array, Array]:
+    """Return a nominal that estimates of its errors have moved.
+
+    Parameters
+    ----------
+    nav, x : Array
+        (m, 10) and (m, ns) nominal states.
+    delta : Array
+        (m, n) their errors.
+
+    Returns
+    -------
+    nav, x : Array
+        The moved states.
+    """
+    nav, x = nav.copy(), x.copy()
+    _move(nav, x, delta)
+    return nav, x
 
 
 def _move(nav: Array, x: Array, delta: Array) -> None:

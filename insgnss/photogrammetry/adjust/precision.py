@@ -404,7 +404,7 @@ def tested(
         columns, taken = columns_of(layout, group.keys)
         J, mine = J[:, taken], Q.of(columns)
     P = group.weight
-    A = _explained(J, mine)
+    A = explained(J, mine)
     redundancy = 1.0 - (A * P).sum(axis=1)  # diagonal of Q_vv P = 1 - A P
     against = np.diagonal(P) - ((P @ A) * P).sum(axis=1)
     scaled = against / np.diagonal(P)
@@ -415,8 +415,21 @@ def tested(
     return GroupTest(group.name, group.keys, e, redundancy, w, detectable)
 
 
-def _explained(J: Array, Q: Array) -> Array:
-    """Return J Q J^T."""
+def explained(J: Array, Q: Array) -> Array:
+    """Return the cofactors of adjusted observations.
+
+    Parameters
+    ----------
+    J : ndarray, (m, d)
+        Their derivatives by the unknowns.
+    Q : ndarray, (d, d)
+        Cofactors of these.
+
+    Returns
+    -------
+    ndarray, (m, m)
+        J Q J^T.
+    """
     if J.shape[1] < SPARSE_UNKNOWNS:
         return J @ Q @ J.T
     from scipy.sparse import csr_array

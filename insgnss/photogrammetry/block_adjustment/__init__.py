@@ -15,6 +15,7 @@ pattern        what residuals have in common on the format
 judgement      what contradicts, what was determined and what not, in sentences
 trials         what explains a contradiction: each remedy is adjusted
 products       eo.json, exports, cameras, mounting, adjust.json; `page` the page
+trajectory     the flight after the images, by `--trajectory`
 plan           the precision to expect of a block that is not measured yet
 ============== ===================================================================
 """

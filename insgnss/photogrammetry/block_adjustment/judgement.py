@@ -21,9 +21,9 @@ from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.outliers import LIMIT_W
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
+from .aerial.control import processed_with
 from .aerial.relative import DATUM
 from .pattern import Pattern, patterns
-from .processed import processed_with
 from .solve import GROUND, Solved
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
 from .vehicle.verdict import AXES as OF_VEHICLE

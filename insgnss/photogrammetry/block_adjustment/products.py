@@ -36,9 +36,9 @@ from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ...report.document import write_with_page
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
+from .aerial.control import processed_with
 from .judgement import Judgement
 from .page import charts_of, document_of
-from .processed import processed_with
 from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"

@@ -10,6 +10,8 @@ from ...base.provenance import refuse_other_results
 from ...base.received.outputs import refuse_outside
 from ...base.received.trusted import at_home
 from ...flight.config.block_file import BlockFile
+from ...flight.config.flight_file import Flight
+from ...flight.processing.pipeline import ProcessResult
 from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
@@ -18,6 +20,8 @@ from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
 from .products import CONTRADICTED, DOCUMENT, written
 from .solve import Solved, solved
+from .trajectory import DIRECTORY as TRAJECTORY
+from .trajectory import corrected_trajectory, refuse_unfit
 from .trials import converging
 
 ORIENTATION = "eo.json"
@@ -37,12 +41,15 @@ class AdjustmentResult(Shown):
         Headline, findings, what was determined.
     files : tuple of Path
         The products.
+    trajectory : ProcessResult or None
+        The flight after the images, where it was asked for.
     """
 
     solved: Solved
     figures: dict[str, Any]
     judgement: Judgement
     files: tuple[Path, ...]
+    trajectory: ProcessResult | None = None
 
     @property
     def refusal(self) -> DataError | None:
@@ -82,6 +89,7 @@ def adjust(
     progress: Callable[[str], None] = lambda _: None,
     write: bool = True,
     force: bool = False,
+    flight: Flight | None = None,
 ) -> AdjustmentResult:
     """Adjust the block of a block file.
 
@@ -97,6 +105,9 @@ def adjust(
         Whether to write the products.
     force : bool
         Whether results of other image observations are overwritten.
+    flight : Flight, optional
+        The flight file of the orientation, whose trajectory the images are to correct; that of a
+        refused block stays as it is.
 
     Returns
     -------
@@ -117,6 +128,8 @@ def adjust(
     if write:
         refuse_other_results("adjust", directory / DOCUMENT, observed, force)
     inputs = inputs_of(file, progress)
+    if flight is not None:
+        refuse_unfit(inputs, flight)
     progress("looking whether the files belong to each other")
     refuse_implausible(inputs)
     try:
@@ -133,10 +146,16 @@ def adjust(
         for name, verdict, value in judgement.determined
     ]
     files: tuple[Path, ...] = ()
+    trajectory = None
+    if flight is not None and not judgement.refused:
+        into = directory / TRAJECTORY if write else None
+        trajectory, change = corrected_trajectory(done, flight, into, progress, force)
+        figures["notes"].append(change)
+        files = trajectory.files
     if write:
         progress(f"writing {directory}")
-        files = written(done, figures, judgement, directory)
-    return AdjustmentResult(done, figures, judgement, files)
+        files = (*written(done, figures, judgement, directory), *files)
+    return AdjustmentResult(done, figures, judgement, files, trajectory)
 
 
 def directory_of(file: BlockFile, out: Path | None) -> Path:

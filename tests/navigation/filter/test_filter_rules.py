@@ -17,9 +17,9 @@ from insgnss.navigation.filter.codes import (
     USED,
     ZUPT,
 )
-from insgnss.navigation.filter.common_errors import _whitened, nodes_of
 from insgnss.navigation.filter.dense import _give_back, _missed
 from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, with_nhc, with_zupt
+from insgnss.navigation.filter.event_chain import _whitened, nodes_of
 from insgnss.navigation.filter.event_clock import _means
 from insgnss.navigation.filter.filter import measured_slots, outages, refuse_divergence
 from insgnss.navigation.filter.kernels.transitions import event_transitions

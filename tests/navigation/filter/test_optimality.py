@@ -21,10 +21,11 @@ from insgnss.flight.reference.linear import (
     filtered,
     smoothed,
 )
+from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
-from insgnss.navigation.filter.common_errors import common_errors, nodes_of
+from insgnss.navigation.filter.correction import corrections
 from insgnss.navigation.filter.error_model import linearise_interval
-from insgnss.navigation.filter.event_chain import EventChain, SharedError
+from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S, make_history, run_filter
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
@@ -48,6 +49,8 @@ class Case:
     """
 
     problem: EstimationProblem
+    start: InitialState
+    nominal: tuple[np.ndarray, np.ndarray]
     filtered: np.ndarray
     filtered_P: np.ndarray
     smoothed: Smoothed
@@ -155,7 +158,8 @@ def case() -> Case:
     mean, P = history.m.copy(), history.P.copy()
     both = run_smoother(problem.epochs, history)
     chain = EventChain.of_passes(problem.epochs, history, both)
-    return Case(problem, mean, P, both, linear, events, chain)
+    nominal = first.nav, first.x
+    return Case(problem, start, nominal, mean, P, both, linear, events, chain)
 
 
 @pytest.fixture(scope="module")
@@ -164,12 +168,13 @@ def by_filterpy(case) -> GaussianStates:
     return filtered(case.linear)
 
 
-def agree(mean, P, expected, expected_P) -> None:
+def agree(mean, P, expected, expected_P, unit=None) -> None:
     """Means within `RELATIVE` of their standard deviations, covariances within that of the product
-    of two.
+    of two, or of those of `unit`, from which they are differences.
     """
     sigma = np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))
     assert np.abs((mean - expected) / sigma).max() < RELATIVE
+    sigma = sigma if unit is None else np.sqrt(np.diagonal(unit, axis1=1, axis2=2))
     assert np.abs((P - expected_P) / (sigma[:, :, None] * sigma[:, None, :])).max() < RELATIVE
 
 
@@ -354,6 +359,43 @@ def test_nodes_lie_half_a_correlation_time_apart(case):
                 far = np.abs(time[:, None] - own).min(axis=1).max()
                 assert far < 2.0 + min(0.25 * tau, 0.5 * duration)
     assert nodes_of(layout, time[:0])[0].size == 0
+
+
+@pytest.mark.parametrize("block", [16, 1000])
+def test_images_correct_all_epochs_as_one_batch_does(case, in_one, block):
+    """Oracle: least squares over all epochs at once with rows that tie the poses of all six events
+    to each other, as reduced normal equations of images do, and do not determine them.
+    """
+    events, n = case.events, case.problem.layout.size
+    T = np.tile(np.eye(9, n)[[0, 1, 2, 6, 7, 8]], (events.size, 1, 1))
+    of_noise = np.concatenate([in_one.free, in_one.seen], axis=2)
+    poses = np.concatenate([t @ of_noise[e] for t, e in zip(T, events, strict=True)])
+    C = poses @ poses.T
+    rng = np.random.default_rng(11)
+    rows = rng.normal(size=(20, len(C))) * 5.0 / np.sqrt(np.diag(C))
+    z, J = rng.normal(size=20) * 3.0, rows @ poses
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    images = of_noise @ Vt.T  # the rest of the noise is as it was
+    expected = images @ (Vt @ (J.T @ z) / (1.0 + s**2))
+    less = images * (s / np.sqrt(1.0 + s**2))
+    without = of_noise @ np.swapaxes(of_noise, 1, 2)
+    expected_P = without - less @ np.swapaxes(less, 1, 2)
+
+    K = rows.T @ np.linalg.inv(rows @ C @ rows.T + np.eye(20))  # of the poses alone
+    root = rows.T @ np.linalg.inv(np.linalg.cholesky(rows @ C @ rows.T + np.eye(20))).T
+    b = np.column_stack([K @ z, root]).reshape(events.size, 6, 21)
+    passes = BlockwisePasses(case.problem, case.start, np.arange(1), 0, block, 0)
+    passes.history.nav[:], passes.history.x[:] = case.nominal
+    passes.filter(closed_loop=False)
+    passes.smooth()
+    found = np.empty((len(expected), n, 21))
+    for first, last, moved in corrections(passes.again(), events, np.swapaxes(T, 1, 2) @ b):
+        found[first:last] = moved
+    P = case.smoothed.P - found[:, :, 1:] @ np.swapaxes(found[:, :, 1:], 1, 2)
+    agree(found[:, :, 0], P, expected, expected_P, without)
+    assert np.abs(expected / np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))).max() > 1.0
+    left = np.diagonal(expected_P / without, axis1=1, axis2=2)
+    assert left.min() < 0.5
 
 
 def test_last_filtered_state_is_the_smoothed_one(case):

@@ -7,7 +7,7 @@ the smoother is not there, that of neighbours is chained, which forgets what bia
 over a line, or each image stands alone; the block file says which.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, near
+from ....base.received.nesting import read_object
 from ....flight.config.block_tables.aerial_control import AerialControlTable
 from ....io.formats.blocks.joined import matched
 from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
@@ -72,7 +73,11 @@ class Control:
     of_lines: tuple[str, ...] = ()
 
 
-def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Control:
+def control_of(
+    inputs: Inputs,
+    options: AerialControlTable | None = None,
+    whole: Sequence[tuple[Rows, Array]] | None = None,
+) -> Control:
     """Return the aerial control of a block as observation groups.
 
     Parameters
@@ -81,6 +86,8 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
         The block and its orientation.
     options : AerialControlTable, optional
         What is estimated besides the poses; by default as the block file has it.
+    whole : sequence of tuple, optional
+        Rows of the orientation and the covariance of their poses, in the place of flight lines.
 
     Returns
     -------
@@ -98,7 +105,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     image_of = np.full(len(eo.images), -1, dtype=np.int64)
     with_pose = inputs.eo_row >= 0
     image_of[inputs.eo_row[with_pose]] = np.flatnonzero(with_pose)
-    kind, pieces = _pieces(eo, options)
+    kind, pieces = _pieces(eo, options) if whole is None else ("whole", iter(whole))
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
     motion, line = _motion(eo, options), breaks(eo, options.gap_s)
     other_lines = _other_lines(eo, options)
@@ -109,13 +116,13 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     ]
     lines: list[Rows] = []
     controls: list[str] = []
-    for piece, whole in pieces:
+    for piece, cov_of_piece in pieces:
         control = _control_of_line(piece, other_lines, eo, options)
         in_block = np.flatnonzero(image_of[piece] >= 0)
         if in_block.size == 0:
             continue
         rows = piece[in_block]
-        cov = covariance_of_rows(whole, in_block)
+        cov = covariance_of_rows(cov_of_piece, in_block)
         parameters, factor = dict.fromkeys(shared, 0), None
         printed = control in RELATIVE and options.relative_weights != "smoothed"
         if common is not None and common.factor[rows].any() and not printed:
@@ -166,6 +173,26 @@ def _absolute(
         parameters,
         common=strip.factor,
     )
+
+
+def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
+    """Return the flight file of an orientation as the report beside its eo.json has it.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+
+    Returns
+    -------
+    mapping or None
+        Its tables; None where no report says them.
+    """
+    if inputs.file.aerial_control.positions_alone:
+        return None
+    beside = Path(inputs.file.aerial_control.file or ".").parent / "report.json"
+    flight = read_object(beside).get("flight")
+    return flight if isinstance(flight, dict) and "mounting" in flight else None
 
 
 def motion_is_known(eo: ExteriorOrientation, options: AerialControlTable) -> bool:

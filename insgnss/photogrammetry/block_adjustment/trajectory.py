@@ -1,0 +1,266 @@
+"""Images correct the trajectory: the joint adjustment of inertial samples, fixes and images.
+
+The flight is solved again, and instead of lines with a covariance each the poses of a whole segment
+are one group of the block, weighed by the inverse W of C, the covariance of all of them that the
+chain of states gives (B.8). What the adjustment leaves of the group goes back to the states at all
+epochs (`navigation.filter.correction`): with its residuals e, observed - computed, J and the
+cofactors Q of its unknowns
+
+    mu = -e,    V = J Q J',    lambda = -W e,    C M C = C - V                                (J.11)
+
+so that a root of M is W times one of C - V. That root is taken column by column (Cholesky with
+pivots) until what is left is below `ENOUGH` of any variance in V; what is left stays in the
+covariances, which are no smaller than they should be. Camera, bore-sight and lever arm of the
+camera are unknowns of the block, the antenna's lever arm, biases and clocks of the chain.
+
+Filter, smoother and block are linearised again about the corrected flight until no pose of an
+image moves by more than `SETTLED` of its standard deviation.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import DataError, InputError, UsageError
+from ...flight.config.flight_file import Flight
+from ...flight.processing.orientation import PoseChain, orient_images, pose_chains
+from ...flight.processing.pipeline import ProcessResult, process
+from ...flight.processing.recording import Recording
+from ...flight.processing.segment import Segment
+from ...geodesy.rotation import rotation_from_quaternion, vector_from_rotation
+from ...navigation.filter.codes import AZ, POS, QUAT
+from ...navigation.filter.correction import corrected, smoothed_about
+from ...navigation.orient.exterior import POSE
+from ...records import ExteriorOrientation
+from ...records.block import Array
+from ..adjust.adjustment import adjusted
+from ..adjust.aerial import AerialControl
+from ..adjust.groups import PointObservation
+from ..adjust.normals import cofactors_of, columns_of
+from ..adjust.precision import explained
+from ..adjust.variance_components import with_factors
+from .aerial.control import control_of
+from .inputs import Inputs
+from .solve import Solved, set_up
+
+DIRECTORY = "trajectory"
+ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
+SETTLED = 0.05  # standard deviations after the images (chosen): changes no figure that is shown
+MOST_ROUNDS = 6  # linearisations (chosen); two or three settle an outage of 90 s
+MOST_IMAGES = 1000  # of a flight: some 3 GB for matrices of all poses
+
+
+def refuse_unfit(inputs: Inputs, flight: Flight) -> None:
+    """Refuse a block that cannot correct a trajectory.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    flight : Flight
+        The flight file of its orientation.
+
+    Raises
+    ------
+    UsageError
+        Its aerial control is not that of poses of one camera with the covariance of their flight.
+    """
+    control, options = inputs.file.aerial_control, inputs.file.adjustment
+    images = 0 if inputs.eo is None else len(inputs.eo)
+    problem = ""
+    if options.mode != "iso" or not images:
+        problem = f'adjustment.mode = "{options.mode}"; "iso" alone adjusts the poses of a flight'
+    elif control.control != "Ap/Aa" or control.of_lines:
+        problem = "aerial_control.control or .lines; Ap/Aa alone has all that the flight says"
+    elif control.shift_sigma_m is not None or control.drift_sigma_mps is not None:
+        problem = (
+            "aerial_control.shift_sigma_m or .drift_sigma_mps; errors of the fixes are states of"
+            " the flight (gnss.gm_sigma), so leave shifts out"
+        )
+    elif "aerial control" in options.reweight:
+        problem = 'adjustment.reweight has "aerial control", whose weights the flight gives'
+    elif len(flight.mountings) != 1:
+        problem = f"{flight.path} has {len(flight.mountings)} cameras, one is possible"
+    elif images > MOST_IMAGES:
+        problem = f"{images} images, limit {MOST_IMAGES}; cut the flight with start_tow, end_tow"
+    if problem:
+        raise UsageError(f"--trajectory: {problem}")
+
+
+def corrected_trajectory(
+    solved: Solved,
+    flight: Flight,
+    out: Path | None,
+    progress: Callable[[str], None],
+    force: bool = False,
+) -> tuple[ProcessResult, str]:
+    """Process a flight with the images of its adjusted block.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted block: first values, what was rejected, weights of the image observations.
+    flight : Flight
+        The flight file of its orientation.
+    out : Path or None
+        Directory of the products; None writes none.
+    progress : callable
+        Is called with the name of each step.
+    force : bool
+        Whether results of other measurements are overwritten.
+
+    Returns
+    -------
+    ProcessResult
+        The products of the flight after the images.
+    str
+        What the images changed, in a sentence.
+
+    Raises
+    ------
+    InputError
+        The block's orientation is not of this flight.
+    DataError
+        Flight and images do not come to one solution.
+    """
+    changed: list[str] = []
+
+    def correct(flight: Flight, recording: Recording, segments: list[Segment]) -> list[Segment]:
+        after = _Joint(solved, flight, recording, progress).corrected(segments)
+        changed.append(_changed(segments, after))
+        return [replace(s, history=(*s.history, changed[0])) for s in after]
+
+    flight = replace(flight, output=replace(flight.output, strip_covariance=True))
+    result = process(flight, out, progress, out is not None, force, correct)
+    return result, changed[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """A block and the flight that it corrects."""
+
+    solved: Solved
+    flight: Flight
+    recording: Recording
+    progress: Callable[[str], None]
+
+    def corrected(self, segments: list[Segment]) -> list[Segment]:
+        """Return the segments after the images, linearised until they stand."""
+        before: Sequence[Segment] = ()
+        for number in range(1, MOST_ROUNDS + 1):
+            self.progress(f"images correct the trajectory, round {number}")
+            after = self._once(segments)
+            moved = max(map(_moved, before, after), default=np.inf)
+            if moved < SETTLED:
+                return after
+            before = after
+            segments = [
+                replace(old, solution=smoothed_about(old.solution, new.solution))
+                for old, new in zip(segments, after, strict=True)
+            ]
+        raise DataError(
+            f"--trajectory: after {MOST_ROUNDS} rounds images still move poses by {moved:.2g}"
+            f" standard deviations from one round to the next, limit {SETTLED:g}; see in"
+            " adjust.html what contradicts, or leave --trajectory out"
+        )
+
+    def _once(self, segments: list[Segment]) -> list[Segment]:
+        """Return the segments as one linearisation corrects them."""
+        eo = orient_images(self.flight, self.recording, segments, ())
+        expected = self.solved.inputs.eo
+        if eo is None or expected is None or eo.images != expected.images:
+            raise InputError(
+                f"--trajectory {self.flight.path}: its images are not those of"
+                f" {self.solved.inputs.file.aerial_control.file}; process the flight again"
+            )
+        chains = pose_chains(self.flight, self.recording, segments, eo)
+        added = _added(self.solved, eo, chains)
+        return [
+            segment
+            if moment is None
+            else replace(segment, solution=corrected(segment.solution, chain.events, moment, root))
+            for segment, chain, (moment, root) in zip(segments, chains, added, strict=True)
+        ]
+
+
+def _added(
+    solved: Solved, eo: ExteriorOrientation, chains: Sequence[PoseChain]
+) -> list[tuple[Array | None, Array]]:
+    """Return T' lambda and T' times a root of M of each chain (J.11); None without images."""
+    inputs, done = replace(solved.inputs, eo=eo), solved.result
+    control = control_of(inputs, whole=[(chain.rows, chain.cov) for chain in chains])
+    problem, first = set_up(inputs, control)
+    rejected = {point.point for point in solved.rejected_control}
+    names = inputs.block.points
+    groups = tuple(
+        group
+        for group in problem.groups
+        if not (isinstance(group, PointObservation) and names[group.point] in rejected)
+    )
+    problem = with_factors(replace(problem, groups=groups), solved.factors)
+    problem = problem.with_active_of(done.problem)
+    values = done.values
+    point = np.where(np.isnan(values.point), first.point, values.point)
+    blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
+    result = adjusted(problem, replace(values, point=point, blocks=blocks))
+    of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
+    image = {int(row): k for k, row in enumerate(inputs.eo_row) if row >= 0}
+    added: list[tuple[Array | None, Array]] = []
+    for chain in chains:
+        measured = np.array([int(row) in image for row in chain.rows], dtype=np.bool_)
+        if not measured.any():
+            added.append((None, np.zeros(0)))
+            continue
+        group = next(of_chain)
+        e, J = group.linearised(result.values)
+        columns, taken = columns_of(result.problem.layout, group.keys)
+        V = explained(J[:, taken], cofactors_of(result.problem, result.values, columns))
+        keep = np.repeat(measured, 6)
+        root = group.weight @ _root(chain.cov[np.ix_(keep, keep)] - V, np.diagonal(V))
+        b = np.zeros((6 * measured.size, 1 + root.shape[1]))
+        b[keep] = np.column_stack([-group.weight @ e, root])
+        b = np.swapaxes(chain.derivatives, 1, 2) @ b.reshape(measured.size, 6, -1)
+        added.append((b[:, :, 0], b[:, :, 1:]))
+    return added
+
+
+def _root(less: Array, variance: Array) -> Array:
+    """Return columns whose products make a covariance but for `ENOUGH` of the variances."""
+    from scipy.linalg.lapack import dpstrf
+
+    scale = np.sqrt(variance)
+    factor, order, rank, _ = dpstrf(less / np.outer(scale, scale), tol=ENOUGH, lower=1)
+    columns = np.zeros((scale.size, rank))
+    columns[order - 1] = np.tril(factor)[:, :rank]
+    return np.asarray(scale[:, None] * columns)
+
+
+def _moved(before: Segment, after: Segment) -> float:
+    """Return by how many standard deviations the poses of the exposures have moved, at most."""
+    index = after.solution.event_epochs
+    variance = np.diagonal(after.solution.nav_covariance(index), axis1=1, axis2=2)
+    first, second = (segment.solution.nav[index] for segment in (before, after))
+    C_first, C_second = (rotation_from_quaternion(nav[:, QUAT]) for nav in (first, second))
+    turn = vector_from_rotation(C_second @ np.swapaxes(C_first, 1, 2))
+    step = np.hstack([second[:, POS] - first[:, POS], turn])
+    return float((np.abs(step) / np.sqrt(variance[:, POSE])).max(initial=0.0))
+
+
+def _changed(before: Sequence[Segment], after: Sequence[Segment]) -> str:
+    """Say what the images have changed."""
+    step = max(
+        float(np.linalg.norm(b.solution.nav[:, POS] - a.solution.nav[:, POS], axis=1).max())
+        for b, a in zip(before, after, strict=True)
+    )
+    position, heading = [], []
+    for segments in (before, after):
+        cov = np.concatenate([s.solution.nav_covariance(s.solution.rows) for s in segments])
+        sigma = np.median(np.sqrt(np.diagonal(cov, axis1=1, axis2=2)), axis=0)
+        position.append(f"{1e3 * sigma[POS].max():.1f}")
+        heading.append(f"{np.degrees(sigma[AZ]):.4f}")
+    return (
+        f"images moved the trajectory by up to {1e3 * step:.1f} mm; median standard deviations of"
+        f" positions {' -> '.join(position)} mm, of headings {' -> '.join(heading)} deg"
+    )
