@@ -106,9 +106,9 @@ class GroundTableInput:
     )
     crs: str | None = option(
         None,
-        "their projected CRS, such as EPSG:2056+5728 (with heights); without it they stand in the "
-        "tangent plane of aerial_control.file",
-        usual="that of the file, or the tangent plane",
+        "their CRS, such as EPSG:2056+5728 (with heights), or a tangent plane by its origin, such "
+        'as "origin 46.57 6.54 deg 0 m"; without it they stand in the tangent plane of an eo.json',
+        usual="that of the file, or the tangent plane of eo.json",
         cli="--crs",
         metavar="CRS",
     )
