@@ -90,6 +90,17 @@ class CameraTable:
         needs=("file",),
     )
 
+    readout_s: float | None = option(
+        None,
+        "readout time of a rolling shutter, from the upper edge of an image to the lower; negative"
+        " of a sensor that is read upwards",
+        unit="s",
+        low=-1.0,
+        high=1.0,
+        usual="all rows are exposed at once",
+        cli="--readout",
+    )
+
     def __post_init__(self) -> None:
         check(self, "camera")
 
