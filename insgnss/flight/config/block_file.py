@@ -90,6 +90,17 @@ class CameraTable:
         needs=("file",),
     )
 
+    readout_s: float | None = option(
+        None,
+        "readout time of a rolling shutter, from the upper edge of an image to the lower; negative"
+        " of a sensor that is read upwards",
+        unit="s",
+        low=-1.0,
+        high=1.0,
+        usual="all rows are exposed at once",
+        cli="--readout",
+    )
+
     def __post_init__(self) -> None:
         check(self, "camera")
 
@@ -106,9 +117,9 @@ class GroundTableInput:
     )
     crs: str | None = option(
         None,
-        "their projected CRS, such as EPSG:2056+5728 (with heights); without it they stand in the "
-        "tangent plane of aerial_control.file",
-        usual="that of the file, or the tangent plane",
+        "their CRS, such as EPSG:2056+5728 (with heights), or a tangent plane by its origin, such "
+        'as "origin 46.57 6.54 deg 0 m"; without it they stand in the tangent plane of an eo.json',
+        usual="that of the file, or the tangent plane of eo.json",
         cli="--crs",
         metavar="CRS",
     )

@@ -21,6 +21,7 @@ from ...io.formats.blocks.joined import joined, matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
 from ...io.formats.orientation.eo_json import read_one_camera
+from ...io.formats.origins import origin_in, statement_of
 from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, BrownCamera, ImageBlock
@@ -355,7 +356,7 @@ def ground_in_plane(
             path,
             "does not say in which CRS its ground points are, and without a flight there is no"
             " tangent plane that they could stand in; name it by ground.crs or --crs, such as"
-            " EPSG:2056+5728",
+            ' EPSG:2056+5728, or by the origin of their plane, "origin 46.57 6.54 deg 0 m"',
         )
     as_read = ground
     axes = None if crs is None else GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch)
@@ -467,7 +468,8 @@ def ground_of(path: Path, columns: Columns) -> tuple[GroundTable | None, str | N
     if path.is_dir() or recognised(path) not in ("image_points", "bingo"):
         source = read_measured_block(path)
         return source.ground, source.crs
-    return read_ground_points(path, columns), None
+    plane = origin_in(path)
+    return read_ground_points(path, columns), None if plane is None else statement_of(plane)
 
 
 def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:
@@ -497,11 +499,12 @@ def _in_own_plane(
     axes = GroundAxes(crs, geoid)
     notes += [axes.unit_note] if axes.unit_note else []
     lat, lon, h = axes.geodetic(ground.position_m.mean(axis=0, keepdims=True))
+    plane = TangentPlane(float(lat[0]), float(lon[0]), float(h[0]))
     notes.append(
-        f"axes are those of the tangent plane at {np.degrees(lat[0]):.6f},"
-        f" {np.degrees(lon[0]):.6f} deg, {h[0]:.1f} m, the middle of the ground points"
+        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the ground"
+        " points"
     )
-    return ground.in_plane(axes, TangentPlane(float(lat[0]), float(lon[0]), float(h[0])))
+    return ground.in_plane(axes, plane)
 
 
 def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:

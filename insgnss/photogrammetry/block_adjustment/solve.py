@@ -7,16 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
+from ...records.block import ImageBlock
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.direct import intersected_points
 from ..adjust.groups import PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import IMAGE, Component, Precision, precision_of
+from ..adjust.shutter import without_readout
 from ..adjust.start import first_values
 from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import Reweighted, reweighted
-from .aerial.control import Control, control_of
+from .aerial.control import Control, control_of, motion_of_images
 from .inputs import Inputs
 from .vehicle.control import vehicle_control, with_first_points
 
@@ -105,6 +107,10 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
             " eo.json, or ground points that are measured in images"
         )
     progress(f"first values of {len(block.images)} images and {len(block.points)} points")
+    if (readout := inputs.file.camera.readout_s) is not None:
+        progress("readout of the shutter")
+        block = _of_middle_rows(inputs, control, readout)
+        inputs = replace(inputs, block=block)
     problem, values = set_up(inputs, control)
     options = inputs.file.adjustment
     if options.mode == "direct":
@@ -119,6 +125,20 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
     steps = cleaned.result.iterations
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
+
+
+def _of_middle_rows(inputs: Inputs, control: Control, readout_s: float) -> ImageBlock:
+    """Return the block with pixels of the exposure of the middle row.
+
+    First values of the points are good enough to adjust by, and the adjusted points to correct by.
+    """
+    motion = motion_of_images(inputs)
+    problem, values = set_up(inputs, control)
+    block = without_readout(problem, values, motion, readout_s)
+    if inputs.file.adjustment.mode == "direct":
+        return block
+    cleaned = without_outliers(*set_up(replace(inputs, block=block), control))
+    return without_readout(problem, cleaned.result.values, motion, readout_s)
 
 
 def _intersected(

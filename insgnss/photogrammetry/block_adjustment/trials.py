@@ -3,6 +3,7 @@
 A group whose component lies beyond its bounds says that something is wrong and not what. The block
 is adjusted once more with each unknown that the block file leaves out: a delay of the exposures, a
 lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum),
+a readout time of a rolling shutter,
 of a vehicle a delay of its clock, the lever arm of its target, a shift, and the interior
 orientation. An unknown explains the contradiction where the cost falls by more than
 chance (99.99 % of chi-square) and by a third at least of what is too much. A block without
@@ -28,9 +29,10 @@ from ..adjust.kinematic import CLOCK
 from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.precision import image_components
+from ..adjust.shutter import readout_gain
 from ..adjust.unknowns import CAMERA, POINT, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
-from .aerial.control import control_of, motion_is_known, stated_lever_arm
+from .aerial.control import control_of, motion_is_known, motion_of_images, stated_lever_arm
 from .check_points import check_points
 from .inputs import Inputs
 from .mode import CAMERA_HELD
@@ -174,11 +176,45 @@ def trials(
         except DataError:
             continue  # it is not determined, so that it explains nothing
         done.append(trial)
+    if (readout := _readout(solved, excess, progress)) is not None:
+        done.append(readout)
     done.sort(key=lambda trial: trial.unknowns - trial.gain)
     if (of_line := _shifted_line(solved, excess)) is not None:
         rivals = any(trial.gain > RIVAL_GAIN * of_line.gain for trial in done)
         done.insert(len(done) if rivals else 0, of_line)
     return tuple(done)
+
+
+def _readout(solved: Solved, excess: float, progress: Callable[[str], None]) -> Trial | None:
+    """Return the readout time of a rolling shutter beside the unknowns of the adjustment."""
+    from scipy.stats import chi2
+
+    if solved.inputs.file.camera.readout_s is not None:
+        return None
+    progress("trying: readout time of the shutter")
+    estimate = readout_gain(solved.result, motion_of_images(solved.inputs))
+    if estimate is None:
+        return None
+    value, sigma, moved = estimate
+    gain = (value / sigma) ** 2
+    return Trial(
+        "readout time of the shutter",
+        gain,
+        1,
+        np.array([value]),
+        np.array([sigma]),
+        "s",
+        gain > max(chi2.ppf(GAIN_CHANCE, 1), GAIN_SHARE * excess),
+        "camera.readout_s",
+        f"state it, camera.readout_s = {value:.4g} (--readout), if the shutter is a rolling one",
+        _sigmas(solved, moved),
+    )
+
+
+def _sigmas(solved: Solved, moved_m: Array) -> float:
+    """Return by how many standard deviations projection centres (n, 3), m, move at most."""
+    sigma_m = np.sqrt(np.diagonal(solved.precision.pose_cov[:, :3, :3], axis1=1, axis2=2))
+    return float((np.abs(moved_m) / np.maximum(sigma_m, LEAST_SIGMA_M)).max())
 
 
 def _shifted_line(solved: Solved, excess: float) -> Trial | None:
@@ -422,8 +458,6 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
     enough = gain > max(chi2.ppf(GAIN_CHANCE, value.size), GAIN_SHARE * excess)
-    sigma_m = np.sqrt(np.diagonal(solved.precision.pose_cov[:, :3, :3], axis1=1, axis2=2))
-    moved_m = np.abs(again.values.position - result.values.position)
     return Trial(
         remedy.name,
         float(gain),
@@ -434,7 +468,7 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         bool(enough),
         remedy.option,
         what_to_do(inputs.vehicle, key, value, sigma),
-        float((moved_m / np.maximum(sigma_m, LEAST_SIGMA_M)).max()),
+        _sigmas(solved, again.values.position - result.values.position),
     )
 
 

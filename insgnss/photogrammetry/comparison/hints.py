@@ -8,20 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.inputs import opened_text
 from ...base.units import LARGEST_UNIT
 from ...geodesy.crs import crs_of
 from ...geodesy.datums import sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
-from ...io.formats.text.layout import shown
-from ...io.formats.text.numbers import PLAIN, finite
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED
 
 Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
-
-HEAD = 16384  # characters of a table in which its comments stand (chosen)
 
 
 @dataclass(frozen=True)
@@ -116,30 +111,3 @@ def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array |
 def turned(C: Array, P: Array | None) -> Array | None:
     """C P C^T."""
     return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))
-
-
-def origin_in(path: Path) -> TangentPlane | None:
-    """The origin that a header names; None where it names none.
-
-    It is `latitude 46.57 deg, longitude 6.54 deg, ... height 0 m`, or `origin 46.57 6.54 deg 0 m`.
-
-    Raises
-    ------
-    InputError
-        What stands there is no number.
-    """
-    with opened_text(path, errors="replace") as stream:
-        head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
-    number = r"(\S*\d\S*?)"
-    origin = re.search(
-        rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
-        head,
-    )
-    origin = origin or re.search(rf"origin {number} {number} deg {number} m", head)
-    if origin is None:
-        return None
-    lat, lon, height = map(finite, origin.groups())
-    if np.isnan([lat, lon, height]).any() or not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
-        problem = f"the header's {shown(origin[0])} is no origin of a tangent plane"
-        raise InputError.in_file(path, f"{problem}; {PLAIN}, angles in degrees")
-    return TangentPlane(np.radians(lat), np.radians(lon), height)

@@ -25,6 +25,7 @@ from ...geodesy.rotation import (
     rpy_jacobian,
 )
 from ...io.formats.events.mrk import is_mrk
+from ...io.formats.origins import HEAD, origin_in
 from ...io.formats.returned.crs import kind_of_wkt
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
@@ -32,7 +33,7 @@ from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
 from ...records import ExteriorOrientation, Trajectory
 from ...records.observations import UNKNOWN_MPS
-from .hints import HEAD, Hints, diagonal, globe_of, origin_in, turned
+from .hints import Hints, diagonal, globe_of, turned
 from .of_records import poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
 from .returned import framed_coordinates, placed_poses, read_adjusted_poses

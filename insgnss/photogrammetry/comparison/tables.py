@@ -36,8 +36,9 @@ from ...geodesy.rotation import (
     rotation_from_ypr,
     ypr_jacobian,
 )
+from ...io.formats.origins import HEAD, origin_in
 from ...io.formats.text.text import TextTable, read_text_table
-from .hints import HEAD, Hints, diagonal, globe_of, origin_in
+from .hints import Hints, diagonal, globe_of
 from .poses import CoordinateFrame, Poses, tangent_frame
 
 Array = NDArray[np.float64]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.base.errors import DataError, InputError
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli.main import main
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
-from insgnss.io.formats.blocks.ground_points import read_ground_points
+from insgnss.io.formats.blocks.ground_points import GroundAxes, read_ground_points
 from insgnss.photogrammetry.block_adjustment.aerial.control import differenced
 from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
     FirstPoses,
@@ -24,6 +24,7 @@ from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
     oriented_similarity,
 )
 from insgnss.photogrammetry.block_adjustment.aerial.positions import _of_images
+from insgnss.photogrammetry.block_adjustment.inputs import ground_of
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.photogrammetry.comparison.reading import read_poses
 
@@ -381,3 +382,25 @@ def test_mistakes_in_a_list_of_positions_are_named(
     path.write_text(re.sub(pattern, changed, path.read_text(), flags=re.MULTILINE))
     with pytest.raises((InputError, DataError), match=words):
         adjust(block_of(flown, directory), write=False)
+
+
+@pytest.mark.parametrize("by_header", [False, True])
+def test_ground_points_of_another_plane_are_placed(by_header, tmp_path):
+    """Oracle: the points placed through their geodetic positions, and their covariance by hand, of
+    a plane that is turned by half a degree of longitude."""
+    origin = "origin 46.57 6.54 deg 12.5 m"
+    path = tmp_path / "ground.csv"
+    head = f"# tangent plane, {origin}\n" if by_header else ""
+    path.write_text(f"{head}point,x,y,z,sigma_x,sigma_y,sigma_z\nG1,100,-50,20,0.03,0.01,0.02\n")
+    ground, crs = ground_of(path, None)
+    axes = GroundAxes(crs if by_header else origin)
+    there, here = TangentPlane(*np.radians([46.57, 6.54]), 12.5), TangentPlane(0.8, 0.12, 400.0)
+    placed = ground.in_plane(axes, here)
+    X = here.position_from_geodetic(*there.geodetic_from_position(ground.position_m))
+    assert_allclose(placed.position_m, X, atol=1e-4)
+    R = here.C_em.T @ there.C_em
+    assert_allclose(placed.cov[0], R @ np.diag([0.03, 0.01, 0.02]) ** 2 @ R.T, atol=1e-12)
+    with pytest.raises(UsageError, match="need no geoid"):
+        GroundAxes(origin, tmp_path / "geoid.gtx").geodetic(ground.position_m)
+    with pytest.raises(UsageError, match="no origin of a tangent plane"):
+        GroundAxes("origin 146.57 6.54 deg 0 m").geodetic(ground.position_m)

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import near
+from ....base.errors import UsageError, near
 from ....base.units import METRE
 from ....geodesy.crs import geodetic_from_geographic, is_geographic
 from ....geodesy.frames import TangentPlane
 from ....geodesy.projection import MapProjection
 from ..names import PLACES, ROLE
 from ..orientation.exported import quoted_names
+from ..origins import stated_plane
 from ..text.columns import METRES, Columns, TableOut, TableSpec
 from ..text.layout import shown
 from ..text.text import Source
@@ -102,6 +103,8 @@ class GroundTable:
         lat, lon, h = axes.geodetic(self.position_m)
         enu_from_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
         C = plane.C_mn(lat, lon) @ enu_from_ned.T
+        if axes.plane is not None:
+            C = (plane.C_em.T @ axes.plane.C_em)[None]
         if axes.projection is not None:
             C = C @ axes.projection.axes(lat, lon, h).transpose(0, 2, 1)
         table = self.metric(axes)
@@ -119,7 +122,8 @@ class GroundAxes:
     Parameters
     ----------
     crs : str
-        Projected or geographic, as `MapProjection` takes its definition.
+        Projected or geographic, as `MapProjection` takes its definition, or the origin of a tangent
+        plane as of `stated_plane`.
     geoid : Path, optional
         Grid of geoid heights, for heights above sea level.
     datum, epoch : optional
@@ -128,7 +132,7 @@ class GroundAxes:
     Raises
     ------
     UsageError
-        A CRS that is unknown, or a geoid beside heights of its own.
+        A CRS that is unknown, or a geoid beside heights of its own or of a tangent plane.
     """
 
     crs: str
@@ -137,9 +141,17 @@ class GroundAxes:
     epoch: float | None = None
 
     @cached_property
+    def plane(self) -> TangentPlane | None:
+        """The tangent plane; None of a CRS."""
+        plane = stated_plane(self.crs)
+        if plane is not None and self.geoid is not None:
+            raise UsageError("heights of a tangent plane need no geoid; leave it out")
+        return plane
+
+    @cached_property
     def projection(self) -> MapProjection | None:
-        """The projected CRS; None of a geographic one."""
-        if is_geographic(self.crs):
+        """The projected CRS; None of a geographic one, or a tangent plane."""
+        if self.plane is not None or is_geographic(self.crs):
             return None
         return MapProjection(self.crs, self.geoid, self.datum, self.epoch, any_unit=True)
 
@@ -164,7 +176,7 @@ class GroundAxes:
         ----------
         position : ndarray, (n, 3)
             Easting, northing and height in the unit of the CRS; of a geographic CRS longitude,
-            latitude, deg, height.
+            latitude, deg, height; of a tangent plane east, north, up.
 
         Returns
         -------
@@ -176,6 +188,8 @@ class GroundAxes:
         InputError
             Where the CRS or its grids do not reach the points.
         """
+        if self.plane is not None:
+            return self.plane.geodetic_from_position(position)
         if self.projection is not None:
             return self.projection.inverse(position * self.unit_m)
         return geodetic_from_geographic(self.crs, position, self.geoid, self.datum, self.epoch)

@@ -219,6 +219,27 @@ def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array
     )
 
 
+def motion_of_images(inputs: Inputs) -> tuple[Array, Array]:
+    """Return velocities (n, 3), m/s, and rates (n, 3), rad/s, of the images of a block.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block and its orientation.
+
+    Returns
+    -------
+    tuple of ndarray
+        In the axes of the block, zero where they are not known.
+    """
+    velocity, rate = np.zeros((2, len(inputs.block.images), 3))
+    if inputs.eo is not None:
+        has_pose = inputs.eo_row >= 0
+        of_eo = _motion(inputs.eo, inputs.file.aerial_control)
+        velocity[has_pose], rate[has_pose] = (x[inputs.eo_row[has_pose]] for x in of_eo)
+    return velocity, rate
+
+
 def differenced(eo: ExteriorOrientation) -> Array:
     """Return velocities (n, 3), m/s, of positions by the differences to their neighbours in time.
 

@@ -1,0 +1,150 @@
+"""The readout of a rolling shutter: rows of an image are exposed one after another.
+
+A row at y of an image of height H is exposed
+
+    tau = r (y / H - 1/2)                                                                  (R.1)
+
+after the middle row, to which pose and stamp belong; r is the readout time of the whole image, from
+its upper edge to the lower one, negative of a sensor that is read upwards. With q = C^T (P - X) of
+a point P, velocity v and rate omega of the camera,
+
+    dq / dtau = -C^T (v + omega x (P - X))                                                 (R.2)
+
+makes the derivative a of its pixel by r. Where r is one unknown more beside those of an adjustment
+with residuals e, weights W, design J and cofactors Q, one step of its iteration gives
+
+    N = a^T W a - a^T W J Q J^T W a,    r = a^T W e / N,    gain = r^2 N                     (R.3)
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...records.block import Array, ImageBlock
+from ...records.cameras.camera import pixels_of
+from .adjustment import Adjusted
+from .kernels import collinearity
+from .normals import Normals, Problem, assembled, corrections
+from .unknowns import Unknowns
+
+STEP_S = 1e-4  # of numerical derivatives: a camera moves by millimetres in it
+FEWEST_VELOCITIES = 3  # images whose velocities are known, below which nothing is tried
+SEPARATED = (
+    1e-4  # least share of a^T W a that other unknowns leave: else r is as good as one of them
+)
+
+
+def pixels_by_readout(problem: Problem, values: Unknowns, motion: tuple[Array, Array]) -> Array:
+    """Return the derivative of the pixels by the readout time.
+
+    Parameters
+    ----------
+    problem : Problem
+        Image observations.
+    values : Unknowns
+        Poses, cameras and points.
+    motion : tuple of ndarray
+        (n, 3) velocities, m/s, and (n, 3) rates, rad/s, of the images in the axes of the block;
+        zero where they are not known.
+
+    Returns
+    -------
+    ndarray, (k, 2)
+        Pixels per second, in the order of `rays`; zero of rays that take no part.
+    """
+    rays, block = problem.rays, problem.block
+    velocity, rate = motion
+    rows, active = rays.image, rays.active
+    point = np.repeat(np.arange(len(block.points)), np.diff(rays.start))
+    d = values.point[point] - values.position[rows]
+    C = values.C_mc[rows]
+    q = np.einsum("nji,nj->ni", C, d)
+    slope = -np.einsum("nji,nj->ni", C, velocity[rows] + np.cross(rate[rows], d))
+    out = np.zeros((rows.size, 2))
+    for k, camera in enumerate(values.cameras(block.cameras)):
+        of_camera = np.flatnonzero(active & (rays.camera[rows] == k))
+        share = rays.uv[of_camera, 1] / camera.height - 0.5
+        dq = (STEP_S * share)[:, None] * slope[of_camera]
+        ahead, behind = q[of_camera] + dq, q[of_camera] - dq
+        with np.errstate(all="ignore"):  # of points that take no part
+            uv = [pixels_of(camera, x[:, :2] / x[:, 2:]) for x in (ahead, behind)]
+        out[of_camera] = (uv[0] - uv[1]) / (2.0 * STEP_S)
+    return np.where(np.isfinite(out), out, 0.0)
+
+
+def without_readout(
+    problem: Problem, values: Unknowns, motion: tuple[Array, Array], readout_s: float
+) -> ImageBlock:
+    """Return a block whose pixels are those of the exposure of the middle row.
+
+    Parameters
+    ----------
+    problem : Problem
+        Image observations as they were measured.
+    values : Unknowns
+        Poses, cameras and points.
+    motion : tuple of ndarray
+        As of `pixels_by_readout`.
+    readout_s : float
+        The readout time.
+
+    Returns
+    -------
+    ImageBlock
+        The same otherwise.
+    """
+    every = problem.with_active(np.ones_like(problem.rays.active))
+    observations = problem.block.observations
+    uv = np.array(observations.uv)
+    uv[problem.order] -= readout_s * pixels_by_readout(every, values, motion)
+    return replace(problem.block, observations=replace(observations, uv=uv))
+
+
+def readout_gain(
+    result: Adjusted, motion: tuple[Array, Array]
+) -> tuple[float, float, Array] | None:
+    """Estimate the readout time beside all unknowns of an adjustment (R.3).
+
+    Parameters
+    ----------
+    result : Adjusted
+        The adjustment.
+    motion : tuple of ndarray
+        As of `pixels_by_readout`.
+
+    Returns
+    -------
+    tuple, or None
+        The readout time, s, its standard deviation, and by how much it moves each projection
+        centre, (n, 3) m; None where it is not determined.
+    """
+    if (motion[0] != 0.0).any(axis=1).sum() < FEWEST_VELOCITIES:
+        return None
+    problem, values = result.problem, result.values
+    missing = ~problem.determined
+    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    a = pixels_by_readout(problem, values, motion)
+    e = np.empty_like(problem.rays.uv)
+    collinearity.residuals(problem.rays, values.kernel_values(), e)
+    weighted = np.where(problem.rays.active[:, None], problem.rays.weight**2 * a, 0.0)
+    along = float(np.nansum(weighted * e))
+    whole = float((weighted * a).sum())
+    scale = 1.0 / np.sqrt(max(whole, np.finfo(float).tiny))
+    normals, dx, dp = _step(problem, values)
+    shifted = problem.rays._replace(uv=problem.rays.uv - scale * a)
+    moved, dx_moved, dp_moved = _step(replace(problem, rays=shifted), values)
+    eliminated = problem.layout.kept < 0
+    g, gp = moved.g - normals.g, moved.gp - normals.gp
+    dx, dp = dx_moved - dx, dp_moved - dp
+    absorbed = float(g @ dx + (gp * dp)[eliminated].sum())
+    if not 1.0 - absorbed > SEPARATED:
+        return None
+    N = whole * (1.0 - absorbed)
+    readout = along / N
+    columns = 6 * problem.layout.place[:, None] + np.arange(3)
+    return readout, 1.0 / np.sqrt(N), readout / scale * dx[columns]
+
+
+def _step(problem: Problem, values: Unknowns) -> tuple[Normals, Array, Array]:
+    normals = assembled(problem, values)
+    return normals, *corrections(problem, values, normals)
