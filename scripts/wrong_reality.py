@@ -65,6 +65,8 @@ CAUSES = {  # checks that name a cause
         "IMU noise",
         "IMU warm-up",
         "IMU bias step",
+        "gyro delay",
+        "receiver dynamics",
         "GNSS sigmas",
         "turn-on bias",
     ),

@@ -66,6 +66,8 @@ CHECKS: Mapping[str, float] = {
     "IMU misalignments": REMARK,
     "IMU warm-up": ADOPTED,
     "IMU bias step": ADOPTED,
+    "gyro delay": ADOPTED,
+    "receiver dynamics": ADOPTED,
     "IMU noise": ADOPTED,
     "drift": ADOPTED,
     "GNSS sigmas": ADOPTED,

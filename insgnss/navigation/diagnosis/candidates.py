@@ -8,6 +8,13 @@ explain each other's share:
                                       changes of speed
     GNSS errors themselves            white, k times the sigma of each fix, and a Gauss-Markov
                                       process, c times it, with correlation time T
+
+A sensor that shows the motion late looks like a wrong lever arm or clock. It is no state: what it
+measured is corrected (`SensorDynamics`) and the flight solved again.
+
+    gyros later than accelerometers by d    the rotation is taken d later
+    a receiver's tracking loop of natural   fixes lag by a / w^2, a the antenna's acceleration: in
+    frequency w                             a coordinated turn a lever arm g / w^2 too low
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...geodesy.rotation import rotation_from_quaternion
 from ...records.states import (
     CLOCK_RATE,
     LEVER_ARM,
@@ -24,9 +32,10 @@ from ...records.states import (
     TIME_OFFSET,
     State,
 )
-from ..filter.codes import NAV
+from ..filter.codes import NAV, QUAT, VEL
 from ..filter.layout import FixErrors, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
+from ..filter.solution import Solution
 from ..noise_model.model import AxisNoise, NoiseModel
 
 CLOCK_RATE_SIGMA = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
@@ -320,3 +329,92 @@ def with_a_priori(start: InitialState, layout: StateLayout, states: Sequence[int
     P[rows, rows] = layout.sigma0[chosen] ** 2
     x[chosen], mean[rows] = 0.0, 0.0
     return InitialState(start.nav, x, mean, P)
+
+
+def with_earlier_gyros(
+    problem: EstimationProblem, solution: Solution, late_s: float
+) -> EstimationProblem:
+    """Return the problem whose gyros, which are late, are at the stamps of the accelerometers.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    solution : Solution
+        Its solution, of which nothing is needed.
+    late_s : float
+        Their delay, s.
+
+    Returns
+    -------
+    EstimationProblem
+        The problem with other angle increments and rates.
+    """
+    inc, time = problem.inc, problem.epochs.time
+    nodes = np.concatenate([[0.0], np.cumsum(inc.dt)])
+    ends = 1.0 / inc.dt[[0, -1], None] * inc.dtheta[[0, -1]]  # held for a second beyond
+    steps = np.concatenate([ends[:1], inc.dtheta, ends[1:]])
+    extended = np.concatenate([[-1.0], nodes, [nodes[-1] + 1.0]])
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    shifted = np.stack([np.interp(nodes + late_s, extended, column) for column in angle.T], axis=1)
+    rate = np.stack([np.interp(time + late_s, time, column) for column in inc.rate.T], axis=1)
+    inc = replace(inc, dtheta=np.diff(shifted, axis=0), rate=rate)
+    return replace(problem, inc=inc, epochs=problem.epochs._replace(rate=rate))
+
+
+def with_followed_fixes(
+    problem: EstimationProblem, solution: Solution, lag_s2: float
+) -> EstimationProblem:
+    """Return the problem whose fixes do not lag behind the antenna.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    solution : Solution
+        Its solution, which gives the acceleration of the antenna.
+    lag_s2 : float
+        What they lag by at 1 m/s^2, m: 1 / w^2 of the receiver's tracking loop, s^2.
+
+    Returns
+    -------
+    EstimationProblem
+        The problem with other positions.
+    """
+    epochs, fixes = problem.epochs, np.flatnonzero(problem.epochs.has_position)
+    nav, time = solution.nav[fixes], problem.epochs.time[fixes]
+    arm = rotation_from_quaternion(nav[:, QUAT]) @ problem.antenna_lever_b
+    velocity = nav[:, VEL] + np.gradient(arm, time, axis=0)
+    position = epochs.position.copy()
+    position[fixes] += lag_s2 * np.gradient(velocity, time, axis=0)
+    return replace(problem, epochs=epochs._replace(position=position))
+
+
+@dataclass(frozen=True)
+class SensorDynamics:
+    """A sensor that shows the motion late, by one parameter.
+
+    Parameters
+    ----------
+    name : str
+        That of its check.
+    trial, prior, least : float
+        The parameter by which it is tried, its a-priori sigma, and the smallest that exists.
+    corrected : callable
+        Returns the problem without it.
+    """
+
+    name: str
+    trial: float
+    prior: float
+    least: float
+    corrected: Callable[[EstimationProblem, Solution, float], EstimationProblem]
+
+
+GYRO_DELAY, RECEIVER_DYNAMICS = "gyro delay", "receiver dynamics"
+# a-priori sigmas: filters of MEMS gyros delay by 1 to 10 ms (s); receivers that smooth have loops
+# of 1 Hz and more (s^2)
+DYNAMICS = (
+    SensorDynamics(GYRO_DELAY, 2e-3, 5e-3, -np.inf, with_earlier_gyros),
+    SensorDynamics(RECEIVER_DYNAMICS, 3e-3, 0.025, 0.0, with_followed_fixes),
+)

@@ -26,7 +26,14 @@ from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution, solve
 from ..innovations.pieces import sub_solution
-from .candidates import ErrorModel, LayoutFactory, widened, with_every_constant, with_layout
+from .candidates import (
+    ErrorModel,
+    LayoutFactory,
+    SensorDynamics,
+    widened,
+    with_every_constant,
+    with_layout,
+)
 from .constants import ConstantsEvidence, constants_evidence, followed_constants
 from .sensitivity import Sensitivity
 
@@ -247,6 +254,86 @@ def misfit(solution: Solution) -> float:
     size = np.where(rejected, gate, np.minimum(solution.nis[measured, 0], gate))
     log_sigma = np.sum(np.log(solution.innovation_sigma[measured, :3]), axis=1)
     return float(np.sum(size + 2.0 * log_sigma))
+
+
+@dataclass(frozen=True)
+class DynamicsTrial:
+    """A flight that was solved again without the delay of a sensor.
+
+    Parameters
+    ----------
+    dynamics : SensorDynamics
+        Which delay.
+    value, sigma : float
+        Its parameter, and how well the flight tells it.
+    evidence : float
+        Logarithm, against none.
+    posed : tuple of EstimationProblem and InitialState
+        The problem without it.
+    solution : Solution
+        The solution of it.
+    """
+
+    dynamics: SensorDynamics
+    value: float
+    sigma: float
+    evidence: float
+    posed: Posed
+    solution: Solution
+
+
+def dynamics_trial(
+    search: ErrorModelSearch,
+    posed: Posed,
+    model: ErrorModel,
+    solution: Solution,
+    dynamics: SensorDynamics,
+) -> DynamicsTrial | None:
+    """Look for the delay of a sensor that explains the innovations best.
+
+    `misfit` is quadratic in it: three solutions give its minimum, with an open gate.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        How candidates are solved.
+    posed : tuple of EstimationProblem and InitialState
+        The problem and its initial state.
+    model : ErrorModel
+        What is estimated already.
+    solution : Solution
+        The solution with this model.
+    dynamics : SensorDynamics
+        The delay.
+
+    Returns
+    -------
+    DynamicsTrial or None
+        None where there is none of its sign, or no solution.
+    """
+    search.progress(f"{dynamics.name}, as a rival of what is suspected")
+    problem, start = posed
+    quick = replace(search, second_pass="off", progress=lambda _: None)
+    opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
+    trials = [
+        quick.solved((dynamics.corrected(opened, solution, value), start), model)
+        for value in (-dynamics.trial, 0.0, dynamics.trial)
+    ]
+    less, same, more = (np.inf if one is None else misfit(one) for one in trials)
+    curvature = 0.5 * (less + more) - same
+    if not np.isfinite(curvature) or curvature <= 0.0:
+        return None
+    value = 0.25 * dynamics.trial * (less - more) / curvature
+    sigma = dynamics.trial / curvature**0.5
+    if value < dynamics.least:
+        return None
+    corrected = dynamics.corrected(problem, solution, value), start
+    again = search.solved(corrected, model)
+    if again is None:
+        return None
+    gain = 0.5 * (misfit(solution) - misfit(again))
+    evidence = gain - 0.5 * np.log1p((dynamics.prior / sigma) ** 2)
+    return DynamicsTrial(dynamics, value, sigma, float(evidence), corrected, again)
 
 
 def loses_fixes(solution: Solution, before: Solution) -> bool:
