@@ -67,6 +67,7 @@ CAUSES = {  # checks that name a cause
         "IMU bias step",
         "gyro delay",
         "receiver dynamics",
+        "load-dependent bias",
         "GNSS sigmas",
         "turn-on bias",
     ),

@@ -68,6 +68,7 @@ CHECKS: Mapping[str, float] = {
     "IMU bias step": ADOPTED,
     "gyro delay": ADOPTED,
     "receiver dynamics": ADOPTED,
+    "load-dependent bias": ADOPTED,
     "IMU noise": ADOPTED,
     "drift": ADOPTED,
     "GNSS sigmas": ADOPTED,

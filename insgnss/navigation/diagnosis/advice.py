@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...base.units import MILLI_G
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting
@@ -32,7 +33,7 @@ from ...records.states import (
 from ..filter.codes import POS
 from ..filter.layout import FixErrors
 from ..filter.solution import Solution
-from .candidates import GYRO_DELAY
+from .candidates import GYRO_DELAY, LOAD_BIAS, RECEIVER_DYNAMICS
 from .constants import STRONG, ConstantsEvidence, Hypothesis
 from .estimated import rms_speed
 from .evidence import NO_CLAIMS, DynamicsTrial, FixClaims
@@ -243,7 +244,13 @@ def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIM
 
 def dynamics_sentence(trial: DynamicsTrial) -> str:
     """Describe the delay of a sensor."""
-    value, sigma = trial.value, trial.sigma
+    value, sigma = float(trial.value[0]), float(trial.sigma[0])
+    if trial.dynamics.name == LOAD_BIAS:
+        biases = ", ".join(
+            f"{axis} {value / MILLI_G:+.1f} +- {sigma / MILLI_G:.1f}"
+            for axis, value, sigma in zip("xyz", trial.value, trial.sigma, strict=True)
+        )
+        return f"accelerometer biases that grow with the load factor, by {biases} mg a g"
     if trial.dynamics.name == GYRO_DELAY:
         side = "later" if value > 0.0 else "earlier"
         return f"gyros {1e3 * abs(value):.1f} +- {1e3 * sigma:.1f} ms {side} than accelerometers"
@@ -254,26 +261,36 @@ def dynamics_sentence(trial: DynamicsTrial) -> str:
     )
 
 
+DYNAMICS_ADVICE = {  # what is expected, and what to do
+    GYRO_DELAY: (
+        "gyros and accelerometers of one instant",
+        "give both the same filter in the IMU's settings, or move the gyro columns of the file",
+    ),
+    RECEIVER_DYNAMICS: (
+        "fixes that do not lag",
+        "set the receiver to high dynamics, without smoothing of carrier or positions",
+    ),
+    LOAD_BIAS: (
+        "biases that do not depend on the load factor",
+        "mount the IMU softer: vibration that grows in turns shifts the accelerometers",
+    ),
+}
+
+
 def dynamics_check(trial: DynamicsTrial) -> Finding:
-    """Say that a sensor shows the motion late.
+    """Say that a sensor has errors that follow the motion.
 
     Parameters
     ----------
     trial : DynamicsTrial
-        The delay, without which the flight was solved.
+        The errors, without which the flight was solved.
 
     Returns
     -------
     Finding
         A note: what the sensor measured has been corrected.
     """
-    of_gyros = trial.dynamics.name == GYRO_DELAY
-    remedy = (
-        "give both the same filter in the IMU's settings, or move the gyro columns of the file"
-        if of_gyros
-        else "set the receiver to high dynamics, without smoothing of carrier or positions"
-    )
-    expected = "gyros and accelerometers of one instant" if of_gyros else "fixes that do not lag"
+    expected, remedy = DYNAMICS_ADVICE[trial.dynamics.name]
     return Question(trial.dynamics.name, expected).note(
         f"{dynamics_sentence(trial)}, log evidence {trial.evidence:.0f}; corrected in the result",
         remedy,

@@ -216,8 +216,9 @@ def _next(
         and suspected is not None
         and not here.attempted & set(suspected.groups)
     ):
-        delays = _delays(search, posed, here, suspected)
-        delay = next((one for one in delays if one.evidence > suspected.evidence + OTHERS), None)
+        evidence = _of_lost_fixes(search, posed, here, suspected)
+        delays = _delays(search, posed, here, evidence - OTHERS)
+        delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
         if delay is None:
             remedied = _with_constants(search, posed, here, constants, suspected, delays)
         left = 0.0
@@ -245,16 +246,26 @@ def _next(
     return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
 
 
-def _delays(
+def _of_lost_fixes(
     search: ErrorModelSearch, posed: Posed, state: _State, suspected: Hypothesis
+) -> float:
+    """Return the evidence of a hypothesis; by the misfit, where that has lost fixes, if smaller."""
+    if _resets(state.solution) == 0:
+        return suspected.evidence
+    solution = search.solved(posed, with_constants(state.model, suspected.groups, suspected.factor))
+    gain = 0.0 if solution is None else 0.5 * (misfit(state.solution) - misfit(solution))
+    return min(suspected.evidence, gain)
+
+
+def _delays(
+    search: ErrorModelSearch, posed: Posed, state: _State, least: float
 ) -> list[DynamicsTrial]:
-    """Return delays of sensors that explain no less than what is suspected, the best first."""
+    """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
     trials = [
         dynamics_trial(search, posed, state.model, state.solution, dynamics)
         for dynamics in DYNAMICS
         if dynamics.name not in state.attempted
     ]
-    least = suspected.evidence - OTHERS
     rivals = [one for one in trials if one is not None and one.evidence > least]
     return sorted(rivals, key=lambda one: -one.evidence)
 

@@ -12,12 +12,14 @@ most; the decision compares `misfit`, the same of the whole flight.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
+from ...records import Array
 from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
@@ -264,8 +266,8 @@ class DynamicsTrial:
     ----------
     dynamics : SensorDynamics
         Which delay.
-    value, sigma : float
-        Its parameter, and how well the flight tells it.
+    value, sigma : ndarray
+        Its parameters, and how well the flight tells them.
     evidence : float
         Logarithm, against none.
     posed : tuple of EstimationProblem and InitialState
@@ -275,8 +277,8 @@ class DynamicsTrial:
     """
 
     dynamics: SensorDynamics
-    value: float
-    sigma: float
+    value: Array
+    sigma: Array
     evidence: float
     posed: Posed
     solution: Solution
@@ -291,7 +293,7 @@ def dynamics_trial(
 ) -> DynamicsTrial | None:
     """Look for the delay of a sensor that explains the innovations best.
 
-    `misfit` is quadratic in it: three solutions give its minimum, with an open gate.
+    `misfit` is quadratic in it: solutions on either side give its minimum, with an open gate.
 
     Parameters
     ----------
@@ -315,25 +317,34 @@ def dynamics_trial(
     problem, start = posed
     quick = replace(search, second_pass="off", progress=lambda _: None)
     opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
-    trials = [
-        quick.solved((dynamics.corrected(opened, solution, value), start), model)
-        for value in (-dynamics.trial, 0.0, dynamics.trial)
-    ]
-    less, same, more = (np.inf if one is None else misfit(one) for one in trials)
-    curvature = 0.5 * (less + more) - same
-    if not np.isfinite(curvature) or curvature <= 0.0:
+
+    def cost(value: Array) -> float:
+        one = quick.solved((dynamics.corrected(opened, solution, value), start), model)
+        size = np.inf if one is None else misfit(one)
+        return size if np.isfinite(size) else np.nan
+
+    steps = np.diag(dynamics.trial)
+    same, more, less = (
+        cost(0.0 * steps[0]),
+        *(np.array([cost(sign * step) for step in steps]) for sign in (1.0, -1.0)),
+    )
+    hessian = np.diag(more + less - 2.0 * same)
+    for i, j in combinations(range(len(steps)), 2):
+        hessian[i, j] = hessian[j, i] = cost(steps[i] + steps[j]) - more[i] - more[j] + same
+    if not np.isfinite(hessian).all() or np.linalg.eigvalsh(hessian)[0] <= 0.0:
         return None
-    value = 0.25 * dynamics.trial * (less - more) / curvature
-    sigma = dynamics.trial / curvature**0.5
-    if value < dynamics.least:
+    cov = 2.0 * steps @ np.linalg.inv(hessian) @ steps
+    value = -0.25 * cov @ ((more - less) / dynamics.trial)
+    if (value < dynamics.least).any():
         return None
     corrected = dynamics.corrected(problem, solution, value), start
     again = search.solved(corrected, model)
     if again is None:
         return None
     gain = 0.5 * (misfit(solution) - misfit(again))
-    evidence = gain - 0.5 * np.log1p((dynamics.prior / sigma) ** 2)
-    return DynamicsTrial(dynamics, value, sigma, float(evidence), corrected, again)
+    charge = np.linalg.slogdet(np.eye(value.size) + dynamics.prior**2 * np.linalg.inv(cov))[1]
+    sigma, evidence = np.sqrt(np.diag(cov)), gain - 0.5 * float(charge)
+    return DynamicsTrial(dynamics, value, sigma, evidence, corrected, again)
 
 
 def loses_fixes(solution: Solution, before: Solution) -> bool:

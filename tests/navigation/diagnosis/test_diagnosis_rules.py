@@ -374,6 +374,7 @@ def next_state(
     )
     monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
     delays = [] if delay is None else [SimpleNamespace(evidence=delay)]
+    monkeypatch.setattr(decision, "_of_lost_fixes", lambda *_: evidence)
     monkeypatch.setattr(decision, "_delays", lambda *_: delays)
     monkeypatch.setattr(decision, "_corrected", lambda *_: "delay")
     monkeypatch.setattr(
@@ -418,6 +419,22 @@ def test_which_explanation_is_adopted(monkeypatch, changes, adopted) -> None:
     taken at once unless a slow bias explains more, one that leaves more than it explains is not,
     and one that a delay beats by three is not tried."""
     assert next_state(monkeypatch, **changes) == adopted
+
+
+@pytest.mark.parametrize(
+    ("resets", "gain", "expected"),
+    [(0, 20.0, 50.0), (1, 20.0, 10.0), (1, 200.0, 50.0), (1, None, 0.0)],
+)
+def test_evidence_of_a_flight_that_has_lost_fixes(monkeypatch, resets, gain, expected) -> None:
+    """Oracle: by hand: half the gain in -2 log L, where a lost fix counts no more than the gate, as
+    it does of the rivals; without lost fixes that of the hypothesis."""
+    here = decision._State(1.0, decision.ErrorModel(FixErrors()))
+    monkeypatch.setattr(decision, "_resets", lambda _: resets)
+    monkeypatch.setattr(decision, "misfit", lambda solution: solution)
+    solved = None if gain is None else 1.0 - gain
+    search = SimpleNamespace(solved=lambda *_: solved)
+    suspected = SimpleNamespace(groups=(OF_LEVER_ARM[0],), factor=1.0, evidence=50.0)
+    assert decision._of_lost_fixes(search, (None, None), here, suspected) == expected
 
 
 def test_shares_of_code_solutions_within_their_bounds() -> None:
