@@ -334,7 +334,10 @@ CASES = (
     ),
     Case("gyro x 5 mrad from y", one_axis("gyro", 0, 1, 0.005), "gyro x from y"),
     Case("gyro x 5 mrad from z", one_axis("gyro", 0, 2, 0.005), "gyro x from z"),
-    Case("accel bias 2 mg a tenth of g", rectified(2.0 * MG), "load"),
+    *(
+        Case(f"accel bias {mg:g} mg at a load of 1.2", rectified(0.5 * mg * MG), "load")
+        for mg in (1.0, 2.0, 4.0)
+    ),
     *(Case(f"gyros {ms:g} ms late", late_gyro(1e-3 * ms), "gyros") for ms in (2.0, 5.0)),
     *(Case(f"receiver's loop of {hz:g} Hz", tracked(hz), "loop") for hz in (1.0, 2.0, 4.0)),
     *(Case(f"{n} samples lost", dropped(n, 150.0), "samples (were )?lost") for n in (4, 20)),

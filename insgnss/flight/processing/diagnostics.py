@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...geodesy.rotation import rpy_from_rotation
-from ...navigation.diagnosis.constants import combined
 from ...navigation.diagnosis.estimated import (
+    combined,
     constant_states,
     state_verdicts,
     time_correlated_errors,

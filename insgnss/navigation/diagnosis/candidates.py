@@ -8,6 +8,15 @@ explain each other's share:
                                       changes of speed
     GNSS errors themselves            white, k times the sigma of each fix, and a Gauss-Markov
                                       process, c times it, with correlation time T
+
+A sensor that shows the motion late, or worse in turns, looks like a wrong lever arm or clock. That
+is no state: what it measured is corrected (`SensorDynamics`) and the flight solved again.
+
+    gyros later than accelerometers by d    the rotation is taken d later
+    a receiver's tracking loop of natural   fixes lag by a / w^2, a the antenna's acceleration: in
+    frequency w                             a coordinated turn a lever arm g / w^2 too low
+    a bias b of the accelerometers at a     vibration rectification: b (|f| / g - 1), which acts in
+    g of load more                          turns alone, as a lever arm does
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +24,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...base.units import MILLI_G, STANDARD_GRAVITY
+from ...geodesy.rotation import rotation_from_quaternion
+from ...records import Array
 from ...records.states import (
     CLOCK_RATE,
     LEVER_ARM,
@@ -24,12 +36,14 @@ from ...records.states import (
     TIME_OFFSET,
     State,
 )
-from ..filter.codes import NAV
+from ..filter.codes import NAV, QUAT, VEL
 from ..filter.layout import FixErrors, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
+from ..filter.solution import Solution
 from ..noise_model.model import AxisNoise, NoiseModel
 
 CLOCK_RATE_SIGMA = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
+LOAD_S = 0.25  # s on either side, over which the load factor is a mean: longer than vibration lasts
 WHITER = 1.6  # factor of the white share, each time that the filter loses fixes with a candidate
 
 # k, c, T (s) from which the search for the time-correlated error starts
@@ -320,3 +334,126 @@ def with_a_priori(start: InitialState, layout: StateLayout, states: Sequence[int
     P[rows, rows] = layout.sigma0[chosen] ** 2
     x[chosen], mean[rows] = 0.0, 0.0
     return InitialState(start.nav, x, mean, P)
+
+
+def with_earlier_gyros(
+    problem: EstimationProblem, solution: Solution, late_s: Array
+) -> EstimationProblem:
+    """Return the problem whose gyros, which are late, are at the stamps of the accelerometers.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    solution : Solution
+        Its solution, of which nothing is needed.
+    late_s : ndarray
+        (1,) their delay, s.
+
+    Returns
+    -------
+    EstimationProblem
+        The problem with other angle increments and rates.
+    """
+    inc, time = problem.inc, problem.epochs.time
+    nodes = np.concatenate([[0.0], np.cumsum(inc.dt)])
+    ends = 1.0 / inc.dt[[0, -1], None] * inc.dtheta[[0, -1]]  # held for a second beyond
+    steps = np.concatenate([ends[:1], inc.dtheta, ends[1:]])
+    extended = np.concatenate([[-1.0], nodes, [nodes[-1] + 1.0]])
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    shifted = np.stack([np.interp(nodes + late_s, extended, column) for column in angle.T], axis=1)
+    rate = np.stack([np.interp(time + late_s, time, column) for column in inc.rate.T], axis=1)
+    inc = replace(inc, dtheta=np.diff(shifted, axis=0), rate=rate)
+    return replace(problem, inc=inc, epochs=problem.epochs._replace(rate=rate))
+
+
+def with_followed_fixes(
+    problem: EstimationProblem, solution: Solution, lag_s2: Array
+) -> EstimationProblem:
+    """Return the problem whose fixes do not lag behind the antenna.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    solution : Solution
+        Its solution, which gives the acceleration of the antenna.
+    lag_s2 : ndarray
+        (1,) what they lag by at 1 m/s^2, m: 1 / w^2 of the receiver's tracking loop, s^2.
+
+    Returns
+    -------
+    EstimationProblem
+        The problem with other positions.
+    """
+    epochs, fixes = problem.epochs, np.flatnonzero(problem.epochs.has_position)
+    nav, time = solution.nav[fixes], problem.epochs.time[fixes]
+    arm = rotation_from_quaternion(nav[:, QUAT]) @ problem.antenna_lever_b
+    velocity = nav[:, VEL] + np.gradient(arm, time, axis=0)
+    position = epochs.position.copy()
+    position[fixes] += lag_s2 * np.gradient(velocity, time, axis=0)
+    return replace(problem, epochs=epochs._replace(position=position))
+
+
+def without_load_bias(
+    problem: EstimationProblem, solution: Solution, bias: Array
+) -> EstimationProblem:
+    """Return the problem whose accelerometers have no bias that grows with the load factor.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    solution : Solution
+        Its solution, of which nothing is needed.
+    bias : ndarray
+        (3,) the bias at 2 g less that at 1 g, m/s^2.
+
+    Returns
+    -------
+    EstimationProblem
+        The problem with other velocity increments.
+    """
+    inc = problem.inc
+    nodes = np.concatenate([[0.0], np.cumsum(inc.dt)])
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(inc.dvel, axis=0)])
+    ends = np.clip([nodes[:-1] - LOAD_S, nodes[1:] + LOAD_S], 0.0, nodes[-1])
+    before, after = (
+        np.stack([np.interp(end, nodes, column) for column in sums.T], axis=1) for end in ends
+    )
+    load = np.linalg.norm(after - before, axis=1) / (ends[1] - ends[0]) / STANDARD_GRAVITY - 1.0
+    dvel = inc.dvel - np.outer(load * inc.dt, bias)
+    return replace(problem, inc=replace(inc, dvel=dvel))
+
+
+@dataclass(frozen=True)
+class SensorDynamics:
+    """Errors of a sensor that follow the motion, by a few parameters.
+
+    Parameters
+    ----------
+    name : str
+        That of its check.
+    trial : tuple of float
+        Of each parameter the size by which it is tried.
+    prior, least : float
+        The a-priori sigma of each, and the smallest that exists.
+    corrected : callable
+        Returns the problem without it.
+    """
+
+    name: str
+    trial: tuple[float, ...]
+    prior: float
+    least: float
+    corrected: Callable[[EstimationProblem, Solution, Array], EstimationProblem]
+
+
+GYRO_DELAY, RECEIVER_DYNAMICS, LOAD_BIAS = "gyro delay", "receiver dynamics", "load-dependent bias"
+# a-priori sigmas: filters of MEMS gyros delay by 1 to 10 ms (s); receivers that smooth have loops
+# of 1 Hz and more (s^2); rectification makes some milli-g in a turn of 1.2 g (m/s^2 a g)
+DYNAMICS = (
+    SensorDynamics(GYRO_DELAY, (2e-3,), 5e-3, -np.inf, with_earlier_gyros),
+    SensorDynamics(RECEIVER_DYNAMICS, (3e-3,), 0.025, 0.0, with_followed_fixes),
+    SensorDynamics(LOAD_BIAS, (5.0 * MILLI_G,) * 3, 20.0 * MILLI_G, -np.inf, without_load_bias),
+)

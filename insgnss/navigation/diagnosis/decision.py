@@ -16,8 +16,9 @@ from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import SLOW
 from ..filter.problem import InitialState
 from ..filter.solution import Solution
-from .advice import advice, message, unseen, variance_check
+from .advice import advice, dynamics_check, message, unseen, variance_check
 from .candidates import (
+    DYNAMICS,
     FAR,
     ErrorModel,
     with_constants,
@@ -25,6 +26,7 @@ from .candidates import (
 )
 from .clock_step import find_clock_step, step_check
 from .constants import (
+    OTHERS,
     ConstantsEvidence,
     Hypothesis,
     settled_evidence,
@@ -38,12 +40,22 @@ from .drift import (
     slow_bias_candidate,
 )
 from .estimated import constant
-from .evidence import FEWEST_FIXES, ErrorModelSearch, Posed, follows, loses_fixes, misfit
+from .evidence import (
+    FEWEST_FIXES,
+    DynamicsTrial,
+    ErrorModelSearch,
+    Posed,
+    dynamics_trial,
+    follows,
+    loses_fixes,
+    misfit,
+)
 from .sensitivity import Sensitivity
 from .time_correlated import is_suspicious, time_correlated_error
 from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
+LATE_SENSORS = tuple(one.name for one in DYNAMICS)  # and so are delays of a sensor
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
@@ -154,7 +166,8 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Finding
     So may what reset the covariance: fixes that went on elsewhere along the flight.
     """
     requested = TIME_OFFSET.group in search.requested
-    if not requested and here.attempted.isdisjoint(OF_CLOCK) and _resets(here.solution) == 0:
+    attempted = not here.attempted.isdisjoint((*OF_CLOCK, *LATE_SENSORS))
+    if not requested and not attempted and _resets(here.solution) == 0:
         return None
     models = dict.fromkeys((ErrorModel(search.requested_errors), here.model))
     steps = (step_under(search, posed, model, here.solution) for model in models)
@@ -197,13 +210,17 @@ def _next(
     variances = here.variances or VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
     slow = _slow_bias(search, posed, here, variances)
-    remedied = None
+    remedied = delay = None
     if (
         constants is not None
         and suspected is not None
         and not here.attempted & set(suspected.groups)
     ):
-        remedied = _with_constants(search, posed, here, constants, suspected)
+        evidence = _of_lost_fixes(search, posed, here, suspected)
+        delays = _delays(search, posed, here, evidence - OTHERS)
+        delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
+        if delay is None:
+            remedied = _with_constants(search, posed, here, constants, suspected, delays)
         left = 0.0
         if promising and remedied is not None:
             after = VarianceSearch(remedied.solution, search.progress)
@@ -217,6 +234,9 @@ def _next(
         ):
             return _as_allowed(here, remedied, constants, suspected)
     candidates = [slow, _variance(search, posed, here, variances) if promising else None]
+    if delay is not None:
+        corrected = _corrected(here, delay)
+        candidates.append((delay.evidence, lambda: corrected))
     if suspicious is not None:
         candidates.append(_time_correlated(search, posed, here, variances, suspicious))
     if constants is not None and suspected is not None and remedied is not None:
@@ -226,12 +246,45 @@ def _next(
     return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
 
 
+def _of_lost_fixes(
+    search: ErrorModelSearch, posed: Posed, state: _State, suspected: Hypothesis
+) -> float:
+    """Return the evidence of a hypothesis; by the misfit, where that has lost fixes, if smaller."""
+    if _resets(state.solution) == 0:
+        return suspected.evidence
+    solution = search.solved(posed, with_constants(state.model, suspected.groups, suspected.factor))
+    gain = 0.0 if solution is None else 0.5 * (misfit(state.solution) - misfit(solution))
+    return min(suspected.evidence, gain)
+
+
+def _delays(
+    search: ErrorModelSearch, posed: Posed, state: _State, least: float
+) -> list[DynamicsTrial]:
+    """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
+    trials = [
+        dynamics_trial(search, posed, state.model, state.solution, dynamics)
+        for dynamics in DYNAMICS
+        if dynamics.name not in state.attempted
+    ]
+    rivals = [one for one in trials if one is not None and one.evidence > least]
+    return sorted(rivals, key=lambda one: -one.evidence)
+
+
+def _corrected(state: _State, delay: DynamicsTrial) -> _State:
+    """Return the state without the delay of a sensor."""
+    check = dynamics_check(delay)
+    history = (*state.history, f"{check.name}: {check.found}")
+    attempted, checks = state.attempted | {delay.dynamics.name}, (*state.checks, check)
+    return _State(delay.solution, state.model, checks, history, attempted, delay.posed)
+
+
 def _with_constants(
     search: ErrorModelSearch,
     posed: Posed,
     here: _State,
     constants: ConstantsEvidence,
     suspected: Hypothesis,
+    delays: Sequence[DynamicsTrial],
 ) -> _State | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
@@ -245,7 +298,7 @@ def _with_constants(
     if gain < EXPLAINED * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     solved = as_solved(suspected, solution)
-    checks = advice(search.mounting, solution, solved, rivals, search.exposures)
+    checks = advice(search.mounting, solution, solved, rivals, search.exposures, delays)
     which = ", ".join(map(str, suspected.groups))
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
     attempted = here.attempted | set(suspected.groups)

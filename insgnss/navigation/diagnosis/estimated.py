@@ -4,12 +4,13 @@ A state is observed where the flight reduces its standard deviation to less than
 a-priori one.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
 from ...records import Array, Estimate, TimeCorrelatedError
+from ...records.states import State
 from ..filter.codes import BIAS, DRIFT, NAV, VEL
 from ..filter.solution import Solution
 
@@ -147,3 +148,35 @@ def rms_speed(solution: Solution) -> float:
 def usual_sigma(cov: Array) -> Array:
     """Return the median standard deviations (3,), m, of fixes with covariances (n, 3, 3), m^2."""
     return np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2), axis=0))
+
+
+def combined(of_segments: Sequence[Sequence[Estimate]]) -> tuple[Estimate, ...]:
+    """Return the estimates of several segments of one flight as one each, by their weights.
+
+    Each is a correction of the flight file's one value, whatever a segment was solved with. Where
+    segments differ by more than their sigmas, the sigma of the mean grows by as much, as in (T.2)
+    of `batch.season.trends`.
+
+    Parameters
+    ----------
+    of_segments : sequence of sequence of Estimate
+        What each segment says, independently of the others.
+
+    Returns
+    -------
+    tuple of Estimate
+        One of each constant, in the order in which they first occur.
+    """
+    by_state: dict[State, list[Estimate]] = {}
+    for estimates in of_segments:
+        for one in estimates:
+            by_state.setdefault(one.state, []).append(one)
+    joined = []
+    for state, several in by_state.items():
+        weight = np.array([one.sigma**-2 for one in several])
+        values = np.array([one.value for one in several])
+        mean = float(weight @ values / weight.sum())
+        excess = float(weight @ (values - mean) ** 2) / max(1, len(several) - 1)
+        sigma = float((max(1.0, excess) / weight.sum()) ** 0.5)
+        joined.append(Estimate(state, mean, sigma))
+    return tuple(joined)

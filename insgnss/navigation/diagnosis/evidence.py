@@ -12,12 +12,14 @@ most; the decision compares `misfit`, the same of the whole flight.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
+from ...records import Array
 from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
@@ -26,7 +28,14 @@ from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution, solve
 from ..innovations.pieces import sub_solution
-from .candidates import ErrorModel, LayoutFactory, widened, with_every_constant, with_layout
+from .candidates import (
+    ErrorModel,
+    LayoutFactory,
+    SensorDynamics,
+    widened,
+    with_every_constant,
+    with_layout,
+)
 from .constants import ConstantsEvidence, constants_evidence, followed_constants
 from .sensitivity import Sensitivity
 
@@ -247,6 +256,95 @@ def misfit(solution: Solution) -> float:
     size = np.where(rejected, gate, np.minimum(solution.nis[measured, 0], gate))
     log_sigma = np.sum(np.log(solution.innovation_sigma[measured, :3]), axis=1)
     return float(np.sum(size + 2.0 * log_sigma))
+
+
+@dataclass(frozen=True)
+class DynamicsTrial:
+    """A flight that was solved again without the delay of a sensor.
+
+    Parameters
+    ----------
+    dynamics : SensorDynamics
+        Which delay.
+    value, sigma : ndarray
+        Its parameters, and how well the flight tells them.
+    evidence : float
+        Logarithm, against none.
+    posed : tuple of EstimationProblem and InitialState
+        The problem without it.
+    solution : Solution
+        The solution of it.
+    """
+
+    dynamics: SensorDynamics
+    value: Array
+    sigma: Array
+    evidence: float
+    posed: Posed
+    solution: Solution
+
+
+def dynamics_trial(
+    search: ErrorModelSearch,
+    posed: Posed,
+    model: ErrorModel,
+    solution: Solution,
+    dynamics: SensorDynamics,
+) -> DynamicsTrial | None:
+    """Look for the delay of a sensor that explains the innovations best.
+
+    `misfit` is quadratic in it: solutions on either side give its minimum, with an open gate.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        How candidates are solved.
+    posed : tuple of EstimationProblem and InitialState
+        The problem and its initial state.
+    model : ErrorModel
+        What is estimated already.
+    solution : Solution
+        The solution with this model.
+    dynamics : SensorDynamics
+        The delay.
+
+    Returns
+    -------
+    DynamicsTrial or None
+        None where there is none of its sign, or no solution.
+    """
+    search.progress(f"{dynamics.name}, as a rival of what is suspected")
+    problem, start = posed
+    quick = replace(search, second_pass="off", progress=lambda _: None)
+    opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
+
+    def cost(value: Array) -> float:
+        one = quick.solved((dynamics.corrected(opened, solution, value), start), model)
+        size = np.inf if one is None else misfit(one)
+        return size if np.isfinite(size) else np.nan
+
+    steps = np.diag(dynamics.trial)
+    same, more, less = (
+        cost(0.0 * steps[0]),
+        *(np.array([cost(sign * step) for step in steps]) for sign in (1.0, -1.0)),
+    )
+    hessian = np.diag(more + less - 2.0 * same)
+    for i, j in combinations(range(len(steps)), 2):
+        hessian[i, j] = hessian[j, i] = cost(steps[i] + steps[j]) - more[i] - more[j] + same
+    if not np.isfinite(hessian).all() or np.linalg.eigvalsh(hessian)[0] <= 0.0:
+        return None
+    cov = 2.0 * steps @ np.linalg.inv(hessian) @ steps
+    value = -0.25 * cov @ ((more - less) / dynamics.trial)
+    if (value < dynamics.least).any():
+        return None
+    corrected = dynamics.corrected(problem, solution, value), start
+    again = search.solved(corrected, model)
+    if again is None:
+        return None
+    gain = 0.5 * (misfit(solution) - misfit(again))
+    charge = np.linalg.slogdet(np.eye(value.size) + dynamics.prior**2 * np.linalg.inv(cov))[1]
+    sigma, evidence = np.sqrt(np.diag(cov)), gain - 0.5 * float(charge)
+    return DynamicsTrial(dynamics, value, sigma, evidence, corrected, again)
 
 
 def loses_fixes(solution: Solution, before: Solution) -> bool:

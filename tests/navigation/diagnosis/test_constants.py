@@ -20,9 +20,9 @@ from insgnss.navigation.diagnosis.candidates import (
 from insgnss.navigation.diagnosis.constants import (
     STRONG,
     ConstantsEvidence,
-    combined,
     constants_evidence,
 )
+from insgnss.navigation.diagnosis.estimated import combined
 from insgnss.navigation.filter.codes import NOT_MEASURED, POSITION
 from insgnss.navigation.filter.filter import make_history, run_filter
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout

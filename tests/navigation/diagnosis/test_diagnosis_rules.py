@@ -351,10 +351,18 @@ def test_the_average_over_models_weighs_by_likelihood(monkeypatch) -> None:
 
 
 def next_state(
-    monkeypatch, *, evidence=10.0, left=0.0, variance=None, promising=True, remedied=True, slow=None
+    monkeypatch,
+    *,
+    evidence=10.0,
+    left=0.0,
+    variance=None,
+    promising=True,
+    remedied=True,
+    slow=None,
+    delay=None,
 ):
     """What is adopted next: of a constant of some evidence, after which so much is left to be
-    explained, of a variance, and of a slow bias."""
+    explained, of a variance, of a slow bias, and of a delay of a sensor."""
     suspected = SimpleNamespace(groups=("g",), evidence=evidence)
     constants = SimpleNamespace(strongest=lambda: suspected)
     monkeypatch.setattr(
@@ -368,6 +376,10 @@ def next_state(
         decision, "_with_constants", lambda *_: decision._State(1, None) if remedied else None
     )
     monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
+    delays = [] if delay is None else [SimpleNamespace(evidence=delay)]
+    monkeypatch.setattr(decision, "_of_lost_fixes", lambda *_: evidence)
+    monkeypatch.setattr(decision, "_delays", lambda *_: delays)
+    monkeypatch.setattr(decision, "_corrected", lambda *_: "delay")
     monkeypatch.setattr(
         decision,
         "_variance",
@@ -400,13 +412,32 @@ def next_state(
         ({"slow": 49.0, "left": 29.0, "evidence": 50.0}, "constant"),
         ({"slow": 9.0, "remedied": False, "variance": 8.0}, "slow"),
         ({"slow": 7.0, "remedied": False, "variance": 8.0}, "variance"),
+        ({"delay": 12.9}, "constant"),  # which says that the flight does not tell them apart
+        ({"delay": 13.1}, "delay"),
+        ({"delay": 13.1, "slow": 14.0}, "slow"),
     ],
 )
 def test_which_explanation_is_adopted(monkeypatch, changes, adopted) -> None:
     """Oracle: the rules of the decision by hand: by evidence, but a constant that leaves little is
-    taken at once unless a slow bias explains more, and one that leaves more than it explains is
-    not."""
+    taken at once unless a slow bias explains more, one that leaves more than it explains is not,
+    and one that a delay beats by three is not tried."""
     assert next_state(monkeypatch, **changes) == adopted
+
+
+@pytest.mark.parametrize(
+    ("resets", "gain", "expected"),
+    [(0, 20.0, 50.0), (1, 20.0, 10.0), (1, 200.0, 50.0), (1, None, 0.0)],
+)
+def test_evidence_of_a_flight_that_has_lost_fixes(monkeypatch, resets, gain, expected) -> None:
+    """Oracle: by hand: half the gain in -2 log L, where a lost fix counts no more than the gate, as
+    it does of the rivals; without lost fixes that of the hypothesis."""
+    here = decision._State(1.0, decision.ErrorModel(FixErrors()))
+    monkeypatch.setattr(decision, "_resets", lambda _: resets)
+    monkeypatch.setattr(decision, "misfit", lambda solution: solution)
+    solved = None if gain is None else 1.0 - gain
+    search = SimpleNamespace(solved=lambda *_: solved)
+    suspected = SimpleNamespace(groups=(OF_LEVER_ARM[0],), factor=1.0, evidence=50.0)
+    assert decision._of_lost_fixes(search, (None, None), here, suspected) == expected
 
 
 def test_shares_of_code_solutions_within_their_bounds() -> None:
