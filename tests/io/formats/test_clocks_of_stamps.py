@@ -155,3 +155,45 @@ def test_stamps_of_a_clock_that_was_set_come_back_or_are_refused(by_s, row, rate
     elif by_s < -1.6 / rate_hz:  # less is jitter: two rows change places
         with pytest.raises(InputError, match="clock"):
             put_in_order(lines, time, different, "IMU rows")
+
+
+def nmea(body: str) -> str:
+    """A sentence with its checksum."""
+    checksum = 0
+    for letter in body:
+        checksum ^= ord(letter)
+    return f"${body}*{checksum:02X}\n"
+
+
+@pytest.mark.parametrize("date", ["060180", "220899", "070419"])
+@pytest.mark.parametrize("clock", [0, 36000, 86395])
+@pytest.mark.parametrize("rmc_first", [True, False])
+def test_sentences_before_the_date_was_known_are_left_out(tmp_path, date, clock, rmc_first):
+    """Oracle: the fixes of the log without its first five seconds, whose date is a default."""
+    text = []
+    for k in range(40):
+        second, day = (clock + k, date) if k < 5 else (36000 + k, "030725")
+        time = f"{second // 3600:02d}{second // 60 % 60:02d}{second % 60:02d}.00"
+        rmc = nmea(f"GNRMC,{time},A,4630.{k:04d},N,00630.0,E,0.0,0.0,{day},,,R")
+        gga = nmea(f"GNGGA,{time},4630.{k:04d},N,00630.0,E,4,18,0.7,500.0,M,49.5,M,1.0,0001")
+        gst = nmea(f"GNGST,{time},10,0.02,0.02,0,0.020,0.020,0.030")
+        text.append((rmc + gga if rmc_first else gga + rmc) + gst)
+    (tmp_path / "all.nmea").write_text("".join(text))
+    (tmp_path / "dated.nmea").write_text("".join(text[5:]))
+    fixes, dated = read_gnss(tmp_path / "all.nmea"), read_gnss(tmp_path / "dated.nmea")
+    assert fixes.gps_week == dated.gps_week
+    np.testing.assert_array_equal(fixes.time, dated.time)
+    np.testing.assert_array_equal(fixes.lat, dated.lat)
+    (told,) = [note.found for note in fixes.notes]
+    assert told.startswith(f"5 rows before line {17 if rmc_first else 16} left out")
+
+
+def test_logs_of_two_days_are_refused(tmp_path):
+    """Oracle: no receiver's default is a day old: such a log has two flights."""
+    text = ""
+    for k, day in enumerate(["030725"] * 5 + ["050725"] * 5):
+        text += nmea(f"GNRMC,10000{k}.00,A,4630.0,N,00630.0,E,0.0,0.0,{day},,,R")
+        text += nmea(f"GNGGA,10000{k}.00,4630.0,N,00630.0,E,4,18,0.7,500.0,M,49.5,M,1.0,0001")
+    (tmp_path / "x.nmea").write_text(text)
+    with pytest.raises(InputError, match=r"x.nmea:11: date 050725 .*split the log by day"):
+        read_gnss(tmp_path / "x.nmea", sigma_m=[0.1, 0.1, 0.1])

@@ -170,6 +170,12 @@ def stale_weeks(name: str, wrong: int, rows: int) -> Finding:
     return note(name, finding, "weeks that change where the times of week begin anew", advice)
 
 
+def undated_rows(name: str, count: int, first: str) -> Finding:
+    """Return the note on so many rows that were stamped before the date was known."""
+    finding = f"{count} rows before {first} left out: they were stamped before the date was known"
+    return note(name, finding, "stamps of one clock", "switch on earlier, if they are missed")
+
+
 def _line_of(lines: Lines, row: int) -> str:
     """File and line of a row."""
     return str(lines.error_at(row, "")).strip(": ")
