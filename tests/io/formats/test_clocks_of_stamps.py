@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from insgnss.io.formats import read_gnss, read_imu
+from insgnss.io.formats import read_barometer, read_events, read_gnss, read_imu
 from insgnss.io.formats.logs.autopilot import Fixes, Message
 from insgnss.io.formats.text.clock import gps_time
 from insgnss.io.formats.text.order import NumberedRows, put_in_order
@@ -197,3 +197,27 @@ def test_logs_of_two_days_are_refused(tmp_path):
     (tmp_path / "x.nmea").write_text(text)
     with pytest.raises(InputError, match=r"x.nmea:11: date 050725 .*split the log by day"):
         read_gnss(tmp_path / "x.nmea", sigma_m=[0.1, 0.1, 0.1])
+
+
+def test_events_heights_and_samples_of_one_counter_stay_together(tmp_path):
+    """Oracle: the instants before the counter of all three began anew."""
+    instants = 2.0**32 * 1e-6 - 100.0 + np.arange(0.0, 400.0, 2.5)
+    micros = np.round(instants * 1e6) % 2**32
+    (tmp_path / "events.txt").write_text(
+        "".join(f"{k}.jpg {t:.0f}\n" for k, t in enumerate(micros))
+    )
+    (tmp_path / "h.txt").write_text("".join(f"{t:.0f} {k % 7}.0\n" for k, t in enumerate(micros)))
+    events = read_events(tmp_path / "events.txt", units={"time": "us"})
+    heights = read_barometer(tmp_path / "h.txt", units={"time": "us"})
+    for record in (events, heights):
+        np.testing.assert_allclose(record.time, instants, atol=1e-6)
+        assert any("begins anew" in note.found for note in record.notes)
+
+
+def test_events_before_the_date_was_known_are_refused_by_line(tmp_path):
+    """Oracle: nobody knows when two images of 1970 were taken."""
+    stamps = [12.0, 15.0, *(UNIX + 3.0 * np.arange(20))]
+    path = tmp_path / "events.txt"
+    path.write_text("".join(f"{k}.jpg {stamp:.3f}\n" for k, stamp in enumerate(stamps)))
+    with pytest.raises(InputError, match=r"events.txt:1: 2 rows were stamped before the date"):
+        read_events(path, units={"time": "unix"})

@@ -279,7 +279,10 @@ def _overlap(
     nearest = np.stack([rows[next_row - 1], rows[np.minimum(next_row, rows.size - 1)]])
     distance = np.abs(time[nearest] - time[after])
     near = nearest[np.argmin(distance, axis=0), np.arange(after.size)]
-    repeated = [same(int(i), int(k)) for i, k in zip(near, after, strict=True)]
+    repeated = [
+        time[i] == time[k] and same(i, k)
+        for i, k in zip(near.tolist(), after.tolist(), strict=True)
+    ]
     return bool(
         np.mean(distance.min(axis=0) < OVERLAP_INTERVALS * interval) > 0.5
         and np.mean(repeated) < 0.5
