@@ -221,3 +221,22 @@ def test_events_before_the_date_was_known_are_refused_by_line(tmp_path):
     path.write_text("".join(f"{k}.jpg {stamp:.3f}\n" for k, stamp in enumerate(stamps)))
     with pytest.raises(InputError, match=r"events.txt:1: 2 rows were stamped before the date"):
         read_events(path, units={"time": "unix"})
+
+
+@pytest.mark.parametrize("first", [0, 65536 - 700])
+@pytest.mark.parametrize("step", [1, 4])
+def test_a_packet_counter_shows_what_a_rate_hides(tmp_path, first, step):
+    """Oracle: the instants before 20 and 1 packets were lost; without the counter none are."""
+    kept = np.ones(N, dtype=bool)
+    kept[500:520] = kept[2000] = False
+    count = (first + step * np.arange(N)) % 65536
+    path = tmp_path / "imu.csv"
+    table = np.column_stack([count, VALUES])[kept]
+    header = "PacketCounter gx[rad/s] gy[rad/s] gz[rad/s] ax[m/s^2] ay[m/s^2] az[m/s^2]"
+    np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header=header, comments="")
+    imu = read_imu(path, rate_hz=RATE_HZ)
+    np.testing.assert_allclose(imu.time, COUNT[kept], atol=1e-9)
+    assert "21 samples are lost, the first before" in imu.notes[-1].found
+    assert "imu.csv:502" in imu.notes[-1].found
+    np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header="x" + header, comments="")
+    assert np.ptp(np.diff(read_imu(path, rate_hz=RATE_HZ).time)) < 1e-9
