@@ -74,6 +74,15 @@ def test_a_clock_that_is_set_back_is_taken_as_set_right(tmp_path, unit, by_s):
     assert "imu.csv:1101" in told.found
 
 
+@pytest.mark.parametrize("by_s", [-0.5, 0.5, -3.7, 3.7])
+def test_a_clock_that_is_set_and_put_right_again_is_taken_as_right(tmp_path, by_s):
+    """Oracle: the instants before those from 10 s to 20 s were shifted."""
+    stamps = UNIX + COUNT + by_s * ((COUNT >= 10.0) & (COUNT < 20.0))
+    imu = imu_of(tmp_path, stamps, "unix")
+    np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+    assert "2 times" in imu.notes[0].found
+
+
 @pytest.mark.parametrize("epoch_s", [0.0, GPS_EPOCH_UNIX_S, 946684800.0])
 @pytest.mark.parametrize("rows", [1, 3, 700, 2500])
 def test_rows_before_the_date_was_known_are_counted_back(tmp_path, epoch_s, rows):

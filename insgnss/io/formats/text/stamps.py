@@ -52,6 +52,7 @@ LEVEL_ROWS = 40  # rows on either side of a step whose median shows it, whatever
 LEAST_LEVEL_ROWS = 5  # rows of a side: fewer are rows out of place (chosen)
 MOST_STEPS = 200  # falls of the stamps: more are no clock's (chosen)
 SET_INTERVALS = 1.5  # intervals: a smaller step is jitter
+PAUSE_INTERVALS = 10.0  # intervals: shorter pauses are as long as a step back by chance (chosen)
 # intervals from a row to the nearest one of the other side: below it both sides overlap, as no
 # rows in the wrong order do, which fill each other's gaps
 OVERLAP_INTERVALS = 0.75
@@ -263,7 +264,12 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
         ):
             continue
         steps.append((int(row), change))
-    return steps
+    # a pause as long as the clock was set back is that it was set ahead again, or before
+    for row in np.flatnonzero((step > PAUSE_INTERVALS * interval) & (step <= DAY_S)) + 1:
+        ahead = float(step[row - 1]) - interval
+        if any(abs(ahead + change) < 0.5 * interval for _, change in steps if change < 0.0):
+            steps.append((int(row), ahead))
+    return sorted(steps)
 
 
 def _overlap(
@@ -340,8 +346,9 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     run = np.concatenate([[0], np.cumsum(~repeats)])  # of rows of one stamp, each row's
     length = np.bincount(run)
     stamp = time[np.cumsum(length) - 1]
-    step = np.concatenate([[np.inf], np.diff(stamp), [np.inf]])
-    step[0] = 0.0 if length[0] == 2 and step[1] > 1.5 * usual else np.inf
+    # of bunches the first one counts back as the others do; else a row at an end is double
+    in_bunches = np.median(length) > 1.0
+    step = np.concatenate([[np.inf if in_bunches else 0.0], np.diff(stamp), [0.0]])
     skip_before = step[:-1] > (length - 0.5) * usual
     skip_after = (length == 2) & (step[1:] > 1.5 * usual) & ~skip_before
     mended = (length > 1) & (skip_before | skip_after)
