@@ -159,7 +159,9 @@ def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
     """Read a table."""
     table = kind.spec.read(options.file, options.columns)
     settled = table.settled(kind.spec.checked_units(options.units))
-    time, own_week = table.gps_time(None if "week" in table else week, settled.units["time"])
+    time, own_week, notes = table.examined_time(
+        "measurement rows", None if "week" in table else week, settled.units["time"]
+    )
     columns = tuple(name for name in kind.values.split() if name in table)
     if not columns:
         problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
@@ -172,7 +174,7 @@ def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
         sigma = factor * table.positive(" ".join(names), unit)
     else:
         sigma = _stated_sigma(options, kind, values.shape, f"no column {' or '.join(names)}")
-    return _Read(own_week or week, time, columns, values, sigma, table, settled.notes)
+    return _Read(own_week or week, time, columns, values, sigma, table, (*settled.notes, *notes))
 
 
 def _of_log(

@@ -13,6 +13,7 @@ from ...base.errors import InputError
 from ...geodesy.gpstime import LEAST_WEEKS_APART_S, weeks_apart
 from ...records import Array, CameraEvents, Finding, Question
 from ...records.observations import in_week
+from ..formats.text.stamps import RANGES_S
 from ..options.camera_options import CameraInput
 from .numbering import with_numbering_note
 from .rig import CameraExposures, ClockOffsets
@@ -144,9 +145,15 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
                 f" apart from the flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"
                 f" {len(events.images)} images); give all times as of one week"
             )
+        cause = "check the time scale of the events (UTC is 18 s behind GPS time) or"
+        for length in RANGES_S:
+            if lo <= events.time[0] + length and events.time[-1] + length <= hi:
+                cause = (
+                    f"camera.time_offset_s = {length:.6f} would put all of them within it, if"
+                    " their counter began anew before the first; else"
+                )
         raise InputError(
             f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the"
             f" flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"
-            f" {len(events.images)} images); check the time scale of the events (UTC is 18 s behind"
-            " GPS time) or remove these lines"
+            f" {len(events.images)} images); {cause} remove these lines"
         )

@@ -61,10 +61,16 @@ def read_barometer_text(
     units = SPEC.checked_units(units)
     table = SPEC.read(path, columns)
     settled = table.settled(units)
-    time, gps_week = table.gps_time(gps_week, settled.units["time"])
     factors = {"h": settled.factors["length"], "pressure": settled.factors["pressure"]}
     cols = {name: table.floats(name) * factors[name] for name in factors if name in table}
-    return heights_from_columns(cols, time, table, str(path), gps_week, settled.notes)
+    time, gps_week, notes = table.examined_time(
+        ROWS,
+        gps_week,
+        settled.units["time"],
+        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+    )
+    notes = (*settled.notes, *notes)
+    return heights_from_columns(cols, time, table, str(path), gps_week, notes)
 
 
 def heights_from_columns(

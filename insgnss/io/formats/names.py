@@ -56,6 +56,7 @@ IMU: Names = {
     **{f"g{axis}": spelled(GYRO_STEMS, axis) for axis in "xyz"},
     **{f"a{axis}": spelled(ACCEL_STEMS, axis) for axis in "xyz"},
     **FINE,
+    "counter": "packetcounter packet_counter packet_count",
 }
 GNSS: Names = {
     **TIME,

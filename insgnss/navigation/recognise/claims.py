@@ -18,7 +18,7 @@ from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
 from ..prepare.clock import cut_fixes, cut_samples
-from ..prepare.gaps import BRIDGE_S, find_gaps, nominal_interval
+from ..prepare.gaps import find_gaps, nominal_interval
 from .axes import axes_words, imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise
@@ -274,7 +274,7 @@ def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:
         A contradiction with the name of the clock's check; None where no clock was set.
     """
     interval = nominal_interval(imu.time)
-    pauses = [gap for gap in find_gaps(imu.time, interval) if gap[1] > BRIDGE_S]
+    pauses = [gap for gap in find_gaps(imu.time, interval) if gap[1] > OFFSET_LIMIT_S]
     for start, length in sorted(pauses, key=lambda gap: -gap[1])[:MOST_PAUSES]:
         row, step = int(np.searchsorted(imu.time, start, side="right")), length - interval
         common = imu.time[row] < gnss.time[-1] and imu.time[row - 1] > gnss.time[0]

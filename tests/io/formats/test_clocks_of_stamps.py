@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from insgnss.io.formats import read_gnss, read_imu
+from insgnss.io.formats import read_barometer, read_events, read_gnss, read_imu
 from insgnss.io.formats.logs.autopilot import Fixes, Message
 from insgnss.io.formats.text.clock import gps_time
 from insgnss.io.formats.text.order import NumberedRows, put_in_order
@@ -72,6 +72,15 @@ def test_a_clock_that_is_set_back_is_taken_as_set_right(tmp_path, unit, by_s):
     (told,) = imu.notes
     assert f"once, by {by_s:+.3f} s at" in told.found
     assert "imu.csv:1101" in told.found
+
+
+@pytest.mark.parametrize("by_s", [-0.5, 0.5, -3.7, 3.7])
+def test_a_clock_that_is_set_and_put_right_again_is_taken_as_right(tmp_path, by_s):
+    """Oracle: the instants before those from 10 s to 20 s were shifted."""
+    stamps = UNIX + COUNT + by_s * ((COUNT >= 10.0) & (COUNT < 20.0))
+    imu = imu_of(tmp_path, stamps, "unix")
+    np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+    assert "2 times" in imu.notes[0].found
 
 
 @pytest.mark.parametrize("epoch_s", [0.0, GPS_EPOCH_UNIX_S, 946684800.0])
@@ -155,3 +164,88 @@ def test_stamps_of_a_clock_that_was_set_come_back_or_are_refused(by_s, row, rate
     elif by_s < -1.6 / rate_hz:  # less is jitter: two rows change places
         with pytest.raises(InputError, match="clock"):
             put_in_order(lines, time, different, "IMU rows")
+
+
+def nmea(body: str) -> str:
+    """A sentence with its checksum."""
+    checksum = 0
+    for letter in body:
+        checksum ^= ord(letter)
+    return f"${body}*{checksum:02X}\n"
+
+
+@pytest.mark.parametrize("date", ["060180", "220899", "070419"])
+@pytest.mark.parametrize("clock", [0, 36000, 86395])
+@pytest.mark.parametrize("rmc_first", [True, False])
+def test_sentences_before_the_date_was_known_are_left_out(tmp_path, date, clock, rmc_first):
+    """Oracle: the fixes of the log without its first five seconds, whose date is a default."""
+    text = []
+    for k in range(40):
+        second, day = (clock + k, date) if k < 5 else (36000 + k, "030725")
+        time = f"{second // 3600:02d}{second // 60 % 60:02d}{second % 60:02d}.00"
+        rmc = nmea(f"GNRMC,{time},A,4630.{k:04d},N,00630.0,E,0.0,0.0,{day},,,R")
+        gga = nmea(f"GNGGA,{time},4630.{k:04d},N,00630.0,E,4,18,0.7,500.0,M,49.5,M,1.0,0001")
+        gst = nmea(f"GNGST,{time},10,0.02,0.02,0,0.020,0.020,0.030")
+        text.append((rmc + gga if rmc_first else gga + rmc) + gst)
+    (tmp_path / "all.nmea").write_text("".join(text))
+    (tmp_path / "dated.nmea").write_text("".join(text[5:]))
+    fixes, dated = read_gnss(tmp_path / "all.nmea"), read_gnss(tmp_path / "dated.nmea")
+    assert fixes.gps_week == dated.gps_week
+    np.testing.assert_array_equal(fixes.time, dated.time)
+    np.testing.assert_array_equal(fixes.lat, dated.lat)
+    (told,) = [note.found for note in fixes.notes]
+    assert told.startswith(f"5 rows before line {17 if rmc_first else 16} left out")
+
+
+def test_logs_of_two_days_are_refused(tmp_path):
+    """Oracle: no receiver's default is a day old: such a log has two flights."""
+    text = ""
+    for k, day in enumerate(["030725"] * 5 + ["050725"] * 5):
+        text += nmea(f"GNRMC,10000{k}.00,A,4630.0,N,00630.0,E,0.0,0.0,{day},,,R")
+        text += nmea(f"GNGGA,10000{k}.00,4630.0,N,00630.0,E,4,18,0.7,500.0,M,49.5,M,1.0,0001")
+    (tmp_path / "x.nmea").write_text(text)
+    with pytest.raises(InputError, match=r"x.nmea:11: date 050725 .*split the log by day"):
+        read_gnss(tmp_path / "x.nmea", sigma_m=[0.1, 0.1, 0.1])
+
+
+def test_events_heights_and_samples_of_one_counter_stay_together(tmp_path):
+    """Oracle: the instants before the counter of all three began anew."""
+    instants = 2.0**32 * 1e-6 - 100.0 + np.arange(0.0, 400.0, 2.5)
+    micros = np.round(instants * 1e6) % 2**32
+    (tmp_path / "events.txt").write_text(
+        "".join(f"{k}.jpg {t:.0f}\n" for k, t in enumerate(micros))
+    )
+    (tmp_path / "h.txt").write_text("".join(f"{t:.0f} {k % 7}.0\n" for k, t in enumerate(micros)))
+    events = read_events(tmp_path / "events.txt", units={"time": "us"})
+    heights = read_barometer(tmp_path / "h.txt", units={"time": "us"})
+    for record in (events, heights):
+        np.testing.assert_allclose(record.time, instants, atol=1e-6)
+        assert any("begins anew" in note.found for note in record.notes)
+
+
+def test_events_before_the_date_was_known_are_refused_by_line(tmp_path):
+    """Oracle: nobody knows when two images of 1970 were taken."""
+    stamps = [12.0, 15.0, *(UNIX + 3.0 * np.arange(20))]
+    path = tmp_path / "events.txt"
+    path.write_text("".join(f"{k}.jpg {stamp:.3f}\n" for k, stamp in enumerate(stamps)))
+    with pytest.raises(InputError, match=r"events.txt:1: 2 rows were stamped before the date"):
+        read_events(path, units={"time": "unix"})
+
+
+@pytest.mark.parametrize("first", [0, 65536 - 700])
+@pytest.mark.parametrize("step", [1, 4])
+def test_a_packet_counter_shows_what_a_rate_hides(tmp_path, first, step):
+    """Oracle: the instants before 20 and 1 packets were lost; without the counter none are."""
+    kept = np.ones(N, dtype=bool)
+    kept[500:520] = kept[2000] = False
+    count = (first + step * np.arange(N)) % 65536
+    path = tmp_path / "imu.csv"
+    table = np.column_stack([count, VALUES])[kept]
+    header = "PacketCounter gx[rad/s] gy[rad/s] gz[rad/s] ax[m/s^2] ay[m/s^2] az[m/s^2]"
+    np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header=header, comments="")
+    imu = read_imu(path, rate_hz=RATE_HZ)
+    np.testing.assert_allclose(imu.time, COUNT[kept], atol=1e-9)
+    assert "21 samples are lost, the first before" in imu.notes[-1].found
+    assert "imu.csv:502" in imu.notes[-1].found
+    np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header="x" + header, comments="")
+    assert np.ptp(np.diff(read_imu(path, rate_hz=RATE_HZ).time)) < 1e-9

@@ -60,6 +60,8 @@ def test_uneven_sensors_and_two_sensors_in_one_file_stay():
         200000.0 + np.cumsum(RNG.choice([0.01, 0.02], N)),
         np.delete(CLEAN, RNG.integers(1, N, 300)),
         CLEAN[np.argsort(late, kind="stable")],
+        np.append(CLEAN, CLEAN[-1]),
+        np.insert(CLEAN, 0, CLEAN[0]),
         np.repeat(CLEAN, 2),
         np.repeat(CLEAN, 3),
         np.concatenate([CLEAN, CLEAN]),

@@ -58,10 +58,11 @@ def read_events(
     units = SPEC.checked_units(units)
     table = SPEC.read(path, columns)
     settled = table.settled(units)
-    time, gps_week = table.gps_time(gps_week, settled.units["time"])
+    time, gps_week, notes = table.examined_time("event rows", gps_week, settled.units["time"])
     images = table.strings("image") if "image" in table else None
     sigma = table.positive("sigma_s", "s")[:, 0] if "sigma_s" in table else None
-    return events_in_order(images, time, table, str(path), gps_week, settled.notes, sigma)
+    notes = (*settled.notes, *notes)
+    return events_in_order(images, time, table, str(path), gps_week, notes, sigma)
 
 
 def events_in_order(

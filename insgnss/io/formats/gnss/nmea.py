@@ -1,7 +1,8 @@
 """Receiver log of NMEA 0183: GGA, RMC, GST, VTG and ZDA of any talker, data_specs/nmea.md.
 
 The height above the ellipsoid is GGA's height above mean sea level plus its geoid separation. Time
-of day and date are UTC; an epoch's day counts on where the time of day falls back by more than half
+of day and date are UTC; what stands before the receiver knew the date, a year and more before the
+last one, is left out; an epoch's day counts on where the time of day falls back by more than half
 a day. Speed s over ground and course c, of RMC or of a VTG that follows its epoch, give the
 horizontal velocity, vn = s cos c, ve = s sin c, where the caller gives a standard deviation for it:
 NMEA has none. The vertical velocity, and the horizontal one of an epoch without a course, is
@@ -11,6 +12,8 @@ unknown (`UNKNOWN_MPS`).
 import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import compress
+from operator import not_
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +26,7 @@ from ..text.clock import agree_on_week
 from ..text.layout import shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
+from ..text.stamps import undated_rows
 from ..text.text import Source, number
 from .fixes import ASSUMED, NMEA_QUALITY, FixScales, fixes_from_columns
 
@@ -34,6 +38,8 @@ KNOT = 1852.0 / 3600.0  # m/s: an international nautical mile an hour
 LEAST_FIELDS = {"GGA": 10, "RMC": 10, "GST": 9, "VTG": 6, "ZDA": 5, "GSA": 16}
 KINDS = tuple(kind.encode() for kind in LEAST_FIELDS)
 OF_HEADING = (b"HDT", b"THS")  # true headings of two antennas, at the time of the GGA before
+# s: receivers that do not know the date say 1980-01-06 or that of a week's rollover, years ago
+LEAST_UNDATED_S = 365.0 * DAY_S
 CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss
 DATE = re.compile(r"[0-9]{6}(?:[0-9]{2})?")  # ddmmyy, of ZDA ddmmyyyy
 
@@ -60,6 +66,8 @@ class _Log:
         Lines of the epochs without fix.
     headings
         Rows of epoch, line and true heading, deg.
+    undated
+        Lines of the fixes before the receiver knew the date, which are left out of `fixes`.
     """
 
     fixes: list[tuple[Epoch, int, float, float, float, int]] = field(default_factory=list)
@@ -70,6 +78,26 @@ class _Log:
     dates: dict[Epoch, tuple[int, datetime]] = field(default_factory=dict)
     void: list[int] = field(default_factory=list)
     headings: list[tuple[Epoch, int, float]] = field(default_factory=list)
+    undated: list[int] = field(default_factory=list)
+
+    def leave_undated_out(self) -> None:
+        """Leave out what stands before the date was known: dates a year before the last one."""
+        dates = list(self.dates.items())
+        days = [midnight.timestamp() - DAY_S * day for (day, _), (_, midnight) in dates]
+        early = [day < days[-1] - LEAST_UNDATED_S for day in days]
+        if not any(early):
+            return
+        first = early.index(False)
+        first_epoch, (first_line, _) = dates[first]
+        for epoch, _ in dates[:first]:
+            del self.dates[epoch]
+        dated = [row[1] > first_line or row[0] == first_epoch for row in self.fixes]
+        self.undated.extend(row[1] for row in compress(self.fixes, map(not_, dated)))
+        self.described[:] = compress(self.described, dated)
+        self.fixes[:] = compress(self.fixes, dated)
+        self.headings[:] = [
+            row for row in self.headings if row[1] > first_line or row[0] == first_epoch
+        ]
 
 
 def read_nmea(
@@ -147,6 +175,8 @@ def read_nmea(
     cols |= dict(zip(("satellites", "hdop", "age_s"), described.T, strict=True))
     cols["pdop"] = np.array([log.pdop.get(row[0], np.nan) for row in fixes])
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
+    if log.undated:
+        notes += (undated_rows("GNSS rows", len(log.undated), f"line {log.fixes[0][1]}"),)
     if sentences.unchecked:
         taken_so = ", ".join(f"{count} {kind}" for kind, count in sentences.unchecked.items())
         finding = f"all {taken_so} have a wrong checksum beside right ones of other kinds; taken"
@@ -264,6 +294,7 @@ def _collect(
             described = (fields[7], fields[8], fields[13] if len(fields) > 13 else "")
             satellites, hdop, age = (_optional(text, path, line) for text in described)
             log.described.append((satellites, hdop, age))
+    log.leave_undated_out()
     return log
 
 

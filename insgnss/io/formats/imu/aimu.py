@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....geodesy.gpstime import gps_from_unix_utc
-from ....records import ImuSamples, Quantity
-from ..text.clock import agree_on_week
-from ..text.order import note, put_in_order
+from ....records import Finding, ImuSamples, Quantity
+from ..text.order import note
 from ..text.sentences import SentenceLines, read_sentences
 from ..text.text import Source, number
+from ..text.units import DEG
+from .imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 
 Array = NDArray[np.float64]
 
@@ -49,17 +49,7 @@ def read_aimu(
         raise InputError.at_line(path, None, message)
     table = table[locked]
     kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
-    try:
-        week, time = gps_from_unix_utc(table[:, TIME_FIELD])
-    except InputError as refusal:
-        raise kept.error_at(int(np.argmin(table[:, TIME_FIELD])), str(refusal)) from None
-    time = np.round(time, 6)
-    agree_on_week(kept, week, gps_week)
-    rows, notes = put_in_order(
-        kept, time, lambda i, k: bool((table[i] == table[k]).all()), "IMU rows"
-    )
-    if rows is not None:
-        table, time = table[rows], time[rows]
+    notes: tuple[Finding, ...] = ()
     n_free = int(locked.size - locked.sum())
     if n_free or sentences.n_bad:
         finding = (
@@ -67,17 +57,12 @@ def read_aimu(
             " right checksum left out"
         )
         advice = "start moving only after the receiver's lock"
-        done = note("IMU rows", finding, "a locked clock, whole sentences", advice)
-        notes = (done, *notes)
-    return ImuSamples(
-        time,
-        np.radians(table[:, GYRO_FIELDS]),
-        table[:, ACCEL_FIELDS],
-        quantity,
-        week,
-        str(path),
-        notes,
-    )
+        notes = (note("IMU rows", finding, "a locked clock, whole sentences", advice),)
+    columns = {"tow": table[:, TIME_FIELD]}
+    columns |= dict(zip(GYRO, table[:, GYRO_FIELDS].T, strict=True))
+    columns |= dict(zip(ACCEL, table[:, ACCEL_FIELDS].T, strict=True))
+    scales = Scales(DEG, 1.0, "unix")
+    return imu_from_columns(columns, kept, str(path), scales, quantity, gps_week, notes)
 
 
 def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:

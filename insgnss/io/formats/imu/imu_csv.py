@@ -2,10 +2,11 @@
 
 The unit of a triad is the caller's, else the one that the header gives, in brackets or behind the
 name (`headers`), else SI; where both give one and they differ, a note says so. A file without a
-column of time has the caller's rate, and its time starts at zero.
+column of time has the caller's rate, and its time starts at zero; a packet counter beside it shows
+where samples are lost.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -90,7 +91,8 @@ def read_imu_csv(
     gps_week : int, optional
         The week, where no column holds it.
     rate_hz : float, optional
-        Samples a second, where the file has no column of time; time then starts at zero.
+        Samples a second, where the file has no column of time; time then starts at zero, and a
+        column `counter` (PacketCounter) shows where samples are lost.
     accel_file : path, optional
         The file of the accelerometers, where `path` has the gyros alone (`apart`); a mapping
         `columns` names those of both, a sequence those of the gyros, and gx gy gz of it are ax ay
@@ -149,7 +151,8 @@ def _read(
 
     def named(table: Table | Rows) -> NamedTable:
         index = spec.index(table.path, table.layout, columns)
-        taken = {name: i for name, i in index.items() if name in (*required, *CLOCK)}
+        clock = CLOCK if rate_hz is None else (*CLOCK, "counter")
+        taken = {name: i for name, i in index.items() if name in (*required, *clock)}
         return NamedTable(spec, table, taken)
 
     direct, usual = None, False
@@ -300,7 +303,8 @@ def _samples(
                 f"{source}: rate_hz is given, but there is a column of time; leave rate_hz out, or"
                 " leave the column out of columns"
             )
-        time = np.arange(len(gyro)) / scales.rate_hz
+        time, counter_notes = _by_rate(clock, lines, len(gyro), scales.rate_hz, same)
+        notes = (*notes, *counter_notes)
     else:
         tow, week, _, clock_notes = on_one_clock(
             lines, clock_of(clock), clock.get("week"), scales.time, "IMU rows", same
@@ -316,6 +320,31 @@ def _samples(
     time, stamp_notes = spread_evenly(time)
     notes = (*notes, *repeat_notes, *jitter_notes, *order_notes, *stamp_notes)
     return ImuSamples(time, gyro, accel, quantity, gps_week, source, notes, scales.units)
+
+
+def _by_rate(
+    clock: Mapping[str, Array],
+    lines: Lines,
+    rows: int,
+    rate_hz: float,
+    same: Callable[[int, int], bool],
+) -> tuple[Array, Notes]:
+    """Return stamps (n,) from zero, s, of samples at a rate, by their packet counter if there is.
+
+    The counter shows samples that are lost, and begins anew after 2^16 or 2^32 of them.
+    """
+    if "counter" not in clock or rows < 2:
+        return np.arange(rows) / rate_hz, ()
+    unit = f"{1.0 / rate_hz!r} s"
+    packets, _, _, notes = on_one_clock(lines, clock["counter"], None, unit, "IMU rows", same)
+    packets = packets - packets[0]
+    count = packets / max(float(np.median(np.diff(packets))), 1.0)
+    if missing := round(float(count.max())) + 1 - rows:
+        row = int(np.argmax(np.diff(count) > 1.5)) + 1
+        message = str(lines.error_at(row, "")).strip(": ")
+        finding = f"by the packet counter {missing} samples are lost, the first before {message}"
+        notes = (*notes, note("IMU rows", finding, "every packet", "check the logger's buffer"))
+    return count / rate_hz, notes
 
 
 def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:

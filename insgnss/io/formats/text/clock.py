@@ -1,13 +1,15 @@
 """Columns of time become seconds of a GPS week."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
+from ....records import Finding
 from .order import Lines, refuse_rows
+from .stamps import on_one_clock
 from .units import UNITS, split_unit, unit_factor
 
 Array = NDArray[np.float64]
@@ -68,6 +70,30 @@ def gps_time(
     )
     refuse_rows(lines, (seconds < 0.0) | (seconds > 2.0 * WEEK_S), message, seconds)
     return time, gps_week
+
+
+def examined_time(
+    lines: Lines,
+    tow: Array,
+    week: Array | None,
+    name: str,
+    gps_week: int | None,
+    unit: str,
+    same: Callable[[int, int], bool] | None = None,
+) -> tuple[Array, int | None, tuple[Finding, ...]]:
+    """Return what `gps_time` does of stamps that `on_one_clock` examined, and the notes.
+
+    Raises
+    ------
+    InputError
+        A stamp that is none, or the first row of those that were stamped before the date was known,
+        where they are not of an even sensor.
+    """
+    tow, week, undated, notes = on_one_clock(lines, tow, week, unit, name, same)
+    if undated:
+        message = f"{undated} rows were stamped before the date was known; delete these rows"
+        raise lines.error_at(0, f"{message}, or write their times into them")
+    return *gps_time(lines, tow, week, gps_week, unit), notes
 
 
 def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:

@@ -19,7 +19,7 @@ from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
 from ....records import Finding
 from ..names import Names, taken_by_readers
-from .clock import gps_time
+from .clock import examined_time, gps_time
 from .dates import UNIT as DATES_UNIT
 from .direct import Rows
 from .headers import SENSORS, Kinds, Settled, names_of, normalised, settled_units
@@ -359,6 +359,17 @@ class NamedTable:
         """Return seconds of the first week and that week, as `clock.gps_time` does."""
         week = self.floats("week") if "week" in self else None
         return gps_time(self, self.floats("tow"), week, gps_week, unit)
+
+    def examined_time(
+        self,
+        name: str,
+        gps_week: int | None,
+        unit: str,
+        same: Callable[[int, int], bool] | None = None,
+    ) -> tuple[Array, int | None, tuple[Finding, ...]]:
+        """Return what `gps_time` does of examined stamps, and the notes `name` on them."""
+        week = self.floats("week") if "week" in self else None
+        return examined_time(self, self.floats("tow"), week, name, gps_week, unit, same)
 
     def positive(self, names: str, unit: str) -> Array:
         """Return columns (n, k) of standard deviations; InputError for one that is not positive."""

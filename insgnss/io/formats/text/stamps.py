@@ -52,6 +52,7 @@ LEVEL_ROWS = 40  # rows on either side of a step whose median shows it, whatever
 LEAST_LEVEL_ROWS = 5  # rows of a side: fewer are rows out of place (chosen)
 MOST_STEPS = 200  # falls of the stamps: more are no clock's (chosen)
 SET_INTERVALS = 1.5  # intervals: a smaller step is jitter
+PAUSE_INTERVALS = 10.0  # intervals: shorter pauses are as long as a step back by chance (chosen)
 # intervals from a row to the nearest one of the other side: below it both sides overlap, as no
 # rows in the wrong order do, which fill each other's gaps
 OVERLAP_INTERVALS = 0.75
@@ -170,6 +171,12 @@ def stale_weeks(name: str, wrong: int, rows: int) -> Finding:
     return note(name, finding, "weeks that change where the times of week begin anew", advice)
 
 
+def undated_rows(name: str, count: int, first: str) -> Finding:
+    """Return the note on so many rows that were stamped before the date was known."""
+    finding = f"{count} rows before {first} left out: they were stamped before the date was known"
+    return note(name, finding, "stamps of one clock", "switch on earlier, if they are missed")
+
+
 def _line_of(lines: Lines, row: int) -> str:
     """File and line of a row."""
     return str(lines.error_at(row, "")).strip(": ")
@@ -257,7 +264,12 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
         ):
             continue
         steps.append((int(row), change))
-    return steps
+    # a pause as long as the clock was set back is that it was set ahead again, or before
+    for row in np.flatnonzero((step > PAUSE_INTERVALS * interval) & (step <= DAY_S)) + 1:
+        ahead = float(step[row - 1]) - interval
+        if any(abs(ahead + change) < 0.5 * interval for _, change in steps if change < 0.0):
+            steps.append((int(row), ahead))
+    return sorted(steps)
 
 
 def _overlap(
@@ -273,7 +285,10 @@ def _overlap(
     nearest = np.stack([rows[next_row - 1], rows[np.minimum(next_row, rows.size - 1)]])
     distance = np.abs(time[nearest] - time[after])
     near = nearest[np.argmin(distance, axis=0), np.arange(after.size)]
-    repeated = [same(int(i), int(k)) for i, k in zip(near, after, strict=True)]
+    repeated = [
+        time[i] == time[k] and same(i, k)
+        for i, k in zip(near.tolist(), after.tolist(), strict=True)
+    ]
     return bool(
         np.mean(distance.min(axis=0) < OVERLAP_INTERVALS * interval) > 0.5
         and np.mean(repeated) < 0.5
@@ -331,8 +346,9 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     run = np.concatenate([[0], np.cumsum(~repeats)])  # of rows of one stamp, each row's
     length = np.bincount(run)
     stamp = time[np.cumsum(length) - 1]
-    step = np.concatenate([[np.inf], np.diff(stamp), [np.inf]])
-    step[0] = 0.0 if length[0] == 2 and step[1] > 1.5 * usual else np.inf
+    # of bunches the first one counts back as the others do; else a row at an end is double
+    in_bunches = np.median(length) > 1.0
+    step = np.concatenate([[np.inf if in_bunches else 0.0], np.diff(stamp), [0.0]])
     skip_before = step[:-1] > (length - 0.5) * usual
     skip_after = (length == 2) & (step[1:] > 1.5 * usual) & ~skip_before
     mended = (length > 1) & (skip_before | skip_after)
