@@ -378,7 +378,10 @@ def transformer_between(source: Any, target: Any) -> Any:
     except ProjError as error:
         why = " ".join(str(error).split())
         if "not available" not in why:
-            raise InputError(f"CRS {target.name}: {why[:200]}; give another CRS") from None
+            of_use = "" if target.area_of_use is None else f", made for {target.area_of_use.name}"
+            why = why[:200].removeprefix("Error creating Transformer from CRS.")
+            why = why or f"PROJ knows no transformation from {source.name} to it{of_use}"
+            raise InputError(f"CRS {target.name}: {why.rstrip('.')}; give another CRS") from None
         grid = why.rpartition("Grid ")[2].partition(" is not")[0]
         advice = (
             "name a geoid file and a horizontal CRS instead, or get the grid by"

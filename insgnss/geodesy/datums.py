@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 FITTING = 20.0  # distance (units of a CRS) up to which coordinates fit it: an adjustment moves less
 OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked at with it
 ALIKE = 1.0  # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
+# degrees up to which numbers are longitude and latitude of a place: as metres they are next to none
+SAME_PLACE_DEG = 0.1
 MOST_CRS = 2  # that are named: more do not fit into a line
 
 
@@ -134,7 +136,7 @@ def fitting_crs(
     datum: str | None = None,
     epoch: float | None = None,
 ) -> str:
-    """Return the projected CRSs of the registry in which numbers are coordinates of a place.
+    """Return the CRSs of the registry in which numbers are coordinates of a place.
 
     Parameters
     ----------
@@ -161,6 +163,8 @@ def fitting_crs(
 
     globe, middle = source_crs(datum, epoch), np.median(numbers[:, :2], axis=0)
     lat_deg, lon_deg = np.degrees([lat, lon]).tolist()
+    if np.abs(middle - (lon_deg, lat_deg)).max() < SAME_PLACE_DEG:
+        return f"{datum or 'EPSG:4326'} {globe.name} (longitude and latitude, deg)"
     area = AreaOfInterest(lon_deg, lat_deg, lon_deg, lat_deg)
     fits = []
     for info in query_crs_info("EPSG", PJType.PROJECTED_CRS, area):

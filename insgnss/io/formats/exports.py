@@ -334,7 +334,7 @@ EXPORTS: dict[str, Export] = {
         "copies of the images with Exif GPS and XMP",
         "images.image_tags:write_image_tags",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
-        options=("images", "missing", "heights", "gimbal", "rtk_flag"),
+        options=("images", "missing", "heights", "gimbal", "rtk_flag", "form"),
         several=True,
         needs=("images",),
         any_unit=True,

@@ -167,7 +167,9 @@ class CoordinateFrame:
         except InputError as error:
             if exchanged := self._exchanged(x):
                 raise InputError(f"{path}: {error}{exchanged}") from None
-            raise FarError(f"{path}: {error}", numbers) from None
+            e, n = numbers[0, :2]
+            problem = f"{path}: coordinates such as {e:.3f} {n:.3f}"
+            raise FarError(f"{problem}: {error}", numbers) from None
         far = self.projection.degrees_outside(lat, lon)
         local = far > 0.0 and float(np.abs(x[:, :2]).max()) < PLANE_M
         if (far > FAR_DEG or local) and not self._exchanged(x):  # which compare explains

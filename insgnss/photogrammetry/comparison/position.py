@@ -61,7 +61,12 @@ FEET = {  # what a coordinate in one foot, read as the other, is multiplied by
     "international feet, read as US survey feet": FOOT_M / US_FOOT_M,
     "US survey feet, read as international feet": US_FOOT_M / FOOT_M,
 }
-FAR_LONGITUDE_RAD = 2e-3  # sum of two longitudes of one place with unlike signs (rad): 11 km
+ONE_PLACE_RAD = 2e-3  # of latitude and longitude, within which both files are of one place: 11 km
+DEGREES = {  # name and words of a wrong geographic reading; factors of latitude and longitude
+    "longitude reversed": ("longitudes with the other sign (west of Greenwich)", 1.0, -1.0),
+    "latitude reversed": ("latitudes with the other sign (south of the equator)", -1.0, 1.0),
+    "radians": ("latitude and longitude in radians", np.degrees(1.0), np.degrees(1.0)),
+}
 CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
 
@@ -277,9 +282,10 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
         yield taken_off(
             "latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height)
         )
-    if b.projection is None and np.abs(a.lon + b.lon).max() < FAR_LONGITUDE_RAD:
-        sign = "b has longitudes with the other sign (west of Greenwich)"
-        yield taken_off("longitude reversed", sign, lambda _, q: q.moved(q.lat, -q.lon, q.height))
+    for name, (statement, lat, lon) in DEGREES.items():
+        angle = np.abs([a.lat - lat * b.lat, a.lon - lon * b.lon]).max()
+        if b.projection is None and angle < ONE_PLACE_RAD:
+            yield taken_off(name, f"b has {statement}", _times(lat, lon))
     if b.local is None or (b.plane is None and b.projection is None):
         return
     if b.projection is not None and b.projection.units[0] != METRE:
@@ -299,6 +305,11 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
         if b.projection is None and (np.abs(degrees).max(axis=0) <= [180.0, 90.0]).all():
             words = f"b has {words} in degrees that were read as metres; name their CRS (--crs)"
             yield taken_off("degrees for metres", words, _read_anew(_radians(order), GEOGRAPHIC))
+
+
+def _times(lat: float, lon: float) -> Callable[[Poses, Poses], Poses]:
+    """Latitude and longitude times factors."""
+    return lambda _, poses: poses.moved(lat * poses.lat, lon * poses.lon, poses.height)
 
 
 def _factors(factor: float) -> Change:
@@ -355,9 +366,12 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield taken_off(
         name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, values, size
     )
+    metres = "heights of a are in feet where b has metres"
+    if b.projection is not None and b.projection.units[1] != METRE:
+        metres = "heights of b are in metres, not in the feet of its CRS"
     for name, words, factor in (
         ("feet", "heights of b are in feet where a has metres", FOOT_M),
-        ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT_M),
+        ("metres for feet", metres, 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
         yield taken_off(name, words, _scaled(factor))

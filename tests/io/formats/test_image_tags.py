@@ -2,8 +2,11 @@
 is installed; pixels stay.
 """
 
+import json
 import re
+import shutil
 import struct
+import subprocess
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -545,6 +548,7 @@ def test_images_and_orientations_that_do_not_match(photos: Path, tmp_path: Path)
         ({"gimbal": "yes"}, "gimbal 'yes' is none of auto, none, nadir, exact"),
         ({"rtk_flag": 3}, "rtk_flag 3 is none of 0"),
         ({"heights": "geoid"}, "heights 'geoid': give 'ellipsoid'"),
+        ({"form": "csv"}, "form 'csv' is none of copies, exiftool"),
     ],
 )
 def test_wrong_options(photos: Path, tmp_path: Path, options: dict[str, Any], message: str) -> None:
@@ -671,3 +675,62 @@ def example(folder: Path) -> str:
 def test_the_page_shows_what_is_written(tmp_path: Path) -> None:
     """Oracle: data_specs, all but the version."""
     assert without_version(example(tmp_path)) == without_version(on_page("image_tags"))
+
+
+def test_arguments_of_exiftool_are_the_tags_of_the_copies(photos: Path, tmp_path: Path) -> None:
+    """Oracle: Pillow's reading of the copies; no copy beside the arguments, and the images stay."""
+    before = {path.name: path.read_bytes() for path in photos.iterdir()}
+    write_image_tags(flight(), tmp_path / "copies", images=photos, gimbal="exact")
+    write_image_tags(flight(), tmp_path / "out", images=photos, gimbal="exact", form="exiftool")
+    assert {path.name: path.read_bytes() for path in photos.iterdir()} == before
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "exiftool.args",
+        "exiftool.config",
+    ]
+    config = (tmp_path / "out" / "exiftool.config").read_text()
+    commands = (tmp_path / "out" / "exiftool.args").read_text().split("-execute\n")[:-1]
+    assert [command.splitlines()[-1] for command in commands] == [f"./{name}" for name in NAMES]
+    for name, command in zip(NAMES, commands, strict=True):
+        gps, exif, xmp = tags(tmp_path / "copies" / name)
+        rows = (row[1:].split("=", 1) for row in command.splitlines()[:-3])
+        values = {key.rstrip("#"): value for key, value in rows}
+        xmp.pop("dji:RelativeAltitude", None)  # was in the image, and stays
+        for key, value in xmp.items():
+            prefix, _, property_name = key.partition(":")
+            group = {"dji": "drone-dji", "own": "insgnss"}.get(prefix, prefix)
+            assert values[f"XMP-{group}:{property_name}"] == value
+            assert f"  {property_name} => {{}},\n" in config
+        for tag, key in ((2, "GPSLatitude"), (4, "GPSLongitude"), (7, "GPSTimeStamp")):
+            numbers = [float(number) for number in values[f"GPS:{key}"].split()]
+            assert_allclose(numbers, [float(v) for v in gps[tag]], rtol=0.0, atol=1e-9)
+        assert values["GPS:GPSVersionID"] == " ".join(map(str, gps[0]))
+        assert float(values["GPS:GPSAltitude"]) == float(gps[6])
+        assert (values["GPS:GPSLatitudeRef"], values["GPS:GPSDateStamp"]) == (gps[1], gps[29])
+        assert values["ExifIFD:ExifVersion"] == exif[0x9000].decode()
+
+
+@pytest.mark.slow
+def test_exiftool_writes_what_the_copies_have(photos: Path, tmp_path: Path) -> None:
+    """Oracle: ExifTool, which reads the copies and the images that it has tagged itself."""
+    exiftool = shutil.which("exiftool")
+    if exiftool is None:
+        pytest.skip("exiftool is not installed: its arguments were not tried")
+
+    def read(folder: Path) -> list[dict[str, Any]]:
+        command = [exiftool, "-config", tmp_path / "out" / "exiftool.config", "-G1", "-n", "-json"]
+        done = subprocess.run([*command, folder], capture_output=True, check=True, text=True)
+        groups = ("GPS:", "XMP-Camera:", "XMP-drone-dji:", "XMP-insgnss:", "XMP-exif:")
+        return [
+            {key: value for key, value in image.items() if key.startswith(groups)}
+            for image in sorted(json.loads(done.stdout), key=lambda image: image["SourceFile"])
+        ]
+
+    write_image_tags(flight(), tmp_path / "copies", images=photos, gimbal="exact")
+    write_image_tags(flight(), tmp_path / "out", images=photos, gimbal="exact", form="exiftool")
+    command = [exiftool, "-config", "../out/exiftool.config", "-@", "../out/exiftool.args"]
+    done = subprocess.run(command, cwd=photos, capture_output=True, check=True, text=True)
+    assert done.stderr == ""
+    for path in photos.glob("*_original"):
+        path.unlink()
+    for written, copied in zip(read(photos), read(tmp_path / "copies"), strict=True):
+        assert written == pytest.approx(copied, abs=1e-5)  # its rounding of rationals

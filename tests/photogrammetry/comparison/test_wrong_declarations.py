@@ -10,7 +10,7 @@ from sites import orientation_at
 from test_ways_back import Site, ign_opk, site_at
 
 from insgnss.base.errors import InputError
-from insgnss.geodesy.frames import TangentPlane
+from insgnss.geodesy.frames import TangentPlane, geodetic_to_ecef
 from insgnss.photogrammetry.comparison.compare import compare_files
 from insgnss.records import ExteriorOrientation
 
@@ -118,6 +118,95 @@ def test_a_wrong_declaration_is_named_alone(name: str, tmp_path: Path) -> None:
         assert done.findings[0].statement.startswith(why)
     else:
         assert why in " ".join(done.notes)
+
+
+def in_crs(crs: str) -> Callable[[Site], np.ndarray]:
+    """Coordinates of another CRS than that of the site."""
+    return lambda site: np.array([x for _, x, *_ in replace(site, crs=crs).rows])
+
+
+def changed(change: Change) -> Callable[[Site], np.ndarray]:
+    return lambda site: np.array([change(x) for _, x, *_ in site.rows])
+
+
+def globe(change: Change) -> Callable[[Site], np.ndarray]:
+    """Longitude, latitude, deg, and height, changed."""
+
+    def coordinates(site: Site) -> np.ndarray:
+        lat, lon, h = TangentPlane(*site.eo.origin).geodetic_from_position(site.eo.position_m)
+        return change(np.column_stack([np.degrees(lon), np.degrees(lat), h]))
+
+    return coordinates
+
+
+def packed(x: np.ndarray) -> np.ndarray:
+    """Degrees and minutes without a blank, as receivers print them."""
+    return 100.0 * (x // 1.0) + 60.0 * (x % 1.0)
+
+
+def radians(x: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.radians(x[:, :2]), x[:, 2]])
+
+
+def geocentric(x: np.ndarray) -> np.ndarray:
+    return geodetic_to_ecef(np.radians(x[:, 1]), np.radians(x[:, 0]), x[:, 2])
+
+
+SAID = {  # place, CRS that is declared, coordinates of the file, the one thing that is said
+    "degrees for metres": ("Kamchatka", "EPSG:32660", globe(same), "fit EPSG:4326 WGS 84"),
+    "degrees and minutes": ("Kamchatka", "EPSG:4326", globe(packed), "no longitude and latitude"),
+    "radians": ("Kamchatka", "EPSG:4326", globe(radians), "b has latitude and longitude in rad"),
+    "south": ("Kamchatka", "EPSG:4326", globe(times(1, -1, 1)), "b has latitudes with the other"),
+    "ECEF for a map": ("Lausanne", "EPSG:2056", globe(geocentric), "heights such as 4605"),
+    "ECEF for degrees": ("Lausanne", "EPSG:4326", globe(geocentric), "no longitude and latitude"),
+    "UTM for LV95": ("Lausanne", "EPSG:2056", in_crs("EPSG:32632"), "fit EPSG:32632 WGS 84"),
+    "LV03 for LV95": ("Lausanne", "EPSG:2056", in_crs("EPSG:21781"), "fit EPSG:21781 CH1903"),
+    "north for south": ("Sydney", "EPSG:32656", changed(same), "no transformation from GDA2020"),
+    "zone of the datum": ("Sydney", "EPSG:28355", changed(same), "of b fit EPSG:7856 GDA2020"),
+    "zone in feet": ("Denver", "EPSG:6430", changed(same), "numbers of b fit EPSG:6428 NAD83"),
+    "Lambert's zone": ("Paris", "EPSG:3949", changed(same), "the numbers fit EPSG:2154 RGF93"),
+    "Lambert II": ("Paris", "EPSG:27572", changed(same), "the numbers fit EPSG:2154 RGF93"),
+    "UTM for Lambert": ("Paris", "EPSG:32631", changed(same), "numbers of b fit EPSG:2154 RGF93"),
+    "centimetres": ("Kamchatka", "EPSG:32660", changed(times(1e2, 1e2, 1)), "as 50000000.000 6874"),
+    "west for east": ("Kamchatka", "EPSG:32660", changed(times(-1, 1, 1)), "such as -500000.000 "),
+    "height first": ("Kamchatka", "EPSG:32660", changed(lambda x: x[[2, 0, 1]]), "are 6874 km in"),
+    "depths": ("Paris", "EPSG:2154", changed(times(1, 1, -1)), "b counts heights downwards"),
+    "sea level": ("Paris", "EPSG:2154", changed(plus(0, 0, -44.6)), "44.600 m below those of a"),
+    "metres of height": (
+        "Denver",
+        "EPSG:6428",
+        changed(times(1, 1, 1200 / 3937)),
+        "heights of b are in metres",
+    ),
+    "no false easting": (
+        "Kamchatka",
+        "EPSG:32660",
+        changed(plus(-5e5, 0, 0)),
+        "500000 0 0 were subtracted",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if "fit" in why or "no trans" in why else ())
+        for name, (*_, why) in SAID.items()
+    ],
+)
+def test_one_thing_is_said_of_a_wrong_declaration(name: str, tmp_path: Path) -> None:
+    """Oracle: what was changed; a refusal, else one finding alone, else a note without finding."""
+    place, crs, coordinates, why = SAID[name]
+    site = site_at(place, tmp_path)
+    places = iter(coordinates(site))
+    file = written(site, lambda _: next(places))
+    try:
+        done = compare_files(site.eo, file, crs=crs)
+        statements = [finding.statement for finding in done.findings] or [" ".join(done.notes)]
+    except InputError as refusal:
+        statements = [str(refusal)]
+    assert len(statements) == 1
+    assert why in statements[0]
 
 
 def test_another_epoch_and_datum_are_named_with_their_size(tmp_path: Path) -> None:

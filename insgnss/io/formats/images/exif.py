@@ -16,7 +16,7 @@ from .jpeg import exif_of
 from .tiff_tags import Tiff
 
 # tags of Exif
-CAMERA_MAKE, CAMERA_MODEL, ORIGINAL = 0x010F, 0x0110, 0x9003
+CAMERA_MAKE, CAMERA_MODEL, EXIF_VERSION, ORIGINAL = 0x010F, 0x0110, 0x9000, 0x9003
 FRACTION, OFFSET_ORIGINAL = 0x9291, 0x9011  # of DateTimeOriginal
 # PixelXDimension, PixelYDimension, FocalLengthIn35mm
 IMAGE_COLUMNS, IMAGE_ROWS, FOCAL_35_MM = 0xA002, 0xA003, 0xA405
@@ -139,6 +139,18 @@ def camera_maker(stream: BinaryIO, who: str) -> str:
     tiff = _tags(stream, who)
     maker = b"" if tiff is None else tiff.bytes_of(tiff.first, CAMERA_MAKE) or b""
     return maker.decode("ascii", "replace").strip("\0 ")
+
+
+def exif_version(stream: BinaryIO, who: str) -> bytes | None:
+    """Return the version of Exif of an image, such as b"0231"; None where it has none.
+
+    Raises
+    ------
+    InputError
+        Its tags are broken.
+    """
+    tiff = _tags(stream, who)
+    return None if tiff is None else tiff.bytes_of(tiff.exif, EXIF_VERSION)
 
 
 def _tags(stream: BinaryIO, who: str) -> Tiff | None:

@@ -23,6 +23,7 @@ appended (`tiff_tags`).
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -40,7 +41,8 @@ from ....records import Array, FramedOrientation
 from ..orientation.exported import check_only, frame_words
 from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
-from .exif import camera_maker
+from .exif import EXIF_VERSION, camera_maker, exif_version
+from .exiftool import ARGUMENTS, CONFIG, arguments, config
 from .gimbal import GIMBALS, LEFT_OUT, gimbal_angles
 from .jpeg import with_tags
 from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, Value
@@ -52,31 +54,17 @@ PIX4D, DJI, OWN = (
     "http://www.dji.com/drone-dji/1.0/",
     "urn:insgnss:exterior-orientation:1.0#",
 )
-STALE = {
+STALE: dict[str, tuple[str, ...]] = {
     "http://ns.adobe.com/exif/1.0/": (
-        *(
-            "GPSLatitude",
-            "GPSLongitude",
-            "GPSAltitude",
-            "GPSAltitudeRef",
-            "GPSTimeStamp",
-            "GPSDateStamp",
-            "GPSVersionID",
-        ),
-        *("GPSImgDirection", "GPSImgDirectionRef", "GPSHPositioningError", "GPSMapDatum"),
+        *("GPSLatitude", "GPSLongitude", "GPSAltitude", "GPSAltitudeRef", "GPSTimeStamp"),
+        *("GPSDateStamp", "GPSVersionID", "GPSImgDirection", "GPSImgDirectionRef"),
+        *("GPSHPositioningError", "GPSMapDatum"),
     ),
     PIX4D: ("VertCS",),
     DJI: (
-        *(
-            "AltitudeType",
-            "GimbalYawDegree",
-            "GimbalPitchDegree",
-            "GimbalRollDegree",
-            "GpsLatitude",
-            "GpsLongitude",
-            "GpsLongtitude",
-        ),
-        *("AbsoluteAltitude", "RtkFlag", "RtkStdLon", "RtkStdLat", "RtkStdHgt", "RtkDiffAge"),
+        *("AltitudeType", "GimbalYawDegree", "GimbalPitchDegree", "GimbalRollDegree"),
+        *("GpsLatitude", "GpsLongitude", "GpsLongtitude", "AbsoluteAltitude", "RtkFlag"),
+        *("RtkStdLon", "RtkStdLat", "RtkStdHgt", "RtkDiffAge"),
     ),
 }
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
@@ -144,6 +132,7 @@ def write_image_tags(
     undulation_m: float | Sequence[float] | Array | None = None,
     gimbal: Literal["auto", "none", "nadir", "exact"] = "auto",
     rtk_flag: int | None = None,
+    form: Literal["copies", "exiftool"] = "copies",
 ) -> None:
     """Copy the images of the directory `images`, with their tags, into the directory `path`.
 
@@ -167,6 +156,8 @@ def write_image_tags(
         Angles of a DJI gimbal, see `gimbal`; by default for cameras of DJI alone.
     rtk_flag : {0, 16, 34, 50}, optional
         RtkFlag of drone-dji.
+    form : {"copies", "exiftool"}
+        Copies, or arguments by which ExifTool tags the images themselves.
 
     Raises
     ------
@@ -181,6 +172,7 @@ def write_image_tags(
     for name, value, accepted in (
         ("missing", missing, ("refuse", "skip")),
         ("gimbal", gimbal, GIMBALS),
+        ("form", form, ("copies", "exiftool")),
     ):
         if value not in accepted:
             raise UsageError(f"{name} {value!r} is none of {', '.join(accepted)}")
@@ -192,12 +184,18 @@ def write_image_tags(
     tags = _tags(eo, _heights(eo, heights, undulation_m), heights == "sea level", gimbal, rtk_flag)
     check_only(
         directory,
-        {file.name for _, file in pairs},
+        set() if form == "exiftool" else {file.name for _, file in pairs},
         lambda file: file.lower().endswith(SUFFIXES),
         "images",
     )
     with together() as staging:
         into = staging.tree(directory)
+        if form == "exiftool":
+            images_tags = [(file, _of_image(file, tags(k), gimbal == "auto")) for k, file in pairs]
+            lines = (_arguments(file, values) for file, values in images_tags)
+            atomic_write(into / ARGUMENTS, (line.encode() for line in lines))
+            atomic_write(into / CONFIG, config(_properties(images_tags[0][1]), STALE))
+            return
         for k, file in pairs:
             target = directory / file.name
             if target.exists() and target.samefile(file):
@@ -205,7 +203,7 @@ def write_image_tags(
                     f"{target}: is the image itself, which is not touched; give another directory"
                     " for the copies"
                 )
-            _write(file, into / file.name, tags(k), gimbal == "auto")
+            _write(file, into / file.name, _of_image(file, tags(k), gimbal == "auto"))
 
 
 def _directories(images: Source | None, path: Source) -> tuple[Path, Path]:
@@ -316,12 +314,32 @@ def _tags(
     return of
 
 
-def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
+def _of_image(source: Path, tags: Tags, of_dji_only: bool) -> Tags:
+    """Return the tags of an image, without angles of a gimbal that its camera does not have."""
+    with _reading(source) as stream:
+        if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
+            return replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
+    return tags
+
+
+def _arguments(source: Path, tags: Tags) -> str:
+    """Return the lines by which ExifTool tags an image."""
+    with _reading(source) as stream:
+        exif, gps = exif_tags(exif_version(stream, str(source)), tags)
+    return arguments(source.name, {**exif, **gps}, _properties(tags), STALE)
+
+
+def _write(source: Path, target: Path, tags: Tags) -> None:
+    with _reading(source) as stream:
+        atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
+
+
+@contextmanager
+def _reading(source: Path) -> Iterator[BinaryIO]:
+    """Open an image; InputError where it cannot be read."""
     try:
         with opened(source) as stream:
-            if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
-                tags = replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
-            atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
+            yield stream
     except OSError as error:
         raise InputError.at_line(
             source, None, f"cannot be read: {error.strerror or error}; check path and permission"
@@ -353,7 +371,9 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
         )
     tiff = Tiff(read, size, who)
     xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, who))
-    header, tail = tiff.changed({XMP: xmp}, *exif_tags(tiff, tags))
+    header, tail = tiff.changed(
+        {XMP: xmp}, *exif_tags(tiff.bytes_of(tiff.exif, EXIF_VERSION), tags)
+    )
     yield header
     yield from _from(stream, len(header))
     yield tail
@@ -369,13 +389,15 @@ def patched_exif(exif: bytes | None, tags: Tags, who: str) -> bytes:
     """Return the TIFF within a JPEG's Exif segment, or a new one, with the tags."""
     old = exif or b"II\x2a\x00\x00\x00\x00\x00"
     tiff = Tiff(lambda offset, length: old[offset : offset + length], len(old), who)
-    header, tail = tiff.changed({}, *exif_tags(tiff, tags))
+    header, tail = tiff.changed({}, *exif_tags(tiff.bytes_of(tiff.exif, EXIF_VERSION), tags))
     return header + old[len(header) :] + tail
 
 
-def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int, Value]]:
-    """Return the tags of the Exif and of the GPS directory."""
-    existing = tiff.bytes_of(tiff.exif, 0x9000) or b""
+def exif_tags(
+    existing: bytes | None, tags: Tags
+) -> tuple[Mapping[int, Value], Mapping[int, Value]]:
+    """Return the tags of the Exif and of the GPS directory of an image of an `existing` version."""
+    existing = existing or b""
     version = b"0300" if not tags.sea_level else existing if existing[:4].isdigit() else b"0232"
     third = version >= b"0300"
     lat, lon, height = tags.place
@@ -387,7 +409,7 @@ def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int,
         (when.second * 1_000_000 + when.microsecond, 1_000_000),
     ]
     exif: dict[int, Value] = {
-        0x9000: (UNDEFINED, version),
+        EXIF_VERSION: (UNDEFINED, version),
         0x9405: (SRATIONAL, [(round(tags.elevation * 1e6), 1_000_000)]),
     }
     gps: dict[int, Value] = {
@@ -419,6 +441,11 @@ def _sexagesimal(degrees: float) -> list[tuple[int, int]]:
 
 def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
     """Return the XMP packet with the tags."""
+    return set_properties(xmp, _properties(tags), STALE, who)
+
+
+def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
+    """Return the XMP tags by namespace."""
     own = {
         "Software": f"insgnss {__version__}",
         "Frame": tags.frame,
@@ -428,8 +455,7 @@ def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
         "GimbalAngles": tags.gimbal_words,
         "Position": "projection centre; lever arm and bore-sight applied",
     }
-    new = {**properties(tags), ("insgnss", OWN): own}
-    return set_properties(xmp, new, STALE, who)
+    return {**properties(tags), ("insgnss", OWN): own}
 
 
 def properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
