@@ -272,3 +272,54 @@ def test_mistakes_with_a_sensor_of_ones_own_are_told(sigma, late_s, words):
     (check,) = [check for check in result.checks if check.name == "measurements"]
     assert words in check.found
     assert (check.verdict == "ok") is ("bias" in words)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("noise", "sigma_deg", "spell_deg"),
+    [
+        ("navchip", 0.2, 0.8),
+        ("consumer", 0.5, 0.8),
+        ("tactical", 0.2, -0.8),
+        ("navchip", 0.5, 0.0),
+        ("consumer", 0.5, 0.0),
+    ],
+)
+def test_values_that_are_off_for_half_a_minute_are_named_and_left_out(noise, sigma_deg, spell_deg):
+    """Oracle: the spell put in, to a piece of 5 s at either end; the true heading, to four sigmas
+    throughout; an honest sensor loses no value.
+    """
+    sim = insgnss.simulate("ign8", 3.0, imu_rate_hz=50.0, noise=noise, seed=7, start_in_air=True)
+    truth = sim.truth.trajectory[10:-10]
+    begin = truth.time[0] + 70.0
+    off = spell_deg * ((truth.time > begin) & (truth.time < begin + 30.0))
+    values = truth.rpy[:, 2] + np.radians(
+        off + sigma_deg * np.random.default_rng(1).standard_normal(len(truth))
+    )
+    antennas = insgnss.Measurement(
+        "antennas",
+        truth.time,
+        values,
+        np.radians(sigma_deg),
+        lambda motion, states: motion.roll_pitch_heading[:, 2:] + states,
+        (insgnss.OwnState("offset", np.radians(2.0), "rad"),),
+        period=2.0 * np.pi,
+    )
+    result = insgnss.estimate(
+        *(sim.imu, sim.gnss, sim.events),
+        mounting=sim.mounting,
+        noise=noise,
+        measurements=[antennas],
+    )
+    path = result.trajectory
+    exact = sim.truth.trajectory.at(path.time)
+    turn = np.einsum("kj,kj->k", path.C_nb[:, 1], exact.C_nb[:, 0])
+    assert (np.abs(turn) < 4.0 * np.sqrt(path.cov[:, 8, 8])).all()
+    notes = [check.found for check in result.checks if check.verdict == "note"]
+    spells = [found for found in notes if "they are left out" in found]
+    assert len(spells) == (spell_deg != 0.0)
+    assert not any("explains the innovations" in found for found in notes)
+    if spells:
+        first, last = (float(spells[0].split(word)[1].split()[0]) for word in ("antennas,", " to "))
+        assert begin - 10.0 < first < begin + 1.0
+        assert begin + 29.0 < last < begin + 40.0
