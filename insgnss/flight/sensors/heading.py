@@ -4,12 +4,12 @@ from pathlib import Path
 
 from ...io.formats.detect import head_of, is_nmea
 from ...io.formats.gnss.nmea import read_headings
+from ...io.formats.gnss.oem_headings import is_oem_log, read_oem_headings
 from ...io.formats.names import TIME, Names
 from ...io.formats.text.columns import TableSpec
-from ...io.formats.text.order import Lines
 from ...records import Array
 from ...records.measurements import Motion, OwnState, Predict
-from .kinds import Kind, turned_angles
+from .kinds import Kind, LogRows, turned_angles
 from .options import MeasurementInput
 
 NAMES: Names = {
@@ -30,9 +30,12 @@ def _model(
     return predict, turned_angles(options, "")
 
 
-def _of_nmea(path: Path) -> tuple[int, Array, Array, Lines] | None:
-    """Return the headings of HDT or THS, None where the file holds no sentences of NMEA."""
-    return read_headings(path) if is_nmea(head_of(path)) else None
+def _of_receiver(path: Path) -> LogRows | None:
+    """Return the headings of a receiver's log, None where the file is a table."""
+    head = head_of(path)
+    if is_oem_log(head):
+        return read_oem_headings(path)
+    return (*read_headings(path), None, ()) if is_nmea(head) else None
 
 
 KIND = Kind(
@@ -46,5 +49,5 @@ KIND = Kind(
     "heading",
     "angle",
     _model,
-    other_format=_of_nmea,
+    other_format=_of_receiver,
 )

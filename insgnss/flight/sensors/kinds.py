@@ -29,6 +29,9 @@ EXACT_SCALE = 1e-4  # of such a scale factor
 OF_SINGLE_KINDS = ("offset_sigma_deg", "scale_sigma", "lever_m")
 """Options that a kind reads, or refuses, by its `Kind.reads`."""
 
+LogRows = tuple[int, Array, Array, Lines, Array | None, tuple[Finding, ...]]
+"""GPS week, times, values (k, c) and their lines in a log; sigmas, None without, and notes."""
+
 TURN = 2.0 * np.pi  # rad, by which values of an angle are the same
 
 
@@ -48,8 +51,8 @@ class Kind:
         Takes the options and which of `values` the file has; returns the prediction of these
         (`records.measurements.Predict`) and the own states.
     other_format : callable, optional
-        Takes the file; returns GPS week, times, values (k, 1) in degrees or in SI, and their lines
-        where it is no table but a log of another format, else None.
+        Takes the file; returns its rows, angles in degrees, all others in SI, where it is no table
+        but a log of another format, else None.
     reads, needs : tuple of str
         Which of the options of single kinds it reads, and which of these must be given.
     """
@@ -58,7 +61,7 @@ class Kind:
     values: str
     unit: str
     model: Callable[[MeasurementInput, tuple[str, ...]], tuple[Predict, tuple[OwnState, ...]]]
-    other_format: Callable[[Path], tuple[int, Array, Array, Lines] | None] = lambda path: None
+    other_format: Callable[[Path], LogRows | None] = lambda path: None
     reads: tuple[str, ...] = ("offset_sigma_deg",)
     needs: tuple[str, ...] = ()
 
@@ -123,7 +126,7 @@ def read_measurement(
     kind = kinds()[options.kind]
     _refuse_options(options, kind)
     if (log := kind.other_format(options.file)) is not None:
-        read = _of_log(options, kind, *log)
+        read = _of_log(options, kind, log)
     else:
         read = _of_table(options, kind, week)
     time, values, sigma = read.time, read.values, read.sigma
@@ -177,17 +180,21 @@ def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
     return _Read(own_week or week, time, columns, values, sigma, table, (*settled.notes, *notes))
 
 
-def _of_log(
-    options: MeasurementInput, kind: Kind, week: int, time: Array, values: Array, lines: Lines
-) -> _Read:
+def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> _Read:
     """Take what a reader of another format gave."""
     if options.columns is not None or options.units is not None:
         key = "units" if options.columns is None else "columns"
         problem = f"is of tables; {options.file.name} is a log of another format, leave it out"
         raise OptionError(f"measurement.{key}", problem)
-    values = values.reshape(time.size, -1) * (DEG if kind.unit == "angle" else 1.0)
-    sigma = _stated_sigma(options, kind, values.shape, "the format has no standard deviations")
-    return _Read(week, time, tuple(kind.values.split()), values, sigma, lines)
+    week, time, values, lines, sigma, notes = log
+    factor = DEG if kind.unit == "angle" else 1.0
+    values = factor * values.reshape(time.size, -1)
+    if sigma is None:
+        reason = "the format has no standard deviations"
+        sigma = _stated_sigma(options, kind, values.shape, reason)
+    else:
+        sigma = factor * sigma.reshape(values.shape)
+    return _Read(week, time, tuple(kind.values.split()), values, sigma, lines, notes)
 
 
 def _refuse_options(options: MeasurementInput, kind: Kind) -> None:

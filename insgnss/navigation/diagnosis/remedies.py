@@ -22,6 +22,7 @@ from ..filter.filter import gate_from_sigma
 from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
+from ..innovations.incorrect_values import suspicious, withhold_incorrect_values
 from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
 from .decision import diagnose
@@ -239,6 +240,32 @@ def _without_incorrect_fixes(case: Case) -> Case | None:
     return replace(case, problem=problem, solution=solution, failure=None, spells=spells)
 
 
+def _without_incorrect_values(case: Case) -> Case | None:
+    """Leave out values of further sensors that stand apart from the flight without them."""
+    search, start, solution = case.search, case.start, case.solution
+    assert start is not None
+    assert solution is not None
+    if not suspicious(solution):
+        return None
+    search.progress("which values of further sensors stand apart")
+    bare = solution.problem.without_measurements
+    try:
+        alone = solve(bare, start, "off", separations=0, about=solution)
+        if case.moving:
+            alone = diagnose(_aligning(case), start, alone).solution
+        result = withhold_incorrect_values(
+            solution,
+            alone,
+            lambda problem: solve(problem, start, search.second_pass, about=solution),
+        )
+    except DataError:
+        return None
+    if result is None:
+        return None
+    solution, note = result
+    return replace(case, problem=solution.problem, solution=solution, checks=(*case.checks, note))
+
+
 def _explained(case: Case) -> Case | None:
     """Refuse a failure whose cause the flight shows: a constant of the flight file."""
     case.search.progress("what would explain it")
@@ -354,6 +381,11 @@ REMEDIES: tuple[Remedy, ...] = (
     # no remedy itself: the one above changes what is filtered, those below look at the outcome
     Remedy("filter and smooth", lambda case: not case.failed, _filtered),
     Remedy("incorrect fixes", lambda case: case.loses_fixes, _without_incorrect_fixes),
+    Remedy(
+        "incorrect values of further sensors",
+        lambda case: not case.failed and bool(case.problem.measurements),
+        _without_incorrect_values,
+    ),
     Remedy("a wrong constant, which is refused", lambda case: case.failed, _explained),
     Remedy(
         "a gate too narrow for the start",

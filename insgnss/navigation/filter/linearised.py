@@ -99,8 +99,7 @@ def linearised_about(
         their prediction by so many standard deviations, at most; infinite where there was none.
     """
     before = problem.epochs
-    q = before.linear_about.shape[1] - ABOUT_STATES
-    about = np.concatenate([nav, _gyro_bias(problem, x), x[:, x.shape[1] - q :]], axis=1)
+    about = about_solution(problem, nav, x)
     epochs = before._replace(
         linear_H=np.zeros_like(before.linear_H),
         linear_residual=np.zeros_like(before.linear_residual),
@@ -118,6 +117,25 @@ def linearised_about(
     for g, measured in enumerate(problem.measurements):
         _linearise(problem, measured, epochs, g)
     return replace(problem, epochs=epochs), change
+
+
+def about_solution(problem: EstimationProblem, nav: Array, x: Array) -> Array:
+    """Return what predictions are made of: nominal, biases of the gyros, states of measurements.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    nav, x : Array
+        (m, 10) nominal and (m, ns) other states.
+
+    Returns
+    -------
+    Array
+        (m, 13 + q).
+    """
+    q = problem.epochs.linear_about.shape[1] - ABOUT_STATES
+    return np.concatenate([nav, _gyro_bias(problem, x), x[:, x.shape[1] - q :]], axis=1)
 
 
 def _linearise(

@@ -173,6 +173,86 @@ def test_headings_of_a_receivers_log(tmp_path):
         read_measurement(options(tmp_path, text[: text.index("$GNHDT")]), 2008)
 
 
+def oem(content: str, corrupt: int = 0) -> str:
+    """A log with its CRC-32, bit by bit as NovAtel's manual has it."""
+    crc = 0
+    for letter in content.encode():
+        crc ^= letter
+        for _ in range(8):
+            crc = (crc >> 1) ^ (0xEDB88320 if crc & 1 else 0)
+    return f"#{content}*{crc ^ corrupt:08x}\r\n"
+
+
+BODY = 'NARROW_INT,1.02,{},-0.5,0.0,0.31,0.42,"999",27,21,21,15,3,01,3,f3'
+OEM = "HEADING2A,COM1,0,39.5,FINESTEERING,2008,{},02040000,f9bf,6521;{}," + BODY
+UNI = "UNIHEADINGA,78,GPS,FINE,2008,{},0,0,18,11;{}," + BODY
+
+
+def test_headings_of_novatel_and_unicore(tmp_path):
+    """Oracle: by hand: seconds and milliseconds of the week, columns of the manuals; what is not
+    computed is left out with a note; a wrong checksum is refused with its line.
+    """
+    rows = [(604799.9, "SOL_COMPUTED", 253.21), (604799.95, "INSUFFICIENT_OBS", 0.0)]
+    text = "".join(oem(OEM.format(*row)) for row in rows)
+    text += oem(OEM.format(0.1, "SOL_COMPUTED", 1.5).replace(",2008,", ",2009,"))
+    read, notes = read_measurement(options(tmp_path, text), 2008)
+    np.testing.assert_allclose(read.time, [604799.9, 604800.1])
+    np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.21, 1.5])
+    np.testing.assert_allclose(np.degrees(np.sqrt(read.cov[:, 0, 0])), 0.31)
+    assert "1 without a solution" in notes[0].found
+    read, _ = read_measurement(
+        options(tmp_path, oem(UNI.format(375570200, "SOL_COMPUTED", 7.0))), 2008
+    )
+    np.testing.assert_allclose(read.time, [375570.2])
+    for bad, message in (
+        (text + oem(OEM.format(3, "SOL_COMPUTED", 4), corrupt=1), "x.csv:4: no right checksum in"),
+        (oem(OEM.format(3, "COLD_START", 4)), "no heading with a solution; let the receiver"),
+        (oem(OEM.format(3, "SOL_COMPUTED", 4).replace("0.31", "0")), "x.csv:1: standard deviation"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_measurement(options(tmp_path, bad), 2008)
+
+
+def test_baselines_of_a_moving_base(tmp_path):
+    """Oracle: by hand: east, north, up as north, east, down; float rows are left out with a note;
+    a `.pos` of positions is refused.
+    """
+    head = "%  GPST  e-baseline(m)  n-baseline(m)  u-baseline(m)   Q  ns"
+    head += "   sde(m)   sdn(m)   sdu(m)  sden(m)  sdnu(m)  sdue(m) age(s)  ratio\n"
+    row = "2008 {}.000  0.3000  0.9000 -0.1000  {}  12  0.004 0.005 0.010 0 0 0 0.0 9.9\n"
+    text = head + row.format(100, 1) + row.format(101, 2) + row.format(102, 1)
+    more = {"kind": "baseline", "lever_m": (1.0, 0.2, 0.1)}
+    read, notes = read_measurement(options(tmp_path, text, **more), 2008)
+    np.testing.assert_allclose(read.time, [100.0, 102.0])
+    np.testing.assert_allclose(read.values, [[0.9, 0.3, 0.1]] * 2)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(read.cov[0])), [0.005, 0.004, 0.01])
+    assert "left out 1 of 3 baselines" in notes[0].found
+    with pytest.raises(InputError, match="none of 1 baselines has fixed"):
+        read_measurement(options(tmp_path, head + row.format(1, 5), **more), 2008)
+    for name, other in (
+        ("e-baseline", "latitude"),
+        ("n-baseline", "longitude"),
+        ("u-baseline", "height"),
+    ):
+        text = text.replace(f"{name}(m)", f"{other}(deg)")
+    with pytest.raises(InputError, match="has positions, not vectors"):
+        read_measurement(options(tmp_path, text, **more), 2008)
+
+
+@pytest.mark.parametrize("units", [{"length": "cm", "time": "ms"}, None])
+def test_a_relposned_of_u_blox_is_a_table(tmp_path, units):
+    """Oracle: by hand: ms and cm, stated or in the header."""
+    names = "iTOW,relPosN,relPosE,relPosD,accN,accE,accD"
+    if units is None:
+        names = names.replace(",", " [cm],").replace("W [cm]", "W [ms]") + " [cm]"
+    text = f"{names}\n200010000,12.1,99.0,1.2,0.4,0.5,0.9\n200010100,12.2,99.0,1.2,0.4,0.5,0.9\n"
+    more = {"kind": "baseline", "lever_m": (1.0, 0.0, 0.0), "units": units}
+    read, _ = read_measurement(options(tmp_path, text, **more), 2008)
+    np.testing.assert_allclose(read.time, [200010.0, 200010.1])
+    np.testing.assert_allclose(read.values[0], [0.121, 0.99, 0.012])
+    np.testing.assert_allclose(np.sqrt(np.diagonal(read.cov[0])), [0.004, 0.005, 0.009])
+
+
 def test_an_odometer_has_a_scale_and_two_angles(tmp_path):
     """Oracle: by hand: an angle about the one axis that is measured does nothing; what is stated
     as exact can still be contradicted.
@@ -272,3 +352,54 @@ def test_mistakes_with_a_sensor_of_ones_own_are_told(sigma, late_s, words):
     (check,) = [check for check in result.checks if check.name == "measurements"]
     assert words in check.found
     assert (check.verdict == "ok") is ("bias" in words)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("noise", "sigma_deg", "spell_deg"),
+    [
+        ("navchip", 0.2, 0.8),
+        ("consumer", 0.5, 0.8),
+        ("tactical", 0.2, -0.8),
+        ("navchip", 0.5, 0.0),
+        ("consumer", 0.5, 0.0),
+    ],
+)
+def test_values_that_are_off_for_half_a_minute_are_named_and_left_out(noise, sigma_deg, spell_deg):
+    """Oracle: the spell put in, to a piece of 5 s at either end; the true heading, to four sigmas
+    throughout; an honest sensor loses no value.
+    """
+    sim = insgnss.simulate("ign8", 3.0, imu_rate_hz=50.0, noise=noise, seed=7, start_in_air=True)
+    truth = sim.truth.trajectory[10:-10]
+    begin = truth.time[0] + 70.0
+    off = spell_deg * ((truth.time > begin) & (truth.time < begin + 30.0))
+    values = truth.rpy[:, 2] + np.radians(
+        off + sigma_deg * np.random.default_rng(1).standard_normal(len(truth))
+    )
+    antennas = insgnss.Measurement(
+        "antennas",
+        truth.time,
+        values,
+        np.radians(sigma_deg),
+        lambda motion, states: motion.roll_pitch_heading[:, 2:] + states,
+        (insgnss.OwnState("offset", np.radians(2.0), "rad"),),
+        period=2.0 * np.pi,
+    )
+    result = insgnss.estimate(
+        *(sim.imu, sim.gnss, sim.events),
+        mounting=sim.mounting,
+        noise=noise,
+        measurements=[antennas],
+    )
+    path = result.trajectory
+    exact = sim.truth.trajectory.at(path.time)
+    turn = np.einsum("kj,kj->k", path.C_nb[:, 1], exact.C_nb[:, 0])
+    assert (np.abs(turn) < 4.0 * np.sqrt(path.cov[:, 8, 8])).all()
+    notes = [check.found for check in result.checks if check.verdict == "note"]
+    spells = [found for found in notes if "they are left out" in found]
+    assert len(spells) == (spell_deg != 0.0)
+    assert not any("explains the innovations" in found for found in notes)
+    if spells:
+        first, last = (float(spells[0].split(word)[1].split()[0]) for word in ("antennas,", " to "))
+        assert begin - 10.0 < first < begin + 1.0
+        assert begin + 29.0 < last < begin + 40.0
