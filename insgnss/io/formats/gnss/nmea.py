@@ -147,6 +147,7 @@ def read_nmea(
     cols |= dict(zip(("satellites", "hdop", "age_s"), described.T, strict=True))
     cols["pdop"] = np.array([log.pdop.get(row[0], np.nan) for row in fixes])
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
+    notes += sentences.notes("GNSS rows")
     if sentences.unchecked:
         taken_so = ", ".join(f"{count} {kind}" for kind, count in sentences.unchecked.items())
         finding = f"all {taken_so} have a wrong checksum beside right ones of other kinds; taken"

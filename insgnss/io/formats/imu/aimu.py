@@ -69,6 +69,7 @@ def read_aimu(
         advice = "start moving only after the receiver's lock"
         done = note("IMU rows", finding, "a locked clock, whole sentences", advice)
         notes = (done, *notes)
+    notes = (*sentences.notes("IMU rows"), *notes)
     return ImuSamples(
         time,
         np.radians(table[:, GYRO_FIELDS]),
