@@ -73,6 +73,9 @@ READERS = {
         "nmea": Reader(
             "gnss.nmea:read_nmea", "sigma_m sigma_velocity gps_week undulation_m", "detect:is_nmea"
         ),
+        "novatel": Reader(
+            "gnss.novatel:read_novatel", "sigma_m gps_week", "gnss.novatel:is_novatel"
+        ),
         "rtklib_pos": Reader(
             "gnss.rtklib_pos:read_rtklib_pos",
             "sigma_m undulation_m gps_week",
@@ -202,7 +205,8 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
 
     Parameters
     ----------
-    path : text, RTKLIB .pos, NMEA, MATLAB, npy, SBET, ArduPilot or PX4 log; its bytes tell which.
+    path : text, RTKLIB .pos, NMEA, NovAtel, MATLAB, npy, SBET, ArduPilot or PX4 log; its bytes
+        tell which.
     **spec : what the file does not say, as far as its format takes it: `columns`, `units` (angle,
         length, velocity, time, ...), `sigma_m` and `sigma_velocity` (north, east, down),
         `undulation_m`, `gps_week`, `variable`, `repeat_column`, `reference` (of local metres).
