@@ -151,6 +151,13 @@ class GnssInput:
         low=1980.0,
         high=2100.0,
     )
+    reference: Triple | None = option(
+        None,
+        "point from which positions north, east and down or up count, where the file has such",
+        kind="place",
+        usual="a comment of the file",
+        of_file=True,
+    )
     moved_base: tuple[Triple, Triple] | None = option(
         None,
         "old and new position of the base of ready positions, which all move with it",

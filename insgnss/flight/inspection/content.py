@@ -241,7 +241,8 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
     rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
     draft.add("gnss", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
-    for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
+    of_file = "variable columns units reference repeat_column sigma_m sigma_velocity_mps"
+    for key in of_file.split():
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
     if apart := classes_apart(gnss):

@@ -40,7 +40,11 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
     "events": ("CAM", "camera_capture", "camera_trigger"),
 }
 LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
-FIX_LOGS = {"nmea": "receiver log of NMEA sentences", "rtklib_pos": "positions of RTKLIB"}
+FIX_LOGS = {
+    "nmea": "receiver log of NMEA sentences",
+    "novatel": "receiver log of NovAtel's ASCII",
+    "rtklib_pos": "positions of RTKLIB",
+}
 DEEPEST, MOST_FILES = 6, 3000  # folders below the one given; more is no single recording (chosen)
 
 

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from .rinex.survey import Survey
 
 _DATA_KEYS = (
-    "accel_file columns variable units quantity rate_hz repeat_column sigma_m undulation_m"
-    " time_scale"
+    "accel_file columns variable units quantity rate_hz repeat_column reference sigma_m"
+    " undulation_m time_scale"
 )
 DATA_KEYS = tuple(_DATA_KEYS.split())
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each

@@ -232,6 +232,7 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: "Device") -> Gnss
         undulation_m=options.undulation_m,
         variable=options.variable,
         repeat_column=options.repeat_column,
+        reference=options.reference,
         gps_week=gps_week,
     )
     if options.moved_base is None:

@@ -32,7 +32,8 @@ __all__ = [
 ]
 
 _IMU_MAP = "columns variable units quantity gps_week rate_hz"
-_GNSS_MAP = "columns variable repeat_column sigma_m sigma_velocity units gps_week undulation_m"
+_GNSS_TABLE = "columns sigma_m sigma_velocity units gps_week undulation_m reference"
+_GNSS_MAP = f"variable repeat_column {_GNSS_TABLE}"
 
 
 class Reader(NamedTuple):
@@ -72,15 +73,15 @@ READERS = {
         "nmea": Reader(
             "gnss.nmea:read_nmea", "sigma_m sigma_velocity gps_week undulation_m", "detect:is_nmea"
         ),
+        "novatel": Reader(
+            "gnss.novatel:read_novatel", "sigma_m gps_week", "gnss.novatel:is_novatel"
+        ),
         "rtklib_pos": Reader(
             "gnss.rtklib_pos:read_rtklib_pos",
             "sigma_m undulation_m gps_week",
             "gnss.pos_header:is_rtklib_pos",
         ),
-        "gnss_text": Reader(
-            "gnss.gnss_text:read_gnss_text",
-            "columns sigma_m sigma_velocity units gps_week undulation_m",
-        ),
+        "gnss_text": Reader("gnss.gnss_text:read_gnss_text", _GNSS_TABLE),
     },
     "events": {
         "ardupilot": Reader("logs.ardupilot:read_events_ardupilot", "variable gps_week"),
@@ -204,10 +205,11 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
 
     Parameters
     ----------
-    path : text, RTKLIB .pos, NMEA, MATLAB, npy, SBET, ArduPilot or PX4 log; its bytes tell which.
+    path : text, RTKLIB .pos, NMEA, NovAtel, MATLAB, npy, SBET, ArduPilot or PX4 log; its bytes
+        tell which.
     **spec : what the file does not say, as far as its format takes it: `columns`, `units` (angle,
         length, velocity, time, ...), `sigma_m` and `sigma_velocity` (north, east, down),
-        `undulation_m`, `gps_week`, `variable`, `repeat_column`.
+        `undulation_m`, `gps_week`, `variable`, `repeat_column`, `reference` (of local metres).
 
     Returns
     -------

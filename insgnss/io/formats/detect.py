@@ -1,5 +1,6 @@
 """A file's format by its first bytes and ending, and the loaders of files of named arrays."""
 
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -53,8 +54,13 @@ def load_content(form: str, path: str | Path) -> Any:
 
 
 def is_nmea(head: bytes) -> bool:
-    """Tell whether the first bytes of a file are sentences of NMEA or its kin."""
-    return head.lstrip().startswith(b"$") or b"\n$G" in head
+    """Tell whether the first bytes of a file are sentences of NMEA or its kin.
+
+    They may stand within the lines of another program, such as behind its stamps.
+    """
+    lines = head.splitlines()
+    within = sum(bool(re.search(rb"\$G[A-Z](?:GGA|RMC|GST|GSA|GSV|VTG),", line)) for line in lines)
+    return head.lstrip().startswith(b"$") or b"\n$G" in head or 2 * within > len(lines)
 
 
 def is_aimu(head: bytes) -> bool:

@@ -67,6 +67,11 @@ GNSS: Names = {
     "h": "h_ell ellheight ell_height ~alt_ellipsoid ellipsoid_height ellipsoidal_height"
     " ~height_ellipsoid up_ell alt altitude ~alt_m ~altitude_m ~gps_alt hgt height ~height_m h_m"
     " ~alt_msl ~height_msl ~elevation ~ele ~hoehe ~hhe h",
+    # geocentric, and local about a reference point (`gnss.cartesian`)
+    **{axis: f"{axis}_ecef ecef_{axis} ecef{axis} {axis}ecef ~{axis}" for axis in "xyz"},
+    **{f"sd_{axis}": sigma_names(axis) for axis in "xyz"},
+    **{axis: f"{axis} {axis}_m pos_{axis} position_{axis}" for axis in ("north", "east", "up")},
+    "down": "down down_m pos_down position_down",
     "sd_n": sigma_names("n north lat latitude n_m"),
     "sd_e": sigma_names("e east lon longitude e_m"),
     "sd_u": f"{sigma_names('u up d down h height alt u_m')} ~vacc ~vaccm ~epv ~epvm"

@@ -44,6 +44,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "gnss_text": read_gnss,
     "rtklib_pos": read_gnss,
     "nmea": read_gnss,
+    "novatel": read_gnss,
     "aimu": read_imu,
     "events": read_events,
     "mrk": read_events,

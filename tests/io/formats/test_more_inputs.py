@@ -256,6 +256,31 @@ def test_nmea_velocity(tmp_path: Path) -> None:
     assert any("1 of 3 epochs without a course" in note.found for note in got.notes)
 
 
+@pytest.mark.parametrize(
+    ("before", "behind", "places"),
+    [("2018-07-03 07:31:13.41 [INFO] gps: ", "", 6), ('73.4,"', '"', 6), ("", "", 0)],
+)
+def test_nmea_within_the_lines_of_a_logger(
+    tmp_path: Path, before: str, behind: str, places: int
+) -> None:
+    """Oracle: the same log alone; text that is none of its sentences is counted in a note, and a
+    sentence that lost its beginning still counts as damaged."""
+    rows = gga("073113.40") + rmc("073113.40") + gga("073114.40") + rmc("073114.40")
+    (tmp_path / "x.nmea").write_text(rows)
+    within = [f"{before}{row}{behind}\n" for row in rows.split()]
+    (tmp_path / "log.txt").write_text("".join(["u-blox, monitor\n"] * bool(before) + within))
+    alone, got = read_gnss(tmp_path / "x.nmea"), read_gnss(tmp_path / "log.txt")
+    np.testing.assert_array_equal(got.time, alone.time)
+    np.testing.assert_array_equal(got.height, alone.height)
+    counts = [note.found for note in got.notes]
+    assert counts == [
+        f"other text before or between the sentences in {places + 1} places; left out"
+    ] * bool(places)
+    (tmp_path / "x.nmea").write_text(rows + "PGGA,073115.40,4634.2,N*33\n")
+    with pytest.raises(InputError, match=r"x\.nmea:7: no right checksum in 'PGGA"):
+        read_gnss(tmp_path / "x.nmea")
+
+
 def test_nmea_recorded_velocity() -> None:
     """Oracle: central differences of the recorded RTK positions of a walk, one second apart; 0.15
     m/s of a swinging pole.

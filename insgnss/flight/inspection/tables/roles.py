@@ -17,17 +17,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....io.formats.gnss.cartesian import GEOCENTRIC
 from ....io.formats.gnss.fixes import MOST_QUALITY
 from ....io.formats.gnss.rounding import floor_of_zeros, is_held
 from ....records import Array
 from .clocks import clocks, clocks_by_values, week_column, weeks
+from .metres import as_geodetic, in_metres
 from .names import ACCEL, GYRO, Grid, Roles, squashed
 from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
 from .quality import codes_of, quality_by_values
 
 SENSORS = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
-POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
+GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
+POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
+OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 STATED = 0.1  # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
 STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
@@ -158,7 +162,10 @@ def _steadiness(triad: Array) -> float:
 
 def gnss_roles(grid: Grid) -> Roles | None:
     """Find positions and what else a receiver gives; None where the table has no positions."""
-    columns = grid.of_fixes()
+    if (twin := as_geodetic(grid)) is not None:
+        roles = gnss_roles(twin[0])
+        return None if roles is None else in_metres(roles, twin[1])
+    columns = {name: k for name, k in grid.of_fixes().items() if name not in OF_METRES}
     if {"lat", "lon", "h"} <= columns.keys():
         return _completed(grid, columns)
     return None if any(name is not None for name in grid.names) else fixes_by_values(grid)

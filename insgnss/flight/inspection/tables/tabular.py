@@ -5,6 +5,7 @@ These are its columns, clock and units. A table whose columns the reader knows b
 """
 
 import re
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ....io.formats import UNITS
+from ....io.formats.gnss.cartesian import reference_in
 from ....io.formats.gnss.heights import refused_heights
 from ....io.formats.gnss.rounding import floor_of_zeros
 from ....io.formats.text.columns import TableSpec
@@ -247,6 +249,8 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             sigma = SINGLE_POINT["sigma_velocity_mps"]
             entry.set("sigma_velocity_mps", sigma, NO_VELOCITY_SIGMA)
         _spell_out(path, table, columns, "gnss", entry, roles.how)
+        if "north" in columns and _is_text(path) and (reference := reference_in(path)):
+            entry.set("reference", list(reference), "a comment of the file names it")
         names = [table.fields[columns["h"]] or ""] if "h" in columns else []
         if above_geoid := refused_heights(path, names, commented=_is_text(path)):
             reason = f"{above_geoid}: the geoid's height above the ellipsoid goes here"
@@ -256,7 +260,10 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             rows = np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
         count = f"fixes, {len(table.grid.values[rows])} of them"
         span = _span(table.grid, clock, unit, rows)
-        sources.append(Source("gnss", path, count, entry.keys, entry.why, span, free_height=True))
+        free_height = "h" in columns  # a name that may mean above the sea
+        sources.append(
+            Source("gnss", path, count, entry.keys, entry.why, span, free_height=free_height)
+        )
     return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
@@ -321,7 +328,7 @@ def _spell_out(
     path: Path, table: Table, columns: dict[str, int], role: Role, entry: Keys, how: str
 ) -> None:
     """Set `columns`, unless the reader of text tables finds the same ones itself."""
-    names, spec = table.grid.names, _spec(role)
+    names, spec = table.grid.names, _spec(role, columns)
     if all(name is None for name in names):
         name_of = {k: name for name, k in columns.items()}
         listed = [name_of.get(k, "-") for k in range(len(names))]
@@ -334,9 +341,9 @@ def _spell_out(
         entry.set("columns", {name: table.fields[k] for name, k in columns.items()}, how)
 
 
-def _spec(role: Role) -> TableSpec:
+def _spec(role: Role, columns: Collection[str]) -> TableSpec:
     """What the reader of text tables takes."""
     from ....io.formats.gnss import gnss_text
     from ....io.formats.imu import imu_csv
 
-    return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.SPEC
+    return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.spec_of(columns)

@@ -14,6 +14,7 @@ from ....base.errors import InputError, UsageError
 from ....records import GnssFixes, ImuSamples, Quantity
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
+from ..gnss.cartesian import Position, geodetic_columns, position_columns
 from ..gnss.fixes import OF_POSITION, SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
@@ -124,6 +125,7 @@ def gnss_of_content(
     units: Mapping[str, str] | None = None,
     gps_week: int | None = None,
     undulation_m: float | None = None,
+    reference: Position | None = None,
 ) -> GnssFixes:
     """Read fixes from content by a column map.
 
@@ -142,6 +144,8 @@ def gnss_of_content(
         The week, where no column holds it.
     undulation_m : float, optional
         Geoid above the ellipsoid, m, added to heights that are above the geoid (`heights`).
+    reference : tuple of float, optional
+        As in `gnss_text`.
 
     Returns
     -------
@@ -153,7 +157,7 @@ def gnss_of_content(
     InputError
         A value that is not finite, repeated positions, or a `repeat_column` that never changes.
     """
-    spec = gnss_text.SPEC
+    spec = gnss_text.spec_of(columns)
     units = spec.checked_units(units, "quality")
     settled = _settled(spec, path, columns, units)
     scales = gnss_text.fix_scales(settled, units)
@@ -181,14 +185,14 @@ def gnss_of_content(
             )
         table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
     elif is_held(
-        [table["lat"], table["lon"]],
+        [table[name] for name in position_columns(table)[:2]],
         [column for name, column in table.items() if name in OF_A_FIX],
     ):
         finding = "more than half of the rows repeat the fix before"
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines, () if sigma_m is None else OF_POSITION)
     return fixes_from_columns(
-        table,
+        geodetic_columns(table, lines, reference, scales.angle, scales.length),
         lines,
         str(path),
         scales,

@@ -6,7 +6,7 @@ east and up in m, unless the caller or the header says another unit, in brackets
 format; RTKLIB's .pos has one for them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,8 @@ from ..orientation.exported import quoted_names
 from ..text.columns import Columns, NamedTable, TableOut, TableSpec
 from ..text.headers import Settled, factor_of, normalised, unit_in
 from ..text.order import note
-from ..text.text import Source, Table
+from ..text.text import Source, Table, read_table
+from .cartesian import Position, geodetic_columns, position_columns, reference_in
 from .fixes import OF_POSITION, SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation
 
@@ -40,7 +41,7 @@ SPEC = TableSpec(
     units={
         "angle": "lat lon",
         "time": "tow",
-        "length": f"h {SIGMAS} sd_ne",
+        "length": f"h {SIGMAS} sd_ne x y z sd_x sd_y sd_z north east down up",
         "velocity": f"{' '.join(VELOCITY)} {SPEED_SIGMAS} speed",
         "course": "course",
     },
@@ -83,6 +84,7 @@ def read_gnss_text(
     sigma_velocity: ArrayLike | None = None,
     units: Mapping[str, str] | None = None,
     undulation_m: float | None = None,
+    reference: Position | None = None,
 ) -> GnssFixes:
     """Read antenna positions, and velocities where the file has them.
 
@@ -106,6 +108,9 @@ def read_gnss_text(
         (deg, rad) and "quality" (rtklib, nmea). A note reports a header's own unit that is another.
     undulation_m : float, optional
         Geoid above the ellipsoid, m, added to heights that are above the geoid (`heights`).
+    reference : tuple of float, optional
+        Latitude, longitude, deg, height, m, from which north, east and down or up count; else that
+        of a comment.
 
     Returns
     -------
@@ -118,7 +123,9 @@ def read_gnss_text(
         A bad value, with file and line, or no standard deviation at all.
     """
     units = SPEC.checked_units(units, "quality")
-    table = SPEC.read(path, columns, () if sigma_m is None else OF_POSITION)
+    rows = read_table(path, whole=False)
+    fields = SPEC.named(rows.layout.header_fields or ()) if columns is None else columns
+    table = spec_of(fields).of(rows, columns, () if sigma_m is None else OF_POSITION)
     vertical = _vertical_angle(table)
     settled = table.settled(units, unheeded=["sd_u"] if vertical else [])
     header_line = table.table.layout.header_line
@@ -126,17 +133,25 @@ def read_gnss_text(
         path, header_line, table.fields("h"), undulation_m, commented=True
     )
     cols = replace(table, index={**_described(table), **table.index}).numbers()
+    scales = fix_scales(settled, units)
+    if reference is None and "north" in table:
+        reference = reference_in(path)
     return fixes_from_columns(
-        cols,
+        geodetic_columns(cols, table, reference, scales.angle, scales.length),
         table,
         str(path),
-        fix_scales(settled, units),
+        scales,
         gps_week,
         sigma_m,
         sigma_velocity,
         geoid_m,
         (*settled.notes, *vertical, *height_notes),
     )
+
+
+def spec_of(names: Collection[str | None]) -> TableSpec:
+    """Return the specification of a table with these columns, by what its position stands in."""
+    return replace(SPEC, required=f"tow {' '.join(position_columns(names))}")
 
 
 def _vertical_angle(table: NamedTable) -> tuple[Finding, ...]:

@@ -175,6 +175,7 @@ def read_nmea(
     cols |= dict(zip(("satellites", "hdop", "age_s"), described.T, strict=True))
     cols["pdop"] = np.array([log.pdop.get(row[0], np.nan) for row in fixes])
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
+    notes += sentences.notes("GNSS rows")
     if log.undated:
         notes += (undated_rows("GNSS rows", len(log.undated), f"line {log.fixes[0][1]}"),)
     if sentences.unchecked:

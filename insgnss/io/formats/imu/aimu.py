@@ -58,6 +58,7 @@ def read_aimu(
         )
         advice = "start moving only after the receiver's lock"
         notes = (note("IMU rows", finding, "a locked clock, whole sentences", advice),)
+    notes = (*sentences.notes("IMU rows"), *notes)
     columns = {"tow": table[:, TIME_FIELD]}
     columns |= dict(zip(GYRO, table[:, GYRO_FIELDS].T, strict=True))
     columns |= dict(zip(ACCEL, table[:, ACCEL_FIELDS].T, strict=True))

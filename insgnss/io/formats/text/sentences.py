@@ -1,5 +1,6 @@
 """Checksummed sentences ($...*hh) of NMEA 0183 and its relatives."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -8,7 +9,9 @@ from numpy.typing import NDArray
 
 from ....base.advance import through
 from ....base.errors import InputError
+from ....records import Finding
 from .layout import decode
+from .order import note
 from .text import Source, load
 
 # of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
@@ -16,13 +19,15 @@ BAD_SHARE_LIMIT = 0.01
 # kinds that may all have a wrong checksum beside right ones of other kinds, as a program that
 # corrects them leaves them; not those of positions and their standard deviations
 LEFT_UNCHECKED = (b"RMC", b"VTG", b"ZDA", b"GSA", b"GSV", b"GLL")
+# name of a sentence; in text without '$' one that is damaged
+SENTENCE = re.compile(rb"(?:GGA|RMC|GST|VTG|ZDA|GSA|GSV|GLL|IMU|PPS),")
 LEAST_UNCHECKED = 20  # sentences of such a kind: 20, since damage would leave one of them right
 
 
 @dataclass(frozen=True, eq=False)
 class Sentences:
-    """The sentences of a file with a right checksum, the count of pieces that have none, and of
-    those taken without one by kind.
+    """The sentences of a file with a right checksum, the count of pieces that have none, of those
+    taken without one by kind, and of pieces of other text before and between them.
     """
 
     path: str
@@ -32,6 +37,13 @@ class Sentences:
     lines: NDArray[np.int64]
     n_bad: int
     unchecked: Mapping[str, int]
+    n_other: int = 0
+
+    def notes(self, rows: str) -> tuple[Finding, ...]:
+        """Return the notes on what else stands in the file, for the record `rows`."""
+        finding = f"other text before or between the sentences in {self.n_other} places; left out"
+        advice = "let the logger write the sentences alone where it lacks some"
+        return (note(rows, finding, "sentences", advice),) if self.n_other else ()
 
     def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
         """Yield line and fields of each sentence whose name ends in one of three letters.
@@ -76,7 +88,10 @@ def read_sentences(path: Source) -> Sentences:
         raise InputError.at_line(
             path, None, "holds no line; check that the recording was copied whole"
         )
-    starts, stars, lines = starts[:n], stars[:n], lines[:n]
+    between = _other_text(buf, starts[:n], stars[:n])
+    starts, stars, lines = starts[:n][~between], stars[:n][~between], lines[:n][~between]
+    if (n := starts.size) == 0:
+        raise InputError.at_line(path, None, "holds no sentence; check that it is the log")
     good = stars > 0
     unchecked = _unchecked(buf, starts, stars) if good.mean() < 1.0 - BAD_SHARE_LIMIT else {}
     for rows in unchecked.values():
@@ -92,7 +107,18 @@ def read_sentences(path: Source) -> Sentences:
         raise InputError.at_line(path, int(lines[first]), message)
     counts = {kind: len(rows) for kind, rows in unchecked.items()}
     places = starts[good], np.abs(stars[good]), lines[good]
-    return Sentences(str(path), buf, *places, n_bad, counts)
+    return Sentences(str(path), buf, *places, n_bad, counts, int(between.sum()))
+
+
+def _other_text(
+    buf: NDArray[np.uint8], starts: NDArray[np.int64], stars: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which pieces are no sentence and none that lost its '$': stamps and messages of a logger."""
+    between = stars == 0
+    for row in np.flatnonzero(between).tolist():
+        text = buf[starts[row] : starts[row] + 80].tobytes().partition(b"\n")[0].partition(b"$")[0]
+        between[row] = SENTENCE.search(text) is None
+    return between
 
 
 def _unchecked(
