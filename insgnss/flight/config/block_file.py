@@ -252,6 +252,12 @@ class BlockOutput:
         "of the number of images), which `insgnss calibrate mounting` takes beside poses.csv",
         cli="--pose-covariance",
     )
+    tables: bool = option(
+        False,
+        "write all object points with their covariances, points.csv, and all residuals of image "
+        "observations, residuals.csv",
+        cli="--tables",
+    )
 
     def __post_init__(self) -> None:
         check(self, "output")
