@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.errors import UsageError
+from ..base.errors import InputError, UsageError
 from ..base.inputs import is_file
 from ..base.wording import spoken_as
 from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, load_block
@@ -37,7 +37,8 @@ class Request:
         ...,
         "the block file, whose keys the options below change, its directory, or with --images the"
         " eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
-        " camera_positions.csv, _events.pos, references of Metashape or Pix4D",
+        " camera_positions.csv, _events.pos, references of Metashape or Pix4D; a project of a"
+        " photogrammetry program alone has its own image observations and ground points",
         cli="BLOCK",
     )
     plan: bool = argument(
@@ -86,19 +87,34 @@ def block_of(options: argparse.Namespace) -> BlockFile:
             }
         _refuse_missing(changed, options.block)
         return replace(file, **changed)
-    if "file" not in given["images"] and not options.plan:
+    tables = {name: BLOCK_TABLES[name][0] for name in given if name}
+    if "file" in given["images"] or options.plan:
+        given["aerial_control"]["file"] = options.block
+    elif _is_project(options.block):
+        given["images"]["file"] = options.block
+    else:
         raise UsageError(
             "adjust: image observations are missing; give --images, a table or the project of a"
             " photogrammetry program"
         )
-    tables = {name: BLOCK_TABLES[name][0] for name in given if name}
-    given["aerial_control"]["file"] = options.block
     with spoken_as(named):
         made = {name: kind(**given[name]) for name, kind in tables.items()}
     made["output"] = replace(made["output"], directory=options.block.parent / DIRECTORY)
     _refuse_missing(made, options.block)
     name = options.block.absolute().parent.name
     return BlockFile(path=options.block, name=name, **made)
+
+
+def _is_project(path: Path) -> bool:
+    """Tell whether a file is a project of a photogrammetry program, with its own image points."""
+    from ..io.formats.blocks.reading import recognised
+
+    if path.suffix.lower() == ".json":  # an orientation
+        return False
+    try:
+        return recognised(path) in ("dbat", "metashape", "colmap", "bingo")
+    except InputError:
+        return False
 
 
 def _refuse_missing(tables: Mapping[str, Any], block: Path) -> None:

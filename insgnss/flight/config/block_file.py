@@ -21,12 +21,13 @@ PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
 GROUPS = (
     *("image observations", "ground control", "aerial control"),
-    *("kinematic ground control", "target sizes"),
+    *("kinematic ground control", "target sizes", "distances"),
 )
 """Groups of observations of an adjustment."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
 Mode = Literal["iso", "indirect", "fast_at", "direct"]
+Datum = Literal["control", "minimal", "images", "points"]
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,12 @@ class GroundTableInput:
         (), "names of points that are check points, whatever the file says", cli="--check"
     )
     skip: tuple[str, ...] = option((), "names of points that are left out")
+    distances: Path | None = option(
+        None,
+        "table of distances between measured points, such as of scale bars: from to distance sigma",
+        unit="m",
+        cli="--distances",
+    )
 
     def __post_init__(self) -> None:
         check(self, "ground")
@@ -154,18 +161,29 @@ class AdjustmentTable:
         "ground control is compared as check points are",
         cli="--mode",
     )
+    datum: Datum = option(
+        "control",
+        'what says where the block lies: "control": aerial or ground control, or the poses that a '
+        'script of DBAT holds; "minimal": the first image, and one coordinate of the image '
+        'farthest from it, as their program has them; "images", "points": a free network, whose '
+        "projection centres or object points as a whole stay where their first values are",
+        cli="--datum",
+    )
     reweight: tuple[str, ...] = option(
         ("image observations",),
         "groups of observations whose variances are multiplied by their components: image "
         "observations (not in mode fast_at, which has few), ground control, aerial control, "
-        "kinematic ground control, target sizes; of the others a component that contradicts them "
-        "is reported",
-        choices=GROUPS,
+        "kinematic ground control, target sizes, distances; of the others a component that "
+        'contradicts them is reported; "none" of none',
+        choices=(*GROUPS, "none"),
+        cli="--reweight",
     )
     limit_w: float = option(
         4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
     )
-    keep_all: bool = option(False, "no observation is rejected, whatever its residual")
+    keep_all: bool = option(
+        False, "no observation is rejected, whatever its residual", cli="--keep-all"
+    )
     write_anyway: bool = option(
         False,
         "write an orientation that observations contradict too much, into contradicted/; the exit "
@@ -233,6 +251,12 @@ class BlockOutput:
         "write the covariance of all poses together, poses_covariance.npz (288 bytes by the square "
         "of the number of images), which `insgnss calibrate mounting` takes beside poses.csv",
         cli="--pose-covariance",
+    )
+    tables: bool = option(
+        False,
+        "write all object points with their covariances, points.csv, and all residuals of image "
+        "observations, residuals.csv",
+        cli="--tables",
     )
 
     def __post_init__(self) -> None:

@@ -19,6 +19,10 @@ from ...geodesy.rotation import skew, vector_from_rotation
 from ...records.block import Array, GroundPoints
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
+HELD_SHARE = 1e-7
+"""Standard deviation of inner constraints, of the network's size: far below what images determine,
+and no worse for the condition of the normal matrix than a good block is."""
+
 
 class ObservationGroup(Protocol):
     """Observations with one weight matrix; what the engine asks of a group."""
@@ -250,6 +254,124 @@ class InteriorObservation:
         J = np.zeros((self.parameters.size, current.size))
         J[np.arange(self.parameters.size), self.parameters] = 1.0
         return self.values - current[self.parameters], J
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceObservation:
+    """The distance of two object points, such as of a scale bar.
+
+    Parameters
+    ----------
+    points : tuple of int
+        Rows of both.
+    distance_m : float
+        Their distance, m.
+    weight : ndarray, (1, 1)
+        Inverse of its variance.
+    name : str
+        Name of the variance component.
+    """
+
+    points: tuple[int, int]
+    distance_m: float
+    weight: Array
+    name: str = "distances"
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Both points."""
+        return tuple((POINT, row) for row in self.points)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        a, b = self.points
+        d = values.point[b] - values.point[a]
+        computed = float(np.linalg.norm(d))
+        return np.array([self.distance_m - computed]), np.concatenate([-d, d])[None] / computed
+
+
+@dataclass(frozen=True, eq=False)
+class InnerConstraints:
+    """Coordinates whose shift, turn and scale as a whole stay as they are: a free network.
+
+    With the rows of B the motions of all of them that change no observation, each of unit length,
+    B (x - x_0) = 0 makes the trace of their covariance least, and residuals are those of any other
+    datum.
+
+    Parameters
+    ----------
+    blocks : tuple
+        Keys of the poses, of which the projection centres count, or of object points.
+    first_m : ndarray, (n, 3)
+        Their first coordinates x_0, m.
+    scaled : bool
+        Whether the scale is constrained, which distances would determine.
+    name : str
+        Name of the variance component.
+    """
+
+    blocks: tuple[Key, ...]
+    first_m: Array
+    scaled: bool = True
+    name: str = "free network"
+
+    @cached_property
+    def motions(self) -> Array:
+        """B, (7, 3 n), or (6, 3 n) without scale."""
+        n = len(self.first_m)
+        x = self.first_m - self.first_m.mean(axis=0)
+        rows = [np.tile(axis, n) for axis in np.eye(3)]
+        rows += [np.cross(axis, x).ravel() for axis in np.eye(3)]
+        rows += [x.ravel()] if self.scaled else []
+        return np.stack([row / np.linalg.norm(row) for row in rows])
+
+    @cached_property
+    def weight(self) -> Array:
+        """Inverse of the covariance, of a millionth of the network's size or less."""
+        spread = self.first_m - self.first_m.mean(axis=0)
+        sigma = HELD_SHARE * float(np.sqrt(np.mean(np.sum(spread**2, axis=1))))
+        return np.asarray(np.eye(len(self.motions)) / sigma**2)
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The blocks."""
+        return self.blocks
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        of = {POSE: values.position, POINT: values.point}
+        x = np.stack([of[name][row] for name, row in self.blocks])
+        size = [6 if name == POSE else 3 for name, _ in self.blocks]
+        columns = np.concatenate(([0], np.cumsum(size)[:-1]))[:, None] + np.arange(3)
+        J = np.zeros((len(self.motions), sum(size)))
+        J[:, columns.ravel()] = self.motions
+        return self.motions @ (self.first_m - x).ravel(), J
 
 
 @dataclass(frozen=True, eq=False)

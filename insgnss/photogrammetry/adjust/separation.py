@@ -23,6 +23,7 @@ from .normals import unknown_name
 from .precision import COMMON, TOO_CORRELATED, Precision
 from .unknowns import CAMERA, POINT, POSE
 
+AERIAL = "aerial control"
 HEIGHT, ABOUT_Y, ABOUT_X = COMMON
 TWO_HEIGHTS = (
     "fly some strips at two and a half times the height: what the camera does to the ground grows"
@@ -36,18 +37,22 @@ TWO_SPEEDS = (
     "fly strips whose speeds differ by a factor of three: the time offset moves the camera by"
     " metres that grow with the speed, the lever arm does not"
 )
-SUM = "points follow their sum as long as camera and IMU stay together, and no flight plan tells"
 CALIBRATED_CENTRE = (
-    f"{SUM} them apart; if each is wanted, give cx and cy of a calibration with their standard"
+    "points follow their sum as long as camera and IMU stay together, and no flight plan tells"
+    " them apart; if each is wanted, give cx and cy of a calibration with their standard"
     " deviations (a pixel)"
 )
 HELD_CENTRE = (
-    f"{SUM} them apart; if the attitude is wanted, hold cx and cy at a calibration's values"
-    " (leave them out of camera.free)"
+    "points follow their sum, and no flight plan tells them apart; if the attitude is wanted, hold"
+    " cx and cy at a calibration's values (leave them out of camera.free)"
 )
 CALIBRATED_DECENTRING = (
     "hold p1 and p2 at values of a calibration; strips across, tilted ones or more control help"
     " little"
+)
+OTHER_VIEWS = (
+    "fly some strips with the camera tilted by 45 deg, or at two heights where the lever arm or a"
+    " shift of the positions is an unknown"
 )
 NORMAL = "normal: within the image only their sum matters; nothing to do"
 
@@ -141,11 +146,15 @@ def inseparable(precision: Precision, limit: float = TOO_CORRELATED) -> tuple[In
     sigma = np.sqrt(np.diagonal(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
         rho = np.nan_to_num(covariance / sigma / sigma[:, None])
+    observed = any(group.name == AERIAL for group in problem.groups)
     pairs = []
     for i, j in np.argwhere(np.triu(np.abs(rho), 1) > limit):
         # motions are no unknowns: what is told of them is told of a parameter of their camera
         if i < n and (j < n or owners[i] == owners[j]):
-            remedy = REMEDIES.get(frozenset((kinds[i], kinds[j])), "")
+            pair = frozenset((kinds[i], kinds[j]))
+            remedy = REMEDIES.get(pair, "")
+            if pair == {"f", HEIGHT} and observed:
+                remedy = OTHER_VIEWS
             pairs.append(Inseparable(names[i], names[j], float(rho[i, j]), remedy))
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))
 

@@ -25,10 +25,10 @@ from ...io.formats.origins import origin_in, statement_of
 from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, BrownCamera, ImageBlock
-from ..adjust.groups import InteriorObservation, weight_of
+from ..adjust.groups import InteriorObservation, ObservationGroup, weight_of
 from .aerial.positions import orientation_of
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
-from .placing import placed
+from .placing import in_own_datum, placed, read_distances
 from .vehicle.places import Vehicle, vehicle_of
 
 USUAL_FREE = ("f", "cx", "cy")
@@ -61,8 +61,8 @@ class Inputs:
         (n,) row of each image in it; -1 of images without aerial control.
     notes : tuple of str
         What was left out or assumed, sentence by sentence.
-    interior : tuple of InteriorObservation
-        What earlier calibrations say of the cameras.
+    further : tuple of ObservationGroup
+        What earlier calibrations say of the cameras, distances, and the datum of a free network.
     vehicle : Vehicle or None
         Kinematic ground control.
     unchecked : Finding or None
@@ -74,7 +74,7 @@ class Inputs:
     eo: ExteriorOrientation | None
     eo_row: NDArray[np.int64]
     notes: tuple[str, ...]
-    interior: tuple[InteriorObservation, ...] = ()
+    further: tuple[ObservationGroup, ...] = ()
     vehicle: Vehicle | None = None
     unchecked: Finding | None = None
 
@@ -132,6 +132,11 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
             eo = read_one_camera(poses, "an adjustment")
     ground = ground_in_plane(file, source, eo, notes)
     unchecked = unchecked if ground is None else None
+    if file.adjustment.datum != "control":
+        _refuse_two_datums(file)
+        if ground is not None:
+            _note_ground(ground, file.adjustment.datum, notes)
+            ground = None
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
     moving = () if vehicle is None else vehicle.points
@@ -144,7 +149,12 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     block, rows = union.block, union.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
         block = replace(block, position_m=union.position_m, C_mc=union.C_mc)  # axes of the ground
-    block = placed(block, union.position_m, union.C_mc)
+    distances = read_distances(file.ground.distances, block)
+    datum, constraints = file.adjustment.datum, tuple[ObservationGroup, ...]()
+    if datum != "control" or (eo is None and union.held is not None and not len(block.control)):
+        block, constraints = in_own_datum(block, union, datum, distances)
+    else:
+        block = placed(block, union.position_m, union.C_mc)
     if eo is not None and (without := int((rows < 0).sum())):
         notes.append(
             f"{without} of {len(rows)} images have no aerial control,"
@@ -158,8 +168,29 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
-    interior = calibrated(file, block)
-    return Inputs(file, block, eo, rows, tuple(notes), interior, vehicle, unchecked)
+    further: tuple[ObservationGroup, ...] = (*calibrated(file, block), *distances, *constraints)
+    return Inputs(file, block, eo, rows, tuple(notes), further, vehicle, unchecked)
+
+
+def _refuse_two_datums(file: BlockFile) -> None:
+    """Refuse control beside a datum of the block's own."""
+    for key, path in (
+        ("aerial_control.file", file.aerial_control.file),
+        ("vehicle.file", file.vehicle.file),
+    ):
+        if path is not None:
+            raise InputError(
+                f'{key} says where the block lies, and adjustment.datum = "{file.adjustment.datum}"'
+                " too; leave one of them out"
+            )
+
+
+def _note_ground(ground: GroundTable, datum: str, notes: list[str]) -> None:
+    """Say that ground points are none in a datum of the block's own."""
+    notes.append(
+        f"datum {datum}: coordinates of {len(ground.points)} ground points take no part; they are"
+        " points as others are"
+    )
 
 
 def _with_vehicle(

@@ -1,4 +1,4 @@
-"""First values of poses from a program's own axes: a similarity to those of the block.
+"""Where a block lies: first values of poses by a similarity from a program's own axes, its datum.
 
 The program's axes are any (of its own, of a grid, geocentric). Images that both know, and ground
 control points that its rays intersect, give
@@ -7,17 +7,37 @@ control points that its rays intersect, give
 
 R is that of the attitudes of common images; without three of them (S.1) is fitted to three ground
 points or more. First values need no more: the adjustment does the rest.
+
+A block without control has the datum of its first values: components of poses that are held, or
+inner constraints (`adjust.groups`). Distances give it its scale.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from ...base.errors import InputError, near
+from ...flight.config.block_file import Datum
 from ...geodesy.rotation import nearest_rotation
 from ...geodesy.similarity import similarity
+from ...io.formats.blocks.joined import Joined
+from ...io.formats.blocks.measured_block import minimal_datum
+from ...io.formats.text.columns import METRES, TableSpec
 from ...records.block import Array, ImageBlock
-from ..adjust.start import directions, intersected
+from ..adjust.groups import DistanceObservation, InnerConstraints, ObservationGroup
+from ..adjust.start import directions, first_values, intersected
+from ..adjust.unknowns import POINT, POSE
 
+DISTANCES = TableSpec(
+    {"from": "from point_1", "to": "to point_2", "distance": "distance length", "sigma": "sigma"},
+    required="from to distance sigma",
+    layouts=("from to distance sigma",),
+    text=True,
+    strict=METRES,
+)
+FEWEST_RAYS = 3  # of a point of a free network: of two, one that is rejected leaves it undetermined
+MOST_FREE_POINTS = 1500  # of a free network (chosen): its normal matrix of points is dense, 160 MB
 FEWEST_COMMON = 3  # images, or ground points: fewer leave a similarity (S.1) a rotation
 
 
@@ -59,3 +79,114 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     new_position[missing] = fitted.points(position[missing])
     new_C[missing] = fitted.rotation @ C[missing]
     return replace(block, position_m=new_position, C_mc=new_C)
+
+
+def in_own_datum(
+    block: ImageBlock, union: Joined, kind: Datum, distances: tuple[DistanceObservation, ...]
+) -> tuple[ImageBlock, tuple[ObservationGroup, ...]]:
+    """Return a block without control in the datum of its program's poses.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+    union : Joined
+        Poses in the program's axes, and which of their components its datum holds.
+    kind : str
+        As adjustment.datum.
+    distances : tuple of DistanceObservation
+        Which determine the scale.
+
+    Returns
+    -------
+    block : ImageBlock
+        With these poses and what is held of them.
+    groups : tuple of ObservationGroup
+        The inner constraints of a free network.
+
+    Raises
+    ------
+    InputError
+        No poses to begin with, or too many points for a free network of them.
+    """
+    block = replace(block, position_m=union.position_m, C_mc=union.C_mc)
+    if not block.oriented.any():
+        raise InputError(
+            f'adjustment.datum = "{kind}" needs poses to begin with, which the image observations'
+            " come without; give the project of a program that has aligned them"
+        )
+    block = _scaled(block, distances)
+    if kind == "control" and union.held is not None:
+        return replace(block, held=union.held), ()
+    if kind == "minimal":
+        held = minimal_datum(block.position_m, int(np.argmax(block.oriented)))
+        if distances:
+            held[held.sum(axis=1) == 1] = False
+        return replace(block, held=held), ()
+    values = first_values(block)
+    if kind == "images":
+        rows, first = np.flatnonzero(block.oriented), values.position
+        keys = tuple((POSE, int(row)) for row in rows)
+    else:
+        rays = np.bincount(block.observations.point, minlength=len(block.points))
+        rows, first = np.flatnonzero(np.isfinite(values.point[:, 0])), values.point
+        rows = rows[rays[rows] >= FEWEST_RAYS]
+        keys = tuple((POINT, int(row)) for row in rows)
+        if not FEWEST_COMMON <= rows.size <= MOST_FREE_POINTS:
+            raise InputError(
+                f'adjustment.datum = "points": {rows.size} points are seen by {FEWEST_RAYS} images'
+                f" or more, {FEWEST_COMMON} to {MOST_FREE_POINTS} make a free network; take"
+                ' "images"'
+            )
+    return block, (InnerConstraints(keys, first[rows], not distances),)
+
+
+def _scaled(block: ImageBlock, distances: tuple[DistanceObservation, ...]) -> ImageBlock:
+    """Return a block whose first values have the scale of distances, in the middle."""
+    X = first_values(block).point
+    lengths = [float(np.linalg.norm(X[b] - X[a])) for a, b in (bar.points for bar in distances)]
+    factors = [bar.distance_m / x for bar, x in zip(distances, lengths, strict=True) if x > 0.0]
+    if not factors:
+        return block
+    return replace(block, position_m=float(np.median(factors)) * block.position_m)
+
+
+def read_distances(path: Path | None, block: ImageBlock) -> tuple[DistanceObservation, ...]:
+    """Read distances between measured points.
+
+    Parameters
+    ----------
+    path : Path or None
+        A table of two points, their distance and its standard deviation, m.
+    block : ImageBlock
+        Whose points they are.
+
+    Returns
+    -------
+    tuple of DistanceObservation
+        One a row; none without a table.
+
+    Raises
+    ------
+    InputError
+        A point that no image has, or a field that cannot be read.
+    """
+    if path is None:
+        return ()
+    table = DISTANCES.read(path)
+    rows = {name: k for k, name in enumerate(block.points)}
+    ends = list(zip(table.strings("from"), table.strings("to"), strict=True))
+    distance, sigma = table.positive("distance", "m")[:, 0], table.positive("sigma", "m")[:, 0]
+    for row, pair in enumerate(ends):
+        for name in pair:
+            if name not in rows:
+                problem = (
+                    f"point {name!r} is measured in no image; {near(name, block.points[:200])}"
+                )
+                raise table.error_at(row, problem)
+        if pair[0] == pair[1]:
+            raise table.error_at(row, f"point {pair[0]!r} and itself have no distance")
+    return tuple(
+        DistanceObservation((rows[a], rows[b]), float(d), np.array([[s**-2.0]]))
+        for (a, b), d, s in zip(ends, distance, sigma, strict=True)
+    )

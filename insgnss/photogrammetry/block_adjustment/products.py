@@ -4,6 +4,7 @@ adjust.json and the page, or where it is asked for, the others in a directory `c
 eo.json       orientation of the images with aerial control, which `insgnss export` takes
 exports       as output.formats asks for
 poses.csv     every image, also those without a stamp; poses_covariance.npz where it is asked for
+points.csv    object points with covariances, and residuals.csv, where they are asked for
 camera_*      cameras with standard deviations
 mounting.toml tables that `insgnss process --mounting` takes
 adjust.json   everything that was found
@@ -31,9 +32,11 @@ from ...io.formats.orientation.exported import quoted_names
 from ...io.formats.orientation.mounting_file import MountingFile, write_mounting_file
 from ...io.formats.orientation.pose_covariance import FILE as COVARIANCE
 from ...io.formats.orientation.pose_covariance import write_pose_covariance
+from ...io.formats.text.columns import TableOut
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ...report.document import write_with_page
+from ..adjust.adjustment import residuals_px
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from .aerial.control import processed_with
@@ -43,6 +46,14 @@ from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
 
+POINTS = TableOut(
+    "point x=%.4f y=%.4f z=%.4f sd_x=%.6f sd_y=%.6f sd_z=%.6f cov_xy=%.6e cov_xz=%.6e cov_yz=%.6e"
+    " rays=%d role"
+)
+RESIDUALS = TableOut(
+    "image point x=%.4f y=%.4f sigma_x=%.5f sigma_y=%.5f residual_x=%.5f residual_y=%.5f"
+    " redundancy_x=%.5f redundancy_y=%.5f w_x=%.4f w_y=%.4f rejected"
+)
 CONTRADICTED = "contradicted"
 FORM_FILES = {
     "metashape": "camera{}_metashape.xml",
@@ -84,6 +95,8 @@ def written(
             _write_orientation(solved, figures, judgement, staging.tree(into / CONTRADICTED))
         elif not judgement.refused:
             _write_orientation(solved, figures, judgement, into)
+        if file.output.tables:
+            write_residuals(solved, into / "residuals.csv")
         start = file.path.absolute().parent
         entries = [entry for entry in into.rglob("*") if entry.is_file()]
         figures |= made_from(_input_files(solved), into / DOCUMENT, entries, start)
@@ -113,6 +126,8 @@ def _write_orientation(
             for name, exported in done.items()
         ]
     write_poses(solved, into / POSES)
+    if file.output.tables:
+        write_points(solved, into / "points.csv")
     if file.output.pose_covariance:
         images = solved.result.problem.block.images
         keys = [(POSE, k) for k in range(len(images))]
@@ -235,6 +250,64 @@ def write_poses(solved: Solved, path: Path) -> None:
         "image,x,y,z,omega,phi,kappa,sd_x,sd_y,sd_z,sd_omega,sd_phi,sd_kappa,aerial_control\n"
     )
     atomic_write(path, "".join([head, *rows]))
+
+
+def write_points(solved: Solved, path: Path) -> None:
+    """Write the object points that take part, with their covariances.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    path : path
+        The file.
+    """
+    block, cov = solved.result.problem.block, solved.precision.point_cov
+    role = np.full(len(block.points), "tie", dtype=object)
+    role[block.control.point], role[block.check.point] = "control", "check"
+    taking = np.isfinite(solved.precision.redundancy[:, 0])
+    rays = np.bincount(block.observations.point[taking], minlength=len(block.points))
+    rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
+    numbers = np.column_stack(
+        [
+            solved.result.values.point,
+            np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0.0)),
+            cov[:, [0, 0, 1], [1, 2, 2]],
+            rays,
+        ]
+    )[rows]
+    names = quoted_names([block.points[k] for k in rows], ",", "point")
+    POINTS.write(
+        path, numbers, names, list(role[rows]), comments=["m and m^2, in the axes of poses.csv"]
+    )
+
+
+def write_residuals(solved: Solved, path: Path) -> None:
+    """Write the residuals of all image observations, observed minus computed.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    path : path
+        The file.
+    """
+    block, precision = solved.result.problem.block, solved.precision
+    obs = block.observations
+    rejected = np.isin(np.arange(len(obs)), solved.rejected)
+    numbers = np.hstack(
+        [obs.uv, obs.sigma_px, residuals_px(solved.result), precision.redundancy, precision.w]
+    )
+    images = quoted_names(block.images, ",")
+    points = quoted_names(block.points, ",", "point")
+    RESIDUALS.write(
+        path,
+        numbers,
+        [images[k] for k in obs.image],
+        [points[k] for k in obs.point],
+        ["yes" if out else "no" for out in rejected],
+        comments=["pixels, observed minus computed; nan of observations that take no part"],
+    )
 
 
 def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:

@@ -101,7 +101,9 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     """
     control = control_of(inputs)
     block = inputs.block
-    if not (control.groups or len(block.control) or inputs.interior or inputs.vehicle):
+    if not (
+        control.groups or len(block.control) or inputs.further or inputs.vehicle or block.held.any()
+    ):
         raise DataError(
             "neither aerial control nor ground control: nothing says where the block lies; give"
             " eo.json, or ground points that are measured in images"
@@ -121,7 +123,8 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     else:
         cleaned = without_outliers(problem, values, options.limit_w, progress=progress)
     progress("variance components")
-    kinds = [k for k in options.reweight if not (k == IMAGE and options.mode == "fast_at")]
+    no_images = options.mode == "fast_at"
+    kinds = [k for k in options.reweight if k != "none" and not (k == IMAGE and no_images)]
     again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
     steps = cleaned.result.iterations
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
@@ -180,7 +183,7 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
     block = inputs.block
     moving = vehicle_control(inputs.vehicle, block, control.blocks)
     blocks = control.blocks | moving.blocks
-    groups = [*control.groups, *control_points(block.control), *inputs.interior, *moving.groups]
+    groups = [*control.groups, *control_points(block.control), *inputs.further, *moving.groups]
     values = with_first_points(first_values(block), inputs.vehicle, block)
     return problem_of(block, groups, blocks), replace(values, blocks=blocks)
 

@@ -424,7 +424,7 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         began, vehicle = moved_in_time(vehicle, block, result.values)
     moving = vehicle_control(vehicle, block, control.blocks, remedy.vehicle)
     points = ground_groups(solved_problem)
-    groups: list[ObservationGroup] = [*control.groups, *points, *inputs.interior, *moving.groups]
+    groups: list[ObservationGroup] = [*control.groups, *points, *inputs.further, *moving.groups]
     first = control.blocks | moving.blocks
     blocks = {k: result.values.blocks.get(k, v) for k, v in first.items()}
     if key == DATUM:

@@ -2,6 +2,7 @@
 are not part of the project; where they are absent the tests say so and skip.
 """
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from insgnss.cli.main import main
 from insgnss.geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian
 from insgnss.io.formats.blocks.dbat import read_dbat
 from insgnss.photogrammetry.adjust.adjustment import Adjusted, adjusted, residuals_px
@@ -31,15 +33,7 @@ def block_of(name: str) -> ImageBlock:
 @pytest.mark.slow
 def test_a_camera_calibration_without_stated_values(tmp_path) -> None:
     """Oracle: the printed camera of DBAT's calibration, its sigmas in three digits, sigma0."""
-    folder = DATA.parent / "camcal_images"
-    if not folder.is_dir():
-        pytest.skip("DBAT's camera calibration is not here")
-    for name in ("images.txt", "markpts.txt"):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    corners = "1001,0,1,0\n1002,1,1,0\n1003,0,0,0\n1004,1,0,0\n"
-    (tmp_path / "control.txt").write_text(corners)
-    (tmp_path / "block.xml").write_text(CALIBRATION)
-    block = read_dbat(tmp_path / "block.xml")
+    block = read_dbat(_calibration(tmp_path))
     result, precision = solved(block)
     unit = block.cameras[0].unit_px
     assert result.sigma0 == pytest.approx(1.6148, rel=2e-4)  # another aspect: 1.5e-4 less
@@ -48,6 +42,50 @@ def test_a_camera_calibration_without_stated_values(tmp_path) -> None:
     )
     sigma = precision.sigma_interior(0)[:3] / unit
     assert sigma == pytest.approx([0.00105, 0.00082, 0.00098], abs=5e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "unit", "sigma0", "redundancy", "printed_f"),
+    [
+        ("romabundledemo", 156.0, 0.582769, 101801, (24.5425, 0.00254)),
+        ("sxb", 1.0, 1.1786, 1261, None),
+        ("camcal", 1704 / 5.43764, 1.6148, None, (7.457, 0.00105)),
+    ],
+)
+def test_a_script_is_adjusted_by_one_command(
+    name, unit, sigma0, redundancy, printed_f, tmp_path, capsys
+) -> None:
+    """Oracle: sigma0, redundancy and camera constant of DBAT's printed reports: the datum is that
+    of the script, held poses of one and held or weighed control points of the others."""
+    script = DATA / name / f"{name}.xml"
+    if name == "camcal":
+        script = _calibration(tmp_path)
+    if not script.is_file():
+        pytest.skip(f"DBAT's demonstration {name} is not here")
+    command = ["adjust", str(script), "--keep-all", "--reweight", "none", "--out", str(tmp_path)]
+    assert main(command) in (0, 4)  # control of two blocks contradicts its standard deviations
+    capsys.readouterr()
+    figures = json.loads((tmp_path / "adjust.json").read_text())
+    assert figures["sigma0"] == pytest.approx(sigma0, rel=2e-4)
+    assert redundancy in (None, figures["redundancy"])
+    if printed_f is not None:
+        f = figures["cameras"][0]["parameters"]["f"]
+        assert f["value"] / unit == pytest.approx(printed_f[0], abs=5e-5)
+        assert sigma0 * f["sigma"] / unit == pytest.approx(printed_f[1], abs=5e-6)
+
+
+def _calibration(directory: Path) -> Path:
+    """Write the script of DBAT's camera calibration beside its measurements."""
+    folder = DATA.parent / "camcal_images"
+    if not folder.is_dir():
+        pytest.skip("DBAT's camera calibration is not here")
+    for name in ("images.txt", "markpts.txt"):
+        (directory / name).write_bytes((folder / name).read_bytes())
+    corners = "1001,0,1,0\n1002,1,1,0\n1003,0,0,0\n1004,1,0,0\n"
+    (directory / "control.txt").write_text(corners)
+    (directory / "block.xml").write_text(CALIBRATION)
+    return directory / "block.xml"
 
 
 CALIBRATION = """<document dbat_script_version="1.0"><input base_dir="$HERE">

@@ -83,6 +83,14 @@ def test_every_advice_was_tried() -> None:
     assert missing == {frozenset(("k",)), frozenset(("time offset", "lever arm y"))}
 
 
+def test_positions_that_are_observed_are_not_asked_for() -> None:
+    """Oracle: the pair of camera constant and height of a block with observed positions, whose
+    lever arm is an unknown; its advice names what is left to do."""
+    pair = frozenset(("f", f"height{ALL}"))
+    assert "observe the positions" in correlated(GROUND)[pair].remedy
+    assert correlated(LEVER)[pair].remedy.startswith("fly some strips with the camera tilted")
+
+
 def test_radial_parameters_are_said_to_be_normal() -> None:
     """Oracle: any block that estimates three of them."""
     found = correlated(Plan(free=("f", "k1", "k2", "k3"), control=8))

@@ -1,5 +1,6 @@
 """`insgnss adjust` on a simulated flight: against the truth, and through its products."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from insgnss.flight.processing.pipeline import process
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.io.formats.blocks.camera_toml import read_camera_toml
 from insgnss.photogrammetry.adjust.aerial import COMMON
+from insgnss.photogrammetry.block_adjustment.products import write_points, write_residuals
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.records.block import INTERIOR
 from insgnss.report.charts.files import charts_of
@@ -61,6 +63,30 @@ def test_poses_and_camera_are_the_truth_within_their_covariance(flown, adjusted)
     assert adjusted.figures["verdict"] == "consistent"
     assert max(trial.gain for trial in adjusted.judgement.trials_made) < 20.0  # by chance
     assert INTERIOR[free[0]] == "f"
+
+
+def test_tables_of_points_and_residuals(adjusted, tmp_path) -> None:
+    """Oracle: root mean squares, rejections and rays by image of the document, recomputed from the
+    table; covariances of the points as the adjustment has them."""
+    solved = adjusted.solved
+    write_residuals(solved, tmp_path / "residuals.csv")
+    write_points(solved, tmp_path / "points.csv")
+    rows = list(csv.DictReader((tmp_path / "residuals.csv").read_text().splitlines()[1:]))
+    assert len(rows) == len(solved.result.problem.block.observations)
+    for image in (adjusted.figures["images"][k] for k in (0, 17)):
+        mine = [row for row in rows if row["image"] == image["image"]]
+        part = [row for row in mine if row["redundancy_x"] != "nan"]
+        square = sum(float(row[f"residual_{axis}"]) ** 2 for row in part for axis in "xy")
+        assert len(part) == image["observations"]
+        assert np.sqrt(square / (2 * len(part))) == pytest.approx(image["rms_px"], abs=1e-4)
+        assert sum(row["rejected"] == "yes" for row in mine) == image["rejected"]
+    points = list(csv.DictReader((tmp_path / "points.csv").read_text().splitlines()[1:]))
+    names = list(solved.result.problem.block.points)
+    k = names.index(points[5]["point"])
+    P = solved.precision.point_cov[k]
+    assert float(points[5]["cov_yz"]) == pytest.approx(P[1, 2], rel=1e-5)
+    assert float(points[5]["sd_z"]) == pytest.approx(np.sqrt(P[2, 2]), abs=1e-6)
+    assert {row["role"] for row in points} == {"tie", "control", "check"}
 
 
 def test_products(flown, adjusted, tmp_path, capsys) -> None:

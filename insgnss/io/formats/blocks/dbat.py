@@ -27,6 +27,7 @@ from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_ro
 from ..text.order import refuse_rows
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
 from ..text.xml import parse_xml
+from .measured_block import minimal_datum
 
 IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
 IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z")
@@ -455,10 +456,8 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
             raise InputError.at_line(
                 path, None, f"set_datum: ref_base {base!r} is no image; name one of the block"
             )
-        apart[np.arange(len(apart)) != whole(base) - 1] = -1.0
-    held[reference] = True
-    held[np.unravel_index(int(np.argmax(apart)), apart.shape)] = True
-    return held
+        return minimal_datum(position, reference, whole(base) - 1)
+    return minimal_datum(position, reference)
 
 
 def read_dbat_cameras(path: Source) -> tuple[BrownCamera, ...]:

@@ -36,12 +36,15 @@ class Joined:
     position_m, C_mc : ndarray
         (n, 3) and (n, 3, 3) poses of its images in the axes of their program; NaN where it has
         none.
+    held : ndarray of bool, optional
+        (n, 6) which components of these poses the program's own datum holds.
     """
 
     block: ImageBlock
     eo_row: NDArray[np.int64]
     position_m: Array
     C_mc: Array
+    held: NDArray[np.bool_] | None = None
 
 
 def joined(
@@ -114,7 +117,7 @@ def joined(
         control,
         check,
     )
-    return Joined(block, row, source.position_m, source.C_mc)
+    return Joined(block, row, source.position_m, source.C_mc, source.held)
 
 
 def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
@@ -176,6 +179,7 @@ def _observed(source: MeasuredBlock) -> MeasuredBlock:
         measured=replace(source.measured, images=images, observations=observations),
         position_m=source.position_m[keep],
         C_mc=source.C_mc[keep],
+        held=None if source.held is None else source.held[keep],
     )
 
 

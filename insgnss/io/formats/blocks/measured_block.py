@@ -46,6 +46,8 @@ class MeasuredBlock:
         Whether the file says which parameters of its cameras are estimated.
     notes : tuple of str
         What was left out or taken on trust, in sentences.
+    held : ndarray of bool, optional
+        (n, 6) which components of the poses the file's own datum holds.
 
     Raises
     ------
@@ -65,6 +67,7 @@ class MeasuredBlock:
     geocentric: bool = False
     free_stated: bool = False
     notes: tuple[str, ...] = ()
+    held: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.measured.images)
@@ -87,6 +90,33 @@ class MeasuredBlock:
         """(n,) which images have a pose."""
         finite = np.isfinite(self.position_m).all(axis=1)
         return np.asarray(finite & np.isfinite(self.C_mc).all(axis=(1, 2)))
+
+
+def minimal_datum(position: Array, reference: int, second: int | None = None) -> NDArray[np.bool_]:
+    """Return which components of poses hold a block of seven degrees of freedom.
+
+    Parameters
+    ----------
+    position : ndarray, (n, 3)
+        Projection centres.
+    reference : int
+        Row of the image whose pose is held.
+    second : int, optional
+        Row of the image of which a coordinate is held: that which is farthest from the first. By
+        default that of the image farthest away.
+
+    Returns
+    -------
+    ndarray of bool, (n, 6)
+        Of position and rotation.
+    """
+    held = np.zeros((len(position), 6), dtype=bool)
+    distance_m = np.abs(position - position[reference])
+    if second is not None:
+        distance_m[np.arange(len(distance_m)) != second] = -1.0
+    held[reference] = True
+    held[np.unravel_index(int(np.nanargmax(distance_m)), distance_m.shape)] = True
+    return held
 
 
 def of_table(measured: ImagePoints, *cameras: BrownCamera) -> MeasuredBlock:

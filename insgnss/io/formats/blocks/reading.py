@@ -245,5 +245,5 @@ def read_dbat_block(path: Source) -> MeasuredBlock:
         None,
         local=ground is None,
         free_stated=True,
-        notes=("the datum of DBAT's script is left out",) if block.held.any() else (),
+        held=block.held if block.held.any() else None,
     )
