@@ -525,10 +525,23 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         INPUT,
         ("recognised clock", "add -205200.0"),
     ),
-    "IMU time in bunches": (
-        _columns(IMU, 0, lambda t: np.round(t, 1) + 1e-6 * np.arange(t.size)),
+    "IMU time in bunches of an uneven clock": (
+        _columns(IMU, 0, lambda t: np.round(t + 0.4 * np.sin(t), 1) + 1e-6 * np.arange(t.size)),
         INPUT,
         ("stamps come in bunches",),
+    ),
+    "IMU clock set back, and exposures of it": (
+        _all(
+            _columns(IMU, 0, lambda t: t + 0.37 * (t < t[0] + 60.0)),
+            _toml("[camera]", '[camera]\nclock = "imu"'),
+        ),
+        INPUT,
+        ("clock step", "set in the recording once, by -0.370 s", "exposures that the IMU's clock"),
+    ),
+    "IMU clock set ahead": (
+        _columns(IMU, 0, lambda t: t + 12.3 * (t > t[0] + 60.0)),
+        INPUT,
+        ("recognised clock", "clock was set by +12.300 s", "add -12.300 s to the stamps after"),
     ),
     "IMU shorter than ten seconds": (
         _rows(IMU, lambda t: (t >= 50) & (t < 58)),

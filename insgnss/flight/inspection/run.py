@@ -342,6 +342,7 @@ def _inspection(
 ) -> Inspection:
     from ...navigation.prepare.axes import parse_axes
     from ...navigation.prepare.fix_covariance.quality import with_floors
+    from ...navigation.recognise.claims import with_set_clock
     from ...navigation.recognise.plausibility import check_recording
     from ...navigation.recognise.streams import classes_apart
     from .alone import Alone, by_gravity, rest_findings
@@ -367,12 +368,10 @@ def _inspection(
     if stamped is not None:
         apart = classes_apart(stamped)
         stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in apart.items()})
-        checks += [
-            *stamped.notes,
-            *check_recording(
-                imu, parse_axes(axes.words), stamped, events, None, _forces(recognition)
-            ),
-        ]
+        of_motion = check_recording(
+            imu, parse_axes(axes.words), stamped, events, None, _forces(recognition)
+        )
+        checks += [*stamped.notes, *with_set_clock(of_motion, imu, stamped)]
         checks += assumed_rate(sources[0])
     if recognition is not None:
         checks += [

@@ -13,6 +13,7 @@ from ...base.findings.remedies import Remedy, SetKey, Step
 from ...base.received.trusted import at_home
 from ...gnss.covariance_model import MODEL
 from ...io.exposures.rig import CameraExposures, ClockOffsets, merged_instants
+from ...io.formats.text.stamps import CLOCK_STEP
 from ...records import (
     Array,
     BarometerHeights,
@@ -356,7 +357,7 @@ def _checks(
 ) -> list[Finding]:
     """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
     from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
-    from ...navigation.recognise.claims import check_set_clock
+    from ...navigation.recognise.claims import with_set_clock
     from ...navigation.recognise.plausibility import check_recording
     from ...navigation.recognise.turns import check_events
 
@@ -364,8 +365,15 @@ def _checks(
     origin = None if plane is None else np.asarray(plane.origin)
     events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
     of_motion = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
-    if flight.gnss.stationary is None and (set_clock := check_set_clock(imu, gnss)) is not None:
-        of_motion = [set_clock, *(check for check in of_motion if check.name != OF_AXES[1])]
+    if flight.gnss.stationary is None:
+        of_motion = with_set_clock(of_motion, imu, gnss)
+    if flight.camera is not None and flight.camera.clock == "imu":
+        unmoved = "exposures that the IMU's clock stamped before it was set: add its step to them"
+        of_motion += [
+            replace(check, verdict="contradiction", remedy=f"{unmoved}, or let the receiver stamp")
+            for check in imu.notes
+            if check.name == CLOCK_STEP
+        ]
     of_motion += [
         of_camera(check_events(camera.events, gnss, camera.clock), camera.name)
         for camera in cameras[1:]

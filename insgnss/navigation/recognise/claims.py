@@ -23,6 +23,7 @@ from .axes import axes_words, imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise
 from .relation import MAX_LAG_S
+from .turns import OF_TURNS
 from .units import ACCEL_UNITS, GYRO_UNITS
 
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
@@ -258,6 +259,14 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
         advice = Step("{} ({}, leap seconds)", advice, recognition.time_scale)
     sure = abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE_OF_EXCHANGE
     return ask.against(statement, advice, sure)
+
+
+def with_set_clock(checks: list[Finding], imu: ImuSamples, gnss: GnssFixes) -> list[Finding]:
+    """Return checks of a recording with that of a clock that was set, instead of the turns'."""
+    set_clock = check_set_clock(imu, gnss)
+    if set_clock is None:
+        return checks
+    return [set_clock, *(check for check in checks if check.name != OF_TURNS)]
 
 
 def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:

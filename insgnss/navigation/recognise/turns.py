@@ -23,6 +23,7 @@ from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Ques
 from ..prepare.fix_path import jumps, north_east, sound_fixes
 from .relation import MAX_LAG_S, RIVAL_MISFIT_RATIO
 
+OF_TURNS = "turn rate, gyro against GNSS course"  # name of the check (`records.verdicts`)
 TURN_GRID_S = 0.1  # of the grid on which rates are compared (s): the epochs of usual receivers
 SMOOTHED_TURNS_S = 2.0  # over which rates are smoothed (s): a turn takes longer, vibration does not
 # a lag that is reported, where the correlation is clear enough for it
@@ -239,7 +240,7 @@ def check_turns(
     Finding
     """
     ask = Question(
-        "turn rate, gyro against GNSS course",
+        OF_TURNS,
         f"ratio {RATE_RATIO[0]:g} to {RATE_RATIO[1]:g} at no lag",
     )
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), TURN_GRID_S)

@@ -303,3 +303,27 @@ def test_a_hover_that_determines_no_axes_is_no_complaint(tmp_path):
     assert '\naxes = "forward left up"' in text
     assert "forward is defined as x here" in text
     assert "NOT" not in text
+
+
+@pytest.mark.parametrize(
+    ("stamps", "unit"),
+    [
+        (lambda t: np.where(t < 20.0, 0.0, 1.7e9) + t, "unix"),
+        (lambda t: 1e3 * (np.where(t < 0.1, 0.0, 1.7e9) + t), "unix_ms"),
+        (lambda t: 2e5 + np.repeat(t[9::10], 10), None),
+        (lambda t: 1.7e9 + np.repeat(t[19::20], 20), "unix"),
+    ],
+    ids=["1970 first", "two of 1970", "bunches", "dated bunches"],
+)
+def test_clocks_that_were_set_or_stamp_in_bunches_are_found(tmp_path, stamps, unit):
+    """Oracle: the unit in which the stamps were written, and samples at their rate."""
+    t, gyro, force = samples()
+    table = np.column_stack([stamps(t), gyro, force])
+    path = tmp_path / "imu.csv"
+    header = "time,gx[rad/s],gy[rad/s],gz[rad/s],ax[m/s^2],ay[m/s^2],az[m/s^2]"
+    np.savetxt(path, table, fmt="%.4f", delimiter=",", header=header, comments="")
+    source = found(path)["imu"]
+    assert source.keys.get("units", {}).get("time") == unit
+    assert "rate_hz" not in source.keys
+    imu = read_imu(path, units={"time": unit or "s"})
+    np.testing.assert_allclose(np.diff(imu.time), 0.02, atol=1e-4)

@@ -83,3 +83,17 @@ def test_recorded_flight() -> None:
     day = events.time % 86400.0
     assert 4 * 3600 + 28 * 60 < day[0] < day[-1] < 4 * 3600 + 36 * 60
     assert np.median(np.diff(events.time)) == pytest.approx(2.8, abs=0.05)
+
+
+@pytest.mark.parametrize("named", [0, 2023])
+def test_exposures_of_a_stale_week_are_taken_from_their_times_of_week(tmp_path, named):
+    """Oracle: the exposures over a week's end, the first three after it with an old week."""
+    lines = []
+    for k in range(30):
+        tow, week = (604770.0 + 2.0 * k) % 604800.0, 2023 + (k >= 15)
+        week = named if 15 <= k < 18 else week
+        lines.append(LINE.format(k + 1, f"{tow:.6f}").replace("[2024]", f"[{week}]"))
+    events = read_events(write(tmp_path, *lines))
+    assert events.gps_week == 2023
+    np.testing.assert_allclose(events.time, 604770.0 + 2.0 * np.arange(30))
+    assert "the week of 3 of 30 rows does not follow" in events.notes[0].found

@@ -15,6 +15,9 @@ from .names import CLOCK_NAMES, WEEK_NAMES, Grid, bare, spellings, squashed
 
 UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
 EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
+# of the steps of an IMU's clock that go forward: fewer are of a receiver beside it, whose stamps
+# repeat; of bunches of 30 rows that share theirs, where no other clock is there
+LEAST_FORWARD, LEAST_BUNCHES = 0.5, 0.03
 TWIN = 1e-3  # of a decade: how near a power of a thousand the ratio of two clocks of one device is
 FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
 COUNTER = re.compile(
@@ -41,6 +44,11 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
     dict of int to str
         Unit by column, the best clock first.
     """
+    one_by_one = _clocks(grid, longest_step, LEAST_FORWARD)
+    return one_by_one or _clocks(grid, longest_step, LEAST_BUNCHES)
+
+
+def _clocks(grid: Grid, longest_step: float, least_forward: float) -> dict[int, str]:
     named = any(name is not None for name in grid.names)
     fine = seconds_and_nanoseconds(grid.names).values()
     units: dict[int, str] = {}
@@ -49,7 +57,7 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
         clock_names = [short for short in shorts if short in CLOCK_NAMES]
         if named and (not clock_names or k in fine):
             continue
-        unit = _clock_unit(grid.values[:, k], longest_step, strict=not named)
+        unit = _clock_unit(grid.values[:, k], longest_step, not named, least_forward)
         if unit is not None:
             units[k] = next(
                 (FIXED_TICKS[short] for short in clock_names if short in FIXED_TICKS), unit
@@ -92,7 +100,7 @@ def _best_first(grid: Grid, units: dict[int, str]) -> dict[int, str]:
 
     def rank(item: tuple[int, str]) -> tuple[bool, bool]:
         k, unit = item
-        return not grid.values[0, k] * tick(unit) > UNIX_FROM, unit != "s"
+        return not float(np.median(grid.values[:, k])) * tick(unit) > UNIX_FROM, unit != "s"
 
     return dict(sorted(units.items(), key=rank))
 
@@ -123,11 +131,13 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
     return pairs
 
 
-def _clock_unit(column: Array, longest_step: float, strict: bool) -> str | None:
+def _clock_unit(
+    column: Array, longest_step: float, strict: bool, least_forward: float = LEAST_FORWARD
+) -> str | None:
     step = np.diff(column)
     forward = step[step > 0.0]
     if (
-        forward.size < (0.5 if longest_step < 1.0 else 0.001) * step.size
+        forward.size < (least_forward if longest_step < 1.0 else 0.001) * step.size
         or forward.size < 5
         or (step < 0.0).mean() > 0.01
     ):

@@ -307,7 +307,7 @@ def _is_text(path: Path) -> bool:
 def _time_unit(entry: Keys, grid: Grid, clock: int, unit: str) -> None:
     """Unit of the clock, where it is not the reader's default."""
     steps = np.diff(grid.values[:, clock])
-    if unit in EPOCH_UNITS and float(grid.values[0, clock]) * tick(unit) > UNIX_FROM:
+    if unit in EPOCH_UNITS and float(np.median(grid.values[:, clock])) * tick(unit) > UNIX_FROM:
         unit = EPOCH_UNITS[unit]
     header_unit = grid.unit_of(clock, "time")
     if unit == "s" and header_unit in (unit, None):
@@ -319,6 +319,8 @@ def _time_unit(entry: Keys, grid: Grid, clock: int, unit: str) -> None:
 def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
     """First and last stamp, s; of a clock that counts from 1970 about the time of week."""
     column = grid.values[rows, clock] * tick(unit)
+    if np.median(column) > UNIX_FROM:  # without rows from before the date was known
+        column = column[column > UNIX_FROM]
     first, last = float(column[0]), float(column[-1])
     shift = 0.0 if first < UNIX_FROM else first - (first - GPS_EPOCH_UNIX) % WEEK_S
     return first - shift, last - shift

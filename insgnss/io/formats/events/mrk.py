@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import Array, CameraEvents
-from ..text.clock import gps_time
+from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
 from ..text.text import Source, load, number
 from .events import events_in_order
@@ -197,9 +197,9 @@ def read_events_mrk(path: Source, gps_week: int | None = None) -> CameraEvents:
     """
     mrk = read_mrk(path)
     week = mrk.week.astype(np.float64) if (mrk.week >= 0).all() else None
-    time, gps_week = gps_time(mrk, mrk.tow, week, gps_week)
+    time, gps_week, notes = examined_time(mrk, mrk.tow, week, "event rows", gps_week, "s")
     names = tuple(str(k) for k in mrk.number.tolist())
-    events = events_in_order(names, time, mrk, str(path), gps_week)
+    events = events_in_order(names, time, mrk, str(path), gps_week, notes)
     if mrk.offset_ned is None:
         return events
     if (long := np.linalg.norm(mrk.offset_ned, axis=1) > LONGEST_OFFSET_M).any():

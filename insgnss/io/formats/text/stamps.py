@@ -42,6 +42,7 @@ from .units import split_unit, unit_factor
 Array = NDArray[np.float64]
 Notes = tuple[Finding, ...]
 
+CLOCK_STEP = "clock step"  # name of the note on a clock that was set (`records.verdicts`)
 COUNTED = (2.0**16, 2.0**32)  # ticks after which counters of loggers begin anew
 # s: ranges of counters of which the file has seconds: 2^32 us, 0.1 ms and ms, and times of day
 RANGES_S = (2.0**32 * 1e-6, 2.0**32 * 1e-4, 2.0**32 * 1e-3, DAY_S)
@@ -226,10 +227,8 @@ def _without_steps(
         f"the clock was set in the recording {count} by {steps[0][1]:+.3f} s at"
         f" {_line_of(lines, steps[0][0])}; the rows {moved}"
     )
-    advice = (
-        "move the stamps of the same clock in other files alike; no row was lost there, it is taken"
-    )
-    return out, (note(name, finding, "a clock that nobody sets", advice),)
+    advice = "no row is taken to be missing there; exposures of that clock need the same steps"
+    return out, (note(CLOCK_STEP, f"{name}: {finding}", "a clock that nobody sets", advice),)
 
 
 def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, float]]:
