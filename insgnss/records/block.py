@@ -10,12 +10,13 @@ from ._checked import Array, frozen
 
 INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 RADIAL = INTERIOR[5:9]
+MODELS = ("forward", "backward", "fisheye")
 """Parameters of interior orientation, in the order of their arrays."""
 
 
 @dataclass(frozen=True, eq=False)
 class BrownCamera:
-    """A frame camera with Brown's distortion; equations (J.3) to (J.5) of
+    """A frame or fisheye camera with Brown's distortion; equations (J.3) to (J.5) of
     `insgnss.photogrammetry.adjust`.
 
     Pixels count from the outer corner of the upper left one, u to the right, v down: the centre of
@@ -30,13 +31,16 @@ class BrownCamera:
     interior : array_like
         (11,) values of `INTERIOR`: camera constant f and principal point cx, cy in pixels; b1, b2
         in pixels of a forward camera, without unit of a backward one; k1 to k4, p1, p2 of lengths
-        in units of f (forward) or of `unit_px` (backward), y down. p1 belongs to r^2 + 2 x^2.
+        in units of f (forward; of a fisheye the angle off the axis, rad) or of `unit_px`
+        (backward), y down. p1 belongs to r^2 + 2 x^2.
     backward : bool
         Whether the polynomial takes measured to ideal points.
     unit_px : float
         Pixels in the unit of a backward polynomial, such as those of a millimetre.
     free : tuple of str
         Parameters that an adjustment estimates; the others keep their values.
+    fisheye : bool
+        Whether the polynomial of a forward camera takes equidistant points (J.4a).
 
     Raises
     ------
@@ -52,6 +56,7 @@ class BrownCamera:
     backward: bool = False
     unit_px: float = 1.0
     free: tuple[str, ...] = ()
+    fisheye: bool = False
 
     def __post_init__(self) -> None:
         values = frozen(self, "interior", (len(INTERIOR),))
@@ -61,11 +66,18 @@ class BrownCamera:
                 f"camera {self.name}: {self.width} x {self.height} pixels, f {values[0]:g} px, unit"
                 f" {self.unit_px:g} px; each must be positive"
             )
+        if self.backward and self.fisheye:
+            raise InputError(f"camera {self.name}: a fisheye camera is a forward one")
         if unknown := set(self.free) - set(INTERIOR):
             raise InputError(
                 f"camera {self.name}: {', '.join(sorted(unknown))} is no parameter of interior"
                 f" orientation; there are {', '.join(INTERIOR)}"
             )
+
+    @property
+    def model(self) -> str:
+        """One of `MODELS`."""
+        return MODELS[1 if self.backward else 2 * self.fisheye]
 
     def of(self, name: str) -> float:
         """Return a parameter of interior orientation.

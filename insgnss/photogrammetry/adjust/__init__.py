@@ -23,6 +23,11 @@ Image observations
 
         u = c_x + (f + b_1) x' + b_2 y',    v = c_y + f y',    (x', y') = D(x, y)         (J.4)
 
+    A *fisheye* camera (Metashape, OpenCV, COLMAP) is a forward one whose polynomial takes the
+    equidistant point, as far from the axis as the ray is off it in rad:
+
+        (a, b) = (x, y) arctan(r) / r,    (x', y') = D(a, b)                              (J.4a)
+
     A *backward* camera (PhotoModeler, DBAT, most programs of aerial photogrammetry) corrects the
     measured pixel and compares it with the ideal point, both in pixels; its polynomial counts in
     units of s pixels, such as the pixels of a millimetre:

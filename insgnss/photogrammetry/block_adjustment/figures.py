@@ -177,8 +177,7 @@ def _cameras(solved: Solved) -> list[dict[str, Any]]:
         root = np.sqrt(np.maximum(np.diagonal(cov), 1e-300))
         out.append(
             {
-                **picked(camera, "name", "width", "height", "unit_px"),
-                "model": "backward" if camera.backward else "forward",
+                **picked(camera, "name", "width", "height", "unit_px", "model"),
                 "images": int((block.camera == c).sum()),
                 "parameters": {
                     name: {

@@ -22,7 +22,7 @@ from ...io.formats.blocks.camera_files import FORMS, write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
 from ...io.formats.returned.cameras import read_cameras, recognised_camera
 from ...records.block import INTERIOR, BrownCamera
-from ...records.cameras.camera import pixels_of, rays_of
+from ...records.cameras.camera import equidistant, pixels_of, rays_of
 from ...report.document import Document, Section, Table
 from ...report.verdict import worst_of
 
@@ -102,7 +102,7 @@ class CameraReport:
         cameras = [camera for file in self.files for camera in file.cameras]
         rows: list[tuple[str, ...]] = [
             ("image", *(f"{c.width} x {c.height}" for c in cameras)),
-            ("polynomial", *("backward" if c.backward else "forward" for c in cameras)),
+            ("polynomial", *(c.model for c in cameras)),
             *((key, *(f"{c.of(key):.8g}" for c in cameras)) for key in INTERIOR),
         ]
         d, verdict = self.difference, worst_of("the file can be used with --camera", [])
@@ -155,7 +155,7 @@ class CameraReport:
                             "name": camera.name,
                             "width": camera.width,
                             "height": camera.height,
-                            "model": "backward" if camera.backward else "forward",
+                            "model": camera.model,
                             "unit_px": camera.unit_px,
                             **{key: camera.of(key) for key in INTERIOR},
                         }
@@ -280,7 +280,10 @@ def _difference(a: BrownCamera, b: BrownCamera, notes: list[str]) -> PixelDiffer
             np.stack([-1.0 - y * y, x * y, x], axis=1),
         ],
         axis=1,
-    ).reshape(-1, 3)
+    )
+    if b.fisheye:
+        J = equidistant(rays[inside])[1] @ J
+    J = J.reshape(-1, 3)
     angles = np.linalg.solve(J.T @ J + TEMPERATE * f * f * np.eye(3), J.T @ d.ravel())
     remaining = (d.ravel() - J @ angles).reshape(-1, 2)
     sizes = [np.linalg.norm(pixels, axis=1) for pixels in (d, remaining)]

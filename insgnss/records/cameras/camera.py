@@ -8,6 +8,9 @@ from ..block import Array, BrownCamera
 
 _K, _P = slice(5, 9), slice(9, 11)  # radial and tangential coefficients in `BrownCamera`'s order
 NEWTON_STEPS = 30  # at most: Newton's method has its answer by then, or has none (chosen)
+# square of the distance from the axis up to which a fisheye is a frame camera: (1e-6)^2, where the
+# two differ by 3e-19
+AXIS_R2 = 1e-12
 NEWTON_TOLERANCE = 1e-13  # of the unit: 1e-9 px of any camera
 
 
@@ -99,6 +102,36 @@ def fold_radius(interior: Array) -> float:
     return float(np.sqrt(real.min())) if real.size else float("inf")
 
 
+def equidistant(xy: ArrayLike) -> tuple[Array, Array]:
+    """Return the points of (J.4a), as far from the axis as their rays are off it in rad.
+
+    Parameters
+    ----------
+    xy : array_like, (n, 2)
+        Directions on the plane of unit distance.
+
+    Returns
+    -------
+    ab : ndarray, (n, 2)
+        Points.
+    dab : ndarray, (n, 2, 2)
+        Derivatives by the directions.
+    """
+    xy = np.asarray(xy, dtype=np.float64)
+    r2 = np.maximum((xy * xy).sum(axis=1), AXIS_R2)
+    scale = np.arctan(np.sqrt(r2)) / np.sqrt(r2)
+    slope = (1.0 / (1.0 + r2) - scale) / r2
+    outer = xy[:, :, None] * xy[:, None, :]
+    return scale[:, None] * xy, scale[:, None, None] * np.eye(2) + slope[:, None, None] * outer
+
+
+def _perspective(ab: Array) -> Array:
+    """Return the directions (n, 2) of equidistant points; NaN of 90 deg off the axis and beyond."""
+    angle = np.sqrt(np.maximum((ab * ab).sum(axis=1), AXIS_R2))
+    scale = np.where(angle < 0.5 * np.pi, np.tan(angle) / angle, np.nan)
+    return np.asarray(scale[:, None] * ab)
+
+
 def rays_of(camera: BrownCamera, uv: ArrayLike) -> Array:
     """Return the directions that pixels look in.
 
@@ -118,7 +151,9 @@ def rays_of(camera: BrownCamera, uv: ArrayLike) -> Array:
     m = np.asarray(uv, dtype=np.float64) - (cx, cy)
     if not camera.backward:
         y = m[:, 1] / f
-        return undistorted(np.stack([(m[:, 0] - b2 * y) / (f + b1), y], axis=1), camera.interior)
+        ab = np.stack([(m[:, 0] - b2 * y) / (f + b1), y], axis=1)
+        ab = undistorted(ab, camera.interior)
+        return _perspective(ab) if camera.fisheye else ab
     a = np.stack([(1.0 + b1) * m[:, 0] + b2 * m[:, 1], m[:, 1]], axis=1) / camera.unit_px
     out = camera.unit_px / f * distorted(a, camera.interior)[0]
     out[(a * a).sum(axis=1) >= fold_radius(camera.interior) ** 2] = np.nan
@@ -148,6 +183,7 @@ def pixels_of(camera: BrownCamera, xy: ArrayLike) -> Array:
     xy = np.asarray(xy, dtype=np.float64)
     f, cx, cy, b1, b2 = camera.interior[:5]
     if not camera.backward:
+        xy = equidistant(xy)[0] if camera.fisheye else xy
         D = distorted(xy, camera.interior)[0]
         D[(xy * xy).sum(axis=1) >= fold_radius(camera.interior) ** 2] = np.nan
         return np.stack([cx + (f + b1) * D[:, 0] + b2 * D[:, 1], cy + f * D[:, 1]], axis=1)

@@ -206,7 +206,11 @@ def test_markers_alone(tmp_path):
         ("</document>", "", ":5: is no XML"),
         ("<document", "<settings", "is no XML"),
         ('class="adjusted">', 'class="adjusted"><p3>0.1</p3>', "'first': p3 other than zero"),
-        ('type="frame" class="adjusted"', 'type="fisheye" class="adjusted"', "of the type fisheye"),
+        (
+            'type="frame" class="adjusted"',
+            'type="spherical" class="adjusted"',
+            "of the type spherical",
+        ),
         (f"<f>{FY!r}</f>", "", "no <f>, nor <fx> and <fy>"),
         (f"<f>{FY!r}</f>", "<f>x</f>", "camera first: f: 'x' is no number"),
         (f"<cx>{CX - WIDTH_PX / 2!r}<", "<cx>5000<", "is neither near the image's centre nor"),
@@ -390,7 +394,7 @@ def test_what_colmap_cannot_give(tmp_path):
     """Oracle: models that are not Brown's, and directories without one."""
     seen = observed(distorted_pixels())
     for model, parameters, message in (
-        ("OPENCV_FISHEYE", (FX, FY, CX, CY, 0, 0, 0, 0), "model OPENCV_FISHEYE is not Brown's"),
+        ("FOV", (FX, FY, CX, CY, 0.1), "model FOV is not Brown's"),
         ("FULL_OPENCV", (FX, FY, CX, CY, 0, 0, 0, 0, 0, 0.1, 0, 0), "with k4 other than zero"),
     ):
         colmap_model(model, parameters, seen).write_text(str(tmp_path))
@@ -488,7 +492,7 @@ def test_reconstructions_that_are_not_connected(tmp_path):
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("reconstruction.json", '"brown"', '"fisheye"', "'fisheye' is not Brown's"),
+        ("reconstruction.json", '"brown"', '"fisheye62"', "'fisheye62' is not Brown's"),
         ("reconstruction.json", '"width": 1280', '"width": "w"', "width 'w' is no number"),
         ("reconstruction.json", '"rotation": [', '"rotation": [1, ', "is not three numbers"),
         ("reconstruction.json", '"v2 cam"}', '"v3 cam"}', "no camera 'v3 cam'"),

@@ -171,6 +171,65 @@ def test_what_is_written_is_read(form: str, tmp_path: Path) -> None:
     assert np.abs(pixels_of(got, rays()) - EXPECTED).max() < 1e-9
 
 
+RADIAL = [0.03, -0.02, 0.004, -0.001]
+FISHEYES = {  # file, text
+    "ROS": (
+        "camera.yaml",
+        ROS.replace("plumb_bob", "equidistant").replace(
+            f"[{K[0]}, {K[1]}, {P[0]}, {P[1]}, {K[2]}]", str(RADIAL)
+        ),
+    ),
+    "Kalibr": (
+        "camchain.yaml",
+        KALIBR.replace("radtan", "equidistant").replace("[0.0, 0.0, 0.0, 0.0]", str(RADIAL)),
+    ),
+    "WebODM": (
+        "cameras.json",
+        WEBODM.replace('"brown"', '"fisheye_opencv"')
+        .replace(f'"k1": {K[0]}, "k2": {K[1]}, "k3": {K[2]}, "p1": {P[0]},\n"p2": {P[1]}', "")
+        .replace(
+            f"{(CY - 1920) / 5120!r}, ",
+            f"{(CY - 1920) / 5120!r}, "
+            + str({f"k{n}": k for n, k in enumerate(RADIAL, start=1)})
+            .strip("{}")
+            .replace("'", '"'),
+        ),
+    ),
+    "Metashape": (
+        "camera.xml",
+        METASHAPE.replace(">frame<", ">fisheye<").replace(
+            f"<k1>{K[0]}</k1><k2>{K[1]}</k2>\n<k3>{K[2]}</k3><p1>{P[1]}</p1><p2>{P[0]}</p2>",
+            "".join(f"<k{n}>{k}</k{n}>" for n, k in enumerate(RADIAL, start=1)),
+        ),
+    ),
+}
+
+
+def fisheye_pixels() -> np.ndarray:
+    """OpenCV's formula of cv::fisheye: theta_d = theta (1 + k1 theta^2 + ... + k4 theta^8)."""
+    x, y = 2.0 * rays().T
+    r = np.hypot(x, y) + 1e-12
+    theta = np.arctan(r)
+    scale = theta * (1.0 + sum(k * theta ** (2 * n) for n, k in enumerate(RADIAL, start=1))) / r
+    return np.column_stack([CX + FX * scale * x, CY + FY * scale * y])
+
+
+@pytest.mark.parametrize("name", FISHEYES)
+def test_a_fisheye_of_another_program(name: str, tmp_path: Path) -> None:
+    """Oracle: OpenCV's formula; what is written of it is read in every format."""
+    file, text = FISHEYES[name]
+    (tmp_path / file).write_text(text)
+    got = read_camera(tmp_path / file)
+    assert got.model == "fisheye"
+    assert np.abs(pixels_of(got, 2.0 * rays()) - fisheye_pixels()).max() < 1e-6
+    for form in FORMS:
+        path = tmp_path / {"colmap": "cameras.txt"}.get(form, "written.any")
+        assert write_cameras([got], path, form) == ()
+        again = read_camera(path)
+        assert again.model == "fisheye"
+        assert np.abs(pixels_of(again, 2.0 * rays()) - fisheye_pixels()).max() < 1e-6
+
+
 def test_every_format_has_a_case() -> None:
     """Oracle: the registry."""
     assert {form for _, form, _, _ in FILES.values()} | {"toml", "colmap"} == set(READERS)
@@ -188,13 +247,14 @@ def changed(text: str, old: str, new: str) -> Callable[[Path], Path]:
 @pytest.mark.parametrize(
     ("write", "why"),
     [
-        (changed(ROS, "plumb_bob", "equidistant"), "is a fisheye camera"),
+        (changed(ROS, "plumb_bob", "equidistant"), "5 coefficients; a fisheye has k1 to k4"),
         (changed(ROS, f", {K[2]}]", f", {K[2]}, 0.1, 0, 0]"), "a rational polynomial"),
         (changed(ROS, "image_width", "width_of_image"), "needs image_width"),
-        (changed(KALIBR, "radtan", "equidistant"), "pinhole radtan is read"),
+        (changed(KALIBR, "radtan", "fov"), "read is pinhole radtan, equidistant, none"),
         (changed(PIX4D, "F ", "F "), "has no size of images in pixels"),
         (changed(INPHO, "$END", "$RADIAL_COEFFS : 0 1e-5\n$END"), "distortion is not read"),
-        (changed(WEBODM, '"brown"', '"fisheye"'), "is not Brown's"),
+        (changed(WEBODM, '"brown"', '"fisheye62"'), "is not Brown's"),
+        (changed("1 THIN_PRISM_FISHEYE 9 9 1 1 5 5 0 0 0 0 0 0 1 0\n", "x", "x"), "a thin prism"),
         (changed("1 FOV 10 10 1 1 5 5 0.1\n2 PINHOLE 10 10 1 1 5 5\n", "x", "x"), "not Brown's"),
         (changed("1 PINHOLE 9 9 1 1 5 5\n2 PINHOLE 9 9 1 1 5 5\n", "x", "x"), "has 2 cameras"),
         (changed("nothing", "n", "n"), "no calibrated camera is known here"),

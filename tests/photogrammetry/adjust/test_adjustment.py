@@ -21,7 +21,7 @@ from insgnss.photogrammetry.adjust.groups import (
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.photogrammetry.adjust.start import first_values
-from insgnss.records.block import INTERIOR
+from insgnss.records.block import INTERIOR, MODELS
 
 SMALL = {"strips": 1, "images": 3, "points": 20, "control": 4}
 
@@ -99,14 +99,16 @@ def covariance(jacobian):
     return cov
 
 
-@pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.parametrize("model", MODELS)
 @pytest.mark.slow
-def test_against_scipy(backward):
+def test_against_scipy(model):
     """Oracle: scipy's trust region on all unknowns at once with numeric derivatives: cost, values
     to 0.01 sigma, standard deviations to 1e-4.
     """
+    backward = model == "backward"
     free = ("f", "cx", "cy", "k1", "p1") if not backward else ("f", "cx", "cy", "b1", "k1")
-    made = simulated(4, cameras=(camera(backward, free),), start_m=0.5, start_deg=0.3, **SMALL)
+    one = replace(camera(backward, free), fisheye=model == "fisheye")
+    made = simulated(4, cameras=(one,), start_m=0.5, start_deg=0.3, **SMALL)
     block = made.block
     first = first_values(block)
     result = adjusted(problem_of(block, control_points(block.control)), first)

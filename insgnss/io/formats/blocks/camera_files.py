@@ -1,14 +1,14 @@
 """Cameras as other programs read them, data_specs/camera_files.md.
 
     metashape    <calibration>, c_x and c_y from the image's centre, P_1 with r^2 + 2 x^2
-    colmap       cameras.txt, OPENCV or FULL_OPENCV, pixels from the outer corner of the first one
+    colmap       cameras.txt, OPENCV, FULL_OPENCV or a fisheye, pixels from the first one's corner
     opencv       YAML of cv::FileStorage, pixels from the centre of the first one
     opensfm      cameras.json of OpenDroneMap and WebODM, lengths in the longer side
 
-In the last three p_2 belongs to r^2 + 2 x^2, with no skew b_2 nor k_4. What a program cannot
-express is left out where it moves no pixel of the image by more than `EXACT_PX`, and said; else the
-camera is refused. The same limit holds for a backward camera, which a forward one is fitted to: on
-a grid over the image, by Gauss-Newton steps on (J.4) with the rays of (J.5).
+In the last three p_2 belongs to r^2 + 2 x^2, with no skew b_2; k_4 is of fisheyes alone. What a
+program cannot express is left out where it moves no pixel of the image by more than `EXACT_PX`, and
+said; else the camera is refused. The same limit holds for a backward camera, which a forward one is
+fitted to: on a grid over the image, by Gauss-Newton steps on (J.4) with the rays of (J.5).
 """
 
 import json
@@ -21,14 +21,18 @@ import numpy as np
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
 from ....records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
-from ..bundle.camera import BROWN_NAMES
+from ..bundle.camera import BROWN_NAMES, FISHEYE_NAMES
 from ..text.text import Source
 
 EXACT_PX = 0.01  # of an image point: a tenth of what is measured
 LOST_PX = 0.1  # of what a program has no place for, which is said
 GRID = 25  # points to a side of the image, at which two cameras are compared (chosen)
 STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
-LACKING = dict.fromkeys(("colmap", "opencv", "opensfm"), ("b2", "k4"))
+# parameters that a program has no place for, by its format and whether the camera is a fisheye
+LACKING: dict[tuple[str, bool], tuple[str, ...]]
+LACKING = {(form, False): ("b2", "k4") for form in ("colmap", "opencv", "opensfm")}
+LACKING |= {(form, True): ("b2", "p1", "p2") for form in ("opencv", "opensfm")}
+LACKING |= {("colmap", True): ("b2",)}
 Covariances = Sequence[InteriorCovariance | None]
 Text = Callable[[Sequence[BrownCamera], Covariances], str]
 
@@ -80,7 +84,7 @@ def write_cameras(
 
 def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     """Return a camera without the parameters that a program lacks, if they are next to nothing."""
-    lacking = [k for k in LACKING.get(form, ()) if camera.of(k) != 0.0]
+    lacking = [k for k in LACKING.get((form, camera.fisheye), ()) if camera.of(k) != 0.0]
     if not lacking:
         return camera
     without = camera.with_([0.0 if k in lacking else camera.of(k) for k in INTERIOR])
@@ -140,7 +144,7 @@ def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     if not camera.backward:
         return camera
     uv, xy = _grid(camera)
-    mine = [k not in LACKING.get(form, ()) for k in INTERIOR]
+    mine = [k not in LACKING.get((form, False), ()) for k in INTERIOR]
     fitted = replace(camera, interior=_start(camera) * mine, backward=False, unit_px=1.0)
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
@@ -194,7 +198,7 @@ def _metashape(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
             "<calibration>",
-            "  <projection>frame</projection>",
+            f"  <projection>{'fisheye' if camera.fisheye else 'frame'}</projection>",
             f"  <width>{camera.width}</width>",
             f"  <height>{camera.height}</height>",
             *(f"  <{key}>{value!r}</{key}>" for key, value in values.items()),
@@ -216,9 +220,11 @@ def _metashape_covariance(P: InteriorCovariance) -> list[str]:
     ]
 
 
-def _opencv_covariance(P: InteriorCovariance) -> tuple[list[str], Array, Array]:
+def _opencv_covariance(
+    camera: BrownCamera, P: InteriorCovariance
+) -> tuple[list[str], Array, Array]:
     """Return OpenCV's names of the parameters, their sigmas (d,) and correlations (d, d)."""
-    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", *("k4",) * camera.fisheye)
     source = {"fx": ("f", "b1"), "fy": ("f",), "p1": ("p2",), "p2": ("p1",)}
     M = np.zeros((len(names), len(INTERIOR)))
     for row, name in enumerate(names):
@@ -233,7 +239,8 @@ def _opencv_covariance(P: InteriorCovariance) -> tuple[list[str], Array, Array]:
 
 def _opencv_values(camera: BrownCamera) -> dict[str, float]:
     """Parameters of OpenCV's model by its names; pixels from the outer corner of the first one."""
-    own = {key: camera.of(key) for key in ("cx", "cy", "k1", "k2", "k3")}
+    keys = ("cx", "cy", "k1", "k2", "k3", *("k4",) * camera.fisheye)
+    own = {key: camera.of(key) for key in keys}
     focal = {"fx": camera.of("f") + camera.of("b1"), "fy": camera.of("f")}
     return own | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
 
@@ -264,7 +271,7 @@ def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     rows = ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"]
     for k, (camera, P) in enumerate(zip(cameras, covariances, strict=True), start=1):
         if P is not None:
-            names, sigma, rho = _opencv_covariance(P)
+            names, sigma, rho = _opencv_covariance(camera, P)
             words = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
             rows.append(f"# sigmas of camera {k}: {words}")
             rows += [
@@ -273,7 +280,11 @@ def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
             ]
         value = _opencv_values(camera)
         model = "FULL_OPENCV" if value["k3"] else "OPENCV"
-        parameters = " ".join(f"{value.get(key, 0.0)!r}" for key in BROWN_NAMES[model])
+        if camera.fisheye:
+            thin_prism = value["p1"] or value["p2"]
+            model = "THIN_PRISM_FISHEYE" if thin_prism else "OPENCV_FISHEYE"
+        keys = (BROWN_NAMES | FISHEYE_NAMES)[model]
+        parameters = " ".join(f"{value.get(key, 0.0)!r}" for key in keys)
         rows.append(f"{k} {model} {camera.width} {camera.height} {parameters}")
     return "\n".join(rows) + "\n"
 
@@ -282,19 +293,21 @@ def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     (camera,), (P,) = cameras, covariances
     v = _opencv_values(camera)
     K = (v["fx"], 0.0, v["cx"] - 0.5, 0.0, v["fy"], v["cy"] - 0.5, 0.0, 0.0, 1.0)
+    keys = ("k1", "k2", "k3", "k4") if camera.fisheye else ("k1", "k2", "p1", "p2", "k3")
     matrices: dict[str, tuple[int, int, Sequence[float]]] = {
         "camera_matrix": (3, 3, K),
-        "distortion_coefficients": (5, 1, [v[key] for key in ("k1", "k2", "p1", "p2", "k3")]),
+        "distortion_coefficients": (len(keys), 1, [v[key] for key in keys]),
     }
     names: list[str] = []
     if P is not None:
-        names, sigma, rho = _opencv_covariance(P)
+        names, sigma, rho = _opencv_covariance(camera, P)
         d = len(names)
         matrices |= {
             "standard_deviations": (d, 1, sigma.tolist()),
             "correlations": (d, d, rho.ravel().tolist()),
         }
     rows = ["%YAML:1.0", "---", f"image_width: {camera.width}", f"image_height: {camera.height}"]
+    rows += ["distortion_model: equidistant"] if camera.fisheye else []
     for key, (height, width, values) in matrices.items():
         data = ", ".join(f"{value!r}" for value in map(float, values))
         rows += [f"{key}: !!opencv-matrix", f"   rows: {height}", f"   cols: {width}", "   dt: d"]
@@ -308,11 +321,13 @@ def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
 def _opensfm(cameras: Sequence[BrownCamera], _: Covariances) -> str:
     (camera,) = cameras
     size, v = max(camera.width, camera.height), _opencv_values(camera)
-    entry = {"projection_type": "brown", "width": camera.width, "height": camera.height}
+    keys = ("k1", "k2", "k3", "k4") if camera.fisheye else ("k1", "k2", "p1", "p2", "k3")
+    kind = "fisheye_opencv" if camera.fisheye else "brown"
+    entry = {"projection_type": kind, "width": camera.width, "height": camera.height}
     entry |= {"focal_x": v["fx"] / size, "focal_y": v["fy"] / size}
     entry |= {"c_x": (2.0 * v["cx"] - camera.width) / (2.0 * size)}
     entry |= {"c_y": (2.0 * v["cy"] - camera.height) / (2.0 * size)}
-    entry |= {key: v[key] for key in ("k1", "k2", "p1", "p2", "k3")}
+    entry |= {key: v[key] for key in keys}
     return json.dumps({camera.name: entry}, indent=2) + "\n"
 
 

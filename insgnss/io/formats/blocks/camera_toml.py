@@ -10,11 +10,10 @@ from ....base.errors import InputError, near
 from ....base.files import atomic_write
 from ....base.inputs import is_file
 from ....base.tables import Table, read_toml
-from ....records.block import INTERIOR, BrownCamera, InteriorCovariance
+from ....records.block import INTERIOR, MODELS, BrownCamera, InteriorCovariance
 from ..text.numbers import array_of
 from ..text.text import Source
 
-MODELS = ("forward", "backward")
 PIXEL_ORIGINS = ("corner", "centre")
 _OWN = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
 KEYS: Mapping[str, tuple[str, ...]] = {"": (*_OWN, "sigma", "correlations"), "sigma": INTERIOR}
@@ -46,7 +45,8 @@ def read_camera_toml(path: Source) -> BrownCamera:
     table.check_keys()
     if "model" not in table.data:
         raise table.error("model", f"is missing; it is {' or '.join(MODELS)}, and has no default")
-    backward = table.choice("model", MODELS, "") == "backward"
+    model = table.choice("model", MODELS, "")
+    backward = model == "backward"
     width, height = _whole(table, "width"), _whole(table, "height")
     f = _positive(table, "f")
     rest = [
@@ -68,7 +68,7 @@ def read_camera_toml(path: Source) -> BrownCamera:
         if name not in INTERIOR or free.count(name) > 1:
             raise table.error("free", f"{name!r} is unknown or there twice; {near(name, INTERIOR)}")
     name = table.text("name", path.stem)
-    return BrownCamera(name, width, height, interior, backward, unit, free)
+    return BrownCamera(name, width, height, interior, backward, unit, free, model == "fisheye")
 
 
 def read_camera_covariance(path: Source) -> InteriorCovariance | None:
@@ -152,7 +152,7 @@ def write_camera_toml(
         "# pixels from the outer corner of the upper left one, x right, y down: its centre is (0.5,"
         " 0.5)",
         f"name = {json.dumps(camera.name, ensure_ascii=False)}",
-        f'model = "{MODELS[camera.backward]}"',
+        f'model = "{camera.model}"',
         f"width = {camera.width}",
         f"height = {camera.height}",
         *([f"unit_px = {camera.unit_px!r}"] if camera.backward else []),

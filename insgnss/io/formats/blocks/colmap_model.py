@@ -15,7 +15,7 @@ from ....base.files import lines_of
 from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
 from ....records.block import INTERIOR, Array, BrownCamera
-from ..bundle.camera import BROWN_NAMES, PARAMETERS, Camera
+from ..bundle.camera import BROWN_NAMES, FISHEYE_NAMES, PARAMETERS, Camera
 from ..text.layout import decode, shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
@@ -198,7 +198,7 @@ def _spells_numbers(text: str, words: list[str]) -> bool:
 
 
 def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
-    """Return a camera of COLMAP whose model is Brown's, or a part of it.
+    """Return a camera of COLMAP whose model is Brown's, or a part of it, or a fisheye's.
 
     Parameters
     ----------
@@ -217,18 +217,24 @@ def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
     Raises
     ------
     InputError
-        Another model, or a rational polynomial.
+        Another model, a rational polynomial or a thin prism.
     """
     model = camera.model
-    if model not in BROWN_NAMES:
+    fisheye = model in FISHEYE_NAMES
+    names = (BROWN_NAMES | FISHEYE_NAMES).get(model)
+    if names is None:
         raise InputError.at_line(
             path,
             None,
             f"camera {name}: model {model} is not Brown's; reconstruct with one of"
-            f" {', '.join(BROWN_NAMES)}",
+            f" {', '.join((*BROWN_NAMES, *FISHEYE_NAMES))}",
         )
-    value = dict(zip(BROWN_NAMES[model], camera.parameters, strict=True))
-    if rational := [name for name in ("k4", "k5", "k6") if value.pop(name, 0.0) != 0.0]:
+    value = dict(zip(names, camera.parameters, strict=True))
+    if value.pop("sx1", 0.0) or value.pop("sy1", 0.0):
+        problem = f"camera {name}: {model} with sx1 or sy1 other than zero, a thin prism"
+        raise InputError.at_line(path, None, f"{problem}; reconstruct with OPENCV_FISHEYE")
+    unlike = () if fisheye else ("k4", "k5", "k6")
+    if rational := [name for name in unlike if value.pop(name, 0.0) != 0.0]:
         raise InputError.at_line(
             path,
             None,
@@ -239,4 +245,4 @@ def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
     value |= {"f": f, "b1": value.get("fx", f) - f, "k1": value.get("k1", value.get("k", 0.0))}
     value |= {"p1": value.get("p2", 0.0), "p2": value.get("p1", 0.0)}
     interior = np.array([value.get(name, 0.0) for name in INTERIOR])
-    return BrownCamera(name, camera.width, camera.height, interior)
+    return BrownCamera(name, camera.width, camera.height, interior, fisheye=fisheye)

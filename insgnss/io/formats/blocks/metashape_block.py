@@ -158,10 +158,10 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
     given = {c.get("class", ""): c for c in sensor.findall("calibration")}
     calibration = given.get("adjusted", next(iter(given.values()), None))
     kind = sensor.get("type", "frame") if calibration is None else calibration.get("type", "frame")
-    if kind != "frame":
+    if kind not in ("frame", "fisheye"):
         raise source.error(
-            f"camera {shown(name)} is of the type {kind}; frame cameras are read, calibrate it as"
-            " one"
+            f"camera {shown(name)} is of the type {kind}; frame and fisheye cameras are read,"
+            " calibrate it as one"
         )
     size = sensor.find("resolution") if calibration is None else calibration.find("resolution")
     size = sensor.find("resolution") if size is None else size
@@ -181,7 +181,7 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
         }
         value |= _brown(source, name, read, half, notes)
     interior = np.array([value[key] for key in INTERIOR])
-    return BrownCamera(name, width, height, interior)
+    return BrownCamera(name, width, height, interior, fisheye=kind == "fisheye")
 
 
 def _brown(

@@ -32,7 +32,8 @@ RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 VERSION = "OPENSFM_TRACKS_VERSION_v"
 FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
 LARGEST = 1e12  # of a turn in rad or a place in m: far beyond any that is real
-MODELS = ("perspective", "brown", "radial", "simple_radial")
+FISHEYE = ("fisheye", "fisheye_opencv")
+MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
 
 
 def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
@@ -255,13 +256,15 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         raise InputError.at_line(file, None, f"{problem}; export it again")
     size = max(width, height)
     fx, fy = [
-        value("focal" if model == "perspective" else key, None) for key in ("focal_x", "focal_y")
+        value("focal" if model in ("perspective", "fisheye") else key, None)
+        for key in ("focal_x", "focal_y")
     ]
-    own = {k: value(k) for k in ("k1", "k2", "k3")}
+    fisheye = model in FISHEYE
+    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()))}
     own |= {"f": size * fy, "b1": size * (fx - fy), "p1": value("p2"), "p2": value("p1")}
     own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
     interior = np.array([own.get(key, 0.0) for key in INTERIOR])
-    return BrownCamera(name, int(width), int(height), interior)
+    return BrownCamera(name, int(width), int(height), interior, fisheye=fisheye)
 
 
 def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:

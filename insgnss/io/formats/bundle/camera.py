@@ -20,13 +20,16 @@ BROWN_NAMES = {
     "FULL_OPENCV": (*_OPENCV, "k3", "k4", "k5", "k6"),
 }
 """Parameters of the models that are Brown's, or a part of it; p2 belongs to r^2 + 2 x^2."""
+FISHEYE_NAMES = {
+    "SIMPLE_RADIAL_FISHEYE": ("f", "cx", "cy", "k"),
+    "RADIAL_FISHEYE": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
+    "THIN_PRISM_FISHEYE": (*_OPENCV, "k3", "k4", "sx1", "sy1"),
+}
+"""The same of fisheye models, whose polynomial takes equidistant points."""
 PARAMETERS = {
-    **{model: len(names) for model, names in BROWN_NAMES.items()},
-    "OPENCV_FISHEYE": 8,
+    **{model: len(names) for model, names in (BROWN_NAMES | FISHEYE_NAMES).items()},
     "FOV": 5,
-    "SIMPLE_RADIAL_FISHEYE": 4,
-    "RADIAL_FISHEYE": 5,
-    "THIN_PRISM_FISHEYE": 12,
 }
 HOW = (
     "give MODEL WIDTH HEIGHT PARAMETERS as in COLMAP's cameras.txt, such as --set camera='PINHOLE"

@@ -2,7 +2,7 @@
 
     toml        camera.toml of insgnss                       colmap     cameras.txt
     metashape   <calibration>, project, XML of cameras       opensfm    cameras.json, reconstruction
-    opencv      YAML or XML of cv::FileStorage, ROS          kalibr     camchain, pinhole radtan
+    opencv      YAML or XML of cv::FileStorage, ROS          kalibr     camchain, pinhole
     pix4d       .cam; sizes from the file of poses beside    bentley    BlocksExchange
     inpho       $CAMERA without distortion                   dbat       scripts and camera files
 
@@ -30,6 +30,7 @@ from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml
 
 HEAD = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
+KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
 CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
 Cameras = tuple[BrownCamera, ...]
@@ -118,17 +119,25 @@ def recognised_camera(path: Path) -> str:
 
 
 def _opencv_camera(
-    path: Path, name: str, size: tuple[str | None, ...], K: Array, D: Array
+    path: Path, name: str, size: tuple[str | None, ...], K: Array, D: Array, fisheye: bool
 ) -> BrownCamera:
-    """Return a camera of OpenCV's parameters: fx, fy, cx, cy, and k1 k2 p1 p2 [k3 [k4 k5 k6]]."""
+    """Return a camera of OpenCV's parameters: fx, fy, cx, cy, and k1 k2 p1 p2 [k3 [k4 k5 k6]].
+
+    Those of a fisheye are k1 to k4.
+    """
+    if fisheye and D.size != 4:
+        raise InputError.at_line(
+            path, None, f"camera {name}: {D.size} coefficients; a fisheye has k1 to k4"
+        )
     rational = np.concatenate([D, np.zeros(max(0, 8 - D.size))])
     if np.any(rational[8:]):
         raise InputError.at_line(
             path, None, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
         )
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_PX, CENTRE_PX)).tolist())]
-    parameters += map(repr, rational[:8].tolist())
-    return _of_words(path, name, "FULL_OPENCV " + " ".join(map(str, parameters)))
+    model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
+    parameters += map(repr, rational[:n].tolist())
+    return _of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
 
 
 def _of_words(path: Path, name: str, text: str) -> BrownCamera:
@@ -153,10 +162,7 @@ def _text(path: Path) -> str:
 
 def _opencv(path: Path) -> Cameras:
     text = _text(path)
-    if re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text):
-        raise InputError.at_line(
-            path, None, "is a fisheye camera; cameras of Brown's model are read"
-        )
+    fisheye = re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text) is not None
 
     def block(key: str) -> str:
         yaml = re.search(rf"(?i)\b{key}:[^\[]*?data:\s*\[([^\]]*)\]", text)
@@ -175,7 +181,7 @@ def _opencv(path: Path) -> Cameras:
     size = side("image_width"), side("image_height")
     if K.size != 9 or None in size:
         raise InputError.at_line(path, None, "needs image_width, image_height and a matrix of 9")
-    return (_opencv_camera(path, path.stem, size, K[[0, 4, 2, 5]], D),)
+    return (_opencv_camera(path, path.stem, size, K[[0, 4, 2, 5]], D, fisheye),)
 
 
 def _kalibr(path: Path) -> Cameras:
@@ -187,24 +193,22 @@ def _kalibr(path: Path) -> Cameras:
         }
         value = {key: match[1].strip() if match else "" for key, match in matches.items()}
         coefficients = re.search(r"(?m)^\s+distortion_coeffs:((?:.*\n?)(?:\s+-.*\n?)*)", body)
-        if value["camera_model"] != "pinhole" or value["distortion_model"] not in (
-            "radtan",
-            "none",
-        ):
-            model = f"{value['camera_model']} {value['distortion_model']}"
+        distortion = value["distortion_model"]
+        if value["camera_model"] != "pinhole" or distortion not in KALIBR:
+            model = f"{value['camera_model']} {distortion}"
             raise InputError.at_line(
-                path, None, f"camera {name}: {shown(model)}; pinhole radtan is read"
+                path, None, f"camera {name}: {shown(model)}; read is pinhole {', '.join(KALIBR)}"
             )
         K = _numbers(path, value["intrinsics"], "intrinsics")
         size = tuple(re.findall(r"\d+", value["resolution"]))
         D = np.zeros(4)
-        if value["distortion_model"] == "radtan" and coefficients:
+        if distortion != "none" and coefficients:
             D = _numbers(path, coefficients[1], "distortion_coeffs")
         if K.size != 4 or len(size) != 2:
             raise InputError.at_line(
                 path, None, f"camera {name}: needs 4 intrinsics and a resolution"
             )
-        cameras.append(_opencv_camera(path, name, size, K, D))
+        cameras.append(_opencv_camera(path, name, size, K, D, distortion == "equidistant"))
     return tuple(cameras)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.compilation import njit
+from ....records.cameras.camera import AXIS_R2
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -13,6 +14,8 @@ Flags = NDArray[np.bool_]
 
 N_INTERIOR = 11
 """Parameters of interior orientation: f cx cy b1 b2 k1 k2 k3 k4 p1 p2."""
+FORWARD, BACKWARD, FISHEYE = range(3)
+"""Rows of `records.block.MODELS`."""
 
 
 class Rays(NamedTuple):
@@ -27,7 +30,7 @@ class Rays(NamedTuple):
     active : (n,) whether the observation takes part.
     camera : (ni,) row of each image's camera.
     pose : (ni,) first column of each image's pose.
-    backward : (nc,) whether the camera's polynomial takes measured to ideal points.
+    model : (nc,) which model the camera has: FORWARD, BACKWARD or FISHEYE.
     unit : (nc,) pixels in the unit of a backward polynomial.
     columns : (k,) parameters of interior orientation that are unknowns of some camera.
     kept : (np,) first column of each point that is not eliminated, else -1.
@@ -40,7 +43,7 @@ class Rays(NamedTuple):
     active: Flags
     camera: Rows
     pose: Rows
-    backward: Flags
+    model: Rows
     unit: Array
     columns: Rows
     kept: Rows
@@ -90,15 +93,24 @@ def brown(x, y, c, out):
 
 
 @njit(cache=True)
-def image_residual(X0, C, X, c, backward, unit, fold2, uv, work, e):
+def _equidistant(x, y):
+    """Compute arctan(r) / r of (J.4a), and its derivative by r over r."""
+    r2 = max(x * x + y * y, AXIS_R2)
+    r = np.sqrt(r2)
+    scale = np.arctan(r) / r
+    return scale, (1.0 / (1.0 + r2) - scale) / r2
+
+
+@njit(cache=True)
+def image_residual(X0, C, X, c, model, unit, fold2, uv, work, e):
     """Compute observed - computed of one image observation, pixels.
 
     Parameters
     ----------
     X0, C, X, c : ndarray
         (3,) projection centre, (3, 3) C_mc, (3,) object point, (11,) interior orientation.
-    backward, unit, fold2 : bool, float, float
-        The camera's polynomial: its direction, unit and fold.
+    model, unit, fold2 : int, float, float
+        The camera's model, and its polynomial's unit and fold.
     uv : ndarray, (2,)
         Measured pixel.
     work : ndarray, (10,)
@@ -120,16 +132,19 @@ def image_residual(X0, C, X, c, backward, unit, fold2, uv, work, e):
     x = z * (C[0, 0] * d0 + C[1, 0] * d1 + C[2, 0] * d2)
     y = z * (C[0, 1] * d0 + C[1, 1] * d1 + C[2, 1] * d2)
     work[0], work[1], work[2] = x, y, z
-    if backward:
+    if model == BACKWARD:
         a = ((1.0 + c[3]) * (uv[0] - c[1]) + c[4] * (uv[1] - c[2])) / unit
         b = (uv[1] - c[2]) / unit
     else:
         a, b = x, y
+        if model == FISHEYE:
+            scale, _ = _equidistant(x, y)
+            a, b = scale * x, scale * y
     if not a * a + b * b < fold2:
         return False
     work[3], work[4] = a, b
     brown(a, b, c, work[5:])
-    if backward:
+    if model == BACKWARD:
         e[0] = unit * work[5] - c[0] * x
         e[1] = unit * work[6] - c[0] * y
     else:
@@ -139,12 +154,12 @@ def image_residual(X0, C, X, c, backward, unit, fold2, uv, work, e):
 
 
 @njit(cache=True)
-def image_jacobian(X0, C, X, c, backward, unit, uv, work, A, K, B):
+def image_jacobian(X0, C, X, c, model, unit, uv, work, A, K, B):
     """Compute the derivative of one image observation, d computed / d unknown.
 
     Parameters
     ----------
-    X0, C, X, c, backward, unit, uv, work
+    X0, C, X, c, model, unit, uv, work
         As `image_residual` takes them and leaves them.
     A, K, B : ndarray
         (2, 6) by position and psi, (2, 11) by interior orientation, (2, 3) by the object point,
@@ -153,7 +168,7 @@ def image_jacobian(X0, C, X, c, backward, unit, uv, work, A, K, B):
     x, y, z, a, b = work[0], work[1], work[2], work[3], work[4]
     Da, Db, Daa, Dab, Dbb = work[5], work[6], work[7], work[8], work[9]
     f, b1, b2 = c[0], c[3], c[4]
-    if backward:
+    if model == BACKWARD:
         m00, m01, m10, m11 = f, 0.0, 0.0, f
         s = -unit
         t00, t01, t11 = s, 0.0, s  # what a distortion does to the computed value
@@ -167,6 +182,11 @@ def image_jacobian(X0, C, X, c, backward, unit, uv, work, A, K, B):
         t00, t01, t11 = f + b1, b2, f
         m00, m01 = t00 * Daa + t01 * Dab, t00 * Dab + t01 * Dbb
         m10, m11 = t11 * Dab, t11 * Dbb
+        if model == FISHEYE:
+            scale, slope = _equidistant(x, y)
+            s0, s1 = slope * (m00 * x + m01 * y), slope * (m10 * x + m11 * y)
+            m00, m01 = scale * m00 + s0 * x, scale * m01 + s0 * y
+            m10, m11 = scale * m10 + s1 * x, scale * m11 + s1 * y
         K[0, 0], K[1, 0] = Da, Db
         K[0, 1], K[1, 1] = 1.0, 0.0
         K[0, 2], K[1, 2] = 0.0, 1.0
@@ -223,7 +243,7 @@ def residuals(rays, values, e):
                 values.C_mc[i],
                 values.point[p],
                 values.interior[cam],
-                rays.backward[cam],
+                rays.model[cam],
                 rays.unit[cam],
                 values.fold2[cam],
                 rays.uv[j],

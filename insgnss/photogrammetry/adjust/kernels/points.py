@@ -145,9 +145,9 @@ def linearise_point(rays, values, p, s, with_W=True):
             rays.uv[j],
             s.e[m],
         )
-        backward, unit = rays.backward[cam], rays.unit[cam]
-        image_residual(X0, C, X, c, backward, unit, values.fold2[cam], uv, s.work, e)
-        image_jacobian(X0, C, X, c, backward, unit, uv, s.work, A, s.full, B)
+        model, unit = rays.model[cam], rays.unit[cam]
+        image_residual(X0, C, X, c, model, unit, values.fold2[cam], uv, s.work, e)
+        image_jacobian(X0, C, X, c, model, unit, uv, s.work, A, s.full, B)
         for r in range(2):
             w = rays.weight[j, r]
             e[r] *= w
