@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 GROUP = "insgnss.measurements"
 """Entry points by which an installed package adds kinds."""
-SHIPPED = ("heading", "attitude", "body_velocity", "baseline", "magnetometer")
+SHIPPED = ("heading", "attitude", "body_velocity", "baseline", "magnetometer", "airspeed")
 
 
 def _kinds() -> tuple[str, ...]:
@@ -38,7 +38,8 @@ class MeasurementInput:
     kind: str = option(
         ...,
         "what it measures (measurement.md): heading, attitude, body velocity, a baseline from one"
-        " antenna to another or the magnetic field; or a kind that is installed beside",
+        " antenna to another, the magnetic field or the speed through the air; or a kind that is"
+        " installed beside",
         kind="choice",
         choices=_kinds,
     )
@@ -82,7 +83,8 @@ class MeasurementInput:
     )
     scale_sigma: float = option(
         0.02,
-        "of body_velocity: a-priori standard deviation of its scale factor, a state; 0: 1e-4",
+        "of body_velocity and airspeed: a-priori standard deviation of the scale factor, a state;"
+        " 0: 1e-4",
         low=0.0,
         high=0.5,
     )

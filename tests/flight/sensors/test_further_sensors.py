@@ -14,6 +14,7 @@ from insgnss.geodesy.rotation import rotation_from_vector, rpy_from_rotation
 OFFSET = np.radians([0.6, -0.8, 1.5])  # by which sensors are turned against the body
 LEVER = np.array([1.0, 0.2, -0.1])
 SCALE = 0.015
+WIND = [5.0, -3.0]  # m/s, north and east, at the start
 HARD = np.array([2.5, -1.5, 1.0])  # uT
 SOFT = np.array([[0.02, -0.01, 0.015], [0.0, -0.03, 0.01], [0.02, 0.0, 0.01]])
 # of the dipole at 46.57 deg of latitude: 47.87 uT and a dip of 64.67 deg
@@ -30,6 +31,10 @@ def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
     apart = C @ rotation_from_vector(OFFSET) @ LEVER
     tow = path.time[:, None]
     heading = rpy_from_rotation(C)[:, 2:] + OFFSET[2]
+    steps = np.random.default_rng(3).standard_normal((len(path), 2))
+    wind = WIND + np.cumsum(0.2 * np.sqrt(np.diff(path.time).mean()) * steps, axis=0)
+    against = path.velocity_ned - np.pad(wind, ((0, 0), (0, 1)))
+    through_air = np.einsum("ki,ki->k", C[:, :, 0], against)[:, None]
     dip, azimuth = np.radians([63.1, 2.9])
     level = np.cos(dip) * np.array([np.cos(azimuth), np.sin(azimuth)])
     field = np.einsum("kji,j->ki", C, 47.9 * np.array([*level, np.sin(dip)]))
@@ -39,6 +44,7 @@ def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
         "attitude": ("tow,roll,pitch,yaw", np.hstack([tow, np.degrees(turned)]), 0.2),
         "body_velocity": ("tow,vx,vy,vz", np.hstack([tow, rotated]), 0.05),
         "magnetometer": ("tow,mag_x,mag_y,mag_z", np.hstack([tow, magnetic * [-1, -1, 1]]), 0.4),
+        "airspeed": ("tow,tas", np.hstack([tow, (1.0 + SCALE) * through_air]), 0.3),
         "baseline": ("tow,rel_n,rel_e,rel_d", np.hstack([tow, apart]), 0.005),
     }
 
@@ -48,6 +54,7 @@ EXPECTED = {
     "attitude": OFFSET,
     "body_velocity": np.array([SCALE, *OFFSET]),
     "baseline": OFFSET,
+    "airspeed": np.array([SCALE]),  # beside wind, which is no constant
     "magnetometer": np.array([*HARD, *SOFT.ravel(), *FIELD]),
 }
 

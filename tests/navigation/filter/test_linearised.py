@@ -141,6 +141,7 @@ SENSORS = {  # columns, sigma, options
     "attitude": (("roll", "pitch", "heading"), 0.01, {}),
     "body_velocity": (("forward", "right", "down"), 0.1, {}),
     "baseline": (("n", "e", "d"), 0.01, {"lever_m": (1.0, 0.2, -0.1)}),
+    "airspeed": (("airspeed",), 0.3, {}),
     "magnetometer": (("x", "y", "z"), 0.4, {"declination_deg": 2.5}),
 }
 
@@ -152,6 +153,7 @@ def nees_of(kind: str, seed: int, exact: bool) -> tuple[float, float]:
     columns, sigma, more = SENSORS[kind]
     options = MeasurementInput(kind=kind, file=Path("x"), **more)
     predict, own = kinds()[kind].model(options, columns)
+    own = tuple(replace(state, walk=0.0) for state in own)  # what is drawn stays
     rng = np.random.default_rng(1000 + seed)
     drawn = rng.standard_normal(len(own)) * [state.sigma for state in own]
     period = TURN if kinds()[kind].unit == "angle" else None
