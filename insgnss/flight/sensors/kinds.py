@@ -26,7 +26,10 @@ from .options import GROUP, SHIPPED, MeasurementInput
 
 EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
 EXACT_SCALE = 1e-4  # of such a scale factor
-OF_SINGLE_KINDS = ("offset_sigma_deg", "scale_sigma", "lever_m")
+OF_SINGLE_KINDS = (
+    *("offset_sigma_deg", "scale_sigma", "lever_m", "axes", "declination_deg"),
+    *("declination_sigma_deg", "hard_iron_sigma", "soft_iron_sigma"),
+)
 """Options that a kind reads, or refuses, by its `Kind.reads`."""
 
 LogRows = tuple[int, Array, Array, Lines, Array | None, tuple[Finding, ...]]
@@ -46,7 +49,7 @@ class Kind:
     values : str
         The columns of the values, blanks between them.
     unit : str
-        Key of `units` that they have: "angle", "velocity" or "length".
+        Key of `units` that they have: "angle", "velocity", "length" or "field".
     model : callable
         Takes the options and which of `values` the file has; returns the prediction of these
         (`records.measurements.Predict`) and the own states.
@@ -173,7 +176,7 @@ def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
     values = factor * table.block(" ".join(columns))
     names = [f"sigma_{name}" for name in columns]
     if all(name in table for name in names):
-        unit = {"angle": "deg", "velocity": "m/s", "length": "m"}[kind.unit]
+        unit = {"angle": "deg", "velocity": "m/s", "length": "m", "field": "uT"}[kind.unit]
         sigma = factor * table.positive(" ".join(names), unit)
     else:
         sigma = _stated_sigma(options, kind, values.shape, f"no column {' or '.join(names)}")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 GROUP = "insgnss.measurements"
 """Entry points by which an installed package adds kinds."""
-SHIPPED = ("heading", "attitude", "body_velocity", "baseline")
+SHIPPED = ("heading", "attitude", "body_velocity", "baseline", "magnetometer", "airspeed")
 
 
 def _kinds() -> tuple[str, ...]:
@@ -22,7 +22,7 @@ def _kinds() -> tuple[str, ...]:
 
 
 def _unit_keys() -> tuple[str, ...]:
-    return ("angle", "velocity", "length", "time")
+    return ("angle", "velocity", "length", "field", "time")
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,9 @@ class MeasurementInput:
 
     kind: str = option(
         ...,
-        "what it measures (measurement.md): heading, attitude, body velocity or a baseline from one"
-        " antenna to another; or a kind that is installed beside",
+        "what it measures (measurement.md): heading, attitude, body velocity, a baseline from one"
+        " antenna to another, the magnetic field or the speed through the air; or a kind that is"
+        " installed beside",
         kind="choice",
         choices=_kinds,
     )
@@ -51,17 +52,17 @@ class MeasurementInput:
     )
     units: Mapping[str, str] | None = option(
         None,
-        "angle: deg, rad; velocity: m/s, cm/s, mm/s, km/h, kn; length: m, cm, mm; time as"
-        " imu.units",
+        "angle: deg, rad; velocity: m/s, cm/s, mm/s, km/h, kn; length: m, cm, mm;"
+        " field: uT, nT, mG, G; time as imu.units",
         kind="gnss_units",
         members=_unit_keys,
-        usual="by header, else deg, m/s, m and s",
+        usual="by header, else deg, m/s, m, uT and s",
         of_file=True,
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     sigma: float | None = option(
         None,
-        "standard deviation of the values where the file has none, in deg, m/s or m",
+        "standard deviation of the values where the file has none, in deg, m/s, m or uT",
         usual="that of the file",
         low=1e-6,
         high=1e3,
@@ -82,7 +83,42 @@ class MeasurementInput:
     )
     scale_sigma: float = option(
         0.02,
-        "of body_velocity: a-priori standard deviation of its scale factor, a state; 0: 1e-4",
+        "of body_velocity and airspeed: a-priori standard deviation of the scale factor, a state;"
+        " 0: 1e-4",
+        low=0.0,
+        high=0.5,
+    )
+    axes: str = option(
+        "forward right down",
+        "of magnetometer: body directions of its x, y and z, as imu.axes",
+        kind="axes",
+    )
+    declination_deg: float | None = option(
+        None,
+        "of magnetometer: azimuth of magnetic north at place and date of the flight, as a model of"
+        " the field gives it (WMM, IGRF)",
+        unit="deg",
+        low=-180.0,
+        high=180.0,
+    )
+    declination_sigma_deg: float = option(
+        0.5,
+        "of magnetometer: a-priori standard deviation of the declination, a state",
+        unit="deg",
+        low=0.01,
+        high=180.0,
+    )
+    hard_iron_sigma: float = option(
+        2.0,
+        "of magnetometer: a-priori standard deviation, uT, of each axis of the vehicle's own"
+        " constant field, which are states; without calibration 50; 0: none",
+        low=0.0,
+        high=1e3,
+    )
+    soft_iron_sigma: float = option(
+        0.02,
+        "of magnetometer: a-priori standard deviation of the nine scale, cross-axis and alignment"
+        " factors, which are states; 0: none",
         low=0.0,
         high=0.5,
     )

@@ -1,4 +1,10 @@
-"""Measurements given by their prediction alone, linearised about a solution (K.13)."""
+"""Measurements given by their prediction alone, linearised about a solution (K.13).
+
+Zero velocity updates, non-holonomic constraints and the barometer are none of these: they have
+kernels (K.8-K.10, K.12). They are needed before there is a solution to linearise about: at rest
+they carry the first pass over minutes without fixes, the closed loop filter linearises them about
+its own nominal, and a flight with them needs one pass in place of two.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -187,8 +187,9 @@ def _means(
     H = solution.problem.epochs.linear_H[middle, number, : residual.shape[1]]
     P = against.nav_covariance(middle)
     of_solution = np.einsum("kci,kij,kcj->kc", H[:, :, NAV], P, H[:, :, NAV])
-    bias = against.channel_bias(middle)[1][:, :3]
-    of_solution += np.einsum("kci,ki->kc", H[:, :, OF_BIAS:OF_STATES] ** 2, bias**2)
+    if (of_bias := H[:, :, OF_BIAS:OF_STATES] ** 2).any():
+        bias = against.channel_bias(_kept(against, middle))[1][:, :3]
+        of_solution += np.einsum("kci,ki->kc", of_bias, bias**2)
     return pieces, mean.reshape(of_solution.shape), white.reshape(of_solution.shape), of_solution
 
 
@@ -199,8 +200,17 @@ def _of_own_states(solution: Solution, number: int, pieces: list[np.ndarray]) ->
     H = solution.problem.epochs.linear_H[middle, number, :, OF_STATES:]
     H = H[:, : measured.measurement.values.shape[1]]
     q = H.shape[2]
-    P = solution.covariance(middle)[:, -q:, -q:] if q else np.zeros((middle.size, 0, 0))
+    P = (
+        solution.covariance(_kept(solution, middle))[:, -q:, -q:]
+        if q
+        else np.zeros((middle.size, 0, 0))
+    )
     return np.einsum("kci,kij,kcj->kc", H, P, H)
+
+
+def _kept(solution: Solution, index: np.ndarray) -> np.ndarray:
+    """Return the next epochs whose covariance is kept, so that no pass is run again for it."""
+    return solution.rows[np.searchsorted(solution.rows[:-1], index)]
 
 
 def _middle(measured: MeasuredRows, pieces: list[np.ndarray]) -> np.ndarray:

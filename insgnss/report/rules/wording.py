@@ -82,4 +82,5 @@ def screen_unit(unit: str) -> tuple[float, str]:
 
 def state_unit(state: State) -> tuple[float, str]:
     """Factor and unit in which a constant is read."""
-    return {"": (1e6, "ppm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "m": (1.0, "m")}[state.unit]
+    shown = {"": (1e6, "ppm"), "rad": (1e3, "mrad"), "s": (1e3, "ms")}
+    return shown.get(state.unit, (1.0, state.unit))

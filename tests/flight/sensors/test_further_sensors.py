@@ -14,6 +14,11 @@ from insgnss.geodesy.rotation import rotation_from_vector, rpy_from_rotation
 OFFSET = np.radians([0.6, -0.8, 1.5])  # by which sensors are turned against the body
 LEVER = np.array([1.0, 0.2, -0.1])
 SCALE = 0.015
+WIND = [5.0, -3.0]  # m/s, north and east, at the start
+HARD = np.array([2.5, -1.5, 1.0])  # uT
+SOFT = np.array([[0.02, -0.01, 0.015], [0.0, -0.03, 0.01], [0.02, 0.0, 0.01]])
+# of the dipole at 46.57 deg of latitude: 47.87 uT and a dip of 64.67 deg
+FIELD = [47.9 / 47.87 - 1.0, np.radians(63.1 - 64.67), np.radians(0.4)]
 
 
 def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
@@ -26,10 +31,20 @@ def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
     apart = C @ rotation_from_vector(OFFSET) @ LEVER
     tow = path.time[:, None]
     heading = rpy_from_rotation(C)[:, 2:] + OFFSET[2]
+    steps = np.random.default_rng(3).standard_normal((len(path), 2))
+    wind = WIND + np.cumsum(0.2 * np.sqrt(np.diff(path.time).mean()) * steps, axis=0)
+    against = path.velocity_ned - np.pad(wind, ((0, 0), (0, 1)))
+    through_air = np.einsum("ki,ki->k", C[:, :, 0], against)[:, None]
+    dip, azimuth = np.radians([63.1, 2.9])
+    level = np.cos(dip) * np.array([np.cos(azimuth), np.sin(azimuth)])
+    field = np.einsum("kji,j->ki", C, 47.9 * np.array([*level, np.sin(dip)]))
+    magnetic = field + field @ SOFT.T + HARD
     return {
         "heading": ("tow,heading", np.hstack([tow, np.degrees(heading)]), 0.2),
         "attitude": ("tow,roll,pitch,yaw", np.hstack([tow, np.degrees(turned)]), 0.2),
         "body_velocity": ("tow,vx,vy,vz", np.hstack([tow, rotated]), 0.05),
+        "magnetometer": ("tow,mag_x,mag_y,mag_z", np.hstack([tow, magnetic * [-1, -1, 1]]), 0.4),
+        "airspeed": ("tow,tas", np.hstack([tow, (1.0 + SCALE) * through_air]), 0.3),
         "baseline": ("tow,rel_n,rel_e,rel_d", np.hstack([tow, apart]), 0.005),
     }
 
@@ -39,6 +54,8 @@ EXPECTED = {
     "attitude": OFFSET,
     "body_velocity": np.array([SCALE, *OFFSET]),
     "baseline": OFFSET,
+    "airspeed": np.array([SCALE]),  # beside wind, which is no constant
+    "magnetometer": np.array([*HARD, *SOFT.ravel(), *FIELD]),
 }
 
 
@@ -69,8 +86,11 @@ def test_a_kind_finds_what_is_unknown_of_its_sensor(dataset, kind):
     values and of the heading's error as their sigmas say.
     """
     root, sim = dataset
-    lever = f"lever_m = {LEVER.tolist()}" if kind == "baseline" else ""
-    result = insgnss.process(written(root, sim, kind, lever), write=False)
+    more = {
+        "baseline": f"lever_m = {LEVER.tolist()}",
+        "magnetometer": 'declination_deg = 2.5\naxes = "back left down"',
+    }.get(kind, "")
+    result = insgnss.process(written(root, sim, kind, more), write=False)
     found = [e for e in result.states if e.state.group == kind]
     values, sigmas = (np.array([getattr(e, n) for e in found]) for n in ("value", "sigma"))
     assert (np.abs(values - EXPECTED[kind]) < 4.0 * sigmas).all()

@@ -11,12 +11,14 @@ from flown import NO_GATE, Flown, error_of, fly, start_near
 from scipy.stats import chi2
 
 import insgnss
+import insgnss.flight.config.imu_options  # registers the kind of option "axes"
 from insgnss.base.errors import DataError, InputError
 from insgnss.flight.reference.linear import batch
 from insgnss.flight.reference.twin import solve_twin
 from insgnss.flight.reference.verify import differences
 from insgnss.flight.sensors.kinds import kinds
 from insgnss.flight.sensors.options import MeasurementInput
+from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.filter.codes import N_KINDS, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import state_layout
@@ -139,6 +141,8 @@ SENSORS = {  # columns, sigma, options
     "attitude": (("roll", "pitch", "heading"), 0.01, {}),
     "body_velocity": (("forward", "right", "down"), 0.1, {}),
     "baseline": (("n", "e", "d"), 0.01, {"lever_m": (1.0, 0.2, -0.1)}),
+    "airspeed": (("airspeed",), 0.3, {}),
+    "magnetometer": (("x", "y", "z"), 0.4, {"declination_deg": 2.5}),
 }
 
 
@@ -149,6 +153,7 @@ def nees_of(kind: str, seed: int, exact: bool) -> tuple[float, float]:
     columns, sigma, more = SENSORS[kind]
     options = MeasurementInput(kind=kind, file=Path("x"), **more)
     predict, own = kinds()[kind].model(options, columns)
+    own = tuple(replace(state, walk=0.0) for state in own)  # what is drawn stays
     rng = np.random.default_rng(1000 + seed)
     drawn = rng.standard_normal(len(own)) * [state.sigma for state in own]
     period = TURN if kinds()[kind].unit == "angle" else None
@@ -179,7 +184,7 @@ def test_nees_lies_within_its_bounds(kind, flights, exact):
     two-sided 99 % bounds.
     """
     nees = np.array([nees_of(kind, seed, exact) for seed in range(flights)]).sum(axis=0)
-    states = {"heading": 1, "body_velocity": 4}.get(kind, 3)
+    states = {"heading": 1, "body_velocity": 4, "magnetometer": 15}.get(kind, 3)
     for total, freedom in zip(nees, (9, states), strict=True):
         low, high = chi2.ppf([0.005, 0.995], flights * freedom)
         assert low < total < high or (exact and freedom == states)
@@ -247,6 +252,18 @@ def test_a_hovering_copter_gets_its_heading_from_a_compass():
     noisy = path.rpy[:, 2] + 0.005 * np.random.default_rng(1).standard_normal(len(path))
     states = (OwnState("offset", 0.02, "rad"),)
     compass = Measurement("compass", path.time, noisy, 0.005, heading, states, period=TURN)
+    iron = {"declination_deg": 0.0, "hard_iron_sigma": 0.3, "soft_iron_sigma": 0.005}
+    options = MeasurementInput(kind="magnetometer", file=Path("x"), **iron)
+    predict, own = kinds()["magnetometer"].model(options, ("x", "y", "z"))
+    zero = np.zeros((len(path), 3))
+    exact = predict(
+        Motion(
+            path.time, zero, zero, path.C_nb, zero, zero, LocalFrame(path.lat[0], path.lon[0], 0.0)
+        ),
+        np.zeros((len(path), len(own))),
+    )
+    field = exact + 0.4 * np.random.default_rng(2).standard_normal(exact.shape)
+    magnetometer = Measurement("magnetometer", path.time, field, 0.4, predict, own)
     level = Measurement("level", path.time, path.height, 0.5, lambda motion, _: motion.geodetic[2])
 
     def estimated(*measurements):
@@ -261,11 +278,12 @@ def test_a_hovering_copter_gets_its_heading_from_a_compass():
     for some in ((), (level,)):
         with pytest.raises(DataError, match="heading not observable"):
             estimated(*some)
-    found = estimated(compass).trajectory
-    turn = found.C_nb[100] @ sim.truth.trajectory.at(found.time[100:101]).C_nb[0].T
-    sigma = np.sqrt(found.cov[100, 8, 8])
-    assert abs(turn[1, 0]) < 4.0 * sigma
-    assert 0.015 < sigma < 0.021
+    for sensor, least, most in ((compass, 0.015, 0.021), (magnetometer, 0.01, 0.03)):
+        found = estimated(sensor).trajectory
+        turn = found.C_nb[100] @ sim.truth.trajectory.at(found.time[100:101]).C_nb[0].T
+        sigma = np.sqrt(found.cov[100, 8, 8])
+        assert abs(turn[1, 0]) < 4.0 * sigma
+        assert least < sigma < most
 
 
 TIME = np.arange(3.0)

@@ -34,6 +34,7 @@ UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "pressure": {"Pa": 1.0, "hPa": 1e2, "mbar": 1e2, "kPa": 1e3},
     "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0},
+    "field": {"uT": 1.0, "nT": 1e-3, "mG": 0.1, "G": 100.0},
     "time": {
         **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
         **{"unix": 1.0, "unix_ms": 1e-3, "unix_us": 1e-6, "unix_ns": 1e-9, "gps": 1.0},
