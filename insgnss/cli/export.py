@@ -59,9 +59,9 @@ class Request(Checked):
     eo: Path = argument(
         ...,
         "the eo.json of a processed flight or its directory; positions without an IMU, for "
-        "metashape, pix4d_matic, pix4d_mapper and odm: .MRK, _events.pos, camera_positions.csv, "
-        "references of Metashape or Pix4D, any events with --fixes; or a noise model by name or "
-        "file (with --proof: a format below)",
+        "metashape, pix4d_matic, pix4d_mapper, odm, realitycapture_accuracy, generic_ascii and "
+        "geojson: .MRK, _events.pos, camera_positions.csv, references of Metashape or Pix4D, any "
+        "events with --fixes; or a noise model by name or file (with --proof: a format below)",
         cli="EO",
     )
     format: str = argument(

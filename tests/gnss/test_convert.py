@@ -1,15 +1,18 @@
 """Receivers' own logs, converted to RINEX by RTKLIB."""
 
 import gzip
+import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import oracle
 
-from insgnss.base.errors import InputError
+from insgnss.base.errors import DataError, InputError
 from insgnss.gnss.engine import convert as room
 from insgnss.gnss.engine.convert import converted, log_format
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.io.formats.logs.ulog import receiver_bytes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
@@ -49,6 +52,40 @@ def test_without_the_converter_one_line_says_how_to_get_it(tmp_path, monkeypatch
         converted(tmp_path / "x.ubx", tmp_path, ())
     (tmp_path / "x.obs").write_text("RINEX\n")
     assert converted(tmp_path / "x.obs", tmp_path, ()).path == tmp_path / "x.obs"
+
+
+def px4(path, rows):
+    """A log of PX4 that holds bytes to (128) and from its receivers: instance, direction, bytes."""
+    oracle("pyulog")
+    fields = "uint64_t timestamp; uint8_t instance; uint8_t len; uint8_t[79] data"
+    dump = [
+        (1_000_000 + k, instance, len(data) + way, *data.ljust(79, b"\0"))
+        for k, (instance, way, data) in enumerate(rows)
+    ]
+    writer = runpy.run_path(str(Path(__file__).parents[2] / "scripts/fuzz_readers.py"))
+    path.write_bytes(writer["ulog"]([("gps_dump", fields, dump)])[0])
+    return path
+
+
+@pytest.mark.slow
+def test_a_log_of_px4_holds_that_of_its_receiver(tmp_path, monkeypatch):
+    """Oracle: the bytes put in, without those to the receiver and of another one, as pyulog's own
+    extraction has them; they reach the converter as a log of u-blox."""
+    frames = b"".join(ubx(bytes([k]) * 90) for k in range(5))
+    pieces = [frames[k : k + 79] for k in range(0, len(frames), 79)]
+    rows = [row for piece in pieces for row in ((0, 0, piece), (0, 128, b"to"), (1, 0, b"other"))]
+    path = px4(tmp_path / "flight.ulg", rows)
+    assert receiver_bytes(path) == frames
+    assert log_format(path) == "ULOG"
+    commands = []
+    monkeypatch.setattr(room.importlib.util, "find_spec", lambda name: True)
+    monkeypatch.setattr(room, "_run", lambda command, path: commands.append(command))
+    with pytest.raises(DataError, match="u-blox: the converter found no raw observations"):
+        converted(path, tmp_path / "out", ())
+    ((*_, form, source, _, _),) = commands
+    assert (form, Path(source).read_bytes()) == ("UBX", frames)
+    with pytest.raises(DataError, match=r"holds no messages of its receiver .*GPS_DUMP_COMM"):
+        converted(px4(tmp_path / "none.ulg", [(0, 128, b"to")]), tmp_path / "out", ())
 
 
 @pytest.mark.slow

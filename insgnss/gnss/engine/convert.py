@@ -1,9 +1,10 @@
 """Receivers' own logs (.ubx, .sbf, .rtcm3) as RINEX, by RTKLIB's converter.
 
-The converter is that of the wheel pyrtklib5, in a process of its own. What a file is its first
-bytes tell: frames of u-blox, Septentrio or RTCM 3 that follow each other. RTCM 3 has no date but
-the time of week, which is taken to lie within half a week of the navigation messages that are given
-besides; without these it would be of the week in which the file is converted.
+A log of PX4 may hold that of its receiver. The converter is that of the wheel pyrtklib5, in a
+process of its own. What a file is its first bytes tell: frames of u-blox, Septentrio or RTCM 3 that
+follow each other. RTCM 3 has no date but the time of week, which is taken to lie within half a week
+of the navigation messages that are given besides; without these it would be of the week in which
+the file is converted.
 """
 
 import importlib.util
@@ -19,12 +20,13 @@ from ...base.inputs import first_bytes
 from ...base.output.scratch import refuse_cut_off
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import calendar_from_gps
+from ...io.formats.logs.ulog import receiver_bytes
 from ...records import Finding, Question
 from ..rinex.navigation_message import TOE, read_navigation
 from ..rinex.observations import read_observations
 
 MODULE = "pyrtklib5"
-MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3"}
+MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3", "ULOG": "PX4"}
 BY_HAND = "convert it to RINEX by hand, and give that"
 HEAD_BYTES, FRAMES = (
     1 << 14,
@@ -32,7 +34,7 @@ HEAD_BYTES, FRAMES = (
 )  # first bytes of a log, and frames in them that tell its format (chosen)
 CONVERTED_WITHIN_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
 RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
-UBX_SYNC, SBF_SYNC = b"\xb5\x62", b"$@"
+UBX_SYNC, SBF_SYNC, ULOG = b"\xb5\x62", b"$@", b"ULog\x01\x12\x35"
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ def log_format(path: Path) -> str:
     if not path.is_file():
         return ""
     head = first_bytes(path, HEAD_BYTES)
+    if head.startswith(ULOG):
+        return "ULOG"
     if _ubx_frames(head) >= FRAMES:
         return "UBX"
     if head.startswith(SBF_SYNC) and head.count(SBF_SYNC) >= FRAMES:
@@ -102,6 +106,8 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
             f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name}); {DOCTOR}",
         )
     directory.mkdir(parents=True, exist_ok=True)
+    if form == "ULOG":
+        return _of_autopilot(path, directory, navigation)
     observations = directory / f"{path.stem}.obs"
     words = [form, str(path.absolute()), str(observations), str(directory / f"{path.stem}.nav")]
     week = ""
@@ -124,6 +130,24 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
     finding = f"{path.name} is of {MAKERS[form]}: {epochs} epochs as RINEX 3.04{week}"
     check = Question("receiver log", "RINEX, or a log that the converter reads").ok(finding)
     return Converted(observations, (check,))
+
+
+def _of_autopilot(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Converted:
+    """Convert what a receiver sent to the autopilot of a PX4 log, as `converted` does its own log.
+
+    Raises
+    ------
+    DataError
+        Where the log does not hold it, or no frames that the converter reads.
+    """
+    sent = directory / f"{path.stem}.from_receiver"
+    sent.write_bytes(receiver_bytes(path))
+    if not log_format(sent):
+        raise DataError(
+            f"{path}: PX4: holds no messages of its receiver (topic gps_dump); let the autopilot"
+            " log them (GPS_DUMP_COMM), or give the receiver's own log or RINEX"
+        )
+    return converted(sent, directory, navigation)
 
 
 def _run(command: list[str], path: Path) -> None:

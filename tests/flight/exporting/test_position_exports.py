@@ -1,5 +1,7 @@
 """Camera positions of PPK in the files of bundle adjustments."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,16 @@ def file(tmp_path):
             "geo.txt",
             "a.jpg 6.5400000000 46.5700000000 700.0000 NaN NaN NaN 0.03536 0.05000",
         ),
+        (
+            "realitycapture_accuracy",
+            "realitycapture_positions.csv",
+            "a.jpg,46.5700000000,6.5400000000,700.0000,0.04000,0.03000,0.05000",
+        ),
+        (
+            "generic_ascii",
+            "positions.csv",
+            "a.jpg,6.5400000000,46.5700000000,700.0000,0.04000,0.03000,0.05000",
+        ),
     ],
 )
 def test_each_program_gets_its_columns(file, capsys, form, product, line):
@@ -82,6 +94,20 @@ def test_what_positions_cannot_be_is_refused(file, capsys, words, message):
     assert main(["export", str(file), *words]) == 2
     assert message in capsys.readouterr().err
     assert sorted(file.parent.iterdir()) == before
+
+
+def test_other_programs_are_told_the_columns(file, capsys):
+    """Oracle: GeoJSON by hand; the order of the log's header in the description of the program."""
+    assert main(["export", str(file), "geojson"]) == 0
+    point = json.loads((file.parent / "positions.geojson").read_text())["features"][0]
+    assert point["geometry"] == {"type": "Point", "coordinates": [6.54, 46.57, 700.0]}
+    assert point["properties"] == {"image": "a.jpg", "sigma_enu_m": [0.04, 0.03, 0.05]}
+    assert main(["export", str(file), "geojson", "--crs", "EPSG:2056", "--force"]) == 2
+    assert main(["export", str(file), "realitycapture_accuracy", "--crs", "EPSG:2056"]) == 0
+    text = (file.parent / "realitycapture_positions_format.xml").read_text()
+    places = [text.index(f"<{name} ") for name in ("Image", "X", "Y", "Altitude", "XAccuracy")]
+    assert places == sorted(places)
+    assert "EPSG:2056" in text
 
 
 @pytest.mark.parametrize(

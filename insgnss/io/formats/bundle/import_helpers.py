@@ -203,16 +203,27 @@ def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
+    return _flight_log(path, frame_words(eo), eo.frame.kind == GEOGRAPHIC)
+
+
+def flight_log_of_positions(cameras: PlacedCameras, path: Path) -> dict[Path, str]:
+    """Return <name>_format.xml beside a flight log of positions without angles."""
+    frame = cameras.crs or "geographic coordinates of WGS84"
+    return _flight_log(path, f"{frame}, heights {cameras.heights}", not cameras.crs)
+
+
+def _flight_log(path: Path, frame: str, on_globe: bool) -> dict[Path, str]:
+    """Return the description of a flight log whose header names its columns."""
     from xml.sax.saxutils import escape, quoteattr
 
     fields = _header(path, "#name").lstrip("#").split(",")
-    variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
+    variables = VARIABLES | (ON_GLOBE if on_globe else {})
     columns = "".join(
         f'      <{variables[name][0]} index="{k}" format="{variables[name][1]}"/>\n'
         for k, name in enumerate(fields)
     )
     words = "insgnss: " + ", ".join(fields)
-    comment = f"insgnss {__version__}: {HOW.format(file=path.name)} Frame: {frame_words(eo)}"
+    comment = f"insgnss {__version__}: {HOW.format(file=path.name)} Frame: {frame}"
     guid = str(uuid.uuid5(uuid.NAMESPACE_OID, words)).upper()
     text = FLIGHT_LOG.format(
         comment=escape(comment).replace("--", "- -"),

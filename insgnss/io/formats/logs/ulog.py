@@ -34,6 +34,7 @@ MISSING = (
 )
 ULOG_HEADER_BYTES = 16  # magic, version and start of the log
 LEAST_FIX = 3  # fix_type of a three-dimensional fix; differential and RTK fixes have larger ones
+TO_RECEIVER = 128  # bit of the length in gps_dump of what the autopilot sent to the receiver
 READ_AGAIN = 8  # times the size of a file that may be read
 MICRO = 1e-6  # s of a microsecond, PX4's unit of stamps
 GNSS_TOPICS = ("vehicle_gps_position", "sensor_gps")
@@ -97,6 +98,21 @@ def read_log(path: Source) -> Log:
         else []
     )
     return Log(str(path), tables, tuple(odd), "topic")
+
+
+def receiver_bytes(path: Source) -> bytes:
+    """Return what the first receiver sent to the autopilot: the topic gps_dump, as pyulog's
+    `ulog_extract_gps_dump` takes it. Empty where the log has none.
+    """
+    dump = read_log(path).tables.get("gps_dump", {})
+    if "len" not in dump or "data[0]" not in dump:
+        return b""
+    size = dump["len"].astype(np.int64)
+    instance = dump.get("instance", np.zeros(size.size))
+    labels = sorted((x for x in dump if x.startswith("data[")), key=lambda x: int(x[5:-1]))
+    data = np.column_stack([dump[label] for label in labels]).astype(np.uint8)
+    sent = (size < TO_RECEIVER) & (instance == instance.min(initial=np.inf))
+    return data[(np.arange(len(labels)) < size[:, None]) & sent[:, None]].tobytes()
 
 
 def _fixes(log: Log, variable: str | None = None) -> Fixes:

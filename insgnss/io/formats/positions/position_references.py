@@ -1,10 +1,12 @@
-"""Camera positions without angles, as bundle adjustments read them: Metashape, PIX4D, ODM.
+"""Camera positions without angles: for Metashape, PIX4D, ODM, RealityCapture, tables and maps.
 
-The columns are those of the files with angles (data_specs/metashape.md, pix4d.md, odm.md) without
-them; the program then takes none. Each writer is a pure function of names, coordinates and standard
-deviations, in degrees (longitude, latitude) or metres (easting, northing).
+The columns are those of the files with angles (data_specs/metashape.md, pix4d.md, odm.md,
+realitycapture.md) without them; the program then takes none. Each writer is a pure function of
+names, coordinates and standard deviations, in degrees (longitude, latitude) or metres (easting,
+northing).
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -113,6 +115,64 @@ def write_odm_positions(cameras: PlacedCameras, path: Source) -> None:
     atomic_write(path, table_text(f"{code.split()[0]}\n", cameras.images, form, table))
 
 
+def write_realitycapture_positions(cameras: PlacedCameras, path: Source) -> None:
+    """Write a flight log of RealityCapture without angles, with accuracies.
+
+    Raises
+    ------
+    InputError
+        Names with commas.
+    """
+    check_names(cameras.images, ",")
+    order = [0, 1, 2] if cameras.crs else [1, 0, 2]
+    first = "x,y" if cameras.crs else "latitude,longitude"
+    form = f"%s,{cameras.digits},{cameras.digits},%.4f" + ",%.5f" * 3 + "\n"
+    table = np.hstack([cameras.coordinates[:, order], cameras.sigma])
+    head = f"#name,{first},altitude,accX,accY,accZ\n"
+    atomic_write(path, table_text(head, cameras.images, form, table))
+
+
+def write_table_of_positions(cameras: PlacedCameras, path: Source) -> None:
+    """Write a table with a header: image, coordinates, standard deviations east, north, up, m.
+
+    Raises
+    ------
+    InputError
+        Names with commas.
+    """
+    check_names(cameras.images, ",")
+    first = "easting_m,northing_m" if cameras.crs else "longitude_deg,latitude_deg"
+    head = f"# {cameras.crs or 'geographic coordinates of WGS84'}; heights {cameras.heights}\n"
+    head += f"image,{first},height_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
+    form = f"%s,{cameras.digits},{cameras.digits},%.4f" + ",%.5f" * 3 + "\n"
+    table = np.hstack([cameras.coordinates, cameras.sigma])
+    atomic_write(path, table_text(head, cameras.images, form, table))
+
+
+def write_geojson_positions(cameras: PlacedCameras, path: Source) -> None:
+    """Write GeoJSON: a point an image, with its standard deviations east, north, up, m.
+
+    Raises
+    ------
+    UsageError
+        Projected coordinates and heights above a geoid, which the format does not know.
+    """
+    if cameras.crs or "ellipsoid" not in cameras.heights:
+        raise UsageError(
+            "geojson: takes longitude, latitude and heights above the ellipsoid of WGS84; leave"
+            " --crs and --geoid out"
+        )
+    features = [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": np.round(x, 10).tolist()},
+            "properties": {"image": image, "sigma_enu_m": np.round(sigma, 5).tolist()},
+        }
+        for image, x, sigma in zip(cameras.images, cameras.coordinates, cameras.sigma, strict=True)
+    ]
+    atomic_write(path, json.dumps({"type": "FeatureCollection", "features": features}) + "\n")
+
+
 @dataclass(frozen=True)
 class PositionFormat:
     """One format of positions.
@@ -142,4 +202,11 @@ POSITION_FORMATS: dict[str, PositionFormat] = {
     "pix4d_matic": PositionFormat("pix4d_positions.csv", write_pix4d_positions),
     "pix4d_mapper": PositionFormat("pix4d_positions.csv", write_pix4d_positions),
     "odm": PositionFormat("geo.txt", write_odm_positions),
+    "realitycapture_accuracy": PositionFormat(
+        "realitycapture_positions.csv",
+        write_realitycapture_positions,
+        "bundle.import_helpers:flight_log_of_positions",
+    ),
+    "generic_ascii": PositionFormat("positions.csv", write_table_of_positions),
+    "geojson": PositionFormat("positions.geojson", write_geojson_positions),
 }
