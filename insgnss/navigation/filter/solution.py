@@ -160,9 +160,10 @@ class Solution:
         return self.covariances.of_navigation(index)
 
     def without_increments(self) -> "Solution":
-        """Return the solution without the increments of the IMU, for what only reads results.
+        """Return the solution without increments and event chain, for what only reads results.
 
-        Covariances of all states are those of `rows` then.
+        Covariances of all states are those of `rows` then. The chain is three matrices n x n an
+        event, which nothing reads once the poses of the images are known.
 
         Returns
         -------
@@ -171,7 +172,8 @@ class Solution:
         """
         inc, none = self.problem.inc, np.zeros((0, 3))
         problem = replace(self.problem, inc=replace(inc, dt=none[:, 0], dtheta=none, dvel=none))
-        return replace(self, problem=problem, covariances=replace(self.covariances, again=None))
+        covariances = replace(self.covariances, again=None)
+        return replace(self, problem=problem, covariances=covariances, chain=None)
 
     def enlarged(self, shared: tuple[SharedError, ...]) -> "Solution":
         """Return the solution with further errors in its covariances.

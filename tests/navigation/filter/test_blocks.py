@@ -127,6 +127,8 @@ def test_without_increments_only_what_is_kept_is_told(posed, monkeypatch):
     solution = solved(posed, monkeypatch, 64, 0, 3)
     bare = solution.without_increments()
     assert bare.problem.inc.dtheta.size == 0
+    assert solution.chain is not None
+    assert bare.chain is None  # the largest of all that an image leaves
     assert_array_equal(bare.covariance(bare.rows), solution.covariance(solution.rows))
     assert_array_equal(bare.nav_covariance(), solution.nav_covariance())
     with pytest.raises(ValueError, match=r"covariances are those of Solution\.rows"):
