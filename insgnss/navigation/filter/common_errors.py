@@ -109,23 +109,24 @@ def _of_nodes(
 ) -> tuple[Array, Array]:
     """Return cov_s(y_k, c), (k, d, c), and cov_s(c), (c, c), by (B.8) from node to event."""
     k, d, n = T.shape
-    M, P, gain = chain.transitions, chain.filtered, chain.gain
+    M = chain.transitions
+    rows = [chain.row_of(*node) for node in zip(event, state, strict=True)]
+    P, gain = chain.filtered[rows], chain.gain[rows]
     cross, cov = np.zeros((k, d, event.size)), np.zeros((event.size, event.size))
     begin = np.searchsorted(event, np.arange(k + 1))
     back = np.zeros((n, event.size))
     for j in range(k - 1, -1, -1):  # nodes at this event, and later ones
         own, later = slice(begin[j], begin[j + 1]), slice(begin[j], None)
-        back[:, own] = gain[j][:, state[own]]
-        here = P[j] @ back[:, later]
-        cross[j, :, later] = T[j] @ here
-        cov[own, later] = here[state[own]]
+        back[:, own] = gain[own].T
+        cross[j, :, later] = chain.product(T[j], chain.filtered, j) @ back[:, later]
+        cov[own, later] = P[own] @ back[:, later]
         back[:, later] = M[j].T @ back[:, later]
     ahead = np.zeros((event.size, n))
     for j in range(k):  # earlier nodes
         own, earlier = slice(begin[j], begin[j + 1]), slice(0, begin[j])
         ahead[earlier] = ahead[earlier] @ M[j].T
-        cross[j, :, earlier] = (ahead[earlier] @ (gain[j] @ T[j].T)).T
-        ahead[own] = P[j][state[own]]
+        cross[j, :, earlier] = chain.product(T[j], chain.gain, j) @ ahead[earlier].T
+        ahead[own] = P[own]
     upper = np.triu(cov, 1)
     return cross, upper + upper.T + np.diag(np.diagonal(cov))
 

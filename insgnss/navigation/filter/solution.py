@@ -24,7 +24,7 @@ from ...records import Array, Trajectory
 from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import COVARIANCES_AT_A_TIME, SmoothedCovariances
-from .event_chain import EventChain, SharedError
+from .event_chain import EventChain, SharedError, events_of
 from .linearised import CHANGE, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
@@ -99,8 +99,7 @@ class Solution:
     @property
     def event_epochs(self) -> np.ndarray:
         """Index of the epoch of each camera event, in the order of the events."""
-        at_event = np.flatnonzero(self.problem.epochs.event >= 0)
-        return at_event[np.argsort(self.problem.epochs.event[at_event])]
+        return events_of(self.problem.epochs)
 
     @property
     def rows(self) -> np.ndarray:
@@ -162,8 +161,8 @@ class Solution:
     def without_increments(self) -> "Solution":
         """Return the solution without increments and event chain, for what only reads results.
 
-        Covariances of all states are those of `rows` then. The chain is three matrices n x n an
-        event, which nothing reads once the poses of the images are known.
+        Covariances of all states are those of `rows` then. The chain is 15 kB an event, and
+        nothing reads it once the poses of the images are known.
 
         Returns
         -------
