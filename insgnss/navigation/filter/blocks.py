@@ -39,7 +39,7 @@ import numpy as np
 from ...base.advance import through
 from ...records import Array
 from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
-from .event_chain import EventChain, EventTransitions
+from .event_chain import EventChain, EventTransitions, events_of, nodes_of
 from .filter import (
     ForwardInputs,
     first_state,
@@ -61,7 +61,7 @@ from .kernels.records import (
     SmootherState,
 )
 from .problem import EstimationProblem, InitialState
-from .smoother import Smoothed, SmootherRoom, last_state
+from .smoother import EventRows, Smoothed, SmootherRoom, last_state
 
 EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
@@ -215,6 +215,11 @@ class BlockwisePasses:
         self.adjoints: list[SmootherState] = []
         self.transitions: EventTransitions | None = None
         self.closed_loop = True
+        self.read: EventRows | None = None
+        if problem.event_chain:
+            exposed = events_of(epochs)
+            nodes = nodes_of(layout, epochs.time[exposed])
+            self.read = EventRows.of(exposed.size, layout.read_of_events, nodes)
         self.row_sigma = np.empty((rows.size, layout.size))  # of the filter, at `rows`
 
     def _blocks(self) -> Iterator[tuple[int, int, int]]:
@@ -282,8 +287,8 @@ class BlockwisePasses:
         """
         problem, history = self.problem, self.history
         m, n = problem.epochs.stop.size, problem.layout.size
-        events, chained = history.cross.shape[0], problem.event_chain
-        room = SmootherRoom.of(m, n, self.rows, events, chained, self.separations, full)
+        events = history.cross.shape[0]
+        room = SmootherRoom.of(m, n, self.rows, events, self.read, self.separations, full)
         inputs = forward_inputs(problem, self.closed_loop)
         state, unset = last_state(n), last_state(n)
         self.adjoints = []
@@ -318,9 +323,9 @@ class BlockwisePasses:
         EventChain or None
             None where it does not.
         """
-        if self.transitions is None:
+        if self.transitions is None or self.read is None:
             return None
-        return EventChain.of(self.problem.epochs, self.transitions, smoothed)
+        return EventChain.of(self.problem.epochs, self.transitions, smoothed, self.read)
 
     def again(self) -> "BlockAgain":
         """Return what passes any block again, when the records are gone."""
@@ -435,7 +440,7 @@ class BlockAgain:
         """Return the triangles of increasing epochs of a block."""
         room, front, begin = self.records(b)
         count, n = room.m.shape
-        smoother = SmootherRoom.of(count, n, rows - front, 0, False, 0)
+        smoother = SmootherRoom.of(count, n, rows - front, 0, None, 0)
         state, no_event = _copied(self.adjoints[b]), np.full(count, ABSENT, dtype=np.int64)
         run_backward(no_event, room, True, state, begin, *smoother)
         return smoother.kept

@@ -7,7 +7,8 @@ from event to event for all earlier events at once,
     cov_s(y_j, y_k) = Y_j,k (1 - Lambda_k P_k) T_k'
 
 Only M_k is worked out ahead, since what it is made of is gone after the smoother: 54 ms for 9116
-epochs and 34 states, 1 % of `process`. Three matrices n x n an event are kept.
+epochs and 34 states, 1 % of `process`. It is kept of each event, and of P_k and of the last factor
+what T_k reads (`StateLayout.read_of_events`): 15 kB of 34 states.
 
 Constants (turn-on biases, scale factors, lever arm, time offset), slow Gauss-Markov processes and
 random walks are the same, or nearly so, in all flight lines: an accelerometer bias tilts the body
@@ -40,7 +41,7 @@ from .codes import N_NAV, POS
 from .kernels.records import Epochs, FilterHistory
 from .kernels.transitions import event_transitions
 from .layout import StateLayout
-from .smoother import Smoothed
+from .smoother import EventRows, Smoothed
 
 SLOW_CORRELATION_S = 100.0  # correlation time; below, lines a turn apart share little
 # interval (s) of a random walk's nodes: the figures above were reached with it (chosen)
@@ -68,6 +69,12 @@ class SharedError:
     last: int
     cov: Array
     block: slice = field(default_factory=lambda: POS)
+
+
+def events_of(epochs: Epochs) -> np.ndarray:
+    """Return the epoch of each camera event, (events,), in the order of the events."""
+    exposed = np.flatnonzero(epochs.event >= 0)
+    return exposed[np.argsort(epochs.event[exposed])]
 
 
 @dataclass(frozen=True)
@@ -131,14 +138,17 @@ class EventChain:
         (events,) epoch of each event.
     transitions : Array
         (events, n, n) M_k of (B.8); of the first event the unit matrix.
+    read : EventRows
+        Which rows these are:
     filtered, gain : Array
-        (events, n, n) P_k of the filter and the last factor of (B.8).
+        (rows, n) of P_k of the filter, and columns of the last factor of (B.8).
     shared : tuple of SharedError
         What was added to the smoothed covariance.
     """
 
     epoch: np.ndarray
     transitions: Array
+    read: EventRows
     filtered: Array
     gain: Array
     shared: tuple[SharedError, ...] = ()
@@ -163,11 +173,12 @@ class EventChain:
         """
         product = EventTransitions.before(history.cross.shape[0], history.m.shape[1])
         product.through(epochs.event, history, 0)
-        return cls.of(epochs, product, smoothed)
+        every = EventRows.of(history.cross.shape[0], np.arange(history.m.shape[1]))
+        return cls.of(epochs, product, smoothed, every)
 
     @classmethod
     def of(
-        cls, epochs: Epochs, transitions: "EventTransitions", smoothed: Smoothed
+        cls, epochs: Epochs, transitions: "EventTransitions", smoothed: Smoothed, read: EventRows
     ) -> "EventChain":
         """Return the chain of passes that went block by block.
 
@@ -179,15 +190,50 @@ class EventChain:
             Those of the last forward pass, at its end.
         smoothed : Smoothed
             What the full backward pass gave.
+        read : EventRows
+            The rows that it kept.
 
         Returns
         -------
         EventChain
             The chain, of all events of the epochs.
         """
-        exposed = np.flatnonzero(epochs.event >= 0)
-        epoch = exposed[np.argsort(epochs.event[exposed])]
-        return cls(epoch, transitions.of_events, smoothed.event_filter, smoothed.event_gain)
+        kept = smoothed.event_filter, smoothed.event_gain
+        return cls(events_of(epochs), transitions.of_events, read, *kept)
+
+    def product(self, T: Array, rows: Array, events: np.ndarray | int) -> Array:
+        """Return T_k P_k, or T_k times the transposed last factor of (B.8).
+
+        Parameters
+        ----------
+        T : Array
+            (k, d, n) what is wanted of each event.
+        rows : Array
+            `filtered` or `gain`.
+        events : ndarray or int
+            (k,) the events.
+
+        Returns
+        -------
+        Array
+            (k, d, n).
+
+        Raises
+        ------
+        ValueError
+            Where T depends on a state that is not kept.
+        """
+        kept = self.read.state[: self.read.common]
+        of_kept = T[..., kept]
+        if np.count_nonzero(of_kept) < np.count_nonzero(T):
+            raise ValueError("of this state the chain keeps nothing: `StateLayout.read_of_events`")
+        slot = np.asarray(self.read.begin[events])[..., None] + np.arange(kept.size)
+        return np.asarray(of_kept @ rows[slot])
+
+    def row_of(self, event: int, state: int) -> int:
+        """Return the row of `filtered` and `gain` that has a state at an event."""
+        begin, end = self.read.begin[event : event + 2]
+        return int(begin) + self.read.state[begin:end].tolist().index(state)
 
     def covariance(self, first: int, T: Array) -> Array:
         """Return the smoothed covariance of what is wanted of consecutive events.
@@ -223,14 +269,16 @@ class EventChain:
             (k d, k d), event after event, symmetric.
         """
         k, d, n = T.shape
+        start = self.product(T, self.filtered, events)
+        last = self.product(T, self.gain, events)
         Y = np.empty((k * d, n))
         lower = np.zeros((k * d, k * d))  # row by row: columns would be strewn over the memory
         for a in range(k):
             own, to_here = slice(a * d, (a + 1) * d), (a + 1) * d
             for event in range(events[a - 1] + 1, events[a] + 1) if a else ():
                 Y[: a * d] = Y[: a * d] @ self.transitions[event].T
-            Y[own] = T[a] @ self.filtered[events[a]]
-            lower[own, :to_here] = (self.gain[events[a]] @ T[a].T).T @ Y[:to_here].T
+            Y[own] = start[a]
+            lower[own, :to_here] = last[a] @ Y[:to_here].T
             lower[own, own] *= 0.5
         cov = lower + lower.T
         self._add_shared(cov.reshape(k, d, k, d), events, T)
@@ -254,11 +302,11 @@ class EventChain:
             (p, d, d), the first of a pair by rows.
         """
         (a, b), (T_a, T_b) = events, derivatives
-        Y = T_a @ self.filtered[a]
+        Y, last = self.product(T_a, self.filtered, a), self.product(T_b, self.gain, b)
         for step in range(1, int((b - a).max(initial=0)) + 1):
             later = b - a >= step
             Y[later] = Y[later] @ np.swapaxes(self.transitions[a[later] + step], 1, 2)
-        cov = Y @ self.gain[b] @ np.swapaxes(T_b, 1, 2)
+        cov = Y @ np.swapaxes(last, 1, 2)
         for error in self.shared:
             inside = (self.epoch[a] >= error.first) & (self.epoch[b] <= error.last)
             first, second = T_a[inside][:, :, error.block], T_b[inside][:, :, error.block]
@@ -347,23 +395,24 @@ def _of_nodes(
 ) -> tuple[Array, Array]:
     """Return cov_s(y_k, c), (k, d, c), and cov_s(c), (c, c), by (B.8) from node to event."""
     k, d, n = T.shape
-    M, P, gain = chain.transitions, chain.filtered, chain.gain
+    M = chain.transitions
+    rows = [chain.row_of(*node) for node in zip(event, state, strict=True)]
+    P, gain = chain.filtered[rows], chain.gain[rows]
     cross, cov = np.zeros((k, d, event.size)), np.zeros((event.size, event.size))
     begin = np.searchsorted(event, np.arange(k + 1))
     back = np.zeros((n, event.size))
     for j in range(k - 1, -1, -1):  # nodes at this event, and later ones
         own, later = slice(begin[j], begin[j + 1]), slice(begin[j], None)
-        back[:, own] = gain[j][:, state[own]]
-        here = P[j] @ back[:, later]
-        cross[j, :, later] = T[j] @ here
-        cov[own, later] = here[state[own]]
+        back[:, own] = gain[own].T
+        cross[j, :, later] = chain.product(T[j], chain.filtered, j) @ back[:, later]
+        cov[own, later] = P[own] @ back[:, later]
         back[:, later] = M[j].T @ back[:, later]
     ahead = np.zeros((event.size, n))
     for j in range(k):  # earlier nodes
         own, earlier = slice(begin[j], begin[j + 1]), slice(0, begin[j])
         ahead[earlier] = ahead[earlier] @ M[j].T
-        cross[j, :, earlier] = (ahead[earlier] @ (gain[j] @ T[j].T)).T
-        ahead[own] = P[j][state[own]]
+        cross[j, :, earlier] = chain.product(T[j], chain.gain, j) @ ahead[earlier].T
+        ahead[own] = P[own]
     upper = np.triu(cov, 1)
     return cross, upper + upper.T + np.diag(np.diagonal(cov))
 

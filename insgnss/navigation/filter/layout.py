@@ -204,6 +204,13 @@ class StateLayout:
         return self._first.get(CLOCK_RATE.group, ABSENT)
 
     @property
+    def read_of_events(self) -> np.ndarray:
+        """Rows, among all states, that poses of events depend on: navigation, lever arm, clock."""
+        lever = range(self.lever, self.lever + 3) if self.lever >= 0 else ()
+        others = [*lever, *(s for s in (self.offset, self.rate) if s >= 0)]
+        return np.concatenate([np.arange(N_NAV), N_NAV + np.array(others, dtype=np.int64)])
+
+    @property
     def gm(self) -> int:
         """The first state of the time-correlated error of all fixes, or ABSENT."""
         return self._first.get(CORRELATED_ERROR, ABSENT)

@@ -82,8 +82,7 @@ class Smoothed:
         (events, 9, 9) covariance of the navigation errors of the event before with those of this
         one (of the first: zero).
     event_filter, event_gain : Array
-        (events, n, n) P_k of the filter and the last factor of (B.8); without rows where nobody
-        asked for them.
+        (rows, n) of P_k of the filter and columns of the last factor of (B.8), by `EventRows`.
     separation_epoch : ndarray
         (s,) the epochs at which the forward/backward separation was worked out.
     separation, separation_sigma : Array
@@ -112,12 +111,65 @@ class Smoothed:
         return unpacked(self.kept) if self.rows.size else None
 
 
+class EventRows(NamedTuple):
+    """The states of which the rows of P_k, and columns of the last factor of (B.8), are kept.
+
+    Parameters
+    ----------
+    begin : ndarray
+        (events + 1,) the first row of each event.
+    state : ndarray
+        (rows,) the state of each.
+    common : int
+        Number of states that lead at every event, the same at all.
+    """
+
+    begin: np.ndarray
+    state: np.ndarray
+    common: int
+
+    @classmethod
+    def of(
+        cls,
+        events: int,
+        common: np.ndarray,
+        nodes: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> "EventRows":
+        """Return rows of some states at all events, and of others at a few.
+
+        Parameters
+        ----------
+        events : int
+            Camera events.
+        common : ndarray
+            States that are kept at all of them.
+        nodes : tuple of ndarray, optional
+            (c,) event and (c,) state of what is kept besides.
+
+        Returns
+        -------
+        EventRows
+            Event after event.
+        """
+        event, state = np.repeat(np.arange(events), common.size), np.tile(common, events)
+        if nodes is not None:
+            event, state = np.concatenate([event, nodes[0]]), np.concatenate([state, nodes[1]])
+        order = np.argsort(event, kind="stable")
+        begin = np.searchsorted(event[order], np.arange(events + 1))
+        return cls(begin, state[order], common.size)
+
+
+NO_ROWS = np.zeros(0, dtype=np.int64)
+
+
 class SmootherRoom(NamedTuple):
     """What `kernels.backward.run_backward` fills, in the order of its parameters.
 
     Parameters
     ----------
-    delta, nav_cov, slot, kept, event_cross, event_filter, event_gain, keep : ndarray
+    delta, nav_cov, slot, kept, event_cross : ndarray
+        As there.
+    event_begin, event_state, event_filter, event_gain, keep : ndarray
         As there.
     information, adjoint : ndarray
         Its `keep_information` and `keep_adjoint`.
@@ -128,6 +180,8 @@ class SmootherRoom(NamedTuple):
     slot: np.ndarray
     kept: Array
     event_cross: Array
+    event_begin: np.ndarray
+    event_state: np.ndarray
     event_filter: Array
     event_gain: Array
     keep: np.ndarray
@@ -141,7 +195,7 @@ class SmootherRoom(NamedTuple):
         n: int,
         rows: np.ndarray,
         events: int,
-        chained: bool = True,
+        read: EventRows | None = None,
         separations: int | np.ndarray = 100,
         full: bool = True,
     ) -> "SmootherRoom":
@@ -155,8 +209,8 @@ class SmootherRoom(NamedTuple):
             (k,) epochs of which the whole covariance is wanted.
         events : int
             Camera events.
-        chained : bool
-            Whether the covariance between any two of them is wanted (B.8).
+        read : EventRows, optional
+            What the covariance between any two of them takes (B.8), where it is wanted.
         separations : int or ndarray
             Number of epochs at which the forward/backward separation is worked out, or which.
         full : bool
@@ -173,15 +227,17 @@ class SmootherRoom(NamedTuple):
             chosen = separations
         elif full and separations:
             chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
-        chain = (events if full and chained else 0, n, n)
+        states = NO_ROWS if read is None or not full else read.state
         return cls(
             np.empty((m, n)),
             np.empty((m if full else 0, N_NAV * (N_NAV + 1) // 2)),
             _numbered(m, rows),
             np.empty((rows.size, n * (n + 1) // 2)),
             np.zeros((events, N_NAV, N_NAV)),
-            np.zeros(chain),
-            np.zeros(chain),
+            NO_ROWS if read is None else read.begin,
+            states,
+            np.empty((states.size, n)),
+            np.empty((states.size, n)),
             _numbered(m, chosen),
             np.zeros((chosen.size, n, n)),
             np.zeros((chosen.size, n)),
@@ -284,7 +340,8 @@ def run_smoother(
     """
     m, n = history.m.shape
     events = history.cross.shape[0]
-    room = SmootherRoom.of(m, n, np.arange(m), events, separations=separations, full=full)
+    read = EventRows.of(events, np.arange(n))
+    room = SmootherRoom.of(m, n, np.arange(m), events, read, separations, full)
     run_backward(epochs.event, history, full, last_state(n), 0, *room)
     return room.smoothed()
 

@@ -24,7 +24,7 @@ from ...records import Array, Trajectory
 from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import COVARIANCES_AT_A_TIME, SmoothedCovariances
-from .event_chain import EventChain, SharedError
+from .event_chain import EventChain, SharedError, events_of
 from .linearised import CHANGE, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
@@ -99,8 +99,7 @@ class Solution:
     @property
     def event_epochs(self) -> np.ndarray:
         """Index of the epoch of each camera event, in the order of the events."""
-        at_event = np.flatnonzero(self.problem.epochs.event >= 0)
-        return at_event[np.argsort(self.problem.epochs.event[at_event])]
+        return events_of(self.problem.epochs)
 
     @property
     def rows(self) -> np.ndarray:
@@ -160,9 +159,10 @@ class Solution:
         return self.covariances.of_navigation(index)
 
     def without_increments(self) -> "Solution":
-        """Return the solution without the increments of the IMU, for what only reads results.
+        """Return the solution without increments and event chain, for what only reads results.
 
-        Covariances of all states are those of `rows` then.
+        Covariances of all states are those of `rows` then. The chain is 15 kB an event, and
+        nothing reads it once the poses of the images are known.
 
         Returns
         -------
@@ -171,7 +171,8 @@ class Solution:
         """
         inc, none = self.problem.inc, np.zeros((0, 3))
         problem = replace(self.problem, inc=replace(inc, dt=none[:, 0], dtheta=none, dvel=none))
-        return replace(self, problem=problem, covariances=replace(self.covariances, again=None))
+        covariances = replace(self.covariances, again=None)
+        return replace(self, problem=problem, covariances=covariances, chain=None)
 
     def enlarged(self, shared: tuple[SharedError, ...]) -> "Solution":
         """Return the solution with further errors in its covariances.

@@ -1,6 +1,7 @@
 """eo_covariance.npz: what is written is read, and a file that does not belong is refused."""
 
 import re
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +32,22 @@ def covariance(rows: np.ndarray) -> np.ndarray:
     return A @ A.T * np.outer(scale, scale)
 
 
+def cameras_at(cov: np.ndarray) -> ExteriorOrientation:
+    n = len(cov)
+    return ExteriorOrientation(
+        images=tuple(f"{k}.tif" for k in range(n)),
+        time=2.0 * np.arange(n),
+        gps_week=2008,
+        origin=np.array([0.81, 0.11, 0.0]),
+        position_m=np.zeros((n, 3)),
+        C_mc=np.tile(np.eye(3), (n, 1, 1)),
+        cov=cov,
+        cross=None,
+        boresight=np.eye(3),
+        camera_from_body=np.eye(3),
+    )
+
+
 @pytest.fixture
 def written(tmp_path: Path) -> tuple[ExteriorOrientation, tuple[StripCovariance, ...], Path]:
     given = tuple(StripCovariance(rows, covariance(rows)) for rows in STRIPS)
@@ -38,18 +55,7 @@ def written(tmp_path: Path) -> tuple[ExteriorOrientation, tuple[StripCovariance,
     for strip in given:
         for a, row in enumerate(strip.rows):
             cov[row] = strip.blocks[a, a]
-    eo = ExteriorOrientation(
-        images=tuple(f"{k}.tif" for k in range(N)),
-        time=2.0 * np.arange(N),
-        gps_week=2008,
-        origin=np.array([0.81, 0.11, 0.0]),
-        position_m=np.zeros((N, 3)),
-        C_mc=np.tile(np.eye(3), (N, 1, 1)),
-        cov=cov,
-        cross=None,
-        boresight=np.eye(3),
-        camera_from_body=np.eye(3),
-    )
+    eo = cameras_at(cov)
     write_eo_covariance(eo, given, tmp_path / "eo_covariance.npz")
     return eo, given, tmp_path / "eo_covariance.npz"
 
@@ -69,6 +75,17 @@ def test_what_is_written_is_read(written, tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"again.npz", "eo_covariance.npz"}
     write_eo_covariance(eo[:0], (), tmp_path / "none.npz")
     assert read_eo_covariance(tmp_path / "none.npz", eo[:0]) == ()
+
+
+def test_the_file_is_never_whole_in_memory(tmp_path: Path) -> None:
+    """Oracle: bytes allocated at once, counted: one strip's, not those of all eight."""
+    strips = tuple(StripCovariance(np.arange(40 * k, 40 * k + 40), np.eye(240)) for k in range(8))
+    eo = cameras_at(np.tile(np.eye(6), (320, 1, 1)))
+    tracemalloc.start()
+    write_eo_covariance(eo, strips, tmp_path / "eo_covariance.npz")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * strips[0].cov.nbytes
 
 
 def test_a_choice_of_images_has_its_blocks(written) -> None:

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.navigation.filter import blocks
 from insgnss.navigation.filter.blocks import BlockwisePasses, forecast, record_bytes
 from insgnss.navigation.filter.codes import NAV, POS
-from insgnss.navigation.filter.event_chain import EventChain, SharedError
+from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
 from insgnss.navigation.filter.filter import make_history, run_filter
 from insgnss.navigation.filter.kernels.backward import CANCELLED
 from insgnss.navigation.filter.smoother import run_smoother
@@ -86,7 +86,16 @@ def test_blocks_give_what_the_passes_over_the_whole_flight_give(posed):
     of_blocks = passes.chain(got)
     assert of_blocks is not None
     assert_array_equal(of_blocks.transitions, chain.transitions)
-    assert_array_equal(of_blocks.gain, chain.gain)
+    # of the states that poses read and of the nodes the same rows, and no others
+    assert_array_equal(of_blocks.read.begin[[0, -1]], [0, of_blocks.gain.shape[0]])
+    assert of_blocks.gain.size < chain.gain.size / 2
+    T = np.tile(np.eye(9, problem.layout.size), (5, 1, 1))
+    assert_array_equal(of_blocks.covariance(0, T), chain.covariance(0, T))
+    nodes = nodes_of(problem.layout, problem.epochs.time[of_blocks.epoch])
+    assert nodes[0].size > 5
+    assert_array_equal(common_errors(of_blocks, *nodes, T), common_errors(chain, *nodes, T))
+    with pytest.raises(ValueError, match="of this state the chain keeps nothing"):
+        of_blocks.covariance(0, np.tile(np.eye(problem.layout.size), (5, 1, 1)))
 
 
 def test_a_part_of_a_solution_has_the_covariances_of_its_epochs(posed, monkeypatch):
@@ -127,6 +136,8 @@ def test_without_increments_only_what_is_kept_is_told(posed, monkeypatch):
     solution = solved(posed, monkeypatch, 64, 0, 3)
     bare = solution.without_increments()
     assert bare.problem.inc.dtheta.size == 0
+    assert solution.chain is not None
+    assert bare.chain is None  # the largest of all that an image leaves
     assert_array_equal(bare.covariance(bare.rows), solution.covariance(solution.rows))
     assert_array_equal(bare.nav_covariance(), solution.nav_covariance())
     with pytest.raises(ValueError, match=r"covariances are those of Solution\.rows"):

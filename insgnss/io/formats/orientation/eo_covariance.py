@@ -2,7 +2,6 @@
 lines share, beside eo.json; data_specs/eo_covariance.md.
 """
 
-import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -11,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, legible
-from ....base.files import atomic_write
 from ....base.inputs import opened
+from ....base.output.staging import staged
 from ....base.unpacking import check_archive
 from ....records import ExteriorOrientation
 from ....records.rows import covariance_of_rows
@@ -60,9 +59,8 @@ def write_eo_covariance(
     arrays |= {f"cov_{k}": strip.cov for k, strip in enumerate(strips)}
     if common is not None:
         arrays |= {"segment": common.segment, "common": common.factor}
-    stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, **arrays)
-    atomic_write(path, stream.getvalue())
+    with staged(path) as work, work.open("wb") as stream:  # not in memory: up to 256 MB
+        np.savez(stream, allow_pickle=False, **arrays)
 
 
 def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCovariance, ...]:

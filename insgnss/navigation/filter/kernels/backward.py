@@ -23,6 +23,8 @@ def run_backward(
     slot,
     kept,
     event_cross,
+    event_begin,
+    event_state,
     event_filter,
     event_gain,
     keep,
@@ -59,10 +61,12 @@ def run_backward(
     event_cross : ndarray
         (events, 9, 9) covariance of the navigation errors of the event before with those of this
         one, filled in place with `full`.
+    event_begin, event_state : ndarray
+        (events + 1,) the first row of each event in the following, and (rows,) the state of each
+        row; without rows where nobody asks for them.
     event_filter, event_gain : ndarray
-        (events, n, n) covariance of the filter, post, and what later data make of it on its right,
-        1 - Lambda P or P^-1 P_s (B.8), at each event, filled in place with `full`; without rows
-        where nobody asks for them.
+        (rows, n) rows of the covariance of the filter, post, and columns of what later data make of
+        it on its right, 1 - Lambda P or P^-1 P_s (B.8), filled in place with `full`.
     keep : ndarray
         (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
     keep_information, keep_adjoint : ndarray
@@ -71,7 +75,7 @@ def run_backward(
     nz, n = history.H.shape[1], history.m.shape[1]
     ns = n - N_NAV
     lam, Lam, smoothed_later = state.adjoint, state.information, state.later
-    chained = event_gain.shape[0] > 0
+    chained = event_state.size > 0
     new = np.zeros(n)
     A, B, smoothed, gain = (
         np.zeros((n, n)),
@@ -118,11 +122,12 @@ def run_backward(
                     for c in range(N_NAV):
                         event_cross[j, r, c] = cross[r, c] - BN[c, r]
                 if chained:
-                    copy_matrix(P, event_filter[j])
-                    for r in range(n):
-                        for c in range(n):
-                            event_gain[j, r, c] = -A[r, c]
-                        event_gain[j, r, r] += 1.0
+                    for t in range(event_begin[j], event_begin[j + 1]):
+                        s = event_state[t]
+                        copy_vector(P[s], event_filter[t])
+                        for r in range(n):
+                            event_gain[t, r] = -A[r, s]
+                        event_gain[t, s] += 1.0
             if cancelled:
                 F, D, W, Qbb = state.F, state.D, state.W, state.Qbb
                 if smooth_across(P, F, D, W, Qbb, smoothed_later, smoothed):
@@ -131,7 +136,8 @@ def run_backward(
                         np.dot(history.cross[j], gain, M)
                         copy_matrix(M[:, :N_NAV], event_cross[j])
                         if chained:
-                            copy_matrix(gain, event_gain[j])
+                            for t in range(event_begin[j], event_begin[j + 1]):
+                                copy_vector(gain[:, event_state[t]], event_gain[t])
             t = 0
             for r in range(N_NAV):
                 for c in range(r + 1):
