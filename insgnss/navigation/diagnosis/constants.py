@@ -211,20 +211,22 @@ class ConstantsEvidence:
         close = [one for one in every if one.evidence > every[0].evidence - OTHERS]
         close = [one for one in close if not self.denied(one)] or close
         simplest = min(close, key=lambda one: (len(one.groups), -one.evidence))
-        return self._of_single_axes(simplest) if simplest.evidence >= TAKEN else None
+        if simplest.evidence < TAKEN:
+            return None
+        as_simple = [one for one in close if len(one.groups) == len(simplest.groups)]
+        return max(map(self._of_single_axes, as_simple), key=lambda one: one.evidence)
 
     def _of_single_axes(self, one: Hypothesis) -> Hypothesis:
         """Return the hypothesis with axes of the IMU in place of all of a sensor, if they do."""
-        chosen = tuple(group for group in one.groups if group in OF_FIXES)
-        axes = [s for g in one.groups if g not in OF_FIXES for s in self._may_be_suspected[g]]
+        chosen = tuple(group for group in one.groups if group in OF_FIXES or group.axis)
+        axes = [s for g in one.groups if g not in chosen for s in self._may_be_suspected[g]]
+        best = replace(one, evidence=-np.inf)
         while axes and len(chosen) < MOST_TOGETHER:
             every = self._judged([(*chosen, axis) for axis in axes if axis not in chosen])
-            if not every:
+            if not every or every[0].evidence < best.evidence + OTHERS:
                 break
-            if every[0].evidence > one.evidence - OTHERS:
-                return every[0]
-            chosen = every[0].groups
-        return one
+            best, chosen = every[0], every[0].groups
+        return best if best.evidence > one.evidence - OTHERS else one
 
     def rivals(self, of: Hypothesis) -> list[Hypothesis]:
         """Return other hypotheses that the flight does not tell apart from one.
@@ -252,7 +254,7 @@ class ConstantsEvidence:
             ]
         )
         with_them = {one.of_all_axes for one in single}
-        return [
+        rivals = [
             one
             for one in (*self.hypotheses, *of_others)
             if one.groups != of.groups
@@ -261,6 +263,8 @@ class ConstantsEvidence:
             and len(one.groups) <= len(of.groups)
             and one.evidence > of.evidence - OTHERS
         ]
+        by_axes = [self._of_single_axes(one) for one in rivals]
+        return list({frozenset(one.groups): one for one in by_axes}.values())
 
     def known_to(self) -> dict[State, float]:
         """Return to what sigma this flight alone knows each candidate, were it the only one.

@@ -33,6 +33,7 @@ from insgnss.records import GnssFixes, ImuSamples
 from insgnss.records.states import (
     CLOCK_RATE,
     LEVER_ARM,
+    MISALIGNMENT,
     OF_LEVER_ARM,
     SCALE_FACTOR,
     TIME_OFFSET,
@@ -115,6 +116,34 @@ def test_a_constant_is_no_state_by_chance(log_evidence: float, taken: bool) -> N
     found = ConstantsEvidence(states, 0.05 * one, 0.0 * one, i * np.eye(1), e * i**0.5 * one)
     assert found.hypotheses[0].evidence == pytest.approx(log_evidence)
     assert (found.strongest() is not None) == taken
+
+
+def test_families_within_three_are_compared_by_their_single_axes() -> None:
+    """Oracle: (D.2) by hand, of constants of information i without correlation: the evidence of
+    several is the sum of theirs, of one that is right -log(1 + i) / 2. Accelerometers win by all
+    axes, 4.8 twice against 10 and -3; by single axes a gyro does, and those two stay its rival.
+    """
+    i = 400.0
+    states = tuple(
+        State(MISALIGNMENT, axis, "rad", sensor)
+        for sensor in ("gyro", "accel")
+        for axis in ("x from y", "x from z")
+    )
+    log_evidence = np.array([10.0, -0.5 * np.log1p(i), 4.8, 4.8])
+    e = np.sqrt((2.0 * log_evidence + np.log1p(i)) * (1.0 + 1.0 / i))
+    one = np.ones(4)
+    found = ConstantsEvidence(states, 0.008 * one, 0.0 * one, i * np.eye(4), e * i**0.5)
+    assert found.hypotheses[0].groups == (states[0].of_all_axes, states[2].of_all_axes)
+    by_kind = {h.groups: h.evidence for h in found.hypotheses if len(h.groups) == 1}
+    assert by_kind[(states[2].of_all_axes,)] == pytest.approx(9.6)
+    assert by_kind[(states[0].of_all_axes,)] == pytest.approx(10.0 - 0.5 * np.log1p(i))
+    found.__dict__["hypotheses"] = tuple(h for h in found.hypotheses if len(h.groups) == 1)
+    suspected = found.strongest()
+    assert suspected is not None
+    assert suspected.groups == states[:1]
+    assert suspected.evidence == pytest.approx(10.0)
+    (rival,) = found.rivals(suspected)
+    assert set(rival.groups) == set(states[2:])
 
 
 @pytest.mark.parametrize("lever", [(0.0, 0.0, 0.0), (0.0, 0.1, 0.0)])
