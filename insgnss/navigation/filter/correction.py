@@ -22,7 +22,9 @@ and backwards, from zero behind the last epoch, with the innovation nu = -h d of
     d_k = d + P r,    at event j r <- r + T_j' b_j,    at a measurement
     r <- r + h' (nu / S - k' r),    to the epoch before r <- Phi' r                           (B.13)
 
-Both go block by block, and each block is filtered again for either (`blocks.BlockAgain`).
+Both go block by block, and each block is filtered again for either (`blocks.BlockAgain`). All
+measurements of an epoch are taken at once, U the product of its (1 - k h), N = sum of
+a' a / S with a = h times the product before it: d <- U d, and r <- U' r - N d.
 
 Cucci, Rehak and Skaloud (2017) "Bundle adjustment with raw inertial observations in UAV
 applications", for what is gained; Bryson and Frazier (1963) for the form of the passes.
@@ -115,7 +117,7 @@ def smoothed_about(solution: Solution, about: Solution) -> Solution:
 def corrections(
     again: BlockAgain, epoch: np.ndarray, information: Array
 ) -> Iterator[tuple[int, int, Array]]:
-    """Yield what information at some epochs makes of the states at all of them (B.11).
+    """Return what information at some epochs makes of the states at all of them (B.11).
 
     Parameters
     ----------
@@ -129,68 +131,83 @@ def corrections(
     Returns
     -------
     iterator of tuple
-        First epoch of a block, the first behind it, and (last - first, n, w) X_k b of its epochs;
-        the last block comes first.
+        First epoch of a block, the first behind it, and (last - first, n, w) X_k b of its epochs,
+        which the next block takes the place of; the last block comes first.
     """
     n, width = information.shape[1:]
     at_event = dict(zip(epoch.tolist(), information, strict=True))
-    starts, d = [], np.zeros((n, width))
+    starts, room = [np.zeros((n, width))], np.empty((again.size + 1, n, width))
     for b in range(len(again.checkpoints)):
-        starts.append(d)
-        records, front, begin = again.records(b)
-        d = _forwards(records, front, begin, at_event, d)[0][-1]
+        block = _Block(*again.records(b), at_event)
+        block.forwards(starts[b], room)
+        starts.append(room[len(block.update) - 1].copy())
     r = np.zeros((n, width))
-    for b in reversed(range(len(starts))):
-        records, front, begin = again.records(b)
-        moved, innovations = _forwards(records, front, begin, at_event, starts[b])
-        r = _backwards(records, front, begin, at_event, moved, innovations, r)
-        yield front + begin, front + len(moved), moved[begin:]
+    for b in reversed(range(len(again.checkpoints))):
+        block = _Block(*again.records(b), at_event)
+        block.forwards(starts[b], room)
+        r = block.backwards(starts[b], room, r)
+        end = len(block.update)
+        yield block.front + block.begin, block.front + end, room[block.begin : end]
 
 
-def _forwards(
-    records: FilterHistory, front: int, begin: int, at_event: dict[int, Array], d: Array
-) -> tuple[Array, Array]:
-    """Return d of the epochs of a block (B.12), and the innovations (k, nz, w) there."""
-    count, nz = records.S.shape
-    out, nu = np.zeros((count, *d.shape)), np.zeros((count, nz, d.shape[1]))
-    d = d.copy()
-    for e in range(begin, count):
-        if front + e > 0:
-            top = records.F[e] @ d
-            d[IMU] *= records.D[e][:, None]
-            d[NAV] = top
-        for i in np.flatnonzero(records.S[e] > 0.0):
-            used = records.used[i]
-            nu[e, i] = -records.H[e, i, :used] @ d[:used]
-            d += np.outer(records.K[e, i], nu[e, i])
-        if front + e in at_event:
-            d += records.P[e] @ at_event[front + e]
-        out[e] = d
-    return out, nu
+class _Block:
+    """A block whose measurements at an epoch are one update d <- U d and one information N.
 
+    Parameters
+    ----------
+    records : FilterHistory
+        What the filter leaves of its epochs.
+    front : int
+        The epoch of the first row.
+    begin : int
+        The first row of the block's own.
+    at_event : dict
+        (n, w) information by epoch.
+    """
 
-def _backwards(
-    records: FilterHistory,
-    front: int,
-    begin: int,
-    at_event: dict[int, Array],
-    moved: Array,
-    nu: Array,
-    r: Array,
-) -> Array:
-    """Take d to the smoothed one in place (B.13); return r before the block."""
-    r = r.copy()
-    for e in reversed(range(begin, len(moved))):
-        moved[e] += records.P[e] @ r
-        if front + e in at_event:
-            r += at_event[front + e]
-        for i in np.flatnonzero(records.S[e] > 0.0)[::-1]:
-            used = records.used[i]
-            t = nu[e, i] / records.S[e, i] - records.K[e, i] @ r
-            r[:used] += np.outer(records.H[e, i, :used], t)
-        if front + e > 0:
-            of_nav = records.F[e].T @ r[NAV]
-            r[IMU] *= records.D[e][:, None]
-            r[NAV] = of_nav[NAV]
-            r[IMU] += of_nav[IMU0:]
-    return r
+    def __init__(
+        self, records: FilterHistory, front: int, begin: int, at_event: dict[int, Array]
+    ) -> None:
+        self.records, self.front, self.begin, self.at_event = records, front, begin, at_event
+        count, n = records.m.shape
+        self.update = np.tile(np.eye(n), (count, 1, 1))
+        self.normal = np.zeros((count, n, n))
+        for e in range(begin, count):
+            U = self.update[e]
+            for i in np.flatnonzero(records.S[e] > 0.0):
+                used = records.used[i]
+                row = records.H[e, i, :used] @ U[:used]
+                self.normal[e] += np.outer(row / records.S[e, i], row)
+                U -= np.outer(records.K[e, i], row)
+
+    def forwards(self, start: Array, d: Array) -> None:
+        """Fill in d of the epochs (B.12) from that before the block."""
+        for e in range(self.begin, len(self.update)):
+            predicted = self._predicted(e, start if e == self.begin else d[e - 1])
+            np.matmul(self.update[e], predicted, out=d[e])
+            if (information := self.at_event.get(self.front + e)) is not None:
+                d[e] += self.records.P[e] @ information
+
+    def backwards(self, start: Array, d: Array, r: Array) -> Array:
+        """Take d to the smoothed one in place (B.13); return r before the block."""
+        for e in reversed(range(self.begin, len(self.update))):
+            d[e] += self.records.P[e] @ r
+            if (information := self.at_event.get(self.front + e)) is not None:
+                r = r + information
+            predicted = self._predicted(e, start if e == self.begin else d[e - 1])
+            r = self.update[e].T @ r - self.normal[e] @ predicted
+            if self.front + e > 0:
+                of_navigation = self.records.F[e].T @ r[NAV]
+                r[IMU] *= self.records.D[e][:, None]
+                r[NAV] = of_navigation[NAV]
+                r[IMU] += of_navigation[IMU0:]
+        return r
+
+    def _predicted(self, e: int, d: Array) -> Array:
+        """Return Phi d of the epoch before."""
+        if self.front + e == 0:
+            return d
+        predicted = d.copy()
+        predicted[NAV] = self.records.F[e] @ d
+        predicted[IMU] *= self.records.D[e][:, None]
+        return predicted

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
 from ...flight.config.flight_file import Flight
@@ -29,17 +30,17 @@ from ...flight.processing.orientation import PoseChain, orient_images, pose_chai
 from ...flight.processing.pipeline import ProcessResult, process
 from ...flight.processing.recording import Recording
 from ...flight.processing.segment import Segment
-from ...geodesy.rotation import rotation_from_quaternion, vector_from_rotation
-from ...navigation.filter.codes import AZ, POS, QUAT
+from ...geodesy.rotation import vector_from_rotation
+from ...navigation.filter.codes import AZ, POS
 from ...navigation.filter.correction import corrected, smoothed_about
-from ...navigation.orient.exterior import POSE
 from ...records import ExteriorOrientation
 from ...records.block import Array
-from ..adjust.adjustment import adjusted
+from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.aerial import AerialControl
 from ..adjust.groups import PointObservation
 from ..adjust.normals import cofactors_of, columns_of
 from ..adjust.precision import explained
+from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
 from .inputs import Inputs
@@ -148,14 +149,17 @@ class _Joint:
 
     def corrected(self, segments: list[Segment]) -> list[Segment]:
         """Return the segments after the images, linearised until they stand."""
-        before: Sequence[Segment] = ()
+        values, before = self.solved.result.values, None
         for number in range(1, MOST_ROUNDS + 1):
             self.progress(f"images correct the trajectory, round {number}")
-            after = self._once(segments)
-            moved = max(map(_moved, before, after), default=np.inf)
+            joint = _Linearised.of(self, segments, values)
+            after, values = joint.moved(segments), joint.result.values
+            eo = self.oriented(after)
+            moved = np.inf if before is None else self._moved(before, eo)
             if moved < SETTLED:
-                return after
-            before = after
+                self.progress("covariances after the images")
+                return joint.moved(segments, covariances=True)
+            before = eo
             segments = [
                 replace(old, solution=smoothed_about(old.solution, new.solution))
                 for old, new in zip(segments, after, strict=True)
@@ -166,8 +170,8 @@ class _Joint:
             " adjust.html what contradicts, or leave --trajectory out"
         )
 
-    def _once(self, segments: list[Segment]) -> list[Segment]:
-        """Return the segments as one linearisation corrects them."""
+    def oriented(self, segments: list[Segment]) -> ExteriorOrientation:
+        """Return the orientation of the block's images as the segments have it."""
         eo = orient_images(self.flight, self.recording, segments, ())
         expected = self.solved.inputs.eo
         if eo is None or expected is None or eo.images != expected.images:
@@ -175,55 +179,74 @@ class _Joint:
                 f"--trajectory {self.flight.path}: its images are not those of"
                 f" {self.solved.inputs.file.aerial_control.file}; process the flight again"
             )
-        chains = pose_chains(self.flight, self.recording, segments, eo)
-        added = _added(self.solved, eo, chains)
-        return [
-            segment
-            if moment is None
-            else replace(segment, solution=corrected(segment.solution, chain.events, moment, root))
-            for segment, chain, (moment, root) in zip(segments, chains, added, strict=True)
-        ]
+        return eo
+
+    def _moved(self, before: ExteriorOrientation, eo: ExteriorOrientation) -> float:
+        """Return by how many standard deviations poses of the block have moved, at most."""
+        in_block = self.solved.inputs.eo_row >= 0
+        rows = self.solved.inputs.eo_row[in_block]
+        cov = self.solved.precision.pose_cov[in_block]
+        turn = vector_from_rotation(eo.C_mc[rows] @ np.swapaxes(before.C_mc[rows], 1, 2))
+        step = np.hstack([eo.position_m[rows] - before.position_m[rows], turn])
+        return float((np.abs(step) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))).max())
 
 
-def _added(
-    solved: Solved, eo: ExteriorOrientation, chains: Sequence[PoseChain]
-) -> list[tuple[Array | None, Array]]:
-    """Return T' lambda and T' times a root of M of each chain (J.11); None without images."""
-    inputs, done = replace(solved.inputs, eo=eo), solved.result
-    control = control_of(inputs, whole=[(chain.rows, chain.cov) for chain in chains])
-    problem, first = set_up(inputs, control)
-    rejected = {point.point for point in solved.rejected_control}
-    names = inputs.block.points
-    groups = tuple(
-        group
-        for group in problem.groups
-        if not (isinstance(group, PointObservation) and names[group.point] in rejected)
-    )
-    problem = with_factors(replace(problem, groups=groups), solved.factors)
-    problem = problem.with_active_of(done.problem)
-    values = done.values
-    point = np.where(np.isnan(values.point), first.point, values.point)
-    blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
-    result = adjusted(problem, replace(values, point=point, blocks=blocks))
-    of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
-    image = {int(row): k for k, row in enumerate(inputs.eo_row) if row >= 0}
-    added: list[tuple[Array | None, Array]] = []
-    for chain in chains:
-        measured = np.array([int(row) in image for row in chain.rows], dtype=np.bool_)
-        if not measured.any():
-            added.append((None, np.zeros(0)))
-            continue
-        group = next(of_chain)
-        e, J = group.linearised(result.values)
-        columns, taken = columns_of(result.problem.layout, group.keys)
-        V = explained(J[:, taken], cofactors_of(result.problem, result.values, columns))
-        keep = np.repeat(measured, 6)
-        root = group.weight @ _root(chain.cov[np.ix_(keep, keep)] - V, np.diagonal(V))
-        b = np.zeros((6 * measured.size, 1 + root.shape[1]))
-        b[keep] = np.column_stack([-group.weight @ e, root])
-        b = np.swapaxes(chain.derivatives, 1, 2) @ b.reshape(measured.size, 6, -1)
-        added.append((b[:, :, 0], b[:, :, 1:]))
-    return added
+@dataclass(frozen=True, eq=False)
+class _Linearised:
+    """The block adjusted with the chains of the segments, and the group of each; None without."""
+
+    chains: Sequence[PoseChain]
+    measured: Sequence[NDArray[np.bool_]]
+    groups: Sequence[AerialControl | None]
+    result: Adjusted
+
+    @classmethod
+    def of(cls, joint: _Joint, segments: list[Segment], values: Unknowns) -> "_Linearised":
+        """Adjust the block from some values on."""
+        solved, eo = joint.solved, joint.oriented(segments)
+        chains = pose_chains(joint.flight, joint.recording, segments, eo)
+        inputs = replace(solved.inputs, eo=eo)
+        control = control_of(inputs, whole=[(chain.rows, chain.cov) for chain in chains])
+        problem, first = set_up(inputs, control)
+        rejected = {point.point for point in solved.rejected_control}
+        names = inputs.block.points
+        groups = tuple(
+            group
+            for group in problem.groups
+            if not (isinstance(group, PointObservation) and names[group.point] in rejected)
+        )
+        problem = with_factors(replace(problem, groups=groups), solved.factors)
+        problem = problem.with_active_of(solved.result.problem)
+        point = np.where(np.isnan(values.point), first.point, values.point)
+        blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
+        result = adjusted(problem, replace(values, point=point, blocks=blocks))
+        measured = [np.isin(chain.rows, inputs.eo_row) for chain in chains]
+        of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
+        of_chains = [next(of_chain) if images.any() else None for images in measured]
+        return cls(chains, measured, of_chains, result)
+
+    def moved(self, segments: list[Segment], covariances: bool = False) -> list[Segment]:
+        """Return the segments after the images, with covariances where these are wanted."""
+        after = []
+        for segment, chain, images, group in zip(
+            segments, self.chains, self.measured, self.groups, strict=True
+        ):
+            if group is None:
+                after.append(segment)
+                continue
+            e, J = group.linearised(self.result.values)
+            b = (-group.weight @ e)[:, None]
+            if covariances:
+                columns, taken = columns_of(self.result.problem.layout, group.keys)
+                Q = cofactors_of(self.result.problem, self.result.values, columns)
+                V, rows = explained(J[:, taken], Q), np.repeat(images, 6)
+                less = chain.cov[np.ix_(rows, rows)] - V
+                b = np.column_stack([b, group.weight @ _root(less, np.diagonal(V))])
+            of_images = b.reshape(-1, 6, b.shape[1])
+            b = np.swapaxes(chain.derivatives[images], 1, 2) @ of_images
+            solution = corrected(segment.solution, chain.events[images], b[:, :, 0], b[:, :, 1:])
+            after.append(replace(segment, solution=solution))
+        return after
 
 
 def _root(less: Array, variance: Array) -> Array:
@@ -235,17 +258,6 @@ def _root(less: Array, variance: Array) -> Array:
     columns = np.zeros((scale.size, rank))
     columns[order - 1] = np.tril(factor)[:, :rank]
     return np.asarray(scale[:, None] * columns)
-
-
-def _moved(before: Segment, after: Segment) -> float:
-    """Return by how many standard deviations the poses of the exposures have moved, at most."""
-    index = after.solution.event_epochs
-    variance = np.diagonal(after.solution.nav_covariance(index), axis1=1, axis2=2)
-    first, second = (segment.solution.nav[index] for segment in (before, after))
-    C_first, C_second = (rotation_from_quaternion(nav[:, QUAT]) for nav in (first, second))
-    turn = vector_from_rotation(C_second @ np.swapaxes(C_first, 1, 2))
-    step = np.hstack([second[:, POS] - first[:, POS], turn])
-    return float((np.abs(step) / np.sqrt(variance[:, POSE])).max(initial=0.0))
 
 
 def _changed(before: Sequence[Segment], after: Sequence[Segment]) -> str:
