@@ -124,7 +124,8 @@ def _refuse_missing(tables: Mapping[str, Any], block: Path) -> None:
         for name in ("images", "camera", "ground")
         if name in tables
     ]
-    for name, path in (*files, ("BLOCK", block)):
+    bars = tables["ground"].distances if "ground" in tables else None
+    for name, path in (*files, ("--distances", bars), ("BLOCK", block)):
         if path is not None and not path.exists():
             raise UsageError(f"adjust: {name} {path} does not exist; check the path")
 

@@ -140,8 +140,8 @@ class GroundTableInput:
     skip: tuple[str, ...] = option((), "names of points that are left out")
     distances: Path | None = option(
         None,
-        "table of distances between measured points, such as of scale bars: from to distance sigma",
-        unit="m",
+        "table of distances between measured points, m, such as of scale bars: from to distance"
+        " sigma",
         cli="--distances",
     )
 

@@ -90,7 +90,7 @@ def _add(parser: Any, item: Declared, name: str, required: bool) -> None:
         more |= {"nargs": "+", "action": "extend"}
     if stated.repeated:
         more |= {"nargs": None, "action": "append"}
-    elif item.kind in ("numbers", "lever", "moved"):
+    elif item.kind in ("numbers", "lever", "moved", "sigmas"):
         more["nargs"] = item.count
     if stated.alone is not None:
         more |= {"nargs": "?", "const": stated.alone}

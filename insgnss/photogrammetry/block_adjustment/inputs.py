@@ -28,7 +28,7 @@ from ...records.block import INTERIOR, BrownCamera, ImageBlock
 from ..adjust.groups import InteriorObservation, ObservationGroup, weight_of
 from .aerial.positions import orientation_of
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
-from .placing import in_own_datum, placed, read_distances
+from .placing import in_own_datum, in_tangent_plane, placed, read_distances
 from .vehicle.places import Vehicle, vehicle_of
 
 USUAL_FREE = ("f", "cx", "cy")
@@ -130,13 +130,14 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
             file = replace(file, aerial_control=table)
         else:
             eo = read_one_camera(poses, "an adjustment")
-    ground = ground_in_plane(file, source, eo, notes)
-    unchecked = unchecked if ground is None else None
-    if file.adjustment.datum != "control":
+    datum, ground = file.adjustment.datum, None
+    if datum == "control":
+        ground = ground_in_plane(file, source, eo, notes)
+    else:
         _refuse_two_datums(file)
-        if ground is not None:
-            _note_ground(ground, file.adjustment.datum, notes)
-            ground = None
+        if file.ground.file is not None or source.ground is not None:
+            notes.append(f"datum {datum}: coordinates of ground points take no part")
+    unchecked = unchecked if ground is None else None
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
     moving = () if vehicle is None else vehicle.points
@@ -150,8 +151,10 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if eo is None and crs_of(file, source) is None and not source.local:
         block = replace(block, position_m=union.position_m, C_mc=union.C_mc)  # axes of the ground
     distances = read_distances(file.ground.distances, block)
-    datum, constraints = file.adjustment.datum, tuple[ObservationGroup, ...]()
+    constraints: tuple[ObservationGroup, ...] = ()
     if datum != "control" or (eo is None and union.held is not None and not len(block.control)):
+        if source.geocentric:
+            union = in_tangent_plane(union, notes)
         block, constraints = in_own_datum(block, union, datum, distances)
     else:
         block = placed(block, union.position_m, union.C_mc)
@@ -183,14 +186,6 @@ def _refuse_two_datums(file: BlockFile) -> None:
                 f'{key} says where the block lies, and adjustment.datum = "{file.adjustment.datum}"'
                 " too; leave one of them out"
             )
-
-
-def _note_ground(ground: GroundTable, datum: str, notes: list[str]) -> None:
-    """Say that ground points are none in a datum of the block's own."""
-    notes.append(
-        f"datum {datum}: coordinates of {len(ground.points)} ground points take no part; they are"
-        " points as others are"
-    )
 
 
 def _with_vehicle(

@@ -19,10 +19,12 @@ import numpy as np
 
 from ...base.errors import InputError, near
 from ...flight.config.block_file import Datum
+from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.rotation import nearest_rotation
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.joined import Joined
 from ...io.formats.blocks.measured_block import minimal_datum
+from ...io.formats.origins import statement_of
 from ...io.formats.text.columns import METRES, TableSpec
 from ...records.block import Array, ImageBlock
 from ..adjust.groups import DistanceObservation, InnerConstraints, ObservationGroup
@@ -79,6 +81,30 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     new_position[missing] = fitted.points(position[missing])
     new_C[missing] = fitted.rotation @ C[missing]
     return replace(block, position_m=new_position, C_mc=new_C)
+
+
+def in_tangent_plane(union: Joined, notes: list[str]) -> Joined:
+    """Return geocentric poses in the tangent plane at the middle of the images.
+
+    Parameters
+    ----------
+    union : Joined
+        Poses in Earth-centred, Earth-fixed axes.
+    notes : list of str
+        Gets a sentence with the origin.
+
+    Returns
+    -------
+    Joined
+        The same otherwise.
+    """
+    lat, lon, h = (float(x) for x in ecef_to_geodetic(np.nanmean(union.position_m, axis=0)))
+    plane = TangentPlane(lat, lon, h)
+    notes.append(
+        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the images"
+    )
+    position = plane.position_from_geodetic(*ecef_to_geodetic(union.position_m))
+    return replace(union, position_m=position, C_mc=plane.C_em.T @ union.C_mc)
 
 
 def in_own_datum(

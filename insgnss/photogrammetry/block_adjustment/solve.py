@@ -106,7 +106,8 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     ):
         raise DataError(
             "neither aerial control nor ground control: nothing says where the block lies; give"
-            " eo.json, or ground points that are measured in images"
+            " eo.json, or ground points that are measured in images, or ask for a free network by"
+            " --datum images"
         )
     progress(f"first values of {len(block.images)} images and {len(block.points)} points")
     if (readout := inputs.file.camera.readout_s) is not None:

@@ -205,11 +205,16 @@ def test_every_option_of_a_block_reaches_it(tmp_path):
     (tmp_path / "points.csv").write_text("x")
     words = (
         f"adjust {tmp_path}/eo.json --images {tmp_path}/points.csv --pose-covariance --mode direct"
+        " --position-sigma 0.01 0.01 0.02 --shift-sigma 0.1 0.1 0.2 --readout 0.03 --tables"
     )
     block = block_of(build_parser().parse_args(words.split()))
     assert block.output.pose_covariance
     assert block.output.directory == tmp_path / "adjusted"
+    assert block.output.tables
     assert block.adjustment.mode == "direct"
+    assert block.aerial_control.sigma_m == (0.01, 0.01, 0.02)  # was none of any form
+    assert block.aerial_control.shift_sigma_m == (0.1, 0.1, 0.2)
+    assert block.camera.readout_s == 0.03
 
 
 def test_whole_numbers_of_a_file_are_kept_as_the_option_is_declared(load):

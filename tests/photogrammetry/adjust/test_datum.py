@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from simulated_blocks import camera, no_ground, simulated
 
 from insgnss.base.errors import InputError
+from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import skew
 from insgnss.io.formats.blocks.joined import Joined
 from insgnss.photogrammetry.adjust.adjustment import adjusted
@@ -16,7 +17,11 @@ from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.photogrammetry.adjust.start import first_values
 from insgnss.photogrammetry.adjust.unknowns import POINT, POSE
-from insgnss.photogrammetry.block_adjustment.placing import in_own_datum, read_distances
+from insgnss.photogrammetry.block_adjustment.placing import (
+    in_own_datum,
+    in_tangent_plane,
+    read_distances,
+)
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +96,21 @@ def test_distances_give_the_scale(block) -> None:
         assert_allclose(got, lengths, rtol=1e-6)
         assert scaled.result.cost == pytest.approx(free.result.cost, rel=1e-6)
         assert [len(one.motions) for one in inner] == [6] * (kind == "images")
+
+
+def test_geocentric_poses_are_brought_into_a_tangent_plane() -> None:
+    """Oracle: the same poses made geocentric by the plane's own matrices, one of them without."""
+    plane = TangentPlane(0.8, 0.1, 300.0)
+    X = np.array([[0.0, 50.0, 3.0], [0.0, -50.0, 3.0], [np.nan] * 3])
+    C = np.stack([np.diag([1.0, -1.0, -1.0])] * 3)
+    union = Joined(None, None, plane.origin_ecef + X @ plane.C_em.T, plane.C_em @ C)
+    notes = []
+    with np.errstate(all="raise"):
+        got = in_tangent_plane(union, notes)
+    assert_allclose(got.position_m[:2], X[:2] - [0.0, 0.0, 3.0], atol=2e-3)
+    assert_allclose(got.C_mc[0], C[0], atol=1e-5)
+    assert np.isnan(got.position_m[2]).all()
+    assert "origin 45.8366236105 5.7295779513 deg 303.00" in notes[0]
 
 
 def test_tables_of_distances(block, tmp_path) -> None:
