@@ -249,3 +249,25 @@ def test_a_packet_counter_shows_what_a_rate_hides(tmp_path, first, step):
     assert "imu.csv:502" in imu.notes[-1].found
     np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header="x" + header, comments="")
     assert np.ptp(np.diff(read_imu(path, rate_hz=RATE_HZ).time)) < 1e-9
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    st.sampled_from([(2.0**32, "us"), (2.0**32, "0.1 ms"), (2.0**16, "ms"), (2.0**32, "ms")]),
+    st.floats(0.0, 1.0),
+    st.lists(st.floats(0.002, 0.5), min_size=30, max_size=90),
+    st.booleans(),
+)
+def test_stamps_of_a_counter_come_back_wherever_it_begins_anew(counter, place, steps, even):
+    """Oracle: the count before it was taken modulo its range, of rows as uneven as exposures."""
+    modulus, unit = counter
+    tick = {"us": 1e-6, "0.1 ms": 1e-4, "ms": 1e-3}[unit]
+    instants = np.cumsum(np.full(len(steps), steps[0]) if even else steps)
+    first = modulus * tick - place * instants[-1]
+    ticks = np.round((first + instants) / tick)
+    tow, _, undated, notes = on_one_clock(
+        SHORT_LINES, ticks % modulus, None, unit, "rows", (lambda i, k: False) if even else None
+    )
+    np.testing.assert_allclose(np.diff(tow), np.diff(ticks), atol=0.01)
+    assert undated == 0
+    assert len(notes) == int((np.diff(ticks % modulus) < 0.0).any())
