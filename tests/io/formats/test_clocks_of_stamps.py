@@ -94,6 +94,25 @@ def test_rows_before_the_date_was_known_are_counted_back(tmp_path, epoch_s, rows
     assert f"imu.csv:{rows + 1}" in imu.notes[0].found
 
 
+def test_recordings_of_two_days_in_one_file_are_no_set_clock(tmp_path):
+    """Oracle: the stamps as they stand: which day the first rows are of is known."""
+    stamps = UNIX + COUNT + 2.0 * 86400.0 * (COUNT >= 10.0)
+    imu = imu_of(tmp_path, stamps, "unix")
+    np.testing.assert_allclose(imu.time + UNIX - 205200.0, stamps, atol=2e-6)
+    assert imu.notes == ()
+    path = tmp_path / "gnss.txt"
+    rows = np.column_stack([stamps[::100], np.full((30, 6), 6.5)])
+    np.savetxt(path, rows, fmt="%.7f")
+    assert len(read_gnss(path, units={"time": "unix"})) == 30
+
+
+def test_seconds_since_power_up_before_the_week_was_known_are_counted_back(tmp_path):
+    """Oracle: the instants before the first 500 rows counted since power-up."""
+    stamps = np.where(np.arange(N) < 500, 25.0, 205200.0) + COUNT
+    imu = imu_of(tmp_path, stamps, "s")
+    np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+
+
 def test_a_clock_that_forgets_the_date_in_between_counts_on(tmp_path):
     """Oracle: the instants before rows 1000 to 1999 counted from 1970, and the last ones."""
     for end in (2000, N):
