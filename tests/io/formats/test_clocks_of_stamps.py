@@ -94,6 +94,25 @@ def test_rows_before_the_date_was_known_are_counted_back(tmp_path, epoch_s, rows
     assert f"imu.csv:{rows + 1}" in imu.notes[0].found
 
 
+def test_recordings_of_two_days_in_one_file_are_no_set_clock(tmp_path):
+    """Oracle: the stamps as they stand: which day the first rows are of is known."""
+    stamps = UNIX + COUNT + 2.0 * 86400.0 * (COUNT >= 10.0)
+    imu = imu_of(tmp_path, stamps, "unix")
+    np.testing.assert_allclose(imu.time + UNIX - 205200.0, stamps, atol=2e-6)
+    assert imu.notes == ()
+    path = tmp_path / "gnss.txt"
+    rows = np.column_stack([stamps[::100], np.full((30, 6), 6.5)])
+    np.savetxt(path, rows, fmt="%.7f")
+    assert len(read_gnss(path, units={"time": "unix"})) == 30
+
+
+def test_seconds_since_power_up_before_the_week_was_known_are_counted_back(tmp_path):
+    """Oracle: the instants before the first 500 rows counted since power-up."""
+    stamps = np.where(np.arange(N) < 500, 25.0, 205200.0) + COUNT
+    imu = imu_of(tmp_path, stamps, "s")
+    np.testing.assert_allclose(imu.time, 205200.0 + COUNT, atol=2e-6)
+
+
 def test_a_clock_that_forgets_the_date_in_between_counts_on(tmp_path):
     """Oracle: the instants before rows 1000 to 1999 counted from 1970, and the last ones."""
     for end in (2000, N):
@@ -249,3 +268,25 @@ def test_a_packet_counter_shows_what_a_rate_hides(tmp_path, first, step):
     assert "imu.csv:502" in imu.notes[-1].found
     np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header="x" + header, comments="")
     assert np.ptp(np.diff(read_imu(path, rate_hz=RATE_HZ).time)) < 1e-9
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    st.sampled_from([(2.0**32, "us"), (2.0**32, "0.1 ms"), (2.0**16, "ms"), (2.0**32, "ms")]),
+    st.floats(0.0, 1.0),
+    st.lists(st.floats(0.002, 0.5), min_size=30, max_size=90),
+    st.booleans(),
+)
+def test_stamps_of_a_counter_come_back_wherever_it_begins_anew(counter, place, steps, even):
+    """Oracle: the count before it was taken modulo its range, of rows as uneven as exposures."""
+    modulus, unit = counter
+    tick = {"us": 1e-6, "0.1 ms": 1e-4, "ms": 1e-3}[unit]
+    instants = np.cumsum(np.full(len(steps), steps[0]) if even else steps)
+    first = modulus * tick - place * instants[-1]
+    ticks = np.round((first + instants) / tick)
+    tow, _, undated, notes = on_one_clock(
+        SHORT_LINES, ticks % modulus, None, unit, "rows", (lambda i, k: False) if even else None
+    )
+    np.testing.assert_allclose(np.diff(tow), np.diff(ticks), atol=0.01)
+    assert undated == 0
+    assert len(notes) == int((np.diff(ticks % modulus) < 0.0).any())

@@ -6,10 +6,10 @@ The clock (`on_one_clock`), before stamps become times of a GPS week:
     weeks that lag behind the times of week     taken from the times of week (`weeks_in_step`)
     a clock that was set back                   the rows before are moved by as much, where both
                                                 sides have the same stamps with other values
-    a date that was not known at first, more    even rows are counted back from the first dated one;
-    than a day before the rows that follow      of others their number is returned
+    a date that was not known at first: years   even rows are counted back from the first dated one;
+    behind, or seconds since power-up           of others their number is returned
 
-A step ahead of less than a day may be a pause of the recording: only motion tells, as
+A step ahead of less than that may be a pause of the recording: only motion tells, as
 `check_set_clock` of `navigation.recognise.claims` does.
 
 Digits. A sensor samples evenly, its clock wanders by a few parts in a million, and a logger prints
@@ -49,6 +49,9 @@ RANGES_S = (2.0**32 * 1e-6, 2.0**32 * 1e-4, 2.0**32 * 1e-3, DAY_S)
 # of a range, within which stamps lie before its end and after its beginning where a counter begins
 # anew: 86 s of 2^32 us; a clock that is set back by the range to 2 % is the rarer case (chosen)
 NEAR_END = 0.02
+# s: a clock without the date is years behind, or counts since power-up; two recordings of some
+# days in one file are neither (chosen)
+UNDATED_S, POWER_UP_S = 365.0 * DAY_S, 3600.0
 LEVEL_ROWS = 40  # rows on either side of a step whose median shows it, whatever single stamps do
 LEAST_LEVEL_ROWS = 5  # rows of a side: fewer are rows out of place (chosen)
 MOST_STEPS = 200  # falls of the stamps: more are no clock's (chosen)
@@ -131,8 +134,10 @@ def on_one_clock(
         seconds = unwrap_week(seconds)
         notes += [_begins_anew(lines, name, row, length) for row, length in ranges]
     if same is None:
-        jumps = np.flatnonzero(np.diff(seconds) > DAY_S)
-        undated = int(jumps[-1]) + 1 if jumps.size and jumps[-1] + 1 < 0.5 * seconds.size else 0
+        jumps = np.flatnonzero(np.diff(seconds) > DAY_S) + 1
+        undated = int(jumps[-1]) if jumps.size and jumps[-1] < 0.5 * seconds.size else 0
+        if undated and not _is_undated(seconds[0], seconds[undated] - seconds[0]):
+            undated = 0
         if undated:
             finding = (
                 f"{undated} rows before {_line_of(lines, undated)} left out, of {seconds.size}"
@@ -170,6 +175,11 @@ def stale_weeks(name: str, wrong: int, rows: int) -> Finding:
     finding = f"the week of {wrong} of {rows} rows does not follow from their times of week"
     advice = "that of most rows was taken and counted on: the receiver named an old one"
     return note(name, finding, "weeks that change where the times of week begin anew", advice)
+
+
+def _is_undated(stamp: float, lacks: float) -> bool:
+    """Whether a clock that lacks so many seconds did not know the date at a stamp, s."""
+    return lacks > UNDATED_S or (lacks > DAY_S and stamp < POWER_UP_S)
 
 
 def undated_rows(name: str, count: int, first: str) -> Finding:
@@ -253,9 +263,10 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
             )
             - interval
         )
-        undated = first == 0 and change > DAY_S
-        if (min(before.size, after.size) < LEAST_LEVEL_ROWS and not undated) or (
-            abs(change) <= DAY_S
+        undated = _is_undated(min(time[first], time[row]), abs(change))
+        leads = undated and first == 0 and change > 0.0
+        if (min(before.size, after.size) < LEAST_LEVEL_ROWS and not leads) or (
+            not undated
             and (
                 change > -SET_INTERVALS * interval
                 or not _overlap(time, int(first), int(row), int(end), interval, same)
