@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from .crs import moves, source_crs, transformed, transformer_between
+from .crs import crs_of, moves, source_crs, transformed, transformer_between
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,11 @@ OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked 
 ALIKE = 1.0  # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
 # degrees up to which numbers are longitude and latitude of a place: as metres they are next to none
 SAME_PLACE_DEG = 0.1
+PLATES = (
+    "EPSG:4937",
+    "EPSG:6319",
+    "EPSG:7843",
+)  # datums fixed to Eurasia, North America, Australia
 MOST_CRS = 2  # that are named: more do not fit into a line
 
 
@@ -109,11 +114,14 @@ def between_datums(
     UsageError
         As `source_crs`.
     InputError
-        PROJ knows no transformation, its grid is not installed, or both datums move and the epochs
-        differ: no motion of the ground is known here.
+        PROJ knows no transformation, its grid is not installed, or both datums move, the epochs
+        differ, and the positions are on none of `PLATES`: no motion of the ground is known there.
     """
     crs_from, crs_to = source_crs(*source), source_crs(*target)
     epochs = {epoch for crs, (_, epoch) in ((crs_from, source), (crs_to, target)) if moves(crs)}
+    if len(epochs) > 1 and (plate := _plate_of(lat, lon)):
+        fixed = between_datums(lat, lon, h, source, (plate, None))
+        return between_datums(*fixed, (plate, None), target)
     if len(epochs) > 1:
         raise InputError(
             f"{datum_words(crs_from, source[1])} and {datum_words(crs_to, target[1])}: the ground"
@@ -126,6 +134,18 @@ def between_datums(
     degrees = np.degrees(lon), np.degrees(lat)
     lon, lat, h = transformed(transformer, crs_to.name, *degrees, h, epoch=next(iter(epochs), None))
     return np.radians(lat), np.radians(lon), h
+
+
+def _plate_of(lat: Array, lon: Array) -> str:
+    """Return the one of `PLATES` in whose area all positions lie, empty where there is none."""
+    lat, lon = np.degrees(lat), np.degrees(lon)
+    for code in PLATES:
+        area = crs_of(code).area_of_use
+        west, east = area.west, area.east + 360.0 * (area.east < area.west)
+        within = (lat >= area.south) & (lat <= area.north) & ((lon - west) % 360.0 <= east - west)
+        if within.all():
+            return code
+    return ""
 
 
 def fitting_crs(

@@ -163,7 +163,9 @@ def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
         moved = b.moved(*between_datums(b.lat, b.lon, b.height, *datums[::-1]))
     except (InputError, UsageError) as refusal:
         return b, (f"{statement}: compared as they stand, since {refusal}",)
-    return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed",)
+    by = " by the motion of its plate" if None not in (a.epoch, b.epoch) else ""
+    by *= a.epoch != b.epoch
+    return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed{by}",)
 
 
 def _may_be_master(given: str | Path | ExteriorOrientation | Trajectory) -> bool:
