@@ -11,7 +11,6 @@ from insgnss.navigation.diagnosis.remedies import REMEDIES, Case, Remedy
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, USED
 from insgnss.navigation.noise_model.model import load_noise_model
 
-
 UNAIDED = SimpleNamespace(measurements=())
 AIDED = SimpleNamespace(measurements=("heading",))
 
