@@ -54,6 +54,7 @@ def run_summary(
     epochs: int | None = None,
     series: Mapping[str, Any] | None = None,
     run: Mapping[str, Any] | None = None,
+    heading_with_antennas_deg: float | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
 
@@ -68,6 +69,8 @@ def run_summary(
     imu_samples, epochs : numbers of them, where known.
     series : what the source of the fixes says of each epoch, as `charts.gnss` takes it.
     run : when, where and by which command, as text by name.
+    heading_with_antennas_deg : sigma of the images' headings, median, that two antennas would have
+        left in this flight; None where it was not tried.
     """
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
@@ -78,6 +81,7 @@ def run_summary(
         "flight": flight,
         "versions": versions,
         "run": run or {},
+        "heading_with_antennas_deg": heading_with_antennas_deg,
         "inputs_sha256": inputs,
     }
     gnss = flight.get("gnss")

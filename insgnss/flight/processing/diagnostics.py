@@ -14,6 +14,7 @@ from ...navigation.diagnosis.estimated import (
     time_correlated_errors,
 )
 from ...navigation.filter.codes import (
+    AZ,
     BAROMETER,
     COVARIANCE_RESET,
     NAV,
@@ -24,10 +25,13 @@ from ...navigation.filter.codes import (
     VELOCITY,
 )
 from ...navigation.filter.solution import trajectory
+from ...navigation.innovations.sensor_trial import heading_with_antennas
 from ...records import Array, Diagnostics, Finding, Trajectory
 from ...records.series import ConstantSeries
 from ...records.states import OF_LEVER_ARM, TIME_OFFSET
+from ...report.rules.accuracy import GOOD_HEADING_DEG
 from ..config.flight_file import Flight
+from .recording import Recording
 from .segment import Segment
 
 
@@ -191,3 +195,31 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
         np.sqrt(np.maximum(variance, 0.0)),
         solution.row_sigma[:, rows],
     )
+
+
+def tried_antennas(recording: Recording, segments: Sequence[Segment]) -> float | None:
+    """Return what two antennas would have left of an uncertain heading of the images.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments, with their increments.
+
+    Returns
+    -------
+    float or None
+        Median of its standard deviations, deg; None where the heading is good, or further sensors
+        take part.
+    """
+    solutions = [s.solution for s in segments if s.solution.event_epochs.size]
+    if recording.measurements or not solutions:
+        return None
+    before = np.concatenate(
+        [np.sqrt(s.nav_covariance(s.event_epochs)[:, AZ, AZ]) for s in solutions]
+    )
+    if np.degrees(np.median(before)) <= GOOD_HEADING_DEG:
+        return None
+    sigma = np.concatenate([heading_with_antennas(s)[s.event_epochs] for s in solutions])
+    return float(np.degrees(np.median(sigma)))

@@ -42,7 +42,7 @@ from .checks import (
     refuse_unobservable,
 )
 from .clocks import on_gpst
-from .diagnostics import constants_of, report_rows, run_diagnostics
+from .diagnostics import constants_of, report_rows, run_diagnostics, tried_antennas
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
@@ -229,6 +229,7 @@ def _process(
         history = (*history, note)
         eo = replace(eo, history=history)
 
+    tried_deg = tried_antennas(recording, segments)
     # what follows reads results alone; the increments of 8 hours at 500 Hz are 0.8 GB
     results = [s.without_increments() for s in segments]
     if at_epochs(flight.output.trajectory_hz):
@@ -240,7 +241,10 @@ def _process(
     segments = results
     clock.step("report")
     diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
-    report = _report(flight, recording, segments, diagnostics, eo, history, clock, inputs.result())
+    digests = inputs.result()
+    report = _report(
+        flight, recording, segments, diagnostics, eo, history, clock, digests, tried_deg
+    )
 
     files: tuple[Path, ...] = ()
     if directory is not None:
@@ -297,6 +301,7 @@ def _report(
     history: tuple[str, ...],
     clock: StepClock,
     inputs: dict[str, str],
+    tried_deg: float | None,
 ) -> dict[str, Any]:
     """Gather what report.json holds."""
     report = run_summary(
@@ -311,6 +316,7 @@ def _report(
         epochs=sum(segment.solution.time.size for segment in segments),
         series=recording.series,
         run=circumstances(),
+        heading_with_antennas_deg=tried_deg,
     )
     report["constants"] = constants_of(flight, segments)
     ppk = recording.ppk

@@ -137,6 +137,8 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
             "make sharper and more frequent turns, or use a better gyro, or two antennas with their"
             " heading in [[measurement]]"
         )
+        if tried_deg := f.get("heading_with_antennas_deg"):
+            help_ += f" (tried: 1 m apart, {degrees(tried_deg)} would be left of this flight)"
         yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])

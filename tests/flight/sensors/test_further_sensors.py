@@ -423,3 +423,42 @@ def test_values_that_are_off_for_half_a_minute_are_named_and_left_out(noise, sig
         first, last = (float(spells[0].split(word)[1].split()[0]) for word in ("antennas,", " to "))
         assert begin - 10.0 < first < begin + 1.0
         assert begin + 29.0 < last < begin + 40.0
+
+
+@pytest.mark.slow
+def test_the_advice_of_two_antennas_was_tried_on_this_flight():
+    """Oracle: the same flight estimated with the headings of two antennas, to 2 %; a flight with a
+    good heading, or with a sensor for it, tries nothing.
+    """
+    sims = {
+        name: insgnss.simulate("ign8", 1.0, imu_rate_hz=50.0, noise=name, seed=7, start_in_air=True)
+        for name in ("consumer", "tactical")
+    }
+    truth = sims["consumer"].truth.trajectory
+    noise = np.radians(0.2) * np.random.default_rng(1).standard_normal(len(truth))
+    antennas = insgnss.Measurement(
+        "antennas",
+        truth.time,
+        truth.rpy[:, 2] + noise,
+        np.radians(0.2),
+        lambda motion, states: motion.roll_pitch_heading[:, 2],
+        period=2.0 * np.pi,
+    )
+
+    def estimated(noise: str, *measurements: insgnss.Measurement) -> dict:
+        sim = sims[noise]
+        return insgnss.estimate(
+            *(sim.imu, sim.gnss, sim.events),
+            mounting=sim.mounting,
+            noise=noise,
+            measurements=measurements,
+        ).report
+
+    report, equipped = estimated("consumer"), estimated("consumer", antennas)
+    tried = report["heading_with_antennas_deg"]
+    advice = next(text for text in report["limits"] if "two antennas" in str(text))
+    assert "(tried: 1 m apart, 0.0" in str(advice)
+    assert tried == pytest.approx(equipped["exposures"]["attitude_deg"]["median"][2], rel=0.02)
+    assert tried < 0.5 * report["exposures"]["attitude_deg"]["median"][2]
+    assert equipped["heading_with_antennas_deg"] is None
+    assert estimated("tactical")["heading_with_antennas_deg"] is None

@@ -11,12 +11,15 @@ from insgnss.navigation.diagnosis.remedies import REMEDIES, Case, Remedy
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, USED
 from insgnss.navigation.noise_model.model import load_noise_model
 
+UNAIDED = SimpleNamespace(measurements=())
+AIDED = SimpleNamespace(measurements=("heading",))
+
 
 def case(**changes) -> Case:
     """A segment of which no remedy has run; the conditions look at its outcome alone."""
     search = SimpleNamespace(time_correlated=True)
     return replace(
-        Case(None, None, search, None, load_noise_model("navchip"), None, start=object()),
+        Case(UNAIDED, None, search, None, load_noise_model("navchip"), None, start=object()),
         **changes,
     )
 
@@ -38,6 +41,11 @@ FAILED += ["errors of the IMU, or larger noise"]
         ({"solution": solved(USED), "moving": False}, OF_SOLUTION[1:]),
         ({"solution": solved(USED), "other_imu": True}, OF_SOLUTION[1:]),
         ({"solution": solved(COVARIANCE_RESET)}, ["incorrect fixes", *OF_SOLUTION]),
+        (
+            {"solution": solved(USED), "problem": AIDED},
+            ["incorrect values of further sensors", *OF_SOLUTION],
+        ),
+        ({"failure": DataError("lost"), "problem": AIDED}, ["incorrect fixes", *FAILED]),
         ({"failure": DataError("lost")}, ["incorrect fixes", *FAILED]),
         ({"failure": DataError("no attitude"), "start": None}, FAILED),
     ],
