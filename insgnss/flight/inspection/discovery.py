@@ -6,7 +6,7 @@ a flight file names the inputs.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,7 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
 LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
 FIX_LOGS = {
     "nmea": "receiver log of NMEA sentences",
+    "gpx": "track of GPX",
     "novatel": "receiver log of NovAtel's ASCII",
     "rtklib_pos": "positions of RTKLIB",
 }
@@ -190,9 +191,12 @@ def _fix_log(path: Path, form: str) -> Source:
     """A receiver's log; standard deviations stand in where it has none."""
     from ...io.formats import describe
 
-    if form != "nmea":
-        return Source("gnss", path, FIX_LOGS[form])
     entry = Keys()
+    if form == "gpx":
+        entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
+    if form != "nmea":
+        source = Source("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
+        return replace(source, free_height=form == "gpx")
     velocity = SINGLE_POINT["sigma_velocity_mps"]
     entry.set(
         "sigma_velocity_mps",

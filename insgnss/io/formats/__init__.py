@@ -73,6 +73,7 @@ READERS = {
         "nmea": Reader(
             "gnss.nmea:read_nmea", "sigma_m sigma_velocity gps_week undulation_m", "detect:is_nmea"
         ),
+        "gpx": Reader("gnss.gpx:read_gpx", "sigma_m gps_week undulation_m", "gnss.gpx:is_gpx"),
         "novatel": Reader(
             "gnss.novatel:read_novatel", "sigma_m gps_week", "gnss.novatel:is_novatel"
         ),
@@ -205,8 +206,8 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
 
     Parameters
     ----------
-    path : text, RTKLIB .pos, NMEA, NovAtel, MATLAB, npy, SBET, ArduPilot or PX4 log; its bytes
-        tell which.
+    path : text, RTKLIB .pos, NMEA, NovAtel, GPX, MATLAB, npy, SBET, ArduPilot or PX4 log; its
+        bytes tell which.
     **spec : what the file does not say, as far as its format takes it: `columns`, `units` (angle,
         length, velocity, time, ...), `sigma_m` and `sigma_velocity` (north, east, down),
         `undulation_m`, `gps_week`, `variable`, `repeat_column`, `reference` (of local metres).

@@ -45,6 +45,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "rtklib_pos": read_gnss,
     "nmea": read_gnss,
     "novatel": read_gnss,
+    "gpx": lambda path: read_gnss(path, sigma_m=(2.0, 2.0, 4.0)),
     "aimu": read_imu,
     "events": read_events,
     "mrk": read_events,

@@ -1,0 +1,91 @@
+"""Tracks of GPX 1.0 and 1.1: the points of all tracks and segments, data_specs/gpx.md.
+
+Times are UTC. Elevations are above the sea, and become heights above the ellipsoid by the point's
+geoidheight or the caller's undulation; without both they stay as they are, with a note.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ....base.errors import InputError
+from ....records import Finding, GnssFixes
+from ..text.dates import UNIT, seconds_of_dates
+from ..text.numbers import finite
+from ..text.order import NumberedRows, note, refuse_rows
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
+from .fixes import FixScales, fixes_from_columns
+
+DESCRIBED = {"sat": "satellites", "hdop": "hdop", "pdop": "pdop", "ageofdgpsdata": "age_s"}
+POINT = "trkpt"
+
+
+def is_gpx(head: bytes) -> bool:
+    """Tell whether the first bytes of a file are those of a GPX document."""
+    return b"<gpx" in head and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
+
+
+def read_gpx(
+    path: Source,
+    sigma_m: ArrayLike | None = None,
+    gps_week: int | None = None,
+    undulation_m: float | None = None,
+) -> GnssFixes:
+    """Read the points of the tracks as fixes in GPST.
+
+    Parameters
+    ----------
+    path : path
+        The document.
+    sigma_m : array_like, optional
+        Standard deviations north, east, down, m, which GPX has none of; needed.
+    gps_week : int, optional
+        The week that the track must be of.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, of points without geoidheight.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with the number of the point.
+    """
+    root = parse_xml(path, load_bytes(path).tobytes())
+    points = [element for element in root.iter() if _name(element.tag) == POINT]
+    if not points:
+        raise InputError.in_file(path, "holds no point of a track (trkpt); export the track")
+    lines = NumberedRows(str(path), POINT)
+    texts = [{_name(child.tag): (child.text or "").strip() for child in p} for p in points]
+    stamps = seconds_of_dates([text.get("time", "") for text in texts])
+    if stamps is None:
+        row = next(k for k, t in enumerate(texts) if seconds_of_dates([t.get("time", "")]) is None)
+        problem = f"time {texts[row].get('time', '')!r} is no date in UTC, such as"
+        raise lines.error_at(row, f"{problem} 2018-07-03T07:31:10.2Z; export it with times")
+    columns = {name: np.array([finite(p.get(name)) for p in points]) for name in ("lat", "lon")}
+    columns["h"] = np.array([finite(text.get("ele")) for text in texts])
+    for name, column in columns.items():
+        message = f"{'ele' if name == 'h' else name} is no number; correct or delete the point"
+        refuse_rows(lines, ~np.isfinite(column), message)
+    geoid = np.array([finite(text.get("geoidheight")) for text in texts])
+    above = np.where(np.isfinite(geoid), geoid, undulation_m or 0.0)
+    notes: tuple[Finding, ...] = ()
+    if undulation_m is None and not np.isfinite(geoid).all():
+        finding = "elevations of GPX are above the sea as a rule; taken as above the ellipsoid"
+        advice = "set undulation_m: 0 where they are, else the geoid's height above it"
+        notes = (note("GNSS position", finding, "heights above the ellipsoid", advice),)
+    described = {
+        role: np.array([finite(text.get(name)) for text in texts])
+        for name, role in DESCRIBED.items()
+    }
+    cols = {"tow": stamps, **columns, "h": columns["h"] + above, **described}
+    scales = FixScales(angle=np.pi / 180.0, time=UNIT)
+    return fixes_from_columns(cols, lines, str(path), scales, gps_week, sigma_m, None, notes=notes)
+
+
+def _name(tag: str) -> str:
+    """The name of an element without its name space."""
+    return tag.rpartition("}")[2]
