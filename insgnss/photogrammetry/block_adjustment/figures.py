@@ -101,8 +101,8 @@ def _weighed(solved: Solved) -> list[str]:
             return []
         return [
             "positions are weighed as if each image had errors of its own: those of RTK and PPK"
-            " last for minutes, and so sigmas are too small where aerial_control.shift_sigma_m does"
-            " not give each flight line its shift"
+            " last for minutes, and so sigmas are too small where --shift-sigma (shift_sigma_m)"
+            " does not give each flight line its shift"
         ]
     return [
         f"the aerial control weighs {how[solved.control.covariance]}: standard deviations of"

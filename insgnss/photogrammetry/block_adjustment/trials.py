@@ -260,7 +260,7 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
             "m",
             gain > max(chi2.isf((1.0 - GAIN_CHANCE) / len(groups), 3), GAIN_SHARE * excess),
             "aerial_control.shift_sigma_m",
-            "look for a wrong ambiguity or another base there; aerial_control.shift_sigma_m"
+            "look for a wrong ambiguity or another base there; --shift-sigma (shift_sigma_m)"
             " estimates a shift of each line",
             float(of_positions.max()),
         )
