@@ -360,9 +360,10 @@ def step_check(step: ClockStep) -> Finding:
         f" more than before, {moves}{whose}"
     )
     if step.missing:
+        about = "about " if step.sigma > 0.5 * step.solution.problem.inc.nominal_s else ""
         sentence = (
-            f"{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost shortly"
-            f" before {step.after:.2f} s and the stamps count on without them: from there on they"
+            f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost"
+            f" shortly before {step.after:.2f} s and the stamps count on without them: from there on they"
             f" are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
     return Question(

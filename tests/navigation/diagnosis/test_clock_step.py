@@ -100,6 +100,12 @@ def test_a_step_is_found_with_its_size_and_its_instant(clean, imu, gnss, size, o
     check = step_check(one)
     assert check.verdict == "contradiction"
     assert (f"{missing} IMU samples were lost" if missing else f"{one.size:+.4f}") in check.found
+    if missing:  # the same sigma is half a sample or more of a faster IMU
+        inc = replace(one.solution.problem.inc, nominal_s=1.9 * one.sigma)
+        problem = replace(one.solution.problem, inc=inc)
+        faster = replace(one, solution=replace(one.solution, problem=problem))
+        assert step_check(faster).found.startswith(f"about {missing} IMU samples")
+        assert check.found.startswith(f"{missing} IMU samples")
     assert ("start_tow" in check.advice) == (not of_imu or size > 0.0)
 
 
