@@ -6,16 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import DataError
+from ...base.findings import Finding
 from ...base.provenance import refuse_other_results
 from ...base.received.outputs import refuse_outside
 from ...base.received.trusted import at_home
-from ...flight.config.block_file import BlockFile
+from ...flight.config.block_file import GROUPS, BlockFile
 from ...flight.config.flight_file import Flight
 from ...flight.processing.pipeline import ProcessResult
 from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
-from .judgement import Judgement, accepted_as, advice, judged, shown
+from .judgement import CHECKS, Judgement, accepted_as, advice, judged, shown
 from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
 from .products import CONTRADICTED, DOCUMENT, written
@@ -43,6 +44,8 @@ class AdjustmentResult(Shown):
         The products.
     trajectory : ProcessResult or None
         The flight after the images, where it was asked for.
+    uncorrected : Finding or None
+        The contradiction for which the images corrected no flight.
     """
 
     solved: Solved
@@ -50,12 +53,18 @@ class AdjustmentResult(Shown):
     judgement: Judgement
     files: tuple[Path, ...]
     trajectory: ProcessResult | None = None
+    uncorrected: Finding | None = None
 
     @property
     def refusal(self) -> DataError | None:
-        """Why no orientation was written; None where it was."""
+        """Why no orientation or no trajectory was written; None where they were."""
         if not (refused := self.judgement.refused):
-            return None
+            if (finding := self.uncorrected) is None:
+                return None
+            return DataError(
+                f"{finding.sentence}; no trajectory is written, the orientation is;"
+                f' adjustment.accept = ["{accepted_as(finding.name)}"] in the block file overrules'
+            )
         if self.solved.inputs.file.adjustment.write_anyway:
             problem = f"{refused[0].sentence}; the orientation in {CONTRADICTED}/ has it"
             return DataError(f"{problem}{self._of_earlier_run()}")
@@ -106,8 +115,8 @@ def adjust(
     force : bool
         Whether results of other image observations are overwritten.
     flight : Flight, optional
-        The flight file of the orientation, whose trajectory the images are to correct; that of a
-        refused block stays as it is.
+        The flight file of the orientation, whose trajectory the images are to correct; those of a
+        block that contradicts itself correct none.
 
     Returns
     -------
@@ -146,8 +155,8 @@ def adjust(
         for name, verdict, value in judgement.determined
     ]
     files: tuple[Path, ...] = ()
-    trajectory = None
-    if flight is not None and not judgement.refused:
+    trajectory, contradiction = None, _not_accepted(file, judgement)
+    if flight is not None and contradiction is None:
         into = directory / TRAJECTORY if write else None
         trajectory, change = corrected_trajectory(done, flight, into, progress, force)
         figures["notes"].append(change)
@@ -155,7 +164,15 @@ def adjust(
     if write:
         progress(f"writing {directory}")
         files = (*written(done, figures, judgement, directory), *files)
-    return AdjustmentResult(done, figures, judgement, files, trajectory)
+    uncorrected = None if flight is None else contradiction
+    return AdjustmentResult(done, figures, judgement, files, trajectory, uncorrected)
+
+
+def _not_accepted(file: BlockFile, judgement: Judgement) -> Finding | None:
+    """Return the worst contradiction that the block file does not accept."""
+    judged_names = {*GROUPS, CHECKS} - {*file.adjustment.accept}
+    wrong = (f for f in judgement.findings if f.rank >= 1.0 and accepted_as(f.name) in judged_names)
+    return next(wrong, None)
 
 
 def directory_of(file: BlockFile, out: Path | None) -> Path:

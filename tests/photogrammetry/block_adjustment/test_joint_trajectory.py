@@ -1,5 +1,7 @@
 """Images that correct the trajectory, against the adjusted block, the truth and a long outage."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +97,30 @@ def test_an_outage_over_two_lines_is_bridged_by_images(flown, tmp_path):
         inside = (after_start > OUTAGE[0]) & (after_start < OUTAGE[1])
         assert low < np.sqrt((e[inside, :2] ** 2).mean()) < high
         assert 0.2 < nees[inside].mean() / 9.0 < 1.8
+
+
+def test_a_block_that_contradicts_itself_corrects_no_trajectory(flown, tmp_path):
+    """Oracle: the rule: check points that were moved by 7 cm leave the orientation, and write no
+    trajectory until the block file accepts them.
+    """
+    copied = flown.copied(tmp_path / "flight")
+    ground = copied.directory / "01_Observations/Camera/Block/ground_points.csv"
+    lines = [line.split(",") for line in ground.read_text().splitlines()]
+    for line in lines:
+        if line[-1] == "check":
+            line[1] = f"{float(line[1]) + 0.07:.4f}"
+    ground.write_text("\n".join(map(",".join, lines)))
+    flight = load_flight(copied.directory)
+    result = adjust(copied.block, flight=flight, write=False)
+    assert result.trajectory is None
+    refusal = result.refusal
+    assert refusal is not None
+    assert "no trajectory is written, the orientation is" in str(refusal)
+    (name,) = re.findall(r'accept = \["(.*)"\]', str(refusal))
+    options = replace(copied.block.adjustment, accept=(name,))
+    again = adjust(replace(copied.block, adjustment=options), flight=flight, write=False)
+    assert again.refusal is None
+    assert again.trajectory is not None
 
 
 def test_shifts_of_lines_are_refused_beside_the_flight(flown, tmp_path, capsys):
