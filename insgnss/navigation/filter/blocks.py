@@ -26,7 +26,7 @@ What a flight needs of memory is forecast before it is filtered (`forecast`), wi
     increments    56 bytes a sample
     estimation    results, checkpoints and measurements of the epochs, twice while another error
                   model is tried beside the first; records; covariances of all states at the epochs
-                  of the report and at the exposures
+                  of the report and at the exposures; the event chain and what is made of it
     trajectory    the output, and as much again while it is made
 """
 
@@ -72,6 +72,11 @@ TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is m
 MEASUREMENT_BYTES = 450  # of an epoch: `navigation.filter.kernels.records.Epochs`, and its stamp
 POSE_BYTES = 8 * (7 + 9 + 81 + 6)  # of a row of the trajectory
 SAMPLE_BYTES = 8 * 7  # of increments
+# rows of as many states that an exposure keeps besides its transition (`event_chain`): of P and of
+# the last factor 14 each, and derivatives of its pose, 24
+CHAIN_ROWS = 52
+# of an exposure among 30 of a line, the usual, and of all (`navigation.orient.strips`)
+STRIP_BYTES, MOST_STRIP_BYTES = 8 * 36 * 30, 256_000_000
 ADDED_STATES = 12  # that a search may try besides
 State = TypeVar("State", FilterState, SmootherState)
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
@@ -158,6 +163,8 @@ def forecast(
     whole = (min(MOST_COVARIANCE_ROWS, epochs) + exposures) * 4 * n * (n + 1)
     solution = epochs * of_epoch + epochs // EPOCHS_OF_BLOCK * of_block + whole
     estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
+    estimation += exposures * 8 * states * (states + CHAIN_ROWS)
+    estimation += min(exposures * STRIP_BYTES, MOST_STRIP_BYTES)
     return Forecast(
         samples,
         epochs,

@@ -72,7 +72,18 @@ class SharedError:
 
 
 def events_of(epochs: Epochs) -> np.ndarray:
-    """Return the epoch of each camera event, (events,), in the order of the events."""
+    """Return the epoch of each camera event.
+
+    Parameters
+    ----------
+    epochs : Epochs
+        The m epochs.
+
+    Returns
+    -------
+    ndarray
+        (events,) in the order of the events.
+    """
     exposed = np.flatnonzero(epochs.event >= 0)
     return exposed[np.argsort(epochs.event[exposed])]
 
@@ -231,7 +242,18 @@ class EventChain:
         return np.asarray(of_kept @ rows[slot])
 
     def row_of(self, event: int, state: int) -> int:
-        """Return the row of `filtered` and `gain` that has a state at an event."""
+        """Return the row of `filtered` and `gain` that has a state at an event.
+
+        Parameters
+        ----------
+        event, state : int
+            Both counted from 0, states from those of navigation on.
+
+        Returns
+        -------
+        int
+            The row; ValueError where it is not kept.
+        """
         begin, end = self.read.begin[event : event + 2]
         return int(begin) + self.read.state[begin:end].tolist().index(state)
 

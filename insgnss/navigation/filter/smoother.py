@@ -159,7 +159,7 @@ class EventRows(NamedTuple):
         return cls(begin, state[order], common.size)
 
 
-NO_ROWS = np.zeros(0, dtype=np.int64)
+NO_ROWS = np.zeros(0, dtype=np.int64)  # where no chain of events is wanted
 
 
 class SmootherRoom(NamedTuple):
