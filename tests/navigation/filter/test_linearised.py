@@ -104,6 +104,40 @@ def test_core_agrees_with_the_twin_and_with_batch_least_squares():
         assert np.abs(error / np.sqrt(np.diag(best.covariance(k, k)))).max() < 1e-3
 
 
+@pytest.mark.slow
+def test_core_agrees_with_gtsam():
+    """Oracle: GTSAM's elimination of the factor graph of the twin's last linear problem, to 1e-3
+    sigma: its own factors of start, steps and measurements, no filter.
+    """
+    gtsam = pytest.importorskip("gtsam")
+    flown, start = flown_with(KINDS, 4, 1.5, 0.3 * SIGMA, 0.2)
+    core = solve(flown.problem, start, "on")
+    twin = solve_twin(flown.problem, start, core.passes + 1)
+    linear = twin.forward.linear
+    scale = np.sqrt(np.diag(linear.P))  # so that metres and radians a second are of one size
+
+    def noise(cov: np.ndarray) -> tuple:
+        values, axes = np.linalg.eigh(cov)
+        sigmas = np.sqrt(np.where(values > 1e-14 * values.max(), values, 0.0))
+        return axes.T, gtsam.noiseModel.Constrained.MixedSigmas(1.0, sigmas)
+
+    graph = gtsam.GaussianFactorGraph()
+    axes, model = noise(linear.P / np.outer(scale, scale))
+    graph.add(0, axes, axes @ (linear.mean / scale), model)
+    for k, measured_here in enumerate(linear.measured):
+        if k:
+            axes, model = noise(linear.Q[k] / np.outer(scale, scale))
+            step = linear.Phi[k] * scale / scale[:, None]
+            graph.add(k - 1, -axes @ step, k, axes, axes @ (linear.gap[k] / scale), model)
+        for H, z, R in measured_here:
+            axes, model = noise(R)
+            graph.add(k, axes @ (H * scale), axes @ z, model)
+    best = graph.optimize()
+    for k in range(0, core.time.size, 7):
+        error = twin.smoothed.mean[k] - scale * best.at(k)
+        assert np.abs(error / np.sqrt(np.diag(twin.smoothed.P[k]))).max() < 1e-3
+
+
 def test_derivative_is_the_change_of_the_innovation():
     """Oracle: the exact nonlinear prediction at a state 0.1 sigma away, to second order."""
     flown, start = flown_with(KINDS, 4, 4.0)
