@@ -91,6 +91,7 @@ GNSS: Names = {
     "sd_vn": sigma_names("vn v_n vel_n"),
     "sd_ve": sigma_names("ve v_e vel_e"),
     "sd_vd": sigma_names("vd v_d vel_d vu v_u vel_u"),
+    "sd_v": "~s_variance_m_s ~sacc ~saccm ~speed_accuracy ~velocity_accuracy",  # of each axis
     "speed": "spd speed gndspd gnd_speed ground_speed ~gspd hspeed sog ~velocity",
     "course": "gcrs course ~course_deg cog ground_course ~gcourse track course_over_ground"
     " ~bearing ~direction",

@@ -353,3 +353,25 @@ def test_a_course_that_its_name_calls_degrees_is_in_radians_where_its_values_are
         Path("log.csv"), table(**fixes(**{"speed": 3.0, "course [rad]": np.linspace(-3.1, 3.1, N)}))
     )
     assert "units" not in source.keys
+
+
+@pytest.mark.parametrize("course", ["bearing", "direction", "cog_deg"])
+@pytest.mark.parametrize(("accuracy", "taken"), [("s_variance_m_s", True), ("remark", False)])
+def test_receivers_names_of_course_and_speed_accuracy(tmp_path, course, accuracy, taken):
+    """Oracle: the values written: 10 m/s due east with 0.4 m/s, whatever the accuracy is called
+    that loggers know; those of a usual receiver without one."""
+    t = np.arange(60.0)
+    rows = [2e5 + t, 46.5 + 0.0 * t, 6.5 + 1.3e-4 * t, 510.0 + 0.1 * t, 10.0 + 0.0 * t]
+    rows += [90.0 + 1e-3 * t, 0.4 + 0.001 * (t % 2)]
+    path = tmp_path / "fixes.csv"
+    header = f"tow,lat,lon,h_ell,speed,{course},{accuracy}"
+    np.savetxt(path, np.column_stack(rows), "%.8f", ",", header=header, comments="")
+    (source,) = [x for table in tables_of_file(path) for x in sources_of_table(path, table)]
+    keys = source.keys
+    assert ("sigma_velocity_mps" in keys) != taken
+    sigma = keys.get("sigma_velocity_mps")
+    how = {"columns": keys.get("columns"), "sigma_m": keys["sigma_m"], "units": keys.get("units")}
+    fixes = read_gnss(path, **how, sigma_velocity=sigma)
+    np.testing.assert_allclose(fixes.velocity_ned[0, :2], [0.0, 10.0], atol=1e-9)
+    horizontal = np.sqrt(np.diagonal(fixes.velocity_cov_ned[0])[:2])
+    np.testing.assert_allclose(horizontal, 0.4 if taken else sigma[:2])

@@ -228,7 +228,7 @@ def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
         unused = dict.fromkeys(triad | sigmas, "speed and course are taken")
     else:
         unused = dict.fromkeys(
-            triad | polar | sigmas | {"vd", "vu"},
+            triad | polar | sigmas | {"vd", "vu", "sd_v"},
             "no whole velocity: it needs vn ve and vd or vu, or speed and course",
         )
     return {role: why for role, why in unused.items() if role in columns}
@@ -264,6 +264,8 @@ def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
     here = {role for role in columns if role in VELOCITY_SIGMAS}
     if not columns.keys() - bad.keys() >= VELOCITY_SIGMAS:
         bad = dict.fromkeys(here, "not all three are of use") | bad
+    elif "sd_v" in columns:
+        bad["sd_v"] = "others are taken"
     of_place = {role for role in columns if role in POSITION_SIGMAS}
     for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
         if complete <= columns.keys() - bad.keys():

@@ -245,7 +245,7 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             fixes = f"{unstated} of {len(table.grid.values)} fixes"
             reason = f"{fixes} state none, or 0: those of a single-point receiver"
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
-        if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
+        if {"vn", "ve", "speed"} & columns.keys() and not {"sd_vn", "sd_v"} & columns.keys():
             sigma = SINGLE_POINT["sigma_velocity_mps"]
             entry.set("sigma_velocity_mps", sigma, NO_VELOCITY_SIGMA)
         _spell_out(path, table, columns, "gnss", entry, roles.how)

@@ -190,7 +190,7 @@ def with_floors_of_zeros(
     (`rounding`).
     """
     floored, findings = dict(cols), []
-    for name in (*SIGMA, "sd_ne", *VELOCITY_SIGMA):
+    for name in (*SIGMA, "sd_ne", *VELOCITY_SIGMA, "sd_v"):
         if name in cols and (floor := floor_of_zeros(cols[name])) is not None:
             zero = cols[name] == 0.0
             floored[name] = np.where(zero, floor, cols[name])
@@ -285,6 +285,8 @@ def _covariance(
         sigma = factor * np.column_stack([cols[name] for name in names])
     elif names == SIGMA and {"sd_ne", "sd_u"} <= cols.keys():
         sigma = factor * np.column_stack([cols["sd_ne"], cols["sd_ne"], cols["sd_u"]])
+    elif names == VELOCITY_SIGMA and "sd_v" in cols:
+        sigma = factor * np.column_stack([cols["sd_v"]] * 3)
     elif names == SIGMA and cols.keys() >= VARIANCE:
         sigma = factor * np.sqrt(
             np.maximum(np.column_stack([cols["var_n"], cols["var_e"], cols["var_u"]]), 0.0)

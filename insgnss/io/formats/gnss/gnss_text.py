@@ -42,7 +42,7 @@ SPEC = TableSpec(
         "angle": "lat lon",
         "time": "tow",
         "length": f"h {SIGMAS} sd_ne x y z sd_x sd_y sd_z north east down up",
-        "velocity": f"{' '.join(VELOCITY)} {SPEED_SIGMAS} speed",
+        "velocity": f"{' '.join(VELOCITY)} {SPEED_SIGMAS} sd_v speed",
         "course": "course",
     },
     record="GNSS",
@@ -88,8 +88,8 @@ def read_gnss_text(
 ) -> GnssFixes:
     """Read antenna positions, and velocities where the file has them.
 
-    In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, and var_n var_e var_u for the
-    squares of sd_n sd_e sd_u.
+    In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, sd_v for sd_vn, sd_ve and sd_vd,
+    and var_n var_e var_u for the squares of sd_n sd_e sd_u.
 
     Parameters
     ----------
