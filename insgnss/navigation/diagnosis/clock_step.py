@@ -363,8 +363,8 @@ def step_check(step: ClockStep) -> Finding:
         about = "about " if step.sigma > 0.5 * step.solution.problem.inc.nominal_s else ""
         sentence = (
             f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost"
-            f" shortly before {step.after:.2f} s and the stamps count on without them: from there on they"
-            f" are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
+            f" shortly before {step.after:.2f} s and the stamps count on without them: from there"
+            f" on they are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
     return Question(
         STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m"
