@@ -136,6 +136,29 @@ def between_datums(
     return np.radians(lat), np.radians(lon), h
 
 
+def at_epoch(datum: str, epoch: float | None) -> tuple[str, float | None]:
+    """Return a datum that positions are brought into, with their epoch where it moves.
+
+    Parameters
+    ----------
+    datum : str
+        As of `source_crs`.
+    epoch : float, optional
+        Decimal year of the positions.
+
+    Returns
+    -------
+    tuple
+        The datum, and the epoch or None.
+
+    Raises
+    ------
+    UsageError
+        As `source_crs`.
+    """
+    return datum, epoch if moves(source_crs(datum, epoch or 0.0)) else None
+
+
 def _plate_of(lat: Array, lon: Array) -> str:
     """Return the one of `PLATES` in whose area all positions lie, empty where there is none."""
     lat, lon = np.degrees(lat), np.degrees(lon)

@@ -166,8 +166,8 @@ class Output:
     )
     crs: str | None = option(
         None,
-        'projected CRS for the formats that carry one: "EPSG:2056", "EPSG:25832+7837" (with '
-        "heights), WKT or a file of it; all others keep their frame",
+        'CRS for the formats that carry one: "EPSG:2056", "EPSG:25832+7837" (with heights), '
+        "geographic (EPSG:6319: its datum), WKT or a file of it; all others keep their frame",
     )
     geoid: Path | None = option(
         None,

@@ -257,10 +257,12 @@ def _output(table: Table) -> Output:
     output = made(table, Output, values | {"directory": directory, "rename": rename})
     if output.crs is None:
         return output
+    from ...geodesy.crs import is_globe
     from ...geodesy.projection import MapProjection
 
     try:
-        MapProjection(output.crs, output.geoid, any_unit=True)
+        if not is_globe(output.crs):
+            MapProjection(output.crs, output.geoid, any_unit=True)
     except UsageError as error:
         raise table.error("crs", str(error)) from None
     return output

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import DataError, InputError
+from ...base.errors import DataError, InputError, UsageError
 from ...base.findings.remedies import Step
 from ...base.inputs import opened
 from ...base.wording import Settings, spoken_as, toml
@@ -24,7 +24,7 @@ from ...io.formats.orientation.mounting_file import MountingFile
 from ...navigation.recognise.positions import VELOCITY_UNITS
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question, Trajectory
 from ...records.cameras.mounting import Mounting
-from ...records.framed import PROJECTED
+from ...records.framed import GEOGRAPHIC, PROJECTED
 from ..config.flight_file import Flight
 from ..config.mounting_options import MountingSource
 
@@ -163,19 +163,30 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     UsageError
         Where such a format takes metres only and the CRS counts in feet.
     """
+    from ...geodesy.crs import is_globe
+    from ...geodesy.datums import at_epoch, between_datums
     from ...geodesy.projection import MapProjection
 
     output = flight.output
-    wanted = [form for name in output.formats if PROJECTED in (form := EXPORTS[name]).frames]
+    globe = output.crs is not None and is_globe(output.crs)
+    kind = GEOGRAPHIC if globe else PROJECTED
+    wanted = [form for name in output.formats if kind in (form := EXPORTS[name]).frames]
     if output.crs is None or not wanted or flight.camera is None:
         return
     ends = [0, -1]
     source = flight.gnss.datum, flight.gnss.epoch
+    places = gnss.lat[ends], gnss.lon[ends], gnss.height[ends]
+    try:
+        if globe:
+            between_datums(*places, source, at_epoch(output.crs, flight.gnss.epoch))
+            return
+    except (InputError, UsageError) as error:
+        raise InputError(f"{flight.path}: output.crs: {error}") from None
     projection = MapProjection(
         output.crs, output.geoid, *source, any_unit=all(form.any_unit for form in wanted)
     )
     try:
-        projection.forward(gnss.lat[ends], gnss.lon[ends], gnss.height[ends])
+        projection.forward(*places)
     except InputError as error:
         raise InputError(f"{flight.path}: output.crs: {error}") from None
 

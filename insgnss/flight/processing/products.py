@@ -22,7 +22,7 @@ from ...base.wording import relative
 from ...gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ...navigation.noise_model.model import NoiseModel
 from ...records import Diagnostics, ExteriorOrientation, Trajectory
-from ...records.framed import PROJECTED
+from ...records.framed import GEOGRAPHIC, PROJECTED
 from ...records.strips import CommonErrors, StripCovariance
 from ..config.flight_file import Flight
 from .input_files import input_files, measurements
@@ -314,20 +314,22 @@ def _write_solution(
 def _export(
     flight: Flight, eo: ExteriorOrientation, name: str, directory: Path, noise: NoiseModel
 ) -> dict[str, Any]:
-    """Write one format in the frame of [output], or in its own where it carries no projected one.
+    """Write one format in the frame of [output], or in its own where it cannot carry that.
 
     The gyroscopes of `noise` give relative control its weight. What the report says of it is
     returned.
     """
+    from ...geodesy.crs import is_globe
     from ...io.formats import EXPORTS
     from ..exporting.export import Target, export
 
     form, output = EXPORTS[name], flight.output
-    projected = output.crs is not None and PROJECTED in form.frames
-    geoid = output.geoid if projected or form.heights == "sea level" else None
+    globe = output.crs is not None and is_globe(output.crs)
+    named = output.crs is not None and (GEOGRAPHIC if globe else PROJECTED) in form.frames
+    geoid = output.geoid if (named and not globe) or form.heights == "sea level" else None
     target = Target(geoid=geoid)
-    if projected:
-        target = Target(output.crs, geoid, None, output.ground_m)
+    if named:
+        target = Target(output.crs, geoid, None, None if globe else output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
     try:
         rename = output.rename if form.frames else ()  # the master keeps the names of the files

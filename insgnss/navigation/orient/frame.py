@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import UsageError
-from ...geodesy.crs import above_ellipsoid, moves, source_crs
-from ...geodesy.datums import between_datums, code_of, datum_words, sibling_code
+from ...geodesy.crs import above_ellipsoid, source_crs
+from ...geodesy.datums import at_epoch, between_datums, code_of, datum_words, sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
@@ -140,7 +140,7 @@ def in_datum(eo: ExteriorOrientation, datum: str) -> ExteriorOrientation:
     UsageError, InputError
         As `between_datums`.
     """
-    new = datum, eo.epoch if moves(source_crs(datum, eo.epoch or 0.0)) else None
+    new = at_epoch(datum, eo.epoch)
     plane = TangentPlane(*eo.origin)
     places = np.vstack([np.zeros(3), eo.position_m])
     lat, lon, h = between_datums(*plane.geodetic_from_position(places), (eo.datum, eo.epoch), new)

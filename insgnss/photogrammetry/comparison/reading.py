@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
 from ...base.inputs import first_bytes, opened_text
+from ...geodesy.datums import at_epoch
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import (
     CV_RUB,
@@ -99,7 +100,11 @@ def read_poses(
     try:
         poses = FORMS[form](Path(path), hints)
         if form != "eo_json" and poses.datum is None:
-            poses = replace(poses, datum=hints.datum, epoch=hints.epoch)
+            datum, epoch = hints.datum, hints.epoch
+            if hints.crs is not None and poses.projection is None and poses.plane is None:
+                declared = globe_of(hints.crs)[1]
+                datum, epoch = at_epoch(declared, epoch) if declared else (datum, epoch)
+            poses = replace(poses, datum=datum, epoch=epoch)
         return poses
     except NoOriginError:
         raise

@@ -64,6 +64,9 @@ def test_a_crs_whose_grid_is_missing_stops_before_the_flight_is_solved() -> None
     refuse_unreachable_crs(flight(None, ("metashape",)), fixes)
     refuse_unreachable_crs(flight("EPSG:32630", ("metashape",)), fixes)
     refuse_unreachable_crs(flight("EPSG:27700", ("eo_local_plane",)), fixes)
+    refuse_unreachable_crs(flight("EPSG:4937", ("metashape", "eo_local_plane")), fixes)
+    with pytest.raises(InputError, match=r"flight\.toml: output\.crs: .*ITRF2020, which moves"):
+        refuse_unreachable_crs(flight("EPSG:9989", ("metashape",)), fixes)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         there = TransformerGroup("EPSG:4937", "EPSG:27700", allow_ballpark=False).transformers

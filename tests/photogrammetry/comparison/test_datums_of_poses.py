@@ -65,6 +65,16 @@ def test_positions_of_two_datums_are_compared_in_one() -> None:
     assert np.abs(apart(eo, same)[0]).max() < 1e-4
 
 
+def test_a_declared_geographic_crs_is_the_datum_of_a_file(tmp_path: Path) -> None:
+    """Oracle: the datum of the export; its table of longitude and latitude names none."""
+    eo = flown()
+    file = export(eo, "metashape", tmp_path / "m.csv", Target(NAD83)).file
+    done = compare_files(eo, file, crs=NAD83)
+    assert not done.findings
+    assert np.abs([part.difference for part in done.components[:3]]).max() < 2e-4
+    assert "those of b of EPSG:6319: b is transformed" in "; ".join(done.notes)
+
+
 def test_epochs_differ_by_the_motion_of_the_plate() -> None:
     """Oracle: the pole of Eurasia in ITRF2014, -0.085 -0.531 0.770 mas/yr (Altamimi et al. 2017);
     that of ETRF2000, by which ETRS89 is reached, differs from it by 0.5 mm a year.
