@@ -4,8 +4,8 @@ AntennaPos_Img_WGS84_tangentplane.txt.
 Positions at exposures are interpolated between fixes by the cubic through the two before and the
 two after, of uneven intervals h, in a Cartesian frame: its error is (3/128) h^4 of the fourth
 derivative, 10 micrometres at 10 Hz in a turn of 10 m/s and 15 m radius, and centimetres at 1 Hz. An
-exposure that has no fix within `LONGEST_S` on either side gets no position here: it is named in a
-check. All are positions of the antenna's phase centre, not of the camera. Formats:
+exposure that has no fix within `LONGEST_GAP_S` on either side gets no position here: it is named in
+a check. All are positions of the antenna's phase centre, not of the camera. Formats:
 data_specs/gnss_text.md.
 """
 
@@ -27,9 +27,9 @@ ALL, IMAGES, PLANE = (
     "AntennaPos_Img_WGS84_tangentplane.txt",
 )
 ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES, PLANE)
-LONGEST_S = 1.5  # between neighbouring fixes, for an exposure between them
+LONGEST_GAP_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
-FEW = 4  # fixes that a cubic needs
+CUBIC_FIXES = 4  # fixes that a cubic needs
 
 
 def positions_of_others(directory: Path) -> str | None:
@@ -113,19 +113,19 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
         Where they are not.
     """
     out = np.full((time.size, 3), np.nan)
-    if fixes.time.size < FEW:
+    if fixes.time.size < CUBIC_FIXES:
         return out, np.zeros(time.size, dtype=np.bool_)
-    longest = max(LONGEST_S, LONGEST_INTERVALS * float(np.median(np.diff(fixes.time))))
+    longest = max(LONGEST_GAP_S, LONGEST_INTERVALS * float(np.median(np.diff(fixes.time))))
     after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
     inside = (time >= fixes.time[0]) & (time <= fixes.time[-1])
     covered = inside & (fixes.time[after] - fixes.time[after - 1] <= longest)
     frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
     position = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
-    first = np.clip(after[covered] - 2, 0, fixes.time.size - FEW)
-    rows = first[:, None] + np.arange(FEW)
+    first = np.clip(after[covered] - 2, 0, fixes.time.size - CUBIC_FIXES)
+    rows = first[:, None] + np.arange(CUBIC_FIXES)
     interpolated = cubic(fixes.time[rows], position[rows], time[covered])
     # a gap beside: the cubic would swing
-    linear = fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
+    linear = fixes.time[first + CUBIC_FIXES - 1] - fixes.time[first] > 3.0 * longest
     interpolated[linear] = _linear(
         fixes.time, position, time[covered][linear], after[covered][linear]
     )
@@ -151,8 +151,8 @@ def cubic(node: Array, value: Array, time: Array) -> Array:
         Values at `time`.
     """
     out = np.zeros((time.size, 3))
-    for k in range(FEW):
-        others = [j for j in range(FEW) if j != k]
+    for k in range(CUBIC_FIXES):
+        others = [j for j in range(CUBIC_FIXES) if j != k]
         weight = np.prod(
             (time[:, None] - node[:, others]) / (node[:, k, None] - node[:, others]), axis=1
         )

@@ -20,8 +20,8 @@ from .options import EngineOptions
 from .phase.double_differences import FAR_M
 from .phase.ionosphere import (
     LEAST_EPOCHS,
-    LEAST_GAIN,
-    LEAST_S,
+    LEAST_FLIGHT_S,
+    LEAST_SHARE_REMOVED,
     engine_models_it,
     ionosphere_correction,
 )
@@ -86,8 +86,8 @@ def without_ionosphere(
     )
     if correction is None:
         reason = (
-            f"left in: fewer than {LEAST_EPOCHS} epochs, or less than {LEAST_S / 60.0:.0f} minutes,"
-            " show it"
+            f"left in: fewer than {LEAST_EPOCHS} epochs, or less than"
+            f" {LEAST_FLIGHT_S / 60.0:.0f} minutes, show it"
         )
         advice = (
             "1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up"
@@ -103,11 +103,12 @@ def without_ionosphere(
         " the east: "
     )
     finding += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
-    if correction.gain < LEAST_GAIN:
+    if correction.gain < LEAST_SHARE_REMOVED:
         sigma = 1e3 * float(np.median(correction.cov_ned[:, 2, 2]) ** 0.5)
         finding += (
             f"; the gradient does not move heights, of whose variance the flight shows"
-            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_GAIN:.0f} % are needed):"
+            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_SHARE_REMOVED:.0f} %"
+            f" are needed):"
             f" they are uncertain by {sigma:.1f} mm"
         )
     return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)

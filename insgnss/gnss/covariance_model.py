@@ -14,7 +14,7 @@ from ..io.options.kinds import check
 from ..io.options.schema import Triple, option
 from ..navigation.prepare.fix_covariance.numbers import CLASSES, MEASURED, CalibrationNumbers
 
-LARGEST = 1000.0
+LARGEST_FACTOR = 1000.0
 """Beyond it no factor, floor (m), ppm or acceleration (m/s^2) has a meaning."""
 
 
@@ -34,7 +34,7 @@ class CovarianceModel(CalibrationNumbers):
         "factor k of the engine's standard deviations, a table by class",
         kind="triples",
         low=0.0,
-        high=LARGEST,
+        high=LARGEST_FACTOR,
         members=_classes,
         usual="below",
     )
@@ -44,7 +44,7 @@ class CovarianceModel(CalibrationNumbers):
         kind="triples",
         unit="m",
         low=0.0,
-        high=LARGEST,
+        high=LARGEST_FACTOR,
         members=_classes,
         usual="below",
     )
@@ -53,7 +53,7 @@ class CovarianceModel(CalibrationNumbers):
         "parts per million of the distance to the base",
         kind="triple",
         low=0.0,
-        high=LARGEST,
+        high=LARGEST_FACTOR,
     )
     acceleration_mps2: Triple = option(
         MEASURED.acceleration_mps2,
@@ -61,7 +61,7 @@ class CovarianceModel(CalibrationNumbers):
         kind="triple",
         unit="m/s^2",
         low=0.0,
-        high=LARGEST,
+        high=LARGEST_FACTOR,
     )
     least_satellites: int = option(
         MEASURED.least_satellites,

@@ -37,8 +37,9 @@ from .verdict import Verdict
 
 WIDTH = 110  # most characters of a row of a table: 110, because usual terminals wrap wider ones
 LEAST_WIDTH = 40  # least characters of the last column: 40, because narrower ones are hard to read
-MOST_ROWS = 20  # most rows of a table that is not folded: 20, because more fill a screen
-FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
+MOST_UNFOLDED_ROWS = 20  # most rows of a table that is not folded: 20, because more fill a screen
+# most remarks that are not folded: 3, because they do not hide what stands below them
+FEW_REMARKS = 3
 Shown = Literal["both", "page", "terminal"]
 APPENDIX = "appendix"  # class of what a page prints only where asked for, and the box that asks
 VERDICT_MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
@@ -102,7 +103,9 @@ class Table:
             return ""
         cells = [[_inline(cell) for cell in row] for row in self.rows]
         whole = table(cells, [*map(_inline, self.head)], self.numbers)
-        return folded(f"{len(cells)} {self.name}", whole) if len(cells) > MOST_ROWS else whole
+        return (
+            folded(f"{len(cells)} {self.name}", whole) if len(cells) > MOST_UNFOLDED_ROWS else whole
+        )
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal, columns aligned, the last one wrapped."""
@@ -159,15 +162,15 @@ class Section:
         )
         if self.more:
             remarks = f'<div class="soft">{_listed(self.more)}</div>\n'
-            many = len(self.more) > FEW
+            many = len(self.more) > FEW_REMARKS
             inside += folded(f"and {len(self.more)} of less weight", remarks) if many else remarks
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal."""
-        hidden = len(self.more) - FEW
+        hidden = len(self.more) - FEW_REMARKS
         more = [f"and {hidden} of less weight"] if hidden > 0 else []
-        for block in (*self.parts, *self.more[:FEW], *more):
+        for block in (*self.parts, *self.more[:FEW_REMARKS], *more):
             if isinstance(block, Table) and block.rows:
                 yield from block.lines()
             elif isinstance(block, str):

@@ -35,7 +35,7 @@ from .statistics import (
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-MOST_FIXES = 200  # rejected fixes in report.json, the first (chosen)
+MOST_FIXES_LISTED = 200  # rejected fixes in report.json, the first (chosen)
 ENU = ["E", "N", "U"]
 NED = ["N", "E", "D"]
 FAR_WORSE = 3.0  # times the median sigma of the images: from there on the headline counts them
@@ -341,7 +341,9 @@ def _biases(d: Diagnostics) -> dict[str, Any]:
 
 def _rejected(d: Diagnostics) -> dict[str, Any]:
     rows = np.flatnonzero(~d.used)
-    listed = [{"time_s": float(d.fix_time[i]), "nis": float(d.nis[i])} for i in rows[:MOST_FIXES]]
+    listed = [
+        {"time_s": float(d.fix_time[i]), "nis": float(d.nis[i])} for i in rows[:MOST_FIXES_LISTED]
+    ]
     return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
 
 

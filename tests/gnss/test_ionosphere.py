@@ -11,7 +11,7 @@ from insgnss.gnss.phase import ionosphere as room
 from insgnss.gnss.phase.double_differences import DoubleDifferences, _two_bands, double_differences
 from insgnss.gnss.phase.ionosphere import (
     GRADIENT,
-    LEAST_S,
+    LEAST_FLIGHT_S,
     LOCAL,
     VALUES,
     VERTICAL_M,
@@ -325,7 +325,7 @@ def test_errors_that_last_widen_what_is_found(monkeypatch):
 def test_short_flights_measure_nothing():
     """Oracle: the limit that is documented."""
     short, longer = (
-        made(linear(3.0, 0.0, 0.0, 0.0), minutes=LEAST_S / 60.0 + more, every=4.0)
+        made(linear(3.0, 0.0, 0.0, 0.0), minutes=LEAST_FLIGHT_S / 60.0 + more, every=4.0)
         for more in (-0.5, 0.5)
     )
     assert fit(short) is None

@@ -32,7 +32,7 @@ from insgnss.gnss.rinex.navigation_message import (
     read_navigation,
 )
 from insgnss.gnss.satellites.orbits import (
-    EARTH_RATE,
+    GPS_EARTH_RATE,
     LIGHT,
     emission_states,
     ranges,
@@ -109,7 +109,7 @@ def test_circular_orbit(written):
     time = TOW + np.array([-7000.0, 0.0, 1234.5, 7200.0])
     states = satellite_states(navigation, ["G07"] * 4, time)
     motion = np.sqrt(GPS_MU / GPS_AXIS**3)
-    u, longitude = anomaly + motion * (time - TOW), node - EARTH_RATE * time
+    u, longitude = anomaly + motion * (time - TOW), node - GPS_EARTH_RATE * time
     plane = GPS_AXIS * np.array([np.cos(u), np.sin(u) * np.cos(incl), np.sin(u) * np.sin(incl)])
     cos, sin = np.cos(longitude), np.sin(longitude)
     expected = np.column_stack(
@@ -140,7 +140,7 @@ def test_relativity_follows_the_radial_motion(written):
     )
     state = satellite_states(read_navigation(written(text)), ["G01"], np.array([TOW + 500.0]))
     r, v = state.position[0], state.velocity[0]
-    inertial = v + np.cross([0.0, 0.0, EARTH_RATE], r)
+    inertial = v + np.cross([0.0, 0.0, GPS_EARTH_RATE], r)
     assert state.clock_s[0] == pytest.approx(-2.0 * r @ inertial / LIGHT**2, rel=1e-6)
     assert abs(state.clock_s[0]) > 1e-8
 
@@ -208,7 +208,7 @@ def test_range_is_the_path_of_light_in_inertial_axes(written):
     flight = np.full(codes.size, 0.075)
     for _ in range(6):
         states = satellite_states(navigation, codes, received - flight)
-        turn = EARTH_RATE * flight
+        turn = GPS_EARTH_RATE * flight
         x, y, z = states.position.T
         there = np.column_stack(
             [np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z]

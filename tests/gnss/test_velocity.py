@@ -27,7 +27,7 @@ from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observation_record import Observations
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.gnss.satellites.frequencies import HERTZ
-from insgnss.gnss.satellites.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
+from insgnss.gnss.satellites.orbits import GPS_EARTH_RATE, LIGHT, ranges, satellite_states, sky
 from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.navigation.align.initial import initial_state
 from insgnss.records import GnssFixes
@@ -81,7 +81,7 @@ def observe(navigation, time, path, clock=0.0, rng=None, noise=0.0, ionosphere=0
     ]
     for _ in range(6):
         states = satellite_states(navigation, codes[which], at - flight, message)
-        turn = EARTH_RATE * flight
+        turn = GPS_EARTH_RATE * flight
         x, y, z = states.position.T
         there = np.column_stack(
             [np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z]

@@ -12,7 +12,7 @@ import pytest
 from insgnss.base.files import json_ready
 from insgnss.report.rules.verdict import NOTHING_STANDS_OUT
 from insgnss.report.rules.wording import degrees, lengths, millimetres
-from insgnss.report.summary import MOST_FIXES
+from insgnss.report.summary import MOST_FIXES_LISTED
 
 START = 205200.0
 
@@ -129,7 +129,7 @@ def test_list_of_rejected_fixes_is_cut_but_counted(diagnostics, eo, summary) -> 
     """Oracle: by hand."""
     s = summary(diagnostics(used=np.zeros(1200, dtype=bool)), eo())
     assert s["rejected"]["count"] == 1200
-    assert len(s["rejected"]["listed"]) == MOST_FIXES
+    assert len(s["rejected"]["listed"]) == MOST_FIXES_LISTED
     assert s["rejected"]["listed"][1]["time_s"] == pytest.approx(START + 0.1, abs=1e-6)
     assert "all 1200 fixes were rejected" in s["verdict"][0]
 

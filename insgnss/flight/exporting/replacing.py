@@ -15,7 +15,7 @@ BESIDE = {
     "_gps_ins_offset.txt": b"insgnss",
 }
 """Ends of the names of files beside an export, and what the first lines of ours have."""
-HEAD_BYTES = 600  # in which the mark of our own files stands: it is in their first lines
+OWN_MARK_BYTES = 600  # in which the mark of our own files stands: it is in their first lines
 DOCUMENTS = ("report.json", "adjust.json")
 """Documents of runs that list their exports, each with its frame."""
 
@@ -37,7 +37,7 @@ def remove_stale(path: Path, staging: Staging) -> None:
         beside = goal.with_name(f"{goal.stem}{end}")
         if beside.is_file():
             with beside.open("rb") as stream:
-                own = mark in stream.read(HEAD_BYTES)
+                own = mark in stream.read(OWN_MARK_BYTES)
             if own:
                 staging.remove(beside)
 

@@ -19,8 +19,8 @@ from ...navigation.recognise.units import ACCEL_UNITS
 from ...records import Array, Finding, ImuSamples
 from .sensing import DEG_S, Sensing
 
-NEAR = 0.1  # of |f| to gravity, to suggest a unit
-STEADY = 0.03  # scatter of |f| over its median at rest
+NEAR_UNIT = 0.1  # of |f| to gravity, to suggest a unit
+SCATTER_AT_REST = 0.03  # scatter of |f| over its median at rest
 # rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
 NOISIEST_GYRO, QUIET_GYRO = 0.015, 0.005
 
@@ -77,7 +77,7 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
     norm = np.linalg.norm(imu.accel, axis=1)
     typical, scatter = float(np.median(norm)), float(np.std(norm))
     unit, factor, sure = _force_unit(typical)
-    steady = scatter < STEADY * typical
+    steady = scatter < SCATTER_AT_REST * typical
     units = {} if unit == "m/s^2" else {"accel": unit}
     evidence = (
         f"median of |f| {typical:.5g}, scatter {scatter:.2g}; gravity is {STANDARD_GRAVITY:.3f}"
@@ -104,7 +104,7 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
 def _force_unit(typical: float) -> tuple[str, float, float]:
     """Unit of the median norm, its factor to m/s^2, and the confidence."""
     for unit, factor in ACCEL_UNITS.items():
-        if abs(typical * factor / STANDARD_GRAVITY - 1.0) < NEAR:
+        if abs(typical * factor / STANDARD_GRAVITY - 1.0) < NEAR_UNIT:
             return unit, factor, MOST_CONFIDENCE
     factor = STANDARD_GRAVITY / max(typical, 1e-12)
     return f"{factor:.5g} m/s^2", factor, 0.6
@@ -114,7 +114,7 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
     """Factor to rad/s, an assumption but for the Earth rate, and the finding."""
     scatter = gyro_scatter(imu)
     mean = float(np.linalg.norm(imu.gyro.mean(axis=0)))
-    if abs(mean / EARTH_RATE - 1.0) < NEAR:
+    if abs(mean / EARTH_RATE - 1.0) < NEAR_UNIT:
         evidence = f"mean rate {mean:.4g}: the Earth's in rad/s is {EARTH_RATE:.4g}"
         return 1.0, answer("gyro unit", "rad/s", 0.95, evidence)
     evidence = (

@@ -15,7 +15,7 @@ from ..config.flight_file import ROLLOVER
 from .alone import Alone
 from .draft import Draft
 from .event_clock import SCALE_OPEN
-from .evidence import SAME, SENSORS, SURE, Axes, factor_of_numbers, in_words
+from .evidence import SAME_FACTOR, SENSORS, SURE, Axes, factor_of_numbers, in_words
 from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
 from .rinex.result import draft_raw_gnss
@@ -228,11 +228,14 @@ def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> st
     header_unit = source.header_units.get(key)
     kind = f"{key} increment" if recognition.quantity == "increments" else key
     if header_unit is not None:
-        if abs(factor - 1.0) < SAME and key in _header_units_of_kind(source, recognition.quantity):
+        if abs(factor - 1.0) < SAME_FACTOR and key in _header_units_of_kind(
+            source, recognition.quantity
+        ):
             return None
         factor *= factor_of(header_unit, kinds_like(key)) or 1.0
     unit, base = next(
-        ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0)
+        ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME_FACTOR),
+        (None, 1.0),
     )
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
 

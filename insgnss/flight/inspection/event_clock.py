@@ -16,8 +16,8 @@ from ...records import CameraEvents, GnssFixes, ImuSamples
 from ...records.observations import in_week
 from .sources import Source
 
-SAME_S = 1e-6  # from a stamp of an event to that of a sample: tables print microseconds
-FEWEST = 5  # stamps that are those of samples
+SAME_SAMPLE_S = 1e-6  # from a stamp of an event to that of a sample: tables print microseconds
+FEWEST_OF_SAMPLES = 5  # stamps that are those of samples
 # digits of a stamp of an event per sample interval: rounding does not make them equal
 LONGER = 20.0
 SCALE_OPEN = (
@@ -122,14 +122,14 @@ def scale_of_dates(
 
 def _are_samples(events: CameraEvents, imu: ImuSamples) -> bool:
     """Tell whether the events bear stamps of samples, by more than their rounding."""
-    if events.time.size < FEWEST:
+    if events.time.size < FEWEST_OF_SAMPLES:
         return False
     near = np.clip(np.searchsorted(imu.time, events.time), 1, imu.time.size - 1)
     off = np.minimum(np.abs(imu.time[near] - events.time), np.abs(imu.time[near - 1] - events.time))
     # stamps rounded to the interval of the samples would be theirs by chance
     interval = float(np.median(np.diff(imu.time)))
     grid = np.abs(events.time / interval - np.round(events.time / interval))
-    return bool(off.max() < SAME_S and (grid.max() > 1.0 / LONGER or _uneven(imu.time)))
+    return bool(off.max() < SAME_SAMPLE_S and (grid.max() > 1.0 / LONGER or _uneven(imu.time)))
 
 
 def _uneven(time: np.ndarray) -> bool:

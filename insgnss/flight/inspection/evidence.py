@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...navigation.recognise.recognition import Recognition
 
 SURE = 0.9  # confidence from which on a finding is a live key of the draft
-SAME = 0.02  # of a factor
+SAME_FACTOR = 0.02  # of a factor
 UPRIGHT = 0.85  # of |f|, along the axis that is vertical
 SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
 
@@ -54,7 +54,7 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Find
     for key, name in SENSORS.items():
         finding, factor = recognition.finding(name), factor_of_numbers(recognition, key)
         stated = units is None or key in units
-        if not stated or finding.confidence <= SURE or abs(factor - 1.0) < SAME:
+        if not stated or finding.confidence <= SURE or abs(factor - 1.0) < SAME_FACTOR:
             continue
         text = f"{factor:.4g} times what the file says: {finding.evidence}"
         if units is None:
@@ -76,7 +76,7 @@ def counts(source: Source, recognition: "Recognition") -> list[Finding]:
     checks = []
     for key, name in SENSORS.items():
         finding = recognition.finding(name)
-        scaled = key == "accel" and abs(recognition.accel_factor - 1.0) > SAME
+        scaled = key == "accel" and abs(recognition.accel_factor - 1.0) > SAME_FACTOR
         if finding.confidence or not (scaled or "may be counts" in finding.evidence):
             continue
         worth = f" (gravity makes it about {recognition.accel_factor:.4g})" * (key == "accel")
@@ -133,7 +133,7 @@ def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition
         if (
             header_unit is not None
             and finding.confidence > 0.0
-            and abs(factor - 1.0) < SAME
+            and abs(factor - 1.0) < SAME_FACTOR
             and header_unit != finding.found
         ):
             evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"

@@ -13,7 +13,7 @@ from ...records import Array
 DIRECTIONS = ("forward", "backward", "right", "left", "down", "up")
 CAMERA_AXES = ("x, image right", "y, image down", "z, view")
 COLOURS = {"axes": "#888888", "camera": "#0b6fc2", "antenna": "#c2410b", "imu": "#2e8b57"}
-SIZE, MARGIN = 260, 40  # of one view, pixels
+VIEW_PX, MARGIN = 260, 40  # of one view, pixels
 ARROW = 0.32  # of a view's size, of the axes
 MARKER = 5  # radius of a mark, pixels
 REACH = 0.38  # of a view's size, of the longest lever arm
@@ -97,18 +97,18 @@ def drawn_as_svg(camera_from_body: ArrayLike, antenna_m: ArrayLike, imu_m: Array
         "imu": T.T @ np.asarray(imu_m, dtype=np.float64),
     }
     longest = max(float(np.linalg.norm(b)) for b in places.values())
-    scale = REACH * SIZE / longest if longest > 0.0 else 0.0
+    scale = REACH * VIEW_PX / longest if longest > 0.0 else 0.0
     # rows: how pixels go right and down with forward, right, down
     above = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     side = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    width, height = 2 * SIZE + 3 * MARGIN, SIZE + 2 * MARGIN
+    width, height = 2 * VIEW_PX + 3 * MARGIN, VIEW_PX + 2 * MARGIN
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img"'
         f' width="{width}" height="{height}" font-family="sans-serif" font-size="11"'
         f' aria-label="mounting of camera, antenna and IMU">'
     ]
     for k, (title, view) in enumerate((("from above", above), ("from the right side", side))):
-        centre = np.array([MARGIN + k * (SIZE + MARGIN) + SIZE / 2, MARGIN + SIZE / 2])
+        centre = np.array([MARGIN + k * (VIEW_PX + MARGIN) + VIEW_PX / 2, MARGIN + VIEW_PX / 2])
         parts += _view(title, view, centre, T, places, scale)
     return "".join([*parts, "</svg>\n"])
 
@@ -139,7 +139,7 @@ def _arrow(direction: Array, centre: Array, name: str, colour: str, length: floa
     """A line from the centre with its name; nothing for what points along the view."""
     if np.linalg.norm(direction) < 0.2:
         return []
-    (x, y), (px, py) = centre, centre + length * ARROW * SIZE * direction
+    (x, y), (px, py) = centre, centre + length * ARROW * VIEW_PX * direction
     return [
         f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{px:.1f}" y2="{py:.1f}" stroke="{colour}"'
         ' stroke-width="2"/>',

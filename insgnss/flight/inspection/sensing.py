@@ -36,7 +36,7 @@ from ...records import Array, GnssFixes, ImuSamples
 REST_TAU_S, LEAST_PIECES = 0.5, 100
 QUIETEST_S = 10.0  # length of the blocks of which the quietest show a sensor's noise (chosen)
 # share of the differences, and of the variance of normal ones that it holds
-KEPT, VARIANCE_KEPT = 0.95, 0.7588
+KEPT_DIFFERENCES, VARIANCE_KEPT = 0.95, 0.7588
 EARTH_SHARE = 0.1  # of the Earth's rate, to which a gyro must show it for its heading
 STATIC_SHARE = 0.1  # of a recording in motion that makes it no static one
 DEG_S = np.pi / 180.0  # rad/s
@@ -191,7 +191,7 @@ def _allan(values: Array, m: int, dt: float) -> Array:
     """
     n = len(values) // m
     step = np.sort(np.diff(values[: n * m].reshape(n, m, -1).mean(axis=1), axis=0) ** 2, axis=0)
-    kept = step[: max(1, int(KEPT * len(step)))]
+    kept = step[: max(1, int(KEPT_DIFFERENCES * len(step)))]
     return np.asarray(np.sqrt(np.mean(kept, axis=0) / VARIANCE_KEPT * 0.5 * m * dt))
 
 

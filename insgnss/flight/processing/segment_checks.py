@@ -62,7 +62,7 @@ MOST_STATE_SIGMAS = 4.5
 MOST_PULL_SIGMAS = 1.0
 """Sigmas that what is stated of such a constant may move its estimate; less is harmless."""
 
-LEAST_INFORMATION = 1e-4
+LEAST_TRACE = 1e-4
 """Information of a flight on a constant, in that of its prior, which rounding leaves in digits."""
 
 MUCH_WIDER = 1.5
@@ -71,7 +71,7 @@ MUCH_WIDER = 1.5
 CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA = 0.02, 3.0
 """How far, in metres and in median sigmas, the two clocks put an exposure apart that it matters."""
 
-MOST_NAMED_IMAGES = 5
+MOST_IMAGES_LISTED = 5
 """Images that a check names."""
 
 
@@ -396,7 +396,7 @@ def _deviating_states(solution: Solution, measurement: str) -> list[str]:
         if state.group != measurement or layout.drive[s] > 0.0:
             continue
         prior, information = layout.sigma0[s], 1.0 / variance[s] - 1.0 / layout.sigma0[s] ** 2
-        if information * prior**2 < LEAST_INFORMATION:
+        if information * prior**2 < LEAST_TRACE:
             continue
         value, sigma = solution.x[0, s] / variance[s] / information, information**-0.5
         pull = abs(value - solution.x[0, s]) / np.sqrt(variance[s])
@@ -464,8 +464,8 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Find
         images += camera.events.images
     if not missing:
         return []
-    names = ", ".join(missing[:MOST_NAMED_IMAGES])
-    names += ", ..." if len(missing) > MOST_NAMED_IMAGES else ""
+    names = ", ".join(missing[:MOST_IMAGES_LISTED])
+    names += ", ..." if len(missing) > MOST_IMAGES_LISTED else ""
     return [
         Question("images", "all images within the segments").note(
             f"{len(missing)} of {len(images)} have no orientation: {names}",

@@ -15,7 +15,7 @@ from ...geodesy.frames import LocalFrame
 from ...navigation.align.initial import given_attitude, initial_state
 from ...navigation.align.measured import measured_attitude
 from ...navigation.diagnosis.evidence import ErrorModelSearch, FixClaims
-from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
+from ...navigation.diagnosis.remedies import MOST_MOVES, REMEDIES, Case, offset_to_apply
 from ...navigation.filter.codes import NAV, PSI
 from ...navigation.filter.event_chain import SharedError
 from ...navigation.filter.problem import EstimationProblem, InitialState
@@ -202,7 +202,7 @@ def solve_segment(
     """
     moved_s, solved = 0.0, _solve(flight, recording, prepared, step)
     # an offset that nobody asked for is a contradiction, and not taken in silence
-    for _ in range(ROUNDS if flight.filter.time_offset else 0):
+    for _ in range(MOST_MOVES if flight.filter.time_offset else 0):
         offset = offset_to_apply(solved.solution)
         if offset == 0.0:
             break

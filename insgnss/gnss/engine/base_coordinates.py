@@ -4,15 +4,15 @@ With rover and base swapped the engine writes a file full of epochs. Swapped fil
 base moves, by its phases (5 mm/s of a receiver that stands, also from epochs every 30 s) or by its
 codes; in that it stands elsewhere than its coordinates say, where the rover stands; or in that the
 coordinates are, to a decimetre, those of the rover's header. Codes place a receiver to some metres:
-of two that both stand within `NEAR_M` of each other neither codes nor phases show which is which,
-nor whether the coordinates are metres off.
+of two that both stand within `MEASURED_PLACE_M` of each other neither codes nor phases show which
+is which, nor whether the coordinates are metres off.
 
 Every position has the error of the base's coordinates, and nothing else shows it. The median of the
 codes at some 60 epochs, with the broadcast ionosphere, lies 0.5 to 3.7 m from the known coordinates
-in seven recordings of 2005 to 2024 and a simulated one. From `NEAR_M` on there is a note, and from
-`ELSEWHERE_M` on, more than the ionosphere leaves in them, a refusal: so is a height above sea level
-in the place of one above the ellipsoid where the two are further apart than that, as in most of
-Europe (40 to 55 m).
+in seven recordings of 2005 to 2024 and a simulated one. From `MEASURED_PLACE_M` on there is a note,
+and from `OTHER_PLACE_M` on, more than the ionosphere leaves in them, a refusal: so is a height
+above sea level in the place of one above the ellipsoid where the two are further apart than that,
+as in most of Europe (40 to 55 m).
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ from .preflight import interval
 
 # distance of the base's codes from its coordinates (m) above which they are refused, and above
 # which a note says it: codes are 0.5 to 3.7 m off, and the ionosphere adds less than 20 m
-ELSEWHERE_M, NEAR_M = 20.0, 5.0
+OTHER_PLACE_M, MEASURED_PLACE_M = 20.0, 5.0
 # distance from the median within which 90 % of the code positions of a base lie (m): 15, because
 # codes of a standing receiver scatter by some metres
 MOVES_M = 15.0
@@ -124,12 +124,12 @@ def check_base_place(
     Returns
     -------
     tuple of Finding
-        A note where the base stands more than `NEAR_M` off its coordinates.
+        A note where the base stands more than `MEASURED_PLACE_M` off its coordinates.
 
     Raises
     ------
     InputError
-        Where the base moves, stands more than `ELSEWHERE_M` off its coordinates, or the rover is
+        Where the base moves, stands more than `OTHER_PLACE_M` off its coordinates, or the rover is
         where they say.
     """
     location = whereabouts(base)
@@ -146,20 +146,20 @@ def check_base_place(
                 " not of its own; are the two swapped?"
             )
             raise InputError.at_line(base.header.path, None, message)
-        if off > NEAR_M and _stands_at(given, off, rover, whereabouts):
+        if off > MEASURED_PLACE_M and _stands_at(given, off, rover, whereabouts):
             message = (
                 f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
                 " stands there: they are swapped"
             )
             raise InputError.at_line(base.header.path, None, message)
-    if off > ELSEWHERE_M:
+    if off > OTHER_PLACE_M:
         whose = (
             "the base coordinates"
             if options.base_position_m is not None
             else "APPROX POSITION XYZ of its header"
         )
         message = (
-            f"stands {off:.0f} m from {whose} (limit {ELSEWHERE_M:.0f} m), by codes at"
+            f"stands {off:.0f} m from {whose} (limit {OTHER_PLACE_M:.0f} m), by codes at"
             f" {in_degrees(location.middle)}"
         )
         raise InputError.at_line(
@@ -194,11 +194,14 @@ def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str
     for mistake, taken in mistakes.items():
         if (
             abs(taken[0]) <= np.pi / 2.0
-            and np.linalg.norm(geodetic_to_ecef(*taken) - code_position) < NEAR_M
+            and np.linalg.norm(geodetic_to_ecef(*taken) - code_position) < MEASURED_PLACE_M
         ):
             return f"with {mistake} they agree"
     above = float(ecef_to_geodetic(code_position)[2]) - height
-    if np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - code_position) < NEAR_M:
+    if (
+        np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - code_position)
+        < MEASURED_PLACE_M
+    ):
         side = "above" if above > 0.0 else "below"
         return (
             f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea"
@@ -290,10 +293,12 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
         advice = f"give {_coordinates()}; every position has the error of these coordinates"
         ask = Question("base coordinates", "coordinates that are known")
         checks.append(ask.note(finding, advice))
-    elif off > NEAR_M:
+    elif off > MEASURED_PLACE_M:
         finding = f"{off:.1f} m from the position of {base.path} by codes"
         advice = "check them, their datum and height (ellipsoidal); every position has their error"
-        checks.append(Question("base coordinates", f"within {NEAR_M:.0f} m").note(finding, advice))
+        checks.append(
+            Question("base coordinates", f"within {MEASURED_PLACE_M:.0f} m").note(finding, advice)
+        )
     if (
         point != "apc"
         and options.antex is None

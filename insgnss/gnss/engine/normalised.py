@@ -4,10 +4,10 @@ RTKLIB takes of a file one code for each band, by the header alone: the first of
 the header lists, whether it has values or not. A satellite whose values stand under another code
 has one band less, which costs fixes and leaves floats metres off. So every file is written anew
 from what was read: of each satellite and band the first code in the engine's order that has nearly
-as many phases (`MOST`) as any; where it has none and another one has more than `SHORT`, that one,
-with the flag of a lost lock at every change. Codes, Doppler and C/N0 are those of the phase's code,
-else of the first that has one. Camera events are left out, behind which RTKLIB EX 2.5 drops an
-epoch; stamps are GPST, scale factors taken out, and odd lines are gone.
+as many phases (`MOST_OF_CODES`) as any; where it has none and another one has more than `SHORT`,
+that one, with the flag of a lost lock at every change. Codes, Doppler and C/N0 are those of the
+phase's code, else of the first that has one. Camera events are left out, behind which RTKLIB EX 2.5
+drops an epoch; stamps are GPST, scale factors taken out, and odd lines are gone.
 """
 
 from collections.abc import Iterator, Mapping
@@ -39,7 +39,7 @@ IN_BAND = "CLDS"
 PHASE = IN_BAND.index("L")
 # share of the phases of a satellite's richest code that its first code must have: 0.9, since phases
 # of P(Y) come and go at low elevations
-MOST = 0.9
+MOST_OF_CODES = 0.9
 # phases that a code may lack without another's in their place: 5, over which the engine keeps the
 # ambiguity that a change of code would end
 SHORT = 5
@@ -141,7 +141,7 @@ def _chosen(phases: NDArray[np.bool_], satellite: Index) -> Index:
         mine = np.flatnonzero(satellite == number)
         has = phases[mine]
         count = has.sum(axis=0)
-        main = int(np.argmax(count >= MOST * max(int(count.max()), 1)))
+        main = int(np.argmax(count >= MOST_OF_CODES * max(int(count.max()), 1)))
         chosen[mine[has[:, main]]] = main
         edges = np.flatnonzero(np.diff(np.pad(~has[:, main], 1).astype(np.int8)))
         for first, behind in zip(edges[::2], edges[1::2], strict=True):

@@ -44,7 +44,8 @@ UNKNOWN_OPTION = 2  # exit code of our worker for an option that its RTKLIB does
 WHERE = "where_"  # runs that find where a receiver stands
 POLL_S = 0.02  # s between two looks whether a process has ended
 THINNED = 60  # least epochs of a position by codes where they are thinned
-HEAD, TAIL = 8192, 200  # bytes of an output where refusals stand; characters quoted of its end
+# bytes of an output where refusals stand; characters quoted of its end
+OUTPUT_HEAD_BYTES, TAIL = 8192, 200
 
 
 class RunEnd(NamedTuple):
@@ -266,7 +267,7 @@ def _tail(output: BinaryIO) -> str:
 def _refused(output: BinaryIO) -> tuple[str, ...]:
     """Options whose values the engine did not take, which it says before anything else."""
     output.seek(0)
-    return tuple(REFUSED.findall(output.read(HEAD).decode("utf-8", errors="replace")))
+    return tuple(REFUSED.findall(output.read(OUTPUT_HEAD_BYTES).decode("utf-8", errors="replace")))
 
 
 def _has_epochs(path: Path) -> bool:

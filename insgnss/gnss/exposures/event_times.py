@@ -4,8 +4,8 @@ same pulses at the same time.
 The two may differ by a constant alone, which is found by matching (`io.exposures.clocks`): d =
 t_file
 - t_rover, the rover's stamps with its clock taken off. Events of one pulse agree to what a
-converter rounds, below `SAME_S`. A larger constant (time offset) shifts every image along the path,
-18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else shows it.
+converter rounds, below `SAME_PULSE_S`. A larger constant (time offset) shifts every image along the
+path, 18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else shows it.
 """
 
 import numpy as np
@@ -15,9 +15,9 @@ from ...io.exposures.clocks import match_clocks
 from ...records import Array, CameraEvents, Finding, Question
 
 NAME = "camera events"
-SAME_S = 0.005  # between stamps of one pulse: converters round to a hundredth of a second
+SAME_PULSE_S = 0.005  # between stamps of one pulse: converters round to a hundredth of a second
 # matched events, and their share of the shorter list: fewer may match by chance (chosen)
-FEWEST, LEAST_SHARE = 3, 0.5
+FEWEST_MATCHED, LEAST_SHARE = 3, 0.5
 EXPECTED = "those that the rover recorded"
 MOST_DELAY_S = 0.5  # from trigger to exposure: shutters take less (chosen)
 
@@ -41,12 +41,12 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Fi
     week, of_rover = (gps_week if e.gps_week is None else e.gps_week for e in (events, rover))
     theirs = rover.time + (of_rover - week) * WEEK_S
     fewer = min(events.time.size, theirs.size)
-    if fewer < FEWEST:
+    if fewer < FEWEST_MATCHED:
         return None
     leap = int(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S + float(np.median(theirs))))
     offset, pairs = _constant(events.time, theirs, (0.0, float(-leap)))
     source = events.source or "the file"
-    if pairs < max(FEWEST, LEAST_SHARE * fewer):
+    if pairs < max(FEWEST_MATCHED, LEAST_SHARE * fewer):
         finding = (
             f"no constant brings more than {pairs} of the {events.time.size} events of {source} to"
             f" the {theirs.size} of the rover's"
@@ -56,9 +56,9 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Fi
         f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size} of the"
         " rover's are the same"
     )
-    if abs(offset) <= SAME_S:
+    if abs(offset) <= SAME_PULSE_S:
         return Question(NAME, EXPECTED).ok(f"{finding}, {1e3 * offset:+.1f} ms apart")
-    utc = abs(offset + leap) <= SAME_S
+    utc = abs(offset + leap) <= SAME_PULSE_S
     finding += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
     advice = (
         f"give them in GPST{'' if utc else ', at the pulses'}, or take those of the rover without"
@@ -74,13 +74,13 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
     At even intervals several constants bring as many together: of these the first `likely` one is
     taken, else the smallest.
     """
-    match = match_clocks(theirs, time, SAME_S)
+    match = match_clocks(theirs, time, SAME_PULSE_S)
     most = time.size - len(match.images)
     steps = time[0] - theirs
     for constant in (*likely, *steps[np.argsort(np.abs(steps))].tolist()):
         shifted = theirs + constant
         rest = time - shifted[np.searchsorted(0.5 * (shifted[1:] + shifted[:-1]), time)]
-        rest = rest[np.abs(rest) <= SAME_S]
+        rest = rest[np.abs(rest) <= SAME_PULSE_S]
         if rest.size >= most:
             return constant + float(np.mean(rest)), rest.size
     return match.offset_s, most

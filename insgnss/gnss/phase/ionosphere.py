@@ -49,9 +49,9 @@ Time-correlated residuals are counted by their sums over blocks of each satellit
 
 is 1 for white noise; weights are divided by it, and by no less than what errors correlated over
 `CORRELATED_S` make of it, which are those of an antenna that stands: the sums of (I.5) do not show
-what the model follows by itself. Less than `LEAST_S` is not tried. Expected beforehand are V = 2 +-
-2 m, G = 0 +- 1.5 mm/km and L = 0 +- 1 mm/km (means of the flight), changes in 10 minutes of 0.15 m
-and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m, z = p = 0 +- 1 mm.
+what the model follows by itself. Less than `LEAST_FLIGHT_S` is not tried. Expected beforehand are V
+= 2 +- 2 m, G = 0 +- 1.5 mm/km and L = 0 +- 1 mm/km (means of the flight), changes in 10 minutes of
+0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m, z = p = 0 +- 1 mm.
 
 Taking it off. What is early by the mean kappa of the bands that the engine takes of a satellite
 moves a position (`engine_weighting`, E.2) by
@@ -64,9 +64,9 @@ the correction for the shell and the plane. With d the row of (I.6) that G and L
     gain = 1 - (d C d^T) / (d C_0 d^T)                                                         (I.7)
 
 is the share of its variance C_0 before the flight that the observations take away, C being left;
-where it is less than `LEAST_GAIN`, G and L do not move heights, which have all of C_0. A float
-position takes the delay up in its ambiguities and stays as it is, as does one farther from the base
-than `FAR_M`, where the delay may pass for a cycle.
+where it is less than `LEAST_SHARE_REMOVED`, G and L do not move heights, which have all of C_0. A
+float position takes the delay up in its ambiguities and stays as it is, as does one farther from
+the base than `FAR_M`, where the delay may pass for a cycle.
 
 Ten simulated flights of 21 minutes (2.5 to 4 km; noise of 1.5 mm, reflections of 1.2 mm) with each
 of four airs: mean errors rms of horizontal length and height, mm, without the correction, with it,
@@ -120,16 +120,16 @@ NUISANCES = np.array([OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M])
 CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
 UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])  # by which columns of V, G and L are of one size
 VALUES = UNITS.size
-LEAST_EPOCHS, LEAST_S = 60, 300.0  # of a flight: fewer show less than is expected beforehand
+LEAST_EPOCHS, LEAST_FLIGHT_S = 60, 300.0  # of a flight: fewer show less than is expected beforehand
 # of sums of residuals (I.5), and time scale of the reflections at an antenna that stands
 BLOCK_S, CORRELATED_S = 300.0, 200.0
 HUBER = 2.0  # sigmas from which on a residual is weighed down: 5 % of normal ones
-ITERATIONS = 4  # of solving with weights (chosen)
-RIDGE = 1e-9  # added to normal equations of order 1, whose groups may lack a system
+WEIGHTED_SOLUTIONS = 4  # of solving with weights (chosen)
+NORMAL_RIDGE = 1e-9  # added to normal equations of order 1, whose groups may lack a system
 LEAST_REDUNDANCY = 1e-3  # of a row (I.4): below it its residual is rounding and tells nothing
 SHAPE_SHARE = 0.1  # of the correction, one standard deviation: what shell and plane leave (chosen)
 # of a height's variance by G and L that the flight has to take away before they move it (I.7)
-LEAST_GAIN = 0.25
+LEAST_SHARE_REMOVED = 0.25
 # values of pos1-ionoopt by which the engine's relative mode knows of an ionosphere
 MODELLED = {"3", "dual-freq", "4", "est-stec"}
 
@@ -187,7 +187,7 @@ class IonosphereCorrection:
         The estimate that it is computed from.
     gain : float
         (I.7), the share of the variance of a height that the estimate takes away; below
-        `LEAST_GAIN` gradients do not move heights.
+        `LEAST_SHARE_REMOVED` gradients do not move heights.
     """
 
     correction_ned: Array
@@ -228,7 +228,7 @@ def ionosphere_correction(
     Returns
     -------
     IonosphereCorrection or None
-        None where fewer than `LEAST_EPOCHS`, or less than `LEAST_S`, measure it.
+        None where fewer than `LEAST_EPOCHS`, or less than `LEAST_FLIGHT_S`, measure it.
     """
     base_ecef = np.asarray(base_position_m, dtype=np.float64)
     design = shell_design(fixes, satellites, base_ecef)
@@ -279,7 +279,7 @@ def moved_by(
     down = each[:, 2][:, gradient]
     after = np.einsum("na,nab,nb->n", down, cov[:, 1:, 1:], down)
     gain = 1.0 - float(np.median((after / np.maximum(down**2 @ before, 1e-30))[corrected]))
-    if gain >= LEAST_GAIN:
+    if gain >= LEAST_SHARE_REMOVED:
         return np.einsum("nij,nj->ni", each, value), each @ cov @ each.transpose(0, 2, 1), gain
     each = each.copy()
     each[:, 2, gradient] = 0.0
@@ -296,10 +296,10 @@ def engine_models_it(options: EngineOptions) -> bool:
 def fit(d: DoubleDifferences) -> Ionosphere | None:
     """Estimate V, G, L, h, t, z and p from both kinds of observations.
 
-    None where epochs are fewer than `LEAST_EPOCHS` or within less than `LEAST_S`.
+    None where epochs are fewer than `LEAST_EPOCHS` or within less than `LEAST_FLIGHT_S`.
     """
     epochs = np.unique(d.time)
-    if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_S:
+    if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_FLIGHT_S:
         return None
     knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
     units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5, 1e-3, 1e-3]])
@@ -373,7 +373,7 @@ class _Kind:
         """
         sine = np.sin(d.elevation)
         weight, all_of_it = sine**2, np.column_stack([self.X, self.y])
-        for _ in range(ITERATIONS):
+        for _ in range(WEIGHTED_SOLUTIONS):
             left, redundancy = _eliminated(all_of_it, self.A, self.group, weight)
             X, y, root = left[:, :-1], left[:, -1], np.sqrt(weight)
             x, _, rank, _ = np.linalg.lstsq(root[:, None] * X, root * y, rcond=1e-9)
@@ -434,7 +434,7 @@ def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[A
         ],
         axis=1,
     )
-    inverse = np.linalg.inv(N + RIDGE * np.eye(p))
+    inverse = np.linalg.inv(N + NORMAL_RIDGE * np.eye(p))
     redundancy = 1.0 - np.einsum("mi,mij,mj->m", WA, inverse[group], A)
     return values - np.einsum("mi,mic->mc", A, (inverse @ b)[group]), redundancy
 

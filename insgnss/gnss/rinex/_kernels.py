@@ -17,7 +17,7 @@ OFFSET, LINE, EPOCHS, ROWS, FLAG, COUNT, TICKS, MARK, MARK_LINE, SYSTEM = range(
 STATE_SIZE = 10  # numbers of the state
 
 TICKS_PER_S = 10_000_000  # RINEX writes seconds with seven decimals
-_BLANK, _BAD = -1, -2  # in the place of a whole number
+_NO_NUMBER, _BAD = -1, -2  # in the place of a whole number
 # characters by their ASCII codes; an epoch begins with >
 _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _POINT, _ZERO, _EPOCH = 10, 13, 32, 43, 45, 46, 48, 62
 _DAY_OF_1980_01_06 = 723125  # days since 0000-03-01
@@ -44,7 +44,9 @@ def _text_end(buf, start, stop):
 
 @njit(cache=True)
 def _whole(buf, a, b, end):
-    """Whole number without sign in columns a to b of a text that ends at `end`; _BLANK, or _BAD."""
+    """Whole number without sign in columns a to b of a text that ends at `end`; _NO_NUMBER, or
+    _BAD.
+    """
     n, seen, ended = 0, False, False
     for i in range(a, min(b, end)):
         c = np.int64(buf[i])
@@ -55,7 +57,7 @@ def _whole(buf, a, b, end):
             seen = True
         else:
             return _BAD
-    return n if seen else _BLANK
+    return n if seen else _NO_NUMBER
 
 
 @njit(cache=True)
@@ -118,12 +120,12 @@ def _number(buf, a, b):
 
 @njit(cache=True)
 def _seconds(buf, a, b, end):
-    """Ticks of a second of up to 7 decimals in columns a to b; _BLANK, or _BAD."""
+    """Ticks of a second of up to 7 decimals in columns a to b; _NO_NUMBER, or _BAD."""
     b = min(b, end)
     while a < b and buf[a] == _SPACE:
         a += 1
     if a >= b:
-        return _BLANK
+        return _NO_NUMBER
     ticks, decimals, digits = np.int64(0), np.int64(-1), 0
     for i in range(a, b):
         d = np.int64(buf[i]) - _ZERO
@@ -163,8 +165,8 @@ def _days(year, month, day):
 
 @njit(cache=True)
 def _stamp(buf, offset, end, three):
-    """Ticks of the calendar stamp of an epoch's line that begins at `offset`; _BLANK where all is
-    blank, or _BAD.
+    """Ticks of the calendar stamp of an epoch's line that begins at `offset`; _NO_NUMBER where all
+    is blank, or _BAD.
     """
     if three:
         year, offset = _whole(buf, offset + 1, offset + 6, end), offset + 6
@@ -179,14 +181,14 @@ def _stamp(buf, offset, end, three):
     )
     ticks = _seconds(buf, offset + 12, offset + 23, end)
     if (
-        year == _BLANK
-        and month == _BLANK
-        and day == _BLANK
-        and hour == _BLANK
-        and minute == _BLANK
-        and ticks == _BLANK
+        year == _NO_NUMBER
+        and month == _NO_NUMBER
+        and day == _NO_NUMBER
+        and hour == _NO_NUMBER
+        and minute == _NO_NUMBER
+        and ticks == _NO_NUMBER
     ):
-        return _BLANK
+        return _NO_NUMBER
     lengths = (
         31,
         29 if year % 4 == 0 and (year % 100 != 0 or year % 400 == 0) else 28,

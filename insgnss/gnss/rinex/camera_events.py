@@ -22,7 +22,7 @@ from ...records import CameraEvents, Finding
 from .observation_record import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
-MOST_LISTED = 5  # times in a message of one line (chosen)
+MOST_TIMES_LISTED = 5  # times in a message of one line (chosen)
 
 Records = tuple[EventRecord, ...]
 
@@ -137,5 +137,5 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
 
 
 def _those(records: Records, invalid: Records) -> str:
-    times = some((f"{record.time:.3f} s" for record in invalid), MOST_LISTED)
+    times = some((f"{record.time:.3f} s" for record in invalid), MOST_TIMES_LISTED)
     return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times}"

@@ -1,12 +1,12 @@
 """Navigation that is no RINEX, read by georinex, as the text of RINEX 3.04 that all else here
 reads: precise orbits (SP3) and the netCDF into which georinex converts.
 
-An SP3 file holds positions and clocks every 5 or 15 minutes. To those within `HALF_S` of every full
-hour the elements of a broadcast message are fitted by least squares, the clock by a line, so that
-engine and velocities take them as they take any message. What a fit leaves is told; GLONASS and
-geostationary BeiDou, which other equations hold for, and satellites without a clock are left out.
-Positions of SP3 are of the centre of mass, up to 2 m from the antenna: that moves a rover by 1 mm
-10 km from its base.
+An SP3 file holds positions and clocks every 5 or 15 minutes. To those within `FIT_HALF_WINDOW_S` of
+every full hour the elements of a broadcast message are fitted by least squares, the clock by a
+line, so that engine and velocities take them as they take any message. What a fit leaves is told;
+GLONASS and geostationary BeiDou, which other equations hold for, and satellites without a clock are
+left out. Positions of SP3 are of the centre of mass, up to 2 m from the antenna: that moves a rover
+by 1 mm 10 km from its base.
 """
 
 import io
@@ -25,16 +25,18 @@ from ...base.wording import DOCTOR
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, calendar_from_gps
 from ...records import Array
 
-HALF_S = 3600.0  # of a fit's window (s): 3600, since elements that hold for two hours miss by cm
+# of a fit's window (s): 3600, since elements that hold for two hours miss by cm
+FIT_HALF_WINDOW_S = 3600.0
 LEAST_NODES = 7  # positions in a window: 21 coordinates and more for 15 elements
 LARGEST_MISS_M = 1.0  # rms of a fit (m): 1, as broadcast orbits have; beyond it, a manoeuvre
-PASSES = 4  # of Gauss and Newton: 4, the last of which moves a satellite by less than 1 mm
+# of Gauss and Newton: 4, the last of which moves a satellite by less than 1 mm
+GAUSS_NEWTON_STEPS = 4
 NO_CLOCK_US = 999999.0  # clocks without a value (us): 999999 and more, as SP3 says
 # BeiDou time behind GPST (s) and weeks before its first: 14, 1356, as it began in 2006
 BEIDOU_LAG_S, BEIDOU_WEEKS = 14.0, 1356
 GPS_WEEKS_OF = {"C": -BEIDOU_WEEKS}
 MU_OF_SYSTEM = {"G": 3.986005e14, "J": 3.986005e14, "E": 3.986004418e14, "C": 3.986004418e14}
-EARTH_RATE = 7.2921151467e-5  # rad/s, that of IS-GPS-200, which all but BeiDou take
+GPS_EARTH_RATE = 7.2921151467e-5  # rad/s, that of IS-GPS-200, which all but BeiDou take
 BEIDOU_RATE = 7.292115e-5  # rad/s, of the ICD of BeiDou
 SOURCE_OF_SYSTEM = {"E": 517.0}  # I/NAV of E1-B with clocks of E1 and E5b
 # elements in the order of a fit, with a step (rad, m, 1) that moves a satellite by metres
@@ -180,13 +182,18 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
     if time.size < LEAST_NODES:
         return []
     system, lines = satellite[0], list[str]()
-    hours = np.arange(np.ceil(time[0] / HALF_S), np.floor(time[-1] / HALF_S) + 1.0) * HALF_S
-    inner = hours[(hours >= time[0] + HALF_S) & (hours <= time[-1] - HALF_S)]
+    hours = (
+        np.arange(
+            np.ceil(time[0] / FIT_HALF_WINDOW_S), np.floor(time[-1] / FIT_HALF_WINDOW_S) + 1.0
+        )
+        * FIT_HALF_WINDOW_S
+    )
+    inner = hours[(hours >= time[0] + FIT_HALF_WINDOW_S) & (hours <= time[-1] - FIT_HALF_WINDOW_S)]
     for toe in inner if inner.size else hours[hours.size // 2 : hours.size // 2 + 1]:
-        near = np.abs(time - toe) <= HALF_S
+        near = np.abs(time - toe) <= FIT_HALF_WINDOW_S
         if near.sum() < LEAST_NODES:
             continue
-        rate = BEIDOU_RATE if system == "C" else EARTH_RATE
+        rate = BEIDOU_RATE if system == "C" else GPS_EARTH_RATE
         elements, miss = _fitted(time[near] - toe, position[near], MU_OF_SYSTEM[system], rate)
         if not miss < LARGEST_MISS_M:
             continue
@@ -211,7 +218,7 @@ def _fitted(tk: Array, position: Array, mu: float, rate: float) -> tuple[dict[st
     """
     p = _osculating(tk, position, mu, rate)
     step = np.array([*ELEMENTS.values()])
-    for _ in range(PASSES):
+    for _ in range(GAUSS_NEWTON_STEPS):
         model, *moved = _orbits(p + np.vstack([0.0 * step, np.diag(step)]), tk, mu, rate)
         jacobian = (np.stack(moved) - model).reshape(step.size, -1).T
         p = p + step * (np.linalg.pinv(jacobian, rcond=1e-9) @ (position - model).ravel())

@@ -45,7 +45,7 @@ from .constants import LIGHT
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-EARTH_RATE = 7.2921151467e-5  # rad/s, of IS-GPS-200
+GPS_EARTH_RATE = 7.2921151467e-5  # rad/s, of IS-GPS-200
 # farthest time from the time of ephemeris
 REACH_S = {"G": 7200.0, "J": 7200.0, "E": 14400.0, "C": 21600.0, "R": 1800.0}
 
@@ -193,7 +193,9 @@ def ranges(satellite: Array, receiver: Array) -> tuple[Array, Array]:
     distance = np.sqrt(np.einsum("mi,mi->m", apart, apart))
     receiver = np.broadcast_to(receiver, satellite.shape)
     sagnac = (
-        EARTH_RATE / LIGHT * (satellite[:, 0] * receiver[:, 1] - satellite[:, 1] * receiver[:, 0])
+        GPS_EARTH_RATE
+        / LIGHT
+        * (satellite[:, 0] * receiver[:, 1] - satellite[:, 1] * receiver[:, 0])
     )
     return distance + sagnac, apart / distance[:, None]
 

@@ -33,9 +33,9 @@ FEWEST_STAMPS = 8  # stamps that show a step
 CHANGES = 2  # intervals off the usual one that no trigger has
 # of the usual interval: a longer one may be a pause; and the fewest steps in one, because a trigger
 # that misses images has multiples of its interval
-PAUSE, FEWEST_STEPS = 1.5, 2
-JITTER = 0.1  # of a step, rms: beyond it (S.2) does not hold, and no loop is that unsteady
-LIKELY = 0.6  # mean cosine of the intervals' phases at JITTER is 0.67
+PAUSE, FEWEST_GRID_STEPS = 1.5, 2
+GRID_JITTER = 0.1  # of a step, rms: beyond it (S.2) does not hold, and no loop is that unsteady
+LIKELY = 0.6  # mean cosine of the intervals' phases at GRID_JITTER is 0.67
 OVERSAMPLED = 8.0  # frequencies tried in one over the longest interval
 SCANNED = 300  # intervals in the periodogram; all enter the judgement
 LEAST_CHANCE = 1e-4  # (S.2) of stamps that are called stamps on a grid
@@ -103,7 +103,7 @@ def stamp_grid(time: Array) -> tuple[float, bool]:
     decimal = decimal_step(time, LARGEST_S, SMALLEST_S, EXACT_S)
     ordered = np.sort(time) - np.min(time)
     candidates = [_refined(ordered, 1.0 / f) for f in _likely_frequencies(ordered)]
-    candidates = [c for c in candidates if c[1] < JITTER]
+    candidates = [c for c in candidates if c[1] < GRID_JITTER]
     if candidates:
         step, jitter, changes = min(candidates, key=lambda c: _chance(c[0], c[1], c[2], EXACT_S))
         digit = max(decimal_step(time, LARGEST_S, EXACT_S, 0.1 * EXACT_S), EXACT_S)
@@ -127,7 +127,7 @@ def _likely_frequencies(time: Array) -> Array:
     if not intervals.size:
         return np.empty(0)
     step = 1.0 / (OVERSAMPLED * float(intervals.max()))
-    lowest, highest = max(1.0 / LARGEST_S, FEWEST_STEPS / usual), 1.0 / SMALLEST_S
+    lowest, highest = max(1.0 / LARGEST_S, FEWEST_GRID_STEPS / usual), 1.0 / SMALLEST_S
     f = np.arange(lowest - step, highest + 2.0 * step, step)
     power = sum((np.cos(2.0 * np.pi * f * d) for d in intervals), np.zeros(f.size)) / intervals.size
     inner = power[1:-1]
@@ -161,7 +161,7 @@ def _changes(time: Array, step: float) -> int:
     steps = np.rint(np.diff(time) / step).astype(np.int64)
     values, counts = np.unique(steps, return_counts=True)
     usual = values[counts.argmax()]
-    if usual < FEWEST_STEPS:
+    if usual < FEWEST_GRID_STEPS:
         return 0
     differ = int((np.abs(steps - usual)[steps != usual] <= 0.5 * usual).sum())
     return min(differ, int(np.count_nonzero(np.diff(steps))))

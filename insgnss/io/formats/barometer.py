@@ -17,7 +17,7 @@ from .text.text import Source
 
 ROWS = "barometer rows"  # name of the notes on rows left out or put in order
 HIGHEST_PA = 120e3  # far below sea level
-HEIGHTS_M = (-2000.0, 11000.0)  # above whatever level it counts from
+BAROMETRIC_HEIGHTS_M = (-2000.0, 11000.0)  # above whatever level it counts from
 SPEC = TableSpec(
     BAROMETER,
     required="tow",
@@ -114,7 +114,9 @@ def heights_from_columns(
             source, None, "no column h or pressure; set columns = [...] of tow, h, pressure"
         )
     values = cols[name]
-    low, high, unit = (LOWEST_PA, HIGHEST_PA, "Pa") if name == "pressure" else (*HEIGHTS_M, "m")
+    low, high, unit = (
+        (LOWEST_PA, HIGHEST_PA, "Pa") if name == "pressure" else (*BAROMETRIC_HEIGHTS_M, "m")
+    )
     key = "pressure" if unit == "Pa" else "length"
     message = (
         f"{name} {{:g}} {unit} of a barometer; it must be between {low:g} and {high:g} {unit}; set"

@@ -22,7 +22,7 @@ from .schema import Declared, class_names, declared, plain
 Problem = Callable[[Declared, Any], str]
 # m: a base that averaged its own position is off by metres, one of another datum by hundreds
 MOST_MOVED_M = 1000.0
-EARTH_M = 6.37e6  # radius of the Earth (m), for a distance that is held against MOST_MOVED_M
+EARTH_RADIUS_M = 6.37e6  # radius of the Earth (m), for a distance that is held against MOST_MOVED_M
 COUNTS = ("", "a number", "two numbers", "three numbers")
 
 
@@ -309,8 +309,8 @@ def _no_moved(item: Declared, value: Any) -> str:
     if problem := next(filter(None, (_no_place(item, position) for position in places)), ""):
         return f"must be the old and the new position of the base; each {problem}"
     (lat, lon, height), (new_lat, new_lon, new_height) = places
-    north = EARTH_M * math.radians(new_lat - lat)
-    east = EARTH_M * math.radians(new_lon - lon) * math.cos(math.radians(lat))
+    north = EARTH_RADIUS_M * math.radians(new_lat - lat)
+    east = EARTH_RADIUS_M * math.radians(new_lon - lon) * math.cos(math.radians(lat))
     moved = math.hypot(north, east, new_height - height)
     far = f"are {moved:.0f} m apart (limit {MOST_MOVED_M:g} m); {swapped(new_lat, new_lon)}"
     return far if moved > MOST_MOVED_M else ""

@@ -27,7 +27,7 @@ HEADINGS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))  # steps well below the st
 # heading, good to 2 deg, then 1 % is used twice
 START_SIGMA_RAD = np.radians([5.0, 5.0, 20.0])
 APART_RAD = np.radians(30.0)  # headings that are two different answers, not one of another step
-LEAST_GAIN = 25.0  # of the sum of squares, of the best heading over any apart: five sigmas
+LEAST_HEADING_GAIN = 25.0  # of the sum of squares, of the best heading over any apart: five sigmas
 
 
 def measured_attitude(problem: EstimationProblem) -> tuple[InitialState, str] | None:
@@ -58,7 +58,7 @@ def measured_attitude(problem: EstimationProblem) -> tuple[InitialState, str] | 
         sums[k] = sum(_misfit(problem, measured, nominal) for measured in early)
     best = int(np.argmin(sums))
     far_off = np.abs(np.angle(np.exp(1j * (HEADINGS_RAD - HEADINGS_RAD[best])))) > APART_RAD
-    if sums[far_off].min() - sums[best] < LEAST_GAIN:
+    if sums[far_off].min() - sums[best] < LEAST_HEADING_GAIN:
         return None
     rpy = np.array([roll, pitch, HEADINGS_RAD[best]])
     names = ", ".join(m.measurement.name for m in early if m.rows.size)

@@ -49,7 +49,7 @@ UNSEEN_SIGMA = 3.0
 # log evidence with wide a-priori sigmas that none of 160 right flights of three minutes reached:
 # the largest was 2.7
 BY_CHANCE = 3.0
-TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
+TURNED_ELEMENT = 0.5  # of an element of two matrices: these are turned by some right angle
 STAMPED = (
     "and see that {camera.clock} is the clock that stamps the exposures (imu or receiver): by the"
     " other one they are off by as much"
@@ -389,7 +389,7 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
     others = [
         replace(mounting, camera_from_body=T)
         for T in right_angle_rotations()
-        if np.abs(T - mounting.camera_from_body).max() > TURNED
+        if np.abs(T - mounting.camera_from_body).max() > TURNED_ELEMENT
     ]
     return [
         other.camera_from_body

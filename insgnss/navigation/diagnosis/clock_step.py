@@ -63,8 +63,8 @@ from .sensitivity import Constants, Sensitivity
 
 STEP = "clock step"
 INSTANTS = 48  # of a pass, at which a step is looked for
-PASSES = 3  # of which each looks at the neighbourhood of the best of the one before
-NEIGHBOURS = 2  # intervals on either side that are looked at again
+REFINEMENTS = 3  # of which each looks at the neighbourhood of the best of the one before
+INTERVALS_AROUND = 2  # intervals on either side that are looked at again
 LACKING = 1.5  # nominal intervals, beyond which one is a gap (`navigation.prepare.gaps`)
 GAPS = 16  # of the IMU, the longest, that may be a step of its clock
 REFINED = 3  # times that the size is estimated with the fixes moved
@@ -75,8 +75,8 @@ EDGE_FIXES = 20  # on either side of a step, without which it is a matter of the
 # s between instants that are tried for lost samples, from the one that (Z.1) shows on: as far as
 # the misfit falls, and beyond by so many; then around the best, from one spacing to the next
 SPACINGS_S, BEYOND = (2.0, 0.5, 0.1), 6
-AROUND_S = 30.0  # s on either side, whose motion shows how well lost samples are bridged
-SAME_S = 7  # decimals of a second, to which two instants are one
+BRIDGED_AROUND_S = 30.0  # s on either side, whose motion shows how well lost samples are bridged
+INSTANT_DECIMALS = 7  # decimals of a second, to which two instants are one
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
     gaps = _gaps(problem)
     at_gap = np.array([float(time[gap.epochs[-1]]) for gap in gaps])
     low, high, of_imu = first, last, np.repeat([False, True], INSTANTS)
-    for round_ in range(PASSES):
+    for round_ in range(REFINEMENTS):
         grid = np.tile(np.linspace(low, high, INSTANTS), of_imu.size // INSTANTS)
         more = at_gap if round_ == 0 else at_gap[:0]
         instants, kind = np.append(grid, more), np.append(of_imu, more > 0.0)
@@ -214,7 +214,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
             gap = gaps[k - grid.size]
             return _Candidate(solution, best, gap.step_s, gap)
         of_imu = np.full(INSTANTS, kind[k])
-        reach = NEIGHBOURS * (high - low) / (INSTANTS - 1)
+        reach = INTERVALS_AROUND * (high - low) / (INSTANTS - 1)
         low, high = max(best - reach, first), min(best + reach, last)
     return _Candidate(solution, best, step_s, loses_samples=bool(of_imu[0]))
 
@@ -297,7 +297,10 @@ def _bridged(problem: EstimationProblem, since: float, lost_s: float) -> Estimat
         return np.stack([np.interp(time, nodes, column) for column in values.T], axis=1)
 
     one = inc.nominal_s
-    begin, end = max(old[k] - AROUND_S, one), min(old[k] + AROUND_S, old[-1] - lost_s - one)
+    begin, end = (
+        max(old[k] - BRIDGED_AROUND_S, one),
+        min(old[k] + BRIDGED_AROUND_S, old[-1] - lost_s - one),
+    )
     around = np.arange(begin, end, 0.25 * lost_s)
     edges = [interpolated(around + after, old, sums) for after in (-one, 0.0, lost_s, lost_s + one)]
     first, within, last = np.diff(edges, axis=0)
@@ -305,8 +308,8 @@ def _bridged(problem: EstimationProblem, since: float, lost_s: float) -> Estimat
     ends = interpolated(old[k] + one * np.array([-1.0, 1.0]), old, sums)
     nodes = np.concatenate([old[: k + 1], old[k:] + lost_s])
     sums = np.concatenate([sums[: k + 1], sums[k:] + 0.5 * lost_s / one * (ends[1] - ends[0])])
-    time = np.round(epochs.time, SAME_S)
-    every = np.unique(np.round(np.concatenate([nodes, time]), SAME_S))
+    time = np.round(epochs.time, INSTANT_DECIMALS)
+    every = np.unique(np.round(np.concatenate([nodes, time]), INSTANT_DECIMALS))
     every = every[every <= time[-1]]
     stop = np.searchsorted(every, time)
     change = np.diff(interpolated(every, nodes, sums), axis=0)

@@ -9,8 +9,8 @@ marginalised. The data alone know of them
     I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
 
 A hypothesis gives them a priori the variances diag(V): a suspected one that of the `WIDE` sigmas of
-`candidates` or, where that explains more, of `FACTORS` times them; one that the flight file states
-with a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
+`candidates` or, where that explains more, of `PRIOR_FACTORS` times them; one that the flight file
+states with a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
 
     A = 1 + W I W,    e = W A^-1 W b,    cov e = W A^-1 W,
     F(V) = b' e / 2 - log det A / 2                                                            (D.2)
@@ -24,8 +24,8 @@ matrices only.
 A flight in which nothing is wrong, as most are, needs no pass of its own for it: the filter of the
 flight file follows the constants beside (`navigation.diagnosis.sensitivity`), which gives I and b
 where the innovations depend on them linearly, as they do near the flight file's numbers. Where that
-evidence comes within `UNSETTLED` of `TAKEN`, or fixes were rejected, the pass is run, and it alone
-counts.
+evidence comes within `UNSETTLED_SIGMAS` of `TAKEN`, or fixes were rejected, the pass is run, and it
+alone counts.
 
 A constant that the flight file states as exact (a sigma of 0) is no state: where another hypothesis
 explains as much, that is taken; where none does, the contradiction is shown, nothing estimated.
@@ -63,20 +63,21 @@ from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution
 from .candidates import FAR, with_a_priori, with_layout
-from .sensitivity import LONGEST_S, Constants, Sensitivity
+from .sensitivity import LONGEST_INTERVAL_S, Constants, Sensitivity
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
 # log evidence from which a hypothesis becomes states. From 1.5 on 4 of 90 right flights of three
 # minutes had one, by chance among nine groups; from 4 on none, and no wrong constant is lost by it
 TAKEN = 4.0
-FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
-TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant
+PRIOR_FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
+# of the wide a-priori sigma: a flight that reaches it says something of a constant
+TELLING_SHARE = 0.5
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 # log evidence by which what the filter follows beside may be off: 0.02 to 0.6 on flights near
 # the decision, 1.1 at most far below it
-UNSETTLED = 1.5
-MOST_REJECTED = 1e-3  # share of the fixes, up to which it is taken at all
+UNSETTLED_SIGMAS = 1.5
+REJECTED_WITH_CONSTANTS = 1e-3  # share of the fixes, up to which it is taken at all
 OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
 
 
@@ -95,7 +96,7 @@ class Hypothesis:
     value, sigma : Array
         (k,) what it estimates of them, and the standard deviations.
     factor : float
-        Of the a-priori sigmas of the fixes' constants, one of `FACTORS`.
+        Of the a-priori sigmas of the fixes' constants, one of `PRIOR_FACTORS`.
     wide_evidence : float
         Its evidence with a factor of at least one, which chance alone reaches more rarely.
     """
@@ -171,13 +172,13 @@ class ConstantsEvidence:
 
     def _judged(self, every: Sequence[tuple[State, ...]]) -> tuple[Hypothesis, ...]:
         """Return the hypotheses that suspect these groups or single states, strongest first."""
-        cases = [(suspected, factor) for suspected in every for factor in FACTORS]
+        cases = [(suspected, factor) for suspected in every for factor in PRIOR_FACTORS]
         cost, estimate, cov = self._evaluate([((), 1.0), *cases])
-        evidence = (cost[1:] - cost[0]).reshape(-1, len(FACTORS))
-        wide_evidence = evidence[:, [factor >= 1.0 for factor in FACTORS]].max(axis=1)
+        evidence = (cost[1:] - cost[0]).reshape(-1, len(PRIOR_FACTORS))
+        wide_evidence = evidence[:, [factor >= 1.0 for factor in PRIOR_FACTORS]].max(axis=1)
         hypotheses = []
         for k, (suspected, factor) in enumerate(zip(every, evidence.argmax(axis=1), strict=True)):
-            case = 1 + k * len(FACTORS) + int(factor)
+            case = 1 + k * len(PRIOR_FACTORS) + int(factor)
             own = np.flatnonzero(self._is_suspected(suspected))
             of_imu = own[~self.of_fixes[own]]
             if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
@@ -189,7 +190,7 @@ class ConstantsEvidence:
                     tuple(self.states[state] for state in own),
                     estimate[case, own] * self.wide[own],
                     np.sqrt(cov[case, own, own]) * self.wide[own],
-                    FACTORS[factor],
+                    PRIOR_FACTORS[factor],
                     float(wide_evidence[k]),
                 )
             )
@@ -304,7 +305,7 @@ class ConstantsEvidence:
             _, (estimate,), (cov,) = evidence._evaluate([(groups, FAR)])
             for k in np.flatnonzero([group in groups for group in self.group]):
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
-                if sigma < TELLING:
+                if sigma < TELLING_SHARE:
                     value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
                     estimates.append(Estimate(self.states[k], value, own))
         return tuple(estimates)
@@ -415,7 +416,7 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensiti
         prediction are there, which have no say in the evidence.
     """
     epochs = problem.epochs
-    if np.diff(epochs.time).max(initial=0.0) > LONGEST_S or problem.gates_of_measurements:
+    if np.diff(epochs.time).max(initial=0.0) > LONGEST_INTERVAL_S or problem.gates_of_measurements:
         return None
     if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
         return None
@@ -454,13 +455,13 @@ def settled_evidence(
     verdict, limit = solution.verdict[:, POSITION], min(problem.gate, problem.huber_threshold)
     beyond = np.count_nonzero(solution.nis[:, POSITION] > limit)
     offered = np.count_nonzero(verdict != NOT_MEASURED)
-    if beyond > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
+    if beyond > REJECTED_WITH_CONSTANTS * offered or (verdict == COVARIANCE_RESET).any():
         return None
     constants, data = followed.constants, followed.of_the_data()
     sigmas = constants.wide, constants.stated
     evidence = ConstantsEvidence(constants.states, *sigmas, *data, requested, exact)
     every = evidence.hypotheses
-    return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence
+    return None if every and every[0].evidence > TAKEN - UNSETTLED_SIGMAS else evidence
 
 
 def group_of(state: State) -> State | None:

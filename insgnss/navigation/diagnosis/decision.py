@@ -61,7 +61,7 @@ CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio
 SLOW_PARAMETERS = 1  # correlation time
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
-EXPLAINED, OPEN = 0.25, 5.0
+EXPLAINED_SHARE, OPEN = 0.25, 5.0
 # shares of the gain of a time-correlated error: of one that loses no fixes, and of one that does
 LEAST_OF_GAIN, MOST_OF_GAIN = 0.5, 0.9
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
@@ -295,7 +295,7 @@ def _with_constants(
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
     gain = misfit(here.solution) - misfit(solution) + OPEN * len(groups)
-    if gain < EXPLAINED * suspected.evidence:
+    if gain < EXPLAINED_SHARE * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     solved = as_solved(suspected, solution)
     checks = advice(search.mounting, solution, solved, rivals, search.exposures, delays)
@@ -372,7 +372,7 @@ def _slow_bias(
             return None
         best, again, solution = explained
         gain = misfit(state.solution) - misfit(solution)
-        if gain < EXPLAINED * best.evidence:
+        if gain < EXPLAINED_SHARE * best.evidence:
             return None
         if best in beside:
             best = replace(best, evidence=0.5 * gain)

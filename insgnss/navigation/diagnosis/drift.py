@@ -53,9 +53,11 @@ from .variances import VarianceSearch
 TIMES_S = (30.0, 90.0, 300.0, np.inf)  # T of the course
 FINER = (3.0**0.5, 3.0**0.25)  # of T about the best, which leaves it 14 % off at most
 PARAMETERS = 1  # T, which the evidence is charged for
-SETTLED = 3.0  # times T, after which 5 % of a warm-up are left
-APART = 6.0  # sigmas: of a thousand normal variables the largest is beyond once in a million
-USUAL, FEW = 3.0, 0.2  # sigmas that noise leaves behind now and then; share of the epochs beyond
+SETTLED_TIMES = 3.0  # times T, after which 5 % of a warm-up are left
+# sigmas: of a thousand normal variables the largest is beyond once in a million
+PARTED_SIGMAS = 6.0
+# sigmas that noise leaves behind now and then; share of the epochs beyond
+USUAL, SHARE_BEYOND_USUAL = 3.0, 0.2
 LARGER_NOISE = ("IMU noise", "GNSS sigmas")  # names of checks
 AXES = ("N", "E", "D")
 STATES = ("position", "velocity", "attitude")
@@ -65,7 +67,8 @@ LEAST_STEP_EVIDENCE = 20.0
 STEP = "bias step"  # of what is attempted, beside `SLOW`
 AS_PROBABLE = 5.0  # log evidence below the best instant, down to which an epoch shares the step
 AT_REST_MPS = 0.5  # smoothed speed, below which a vehicle has not taken off (chosen)
-NEAR_S = 2.0  # from a take-off or a gap, within which a step is said to be due to it (chosen)
+# from a take-off or a gap, within which a step is said to be due to it (chosen)
+CAUSED_WITHIN_S = 2.0
 
 
 def hidden_drift(
@@ -91,15 +94,15 @@ def hidden_drift(
     if not {check.name for check in adopted_checks} & set(LARGER_NOISE):
         return None
     ratio = _ratios(before)
-    if adopted is before or not ratio.size or ratio.max() <= APART:
+    if adopted is before or not ratio.size or ratio.max() <= PARTED_SIGMAS:
         return None
-    if _ratios(adopted).max(initial=0.0) > APART:
+    if _ratios(adopted).max(initial=0.0) > PARTED_SIGMAS:
         return None  # which the report says
-    if np.mean(ratio.max(axis=1) > USUAL) > FEW:
+    if np.mean(ratio.max(axis=1) > USUAL) > SHARE_BEYOND_USUAL:
         return None
     k, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     time = float(np.abs(before.problem.inc.marks[before.separation_epoch[k]]))
-    return Question("drift", f"below {APART:g} sigmas").note(
+    return Question("drift", f"below {PARTED_SIGMAS:g} sigmas").note(
         f"before larger errors were adopted forward and backward disagreed by"
         f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]} {AXES[int(column) % 3]} at"
         f" TOW {time:.1f} s, and agreed elsewhere: about then the fixes or the IMU drifted for"
@@ -172,9 +175,8 @@ class SlowBiasCandidate:
             )
         )
         course = f"warms up over about {slow.time_s:.0f} s: its biases change"
-        remedy = (
-            f"switch the IMU on {SETTLED * slow.time_s / 60.0:.1f} minutes or more before take-off"
-        )
+        minutes = SETTLED_TIMES * slow.time_s / 60.0
+        remedy = f"switch the IMU on {minutes:.1f} minutes or more before take-off"
         if not warms_up:
             course = "changes its temperature: its biases drift linearly"
             remedy = "let the IMU warm up before take-off, and keep sun and wind off it"
@@ -261,7 +263,7 @@ class BiasStepCandidate(SlowBiasCandidate):
         step = np.abs(bias[last] - bias[first - 1])
         gyro, accel = step[:3].max() / DEG_PER_H, step[3:].max() / MILLI_G
         time = float(np.abs(solution.time[last]))
-        near = np.abs(solution.time - solution.time[last]) <= NEAR_S
+        near = np.abs(solution.time - solution.time[last]) <= CAUSED_WITHIN_S
         moves = np.hypot.reduce(solution.nav[:, VEL], axis=1) > AT_REST_MPS
         when, remedy = "", "mount the IMU so that shocks and heat do not reach it"
         if (self.problem.epochs.gap[near] > 0.0).any():

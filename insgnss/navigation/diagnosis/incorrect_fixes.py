@@ -11,9 +11,9 @@ and no fix tells which of the levels is right: the flight file's, by what lasts 
 the odd ones, whichever are shorter in all, are withheld (looked at, and not used), and the flight
 is filtered again; this is a remedy where no reset is left, and where the step out of each spell
 takes back the step into it (noise does not). Spells that are too long to be carried by the IMU
-alone, `LONGEST_S`, are used as they are; in them, and until the filter follows the next level, the
-covariance of the position is enlarged by the step d itself, of which one fix tells with the
-covariance S of its innovation,
+alone, `LONGEST_SPELL_S`, are used as they are; in them, and until the filter follows the next
+level, the covariance of the position is enlarged by the step d itself, of which one fix tells with
+the covariance S of its innovation,
 
     P + d d' + S                                                                               (S.1)
 
@@ -35,11 +35,11 @@ from ..filter.kernels.records import Epochs, FilterHistory
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution
 
-LONGEST_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
+LONGEST_SPELL_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
 MOST_WITHHELD = 0.3  # share of the fixes
 TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
 APART_S = 5.0  # between rejected fixes: from there on they make two spells
-MOST_REJECTED = 0.01  # share of the other fixes that may be rejected
+REJECTED_BESIDE_SPELLS = 0.01  # share of the other fixes that may be rejected
 STEP_SIGMAS = 3.0  # of what the fixes claim, below which a step is none: code solutions wander so
 PASSES = 4  # of the filter, each of which may show further steps
 
@@ -83,7 +83,7 @@ def withhold_incorrect_fixes(
         The problem with these fixes withheld, and the spells; the problem itself and none where
         that is no remedy.
     """
-    for spells_of, longest_s in ((_closing_spells, LONGEST_S), (rejected_spells, np.inf)):
+    for spells_of, longest_s in ((_closing_spells, LONGEST_SPELL_S), (rejected_spells, np.inf)):
         candidate, spells = problem, tuple[Spell, ...]()
         for _ in range(PASSES):
             history = _filtered(candidate, start)
@@ -106,7 +106,7 @@ def _follows(problem: EstimationProblem, history: FilterHistory) -> bool:
     """Tell whether a filter follows the fixes that are not withheld."""
     verdict = history.verdict[~problem.epochs.withheld, POSITION]
     rejected = np.count_nonzero(verdict == REJECTED)
-    few = rejected <= MOST_REJECTED * np.count_nonzero(verdict != NOT_MEASURED)
+    few = rejected <= REJECTED_BESIDE_SPELLS * np.count_nonzero(verdict != NOT_MEASURED)
     return bool(few and not np.any(verdict == COVARIANCE_RESET))
 
 

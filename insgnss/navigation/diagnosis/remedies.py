@@ -43,8 +43,8 @@ from .turn_on_bias import check_biases_in_innovations, with_turn_on, without_tur
 
 OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
 OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
-ROUNDS = 4  # solutions again with moved stamps, at most
-CERTAIN = 2.0  # sigmas of the offset
+MOST_MOVES = 4  # solutions again with moved stamps, at most
+CERTAIN_OFFSET_SIGMAS = 2.0  # sigmas of the offset
 LARGE_S = 0.005  # s, of an offset: below it the neglected a d^2 / 2 is under 0.1 mm
 
 Align = Callable[[EstimationProblem], tuple[InitialState, str]]
@@ -183,13 +183,13 @@ def offset_to_apply(solution: Solution) -> float:
     -------
     float
         What is to be added to the stamps, s; zero where the offset is not estimated, smaller than
-        `LARGE_S` or than `CERTAIN` of its sigmas.
+        `LARGE_S` or than `CERTAIN_OFFSET_SIGMAS` of its sigmas.
     """
     state = solution.problem.layout.offset
     if state < 0:
         return 0.0
     offset, sigma = constant(solution, state)
-    return offset if abs(offset) > max(LARGE_S, CERTAIN * sigma) else 0.0
+    return offset if abs(offset) > max(LARGE_S, CERTAIN_OFFSET_SIGMAS * sigma) else 0.0
 
 
 def _with_code_errors(case: Case) -> Case | None:

@@ -39,7 +39,8 @@ from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem
 from ._kernels import follow_constants
 
-LONGEST_S = 0.21  # between epochs: over more the mean of a product is not the product of means
+# between epochs: over more the mean of a product is not the product of means
+LONGEST_INTERVAL_S = 0.21
 
 
 @dataclass(frozen=True)

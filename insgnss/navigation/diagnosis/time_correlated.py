@@ -21,7 +21,8 @@ A receiver that filters its velocities, or whose Doppler shares the ionosphere, 
 centimetres a second for a minute; integrated by a filter that takes them for white, they carry the
 positions tens of metres off their own fixes. What the fixes claim in all is taken at its word,
 
-    k^2 + c^2 = 1,     T = c^2 / q, at most `LONGEST_S`                                        (D.3)
+    k^2 + c^2 = 1,     T = c^2 / q, at most `LONGEST_WINDOW_S`
+     (D.3)
 
 since a share that lasts longer than the recording leaves no trace in it; from k = `ALL_WHITE` on
 nothing is left to last.
@@ -59,22 +60,23 @@ from .evidence import (
 
 # s, bound of T: the ionosphere of a single-frequency receiver; what lasts longer leaves no trace in
 # the innovations of a window
-LONGEST_S = 600.0
+LONGEST_WINDOW_S = 600.0
 LEAST_WHITE = 0.2  # bound of k: a fix is not taken to be better than a fifth of its sigma
 LEAST_WHITE_CODE = 0.03  # the same for code solutions
 WHITE_CLAIM = 0.5  # k^2 beyond which the file's claim is of the white error alone
-FAR = np.log(6.0)  # of T, where the search begins again
-RIDGE = np.log(1.3)  # step of T along c^2 / T
-DOUBTFUL = 1.0  # rise of -2 log L that one sigma makes
-FARTHEST = 8.0  # bound of the logarithms of all parameters
+RESTART_AT = np.log(6.0)  # of T, where the search begins again
+STEP_ALONG_RIDGE = np.log(1.3)  # step of T along c^2 / T
+ONE_SIGMA_RISE = 1.0  # rise of -2 log L that one sigma makes
+LARGEST_LOGARITHM = 8.0  # bound of the logarithms of all parameters
 # of code solutions
 OF_VELOCITY_S = 60.0  # correlation time of the errors of velocities
 ALL_WHITE = 0.9  # share of the sigma
 ROUNDS, SETTLED = 3, 0.3  # of fits; logarithm of a factor that is no longer a change
-FACTORS = (0.01, 100.0)  # bounds of what a fit changes
-FIRST_FIXES, MOST_FIXES = 2000, 9000  # of the part that the first fit and the later ones look at
+FACTOR_BOUNDS = (0.01, 100.0)  # bounds of what a fit changes
+# of the part that the first fit and the later ones look at
+FIRST_FIXES, MOST_FIXES_FITTED = 2000, 9000
 FEWEST_FIXES = 60  # below which no share is determined
-TRIES, MOST_REJECTED = 6, 0.05  # of larger white shares; share of the fixes
+TRIES, REJECTED_BY_FIT = 6, 0.05  # of larger white shares; share of the fixes
 # bounds of the shares, and of time-correlated velocity errors
 LEAST, LEAST_MPS, MOST_MPS = 0.02, 1e-3, 3.0
 
@@ -134,11 +136,11 @@ def time_correlated_error(
 
     def model(p: Array) -> FixErrors:
         k, c, T, ratio = np.exp(p)
-        time_s = float(np.clip(T, interval_s, LONGEST_S))
+        time_s = float(np.clip(T, interval_s, LONGEST_WINDOW_S))
         return with_time_correlated_error(errors, max(k, least_white), c, time_s, ratio)
 
     def cost(p: Array) -> float:
-        if np.abs(p).max() > FARTHEST:
+        if np.abs(p).max() > LARGEST_LOGARITHM:
             return IMPOSSIBLE
         return minus_two_log_likelihood(*with_layout(problem, start, layout_factory(model(p))))
 
@@ -146,7 +148,7 @@ def time_correlated_error(
     first = min((np.log([*guess, 1.0]) for guess in guesses(problem)), key=cost)
     best = _descend(cost, first)
     # once more along the ridge: the first may have ended in a hollow
-    again = _descend(cost, best.x + [0.0, 0.5 * FAR, FAR, 0.0])
+    again = _descend(cost, best.x + [0.0, 0.5 * RESTART_AT, RESTART_AT, 0.0])
     best = min(best, again, key=lambda minimum: float(minimum.fun))
     if without - best.fun < GAIN:
         return None
@@ -177,13 +179,13 @@ def _towards_claim(cost: Callable[[Array], float], p: Array, least: float) -> Ar
     """Move along c^2 / T towards k^2 + c^2 = 1, as long as the cost stays near `least`."""
     while True:
         claim = np.exp(2.0 * p[0]) + np.exp(2.0 * p[1])
-        step = np.sign(1.0 - claim) * np.array([0.0, 0.5 * RIDGE, RIDGE, 0.0])
+        step = np.sign(1.0 - claim) * np.array([0.0, 0.5 * STEP_ALONG_RIDGE, STEP_ALONG_RIDGE, 0.0])
         after = np.exp(2.0 * p[0]) + np.exp(2.0 * (p[1] + step[1]))
         if (
             (claim > 1.0 and np.exp(2.0 * p[0]) > WHITE_CLAIM)
             or abs(np.log(after)) > abs(np.log(claim))
-            or (p + step)[2] > np.log(LONGEST_S)
-            or cost(p + step) > least + DOUBTFUL
+            or (p + step)[2] > np.log(LONGEST_WINDOW_S)
+            or cost(p + step) > least + ONE_SIGMA_RISE
         ):
             return p
         p = p + step
@@ -223,7 +225,7 @@ def code_errors(
     model = replace(
         errors,
         unfixed_gm_sigma=1.0,
-        unfixed_correlation_time_s=LONGEST_S,
+        unfixed_correlation_time_s=LONGEST_WINDOW_S,
         unfixed_white_scale=1.0,
     )
     if measured.any():
@@ -243,7 +245,7 @@ def _fit(
     model: FixErrors,
     progress: Callable[[str], None],
 ) -> FixErrors | None:
-    """Fit k, c at `LONGEST_S`, v and w; None without a solution."""
+    """Fit k, c at `LONGEST_WINDOW_S`, v and w; None without a solution."""
     fits, white_only = 0, True
     for _ in range(ROUNDS + TRIES):
         posed = with_layout(problem, start, layout_factory(model))
@@ -251,7 +253,7 @@ def _fit(
             solution = solve(*posed, "off", progress, separations=0)
         except DataError:
             solution = None
-        if solution is None or _rejected(solution) > MOST_REJECTED:
+        if solution is None or _rejected(solution) > REJECTED_BY_FIT:
             # something else is wrong besides, which white errors have to hold
             model, fits = _whiter(model), fits if white_only else ROUNDS
             continue
@@ -307,11 +309,11 @@ def _maximum(
 
     White errors come first: beside a white share that is far too large no other is seen.
     """
-    liveliest = liveliest_part(solution, FIRST_FIXES if white_only else MOST_FIXES)
+    liveliest = liveliest_part(solution, FIRST_FIXES if white_only else MOST_FIXES_FITTED)
     layout = liveliest.problem.layout
     possible = available(layout, bool(liveliest.problem.epochs.has_velocity.any()))
     names = tuple(name for name in possible if name in (*OF_FIXES, *CORRELATED_STATES))
-    search = Search([linear_segment(liveliest, names)], names, progress, FACTORS)
+    search = Search([linear_segment(liveliest, names)], names, progress, FACTOR_BOUNDS)
     free = np.array([name in OF_FIXES or not white_only for name in names])
     theta = search.maximum(free).theta
     return dict(zip(names, np.exp(theta).tolist(), strict=True))
@@ -323,7 +325,7 @@ def _as_claimed(model: FixErrors) -> FixErrors:
     if k >= ALL_WHITE:
         return replace(model, unfixed_gm_sigma=None)
     share = float(np.sqrt(1.0 - k**2))
-    time_s = float(np.clip(LONGEST_S * (share / c) ** 2, 1.0, LONGEST_S))
+    time_s = float(np.clip(LONGEST_WINDOW_S * (share / c) ** 2, 1.0, LONGEST_WINDOW_S))
     return replace(model, unfixed_gm_sigma=share, unfixed_correlation_time_s=time_s)
 
 

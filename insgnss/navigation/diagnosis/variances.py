@@ -61,8 +61,8 @@ FAMILIES = {
 }
 OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
-ENOUGH = 0.01  # gain of a step in -2 log L that ends the search: a tenth of a sigma of a factor
-MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
+LAST_GAIN = 0.01  # gain of a step in -2 log L that ends the search: a tenth of a sigma of a factor
+MOST_FIXES_JUDGED = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes from which on it is not excluded: noise does it in one flight of
 # thirty
 LEAST_AVERAGED = 2.5
@@ -75,7 +75,7 @@ SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 # and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
 # corrections, which a flight of minutes does not tell from an error of the base
 SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
-STARTS = (0.0,)  # of the logarithms of the IMU's factors
+ONE_START = (0.0,)  # of the logarithms of the IMU's factors
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,13 @@ class VarianceSearch:
     Parameters
     ----------
     solution : Solution
-        The solved flight; of a long one the liveliest `MOST_FIXES` fixes are looked at.
+        The solved flight; of a long one the liveliest `MOST_FIXES_JUDGED` fixes are looked at.
     progress : callable
         Receives the name of each step.
     """
 
     def __init__(self, solution: Solution, progress: Callable[[str], None]) -> None:
-        self.part = liveliest_part(solution, MOST_FIXES)
+        self.part = liveliest_part(solution, MOST_FIXES_JUDGED)
         problem = self.part.problem
         names = available(problem.layout, bool(problem.epochs.has_velocity.any()))
         self.families = {
@@ -119,7 +119,7 @@ class VarianceSearch:
         }
         self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
         segment = linear_segment(self.part, self.names)
-        self.search = Search([segment], self.names, progress, gain=ENOUGH)
+        self.search = Search([segment], self.names, progress, gain=LAST_GAIN)
         self.nothing = evaluate([segment], np.zeros(len(self.names)))
 
     def promising(self) -> tuple[str, ...]:
@@ -210,7 +210,7 @@ class VarianceSearch:
         """Maximise over a family; below the evidence `to_beat` the search ends before."""
         free = self._free(family)
         cost = self.nothing.cost - 2.0 * to_beat - self._penalty(int(free.sum()))
-        maximum = self.search.maximum(free, STARTS, cost)
+        maximum = self.search.maximum(free, ONE_START, cost)
         theta = dict(zip(self.names, np.exp(maximum.theta).tolist(), strict=True))
         factors = {name: theta[name] for name in self.families[family]}
         evidence = self._evidence(maximum.evaluated.cost, int(free.sum()))

@@ -37,20 +37,20 @@ from .likelihood import (
     evaluate,
     linear_segment,
 )
-from .pieces import FEWEST, SHORTEST_S
+from .pieces import FEWEST_FIXES_MOVING, SHORTEST_S
 from .search import RANGE, Maximum, Search
 
 DEFAULT = ("gyro.white_noise", "accel.white_noise")
 # sigma of a logarithm up to which a factor is known, and its sigmas from one that may be chance
 KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
-SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
+SIGNIFICANT_CHANCE = 1e-3  # chance that the innovations of a true static model ask for another
 LAGS = 20  # of the test for whiteness: errors of fixes that stay for less than 20 of them show
 LONGEST_MIN = 600.0  # of a flight that is proposed
 OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is reported
 WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
 CHANCE_OF_WHITE = 1e-3  # chance of white innovations below which those together count
 # gain in -2 log L that a time-correlated error of the fixes must bring beside free noise of the IMU
-EXPLAINED = 20.0
+GAIN_OF_CORRELATION = 20.0
 
 
 @dataclass(frozen=True)
@@ -165,8 +165,10 @@ class InFlightNoise:
 
     @property
     def significant(self) -> bool:
-        """Whether the static model makes such innovations with a chance below `SIGNIFICANT`."""
-        return self.chance < SIGNIFICANT
+        """Whether the static model makes such innovations with a chance below
+        `SIGNIFICANT_CHANCE`.
+        """
+        return self.chance < SIGNIFICANT_CHANCE
 
     @property
     def white(self) -> bool:
@@ -181,7 +183,7 @@ class InFlightNoise:
     @property
     def asks_for_more(self) -> bool:
         """Whether the innovations rule out what is held."""
-        return _chance(self.loss, len(self.held)) < SIGNIFICANT
+        return _chance(self.loss, len(self.held)) < SIGNIFICANT_CHANCE
 
     @property
     def scaled(self) -> bool:
@@ -239,7 +241,8 @@ def in_flight_noise(
     duration = sum(float(s.time[-1] - s.time[0]) for s in solutions)
     if not solutions:
         raise DataError(
-            f"no segment in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a"
+            f"no segment in motion of {SHORTEST_S:g} s and {FEWEST_FIXES_MOVING} fixes; the"
+            f" innovations of a"
             " standing or very short recording say nothing of the noise in flight: use a flight,"
             " or `insgnss tune` on static recordings"
         )

@@ -12,7 +12,7 @@ from ..filter.layout import StateLayout
 from ..filter.problem import sub_problem
 from ..filter.solution import Solution
 
-SHORTEST_S, FEWEST = 20.0, 60  # of a segment in motion, and its fixes
+SHORTEST_S, FEWEST_FIXES_MOVING = 20.0, 60  # of a segment in motion, and its fixes
 
 
 def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
@@ -28,7 +28,7 @@ def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
     Returns
     -------
     list of Solution
-        Segments of `SHORTEST_S` and `FEWEST` fixes and more.
+        Segments of `SHORTEST_S` and `FEWEST_FIXES_MOVING` fixes and more.
     """
     time, fix = solution.time, solution.problem.epochs.has_position
     resting = np.zeros(time.size, dtype=np.bool_)
@@ -38,7 +38,7 @@ def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
     parts = []
     for first, stop in edge.reshape(-1, 2):
         fixes = first + np.flatnonzero(fix[first:stop])
-        if fixes.size >= FEWEST and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
+        if fixes.size >= FEWEST_FIXES_MOVING and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
             parts.append(sub_solution(solution, int(fixes[0]), int(fixes[-1])))
     return parts
 

@@ -12,7 +12,8 @@ FASTEST_DRONE_MS = 50.0  # of a drone; a single gross fix makes no longer way th
 OUTLYING_SIGMAS, LEAST_DETOUR_M = 8.0, 0.05
 # m/s^2 by which a velocity may change between fixes: no drone or car makes more than 1 g for long
 STEEPEST_MS2 = 10.0
-AROUND = 5  # steps between fixes, whose median velocity a jump between two of them is compared with
+# steps between fixes, whose median velocity a jump between two of them is compared with
+STEPS_AROUND_JUMP = 5
 
 
 def north_east(gnss: GnssFixes) -> Array:
@@ -98,13 +99,17 @@ def jumps(time: Array, ne: Array) -> NDArray[np.int64]:
     -------
     ndarray of int
     """
-    if time.size <= AROUND:
+    if time.size <= STEPS_AROUND_JUMP:
         return np.empty(0, dtype=np.int64)
     interval = np.diff(time)
     velocity = np.diff(ne, axis=0) / interval[:, None]
-    padded = np.pad(velocity, ((AROUND // 2, AROUND // 2), (0, 0)), mode="edge")
-    usual = np.median(sliding_window_view(padded, AROUND, axis=0), axis=-1)
+    padded = np.pad(
+        velocity, ((STEPS_AROUND_JUMP // 2, STEPS_AROUND_JUMP // 2), (0, 0)), mode="edge"
+    )
+    usual = np.median(sliding_window_view(padded, STEPS_AROUND_JUMP, axis=0), axis=-1)
     excess = np.linalg.norm(velocity - usual, axis=1) * interval
     limit = OUTLYING_SIGMAS * float(np.median(excess))
-    steepest = STEEPEST_MS2 * interval * (0.5 * interval + AROUND // 2 * np.median(interval))
+    steepest = (
+        STEEPEST_MS2 * interval * (0.5 * interval + STEPS_AROUND_JUMP // 2 * np.median(interval))
+    )
     return np.flatnonzero(excess > np.maximum(limit, steepest)) + 1

@@ -23,7 +23,7 @@ USUAL_S, UNUSUAL = 1.0, -4.0
 MEAN_LEAP_S, LEAP_TOLERANCE_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
 RUN_SPANS = 2.0  # of the differences, that the lag may move from where the scan found it
 # of the least squares, and of Student's distribution of the residuals
-MOST_ITERATIONS, FREEDOM = 8, 4.0
+MOST_FIT_STEPS, FREEDOM = 8, 4.0
 LEVER, SCALE_OF_FORCE, GYRO_BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
 PRIOR_SIGMAS = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
 
@@ -318,7 +318,7 @@ def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) 
     theta[0] = lag
     windows = int(acc.window.max()) + 1
     C = np.empty((0, 3, 3))
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MOST_FIT_STEPS):
         use = model.inside(theta[0])
         if use.sum() < LEAST_WINDOW_ROWS or abs(theta[0] - lag) > RUN_SPANS * acc.span_s:
             return None

@@ -26,7 +26,7 @@ HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertai
 COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
 # who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
 SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995
-NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
+SAME_LAG_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 
 
 def odds(x: float) -> float:
@@ -203,14 +203,14 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
     """
     scan, fit = relation.scan, relation.fit
     lag = float(scan.lags[scan.best])
-    far = scan.score[np.abs(scan.lags - lag) > max(NEAR_S, 2.0 * scan.acc.span_s)]
-    sure = min(odds(scan.margin(max(NEAR_S, 2.0 * scan.acc.span_s))), also)
+    far = scan.score[np.abs(scan.lags - lag) > max(SAME_LAG_S, 2.0 * scan.acc.span_s)]
+    sure = min(odds(scan.margin(max(SAME_LAG_S, 2.0 * scan.acc.span_s))), also)
     if 1.0 - far.max(initial=0.0) < RIVAL_MISFIT_RATIO * (1.0 - scan.score[scan.best]):
         sure = 0.0
     if (
         fit is None
         or not sure
-        or abs(fit.theta[0] - lag) > max(NEAR_S, scan.acc.span_s)
+        or abs(fit.theta[0] - lag) > max(SAME_LAG_S, scan.acc.span_s)
         or scan.best in (0, scan.lags.size - 1)
     ):
         why = (
@@ -230,8 +230,8 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
         f" {_percent(scan.score[scan.best])} there, "
     )
     evidence += (
-        f"{_percent(far.max(initial=0.0))} at best over {max(NEAR_S, 2.0 * scan.acc.span_s):.1f} s"
-        " away"
+        f"{_percent(far.max(initial=0.0))} at best over"
+        f" {max(SAME_LAG_S, 2.0 * scan.acc.span_s):.1f} s away"
     )
     whole = f"offset {offset:+.3f} s; leap seconds {leap:.0f}"
     if scale in ("GNSS in UTC", "IMU in UTC"):

@@ -39,7 +39,7 @@ SINGLE_SHARE = 0.5  # of the points measured in one image alone: names that diff
 # largest distance of the middle of ground points from that of the images (m) at which another CRS
 # is named for them: blocks are smaller, and zones differ by more
 NEAR_GROUND_M = 5e3
-EARTH_M = 6.4e6  # radius by which degrees are compared with it
+METRES_OF_RADIAN = 6.4e6  # radius by which degrees are compared with it
 FAR_GROUND_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
 
@@ -424,7 +424,7 @@ def _exchanged_positions(
     except InsgnssError:
         return ""
     away = np.hypot(lat[0] - eo.origin[1], lon[0] - eo.origin[0])
-    if away * EARTH_M > FAR_GROUND_M:
+    if away * METRES_OF_RADIAN > FAR_GROUND_M:
         return ""
     return f"those of {path.name} have latitude and longitude exchanged: exchange them there"
 

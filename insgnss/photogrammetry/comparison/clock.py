@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 
 WIDEST_S = 30  # of the shifts that are tried: leap seconds are less
 MOST_POSES = 500  # that the search looks at
-LEAST_S = 5e-4  # of a shift that is named: 5 mm of the path at 10 m/s (chosen)
-LEAST_M = 1e-3  # of what a shift and a lever arm leave; below it nobody asks why
-ROUNDS = 8  # of narrowing the search (chosen)
+LEAST_SHIFT_S = 5e-4  # of a shift that is named: 5 mm of the path at 10 m/s (chosen)
+LEAST_UNEXPLAINED_M = 1e-3  # of what a shift and a lever arm leave; below it nobody asks why
+NARROWINGS = 8  # of narrowing the search (chosen)
 LEAP_S = 0.05  # what the motion leaves uncertain of whole leap seconds
 LEAST_SHARE = 0.5  # of the poses that must have a partner at a shift
 
@@ -44,7 +44,7 @@ def by_names(matched: Matched) -> Finding | None:
         return None
     offset = times(a, b)[1] - a.time
     usual = float(np.median(offset))
-    if abs(usual) < LEAST_S:
+    if abs(usual) < LEAST_SHIFT_S:
         return None
     before, after = (
         float(np.sqrt(np.mean(offset**2))),
@@ -69,12 +69,12 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
     if least is None:
         return None
     best = least[0]
-    for _ in range(ROUNDS):
+    for _ in range(NARROWINGS):
         step = _step(a, b, best)
         best += step
         if abs(step) < 1e-6:
             break
-    if abs(best) < LEAST_S:
+    if abs(best) < LEAST_SHIFT_S:
         return None
     before, after = _spread(a, b, 0.0), _spread(a, b, best)
     if not np.isfinite(after):
@@ -83,7 +83,7 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
         before
     ):  # too few meet without it: by how much they would be apart on the way
         before = abs(best) * _speed(a, b, best)
-    if before < LEAST_M or after > EXPLAINS * before:
+    if before < LEAST_UNEXPLAINED_M or after > EXPLAINS * before:
         return None
     words = (
         f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"

@@ -26,7 +26,7 @@ from .shifts import scatter, shift_from_positions
 
 Array = NDArray[np.float64]
 
-ROUNDS = 2  # findings that may be taken off one part, one after the other
+MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
 
 
 def compare_files(
@@ -261,7 +261,7 @@ def _explained(matched: Matched) -> tuple[Matched, list[Finding]]:
     for aspect in aspects:
         if aspect is not horizontal and _far(matched):
             continue  # heights and axes of another place say nothing
-        for _ in range(ROUNDS):
+        for _ in range(MOST_FINDINGS):
             explained = aspect(matched)
             if explained is None:
                 break

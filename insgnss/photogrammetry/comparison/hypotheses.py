@@ -1,7 +1,7 @@
 """What explains the differences of a part: candidates are taken off b, and judged by what remains.
 
-They are judged on at most `MOST` poses spread over all (`insgnss/geodesy/explain.py`), and the
-one that is chosen is taken off all.
+They are judged on at most `MOST_JUDGED` poses spread over all (`insgnss/geodesy/explain.py`), and
+the one that is chosen is taken off all.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -18,7 +18,8 @@ from .result import Aspect, Finding
 Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
 
-MOST = 2000  # poses, spread over all, by which readings are judged: more tell no more (chosen)
+# poses, spread over all, by which readings are judged: more tell no more (chosen)
+MOST_JUDGED = 2000
 LEAST_POSES = 5  # matched ones: fewer fit many readings
 DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave
 
@@ -76,7 +77,7 @@ def recognised(
 
     if n < LEAST_POSES or (before := misfit(matched)) <= least:
         return None
-    some = matched.taken(np.unique(np.linspace(0, n - 1, min(n, MOST)).astype(np.int64)))
+    some = matched.taken(np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(np.int64)))
     explanation = explain(some, candidates(some.a, some.b), misfit, floor=DIGITS[unit])
     if explanation is None:
         return None

@@ -26,7 +26,7 @@ from .poses import Poses
 Array = NDArray[np.float64]
 
 GAP_STEPS = 3.0  # of the usual distance of samples: over more, nothing is interpolated (chosen)
-SAME_S = 1e-6  # between stamps of one instant: tables print microseconds
+SAME_INSTANT_S = 1e-6  # between stamps of one instant: tables print microseconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +153,15 @@ def covered(samples: Array, wanted: Array) -> NDArray[np.bool_]:
     if samples.size < 2:
         return np.zeros(wanted.shape, dtype=bool)
     longest = GAP_STEPS * float(np.median(np.diff(samples)))
-    right = np.clip(np.searchsorted(samples, wanted - SAME_S), 1, samples.size - 1)
+    right = np.clip(np.searchsorted(samples, wanted - SAME_INSTANT_S), 1, samples.size - 1)
     near = samples[right] - samples[right - 1] <= longest
-    return (wanted >= samples[0] - SAME_S) & (wanted <= samples[-1] + SAME_S) & near
+    return (wanted >= samples[0] - SAME_INSTANT_S) & (wanted <= samples[-1] + SAME_INSTANT_S) & near
 
 
 def interpolated(poses: Poses, samples: Array, wanted: Array) -> Poses:
     """`poses`, whose times are `samples`, at the instants `wanted`, which the samples cover."""
     count = min(4, samples.size)
-    right = np.clip(np.searchsorted(samples, wanted - SAME_S), 1, samples.size - 1)
+    right = np.clip(np.searchsorted(samples, wanted - SAME_INSTANT_S), 1, samples.size - 1)
     first = np.clip(right - count // 2, 0, samples.size - count)
     rows = first[:, None] + np.arange(count)
     weight = _lagrange(samples[rows], wanted)

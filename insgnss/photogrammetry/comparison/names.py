@@ -27,7 +27,7 @@ from .result import Finding
 
 Rows = NDArray[np.int64]
 
-LEAST_M = 0.1  # spread below which positions do not distinguish images
+LEAST_SPREAD_M = 0.1  # spread below which positions do not distinguish images
 NAMES = "names"
 
 
@@ -37,7 +37,7 @@ def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
     The result is None where that of the files is as good.
     """
     a, b = matched.a, matched.b
-    if matched.how != "image" or a.n < LEAST_POSES or _spread(matched) < LEAST_M:
+    if matched.how != "image" or a.n < LEAST_POSES or _spread(matched) < LEAST_SPREAD_M:
         return None
     candidates = [*_orders(a), *horizontal_and_time(a, b)]
     explanation = explain(matched, candidates, _spread, floor=DIGITS["m"])

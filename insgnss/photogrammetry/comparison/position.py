@@ -41,7 +41,7 @@ from .result import Finding
 Array = NDArray[np.float64]
 Change = Callable[[Array], Array]
 
-LEAST_M = 0.005  # rms below which nobody asks why
+LEAST_RMS_M = 0.005  # rms below which nobody asks why
 GEOID_M = (5.0, 110.0)  # geoid heights that are stated as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
@@ -84,7 +84,7 @@ def horizontal(matched: Matched) -> tuple[Finding, Matched] | None:
     """What explains the horizontal differences, and the match with it taken off b."""
     candidates = horizontal_and_time if matched.how == "image" else _horizontal
     return recognised(
-        "horizontal", matched, lambda x, y: difference(x, y)[:, :2], candidates, LEAST_M
+        "horizontal", matched, lambda x, y: difference(x, y)[:, :2], candidates, LEAST_RMS_M
     )
 
 
@@ -103,7 +103,7 @@ def vertical(matched: Matched) -> tuple[Finding, Matched] | None:
     def up(x: Poses, y: Poses) -> Array:
         return (y.height - x.height)[:, None]
 
-    return recognised("height", matched, up, _vertical, LEAST_M)
+    return recognised("height", matched, up, _vertical, LEAST_RMS_M)
 
 
 def _horizontal(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
@@ -127,7 +127,7 @@ def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     """
     mean, up = d.mean(axis=0), d[:, 2]
     also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(
-        LEAST_M, EXPLAINS * rms(up[:, None])
+        LEAST_RMS_M, EXPLAINS * rms(up[:, None])
     )
     kept = 0.0 if also_up else float(mean[2])
     by, vector = mean - [0.0, 0.0, kept], (b.ecef - a.ecef).mean(axis=0)
@@ -228,7 +228,7 @@ def _of_block(a: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
 
     shift = float(np.linalg.norm(mean))
-    least, beside = max(LEAST_M, OF_SHIFT * shift) / np.sqrt(size / a.n), shift / SHIFT_M
+    least, beside = max(LEAST_RMS_M, OF_SHIFT * shift) / np.sqrt(size / a.n), shift / SHIFT_M
     if abs(angle) >= max(SMALLEST, least):
         words = (
             f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"

@@ -28,7 +28,8 @@ from .poses import PLANE_M, CoordinateFrame, Poses, tangent_frame
 
 Array = NDArray[np.float64]
 
-HEIGHTS_M = -500.0, 15e3  # heights above the ellipsoid of a camera (m): Dead Sea to a jet's ceiling
+# heights above the ellipsoid of a camera (m): Dead Sea to a jet's ceiling
+CAMERA_HEIGHTS_M = -500.0, 15e3
 # least |z| of a geocentric point (m): nearer to the equator, z is as small as a height in a map's
 # coordinates, and 6.4e6 m may be a northing
 OFF_EQUATOR_M = 2e4
@@ -152,7 +153,7 @@ def _recognised(x: Array, path: Path) -> Framed:
     """Return the frame that coordinates can only be of; none of small ones."""
     if float(np.linalg.norm(x, axis=1).max()) > PLANE_M:
         _, _, h = ecef_to_geodetic(x)
-        low, high = HEIGHTS_M
+        low, high = CAMERA_HEIGHTS_M
         if low < h.min() and h.max() < high and float(np.abs(x[:, 2]).min()) > OFF_EQUATOR_M:
             note = f"{path.name} names no CRS; its coordinates are geocentric by their size"
             return Framed(CoordinateFrame(GEOCENTRIC), x, note)

@@ -18,8 +18,8 @@ from ...records.block import Array
 from .poses import CameraPoses
 from .records import BlockPoses, Rows
 
-NEAR_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
-SIZE = 0.5, 2.0  # extent over that of the flight
+SAME_PLANE_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
+RELATIVE_EXTENTS = 0.5, 2.0  # extent over that of the flight
 
 
 def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> BlockPoses:
@@ -92,8 +92,8 @@ def _near(X: Array, eo: ExteriorOrientation) -> bool:
     """Tell whether coordinates look like those of the flight's tangent plane."""
     apart = X.mean(axis=0) - eo.position_m.mean(axis=0)
     size, own = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
-    low, high = SIZE
-    return bool(np.linalg.norm(apart) < NEAR_M and low < size / max(own, 1e-9) < high)
+    low, high = RELATIVE_EXTENTS
+    return bool(np.linalg.norm(apart) < SAME_PLANE_M and low < size / max(own, 1e-9) < high)
 
 
 def common_images(block: BlockPoses, eo: ExteriorOrientation) -> tuple[BlockPoses, Rows]:

@@ -46,8 +46,9 @@ from .poses import read_camera_poses
 from .records import BlockPoses, FlightPoses, Stated
 from .solution import Solved, solve
 
-ROUNDS = 3  # of processing the flight with the corrected mounting: the second changes little
-SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
+MOST_RUNS = 3  # of processing the flight with the corrected mounting: the second changes little
+# corrections over sigmas, with which the flight need not be processed again
+SETTLED_CORRECTIONS = 0.3
 TRAJECTORY_HZ = 20.0  # of the trajectory, by which a camera delay moves along the path
 FIXED_SIGMA = 1e-6  # by which values that are not determined are held, in their units
 
@@ -157,7 +158,7 @@ def calibrate_mounting(
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
     given: BlockPoses | None = poses if isinstance(poses, BlockPoses) else None
-    for number in range(ROUNDS):
+    for number in range(MOST_RUNS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:
             assert read is not None
@@ -182,7 +183,7 @@ def calibrate_mounting(
         new, new_delay, judged = determined(solved, stated, judged)
         corrections.append(_largest(solved, judged, new, new_delay))
         mounting, delay = new, new_delay
-        if corrections[-1] < SETTLED:
+        if corrections[-1] < SETTLED_CORRECTIONS:
             break
     assert given is not None
     left = len(given.images) - block.position.shape[0] - len(gross)

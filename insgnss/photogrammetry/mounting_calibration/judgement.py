@@ -36,7 +36,7 @@ STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
 ALIKE_M, ALIKE_RAD = 0.005, float(np.radians(0.002))  # of a remedy
 LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
 # sigmas off what is stated: by chance one in 16 000 and one in 80
-CONTRADICTS, DOUBTFUL = 4.0, 2.5
+CONTRADICTS, DOUBTFUL_SIGMAS = 4.0, 2.5
 HELPS = 0.5  # of a sigma, that remains if something else were known
 ONE_HEADING = 0.9  # length of the mean of unit vectors
 DIRECTIONS = ("forward", "right", "down"), ("backward", "left", "up")
@@ -71,7 +71,7 @@ class Component:
         Whether it contradicts the flight file, determined or not.
     held : bool
         Whether it is not determined and the flight file's value stands in: one that the file
-        states, within `DOUBTFUL` sigmas.
+        states, within `DOUBTFUL_SIGMAS` sigmas.
     """
 
     group: str
@@ -197,7 +197,7 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
         if verdict == UNDETERMINED:
             undetermined.append(len(out))
             why = _why(names, V, k, facts)
-            if off > DOUBTFUL:
+            if off > DOUBTFUL_SIGMAS:
                 there = f"{factor * before[k]:.{digits}f} {unit}"
                 why += f"; the flight file's {there} lies {off:.1f} sigma from what was found"
         elif off > CONTRADICTS:
@@ -215,7 +215,7 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
                 verdict,
                 why,
                 against=off > CONTRADICTS,
-                held=verdict == UNDETERMINED and own is not None and off <= DOUBTFUL,
+                held=verdict == UNDETERMINED and own is not None and off <= DOUBTFUL_SIGMAS,
             )
         )
     if undetermined:

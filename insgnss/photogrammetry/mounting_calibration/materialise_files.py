@@ -33,9 +33,9 @@ from .poses import CameraPoses, is_block, read_camera_poses
 from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
 
 ANTENNA = "antenna"
-ANTENNA_M = 5e-3  # where a table has no standard deviation of the phase centre
+PHASE_CENTRE_SIGMA_M = 5e-3  # where a table has no standard deviation of the phase centre
 RULER_M = 0.05  # standard error of the lever arm: beyond, a ruler measures it better
-LONGEST_M = 3.0  # of targets on a sensor from each other: others are in another unit
+LARGEST_SENSOR_M = 3.0  # of targets on a sensor from each other: others are in another unit
 CLOSE_M = 0.005  # targets that fit in another reading
 TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one
 
@@ -169,13 +169,13 @@ def _session(path: Path, options: MaterialiseOptions) -> _Points:
             f" {near(options.antenna_name, points.names)}; name it by --antenna-name",
         )
     apart = float(np.ptp(points.position, axis=0).max())
-    if apart > LONGEST_M:
+    if apart > LARGEST_SENSOR_M:
         words = ""
         if apart * 1e-3 < 1.0:
             words = "; in millimetres?"
         raise InputError.in_file(
             path,
-            f"targets and phase centre are {apart:.3g} m apart (limit {LONGEST_M:g} m on a"
+            f"targets and phase centre are {apart:.3g} m apart (limit {LARGEST_SENSOR_M:g} m on a"
             f" receiver){words}",
         )
     return points
@@ -201,7 +201,7 @@ def _receiver(
     made = []
     for points in sessions:
         row = points.names.index(options.antenna_name)
-        cov = ANTENNA_M**2 * np.eye(3) if points.cov is None else points.cov[row]
+        cov = PHASE_CENTRE_SIGMA_M**2 * np.eye(3) if points.cov is None else points.cov[row]
         targets = points.targets(names, options.target_sigma_m)
         made.append(ReceiverSession(targets, points.position[row], cov))
     try:

@@ -32,14 +32,15 @@ from .solution import Solved
 FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
 HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))  # median misfit of poses of another frame
 HOPELESS_SIGMAS = 6.0  # of the flight, where it is less accurate than that
-FARTHEST_S, LEAST_S, STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
-FEWEST = 4  # images of the flight with poses: a similarity and its check
+FARTHEST_S, LEAST_OFFSET_S, STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
+FEWEST_POSES = 4  # images of the flight with poses: a similarity and its check
 GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
 GROSS_SHARE = 0.05  # of the images: more are no single gross errors
-OWN_FACTOR, ENOUGH = 0.01, 50.0  # of the flight's variances by the residuals, and redundancy
+# of the flight's variances by the residuals, and redundancy
+OWN_FACTOR, REDUNDANCY_OF_VARIANCES = 0.01, 50.0
 NOTHING = "which says nothing of the mounting; give poses of an adjustment of the images without it"
 OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
-TURNED = float(np.radians(20.0))  # no bore-sight is larger
+LARGEST_BORESIGHT = float(np.radians(20.0))  # no bore-sight is larger
 SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0  # of a scale from one: no projection in use is so far off
 
 Pairs = tuple[Array, Array, Array, Array]  # positions and attitudes, those of the flight
@@ -144,9 +145,10 @@ def refuse_implausible(
         With the reading that explains them.
     """
     n = rows.size
-    if n < FEWEST:
+    if n < FEWEST_POSES:
         raise InputError(
-            f"{block.source}: {n} images of it are of this flight; {FEWEST} at least are needed,"
+            f"{block.source}: {n} images of it are of this flight; {FEWEST_POSES} at least are"
+            f" needed,"
             " and a calibration is good with two lines of ten each and more"
         )
     eo = flight.eo
@@ -182,7 +184,7 @@ def refuse_implausible(
 def _readings(n: int) -> Iterator[Candidate[Pairs]]:
     """Return how poses of n images may have been joined and written."""
     for k, one, other in orders(n):
-        if one.size < FEWEST:
+        if one.size < FEWEST_POSES:
             continue
         words = "it has the reversed order of images: check how names and poses were joined"
         if k is not None:
@@ -212,7 +214,7 @@ def _other_times(pairs: Pairs, time: Array, path: Path) -> Iterator[Candidate[Pa
     some = np.unique(np.linspace(0, n - 1, min(n, 60)).astype(np.int64))
 
     def apart(offset_s: float) -> float:
-        pose = path.at(time[some] + offset_s) if abs(offset_s) >= LEAST_S else None
+        pose = path.at(time[some] + offset_s) if abs(offset_s) >= LEAST_OFFSET_S else None
         return np.inf if pose is None else misfit(pairs[0][some], pairs[1][some], *pose).size
 
     best = best_shift(apart, FARTHEST_S, STEP_S)
@@ -273,12 +275,12 @@ def refuse_frame(solved: Solved) -> None:
     """
     E, source = solved.boresight_change, solved.block.source
     factor, redundancy = solved.flight_factor
-    if redundancy > ENOUGH and factor < OWN_FACTOR:
+    if redundancy > REDUNDANCY_OF_VARIANCES and factor < OWN_FACTOR:
         raise InputError(
             f"{source}: its poses agree with the flight {factor**-0.5:.0f} times better than the"
             f" flight's covariances allow: they are of this flight's own trajectory, {NOTHING}"
         )
-    if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > TURNED:
+    if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > LARGEST_BORESIGHT:
         near = np.round(E)
         T = near.T @ solved.flight.eo.camera_from_body
         words = (

@@ -56,7 +56,7 @@ from .products import (
     provenance,
 )
 
-ANTENNA_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
+ANTENNA_SIGMAS_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
 SAME_AXIS = 0.5  # cosine of a camera axis and the flight direction that share their fate
 LONG_M = 3.0  # along the flight direction: beyond, few aircraft have room
 STAMPS = 2.0  # residuals along the flight direction over those across it: of the stamps
@@ -134,7 +134,7 @@ def _antenna_cov(
 ) -> tuple[Array, tuple[str, ...]]:
     if options.antenna_sigma_m is None and fixes.cov is not None:
         return fixes.cov[rows], ()
-    horizontal, vertical = options.antenna_sigma_m or ANTENNA_M
+    horizontal, vertical = options.antenna_sigma_m or ANTENNA_SIGMAS_M
     cov = np.diag(np.square([horizontal, horizontal, vertical]))
     notes: tuple[str, ...] = ()
     if options.antenna_sigma_m is None:

@@ -3,9 +3,9 @@
 Observation equations and unknowns stand in `equations`. Normal equations (LS.1) are the sum of
 A' V^-1 A, with the a-priori weights; e is linearised again until nothing moves. Q of (L.2) has a
 factor by the residuals themselves; where it is not stated, positions and attitudes have one each
-(restricted maximum likelihood in fixed-point steps, (LS.2)), for which a stated Q needs `ENOUGH`
-redundant observations; the flight's P has a factor by the same right side, by which nothing is
-changed: it is a check.
+(restricted maximum likelihood in fixed-point steps, (LS.2)), for which a stated Q needs
+`REDUNDANCY_OF_FACTOR` redundant observations; the flight's P has a factor by the same right side,
+by which nothing is changed: it is a check.
 
 From the flight's mounting (a, b from the projection centre, C_cb) that of the images is
 
@@ -39,12 +39,12 @@ from .equations import (
 from .options import Assumptions
 from .records import BlockPoses, FlightPoses, Rows
 
-ITERATIONS, CONVERGED = 30, 1e-3  # steps, and the last one over its sigmas
+MOST_SOLVER_STEPS, CONVERGED = 30, 1e-3  # steps, and the last one over its sigmas
 VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01  # of variance factors, and their last change
-ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarter
+REDUNDANCY_OF_FACTOR = 30.0  # redundant observations, of which a factor comes out to a quarter
 BANK = np.radians(20.0)  # of a turn flown for what straight lines leave open: small drones bank so
 LEAST_FACTOR = 1e-4  # of variances: sigmas are a hundredth at least of what is stated
-SIGNIFICANT, WORTH_SAYING = 4.0, 1.5  # sigmas, and factor of the flight's variances
+SIGNIFICANT_CORRECTION, WORTH_SAYING = 4.0, 1.5  # sigmas, and factor of the flight's variances
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,10 +333,10 @@ def solve(
 def _adjusted(model: Model, factors: Mapping[str, float]) -> NormalEquations:
     """Move the values until they stay; returns the normal equations there."""
     limit = CONVERGED**2 * model.size
-    if not adjusted(model.linearised, model.move, limit, ITERATIONS, factors)[1]:
+    if not adjusted(model.linearised, model.move, limit, MOST_SOLVER_STEPS, factors)[1]:
         raise DataError(
             f"{model.block.source}: the adjustment of the mounting does not come to an end after"
-            f" {ITERATIONS} steps; these poses are hardly of this flight"
+            f" {MOST_SOLVER_STEPS} steps; these poses are hardly of this flight"
         )
     return NormalEquations(model.linearised(), factors)
 
@@ -350,7 +350,7 @@ def _factors(
     for name, factor in factors.items():
         square, redundancy = sums[name]
         if (
-            redundancy >= ENOUGH
+            redundancy >= REDUNDANCY_OF_FACTOR
             or of_flight > WORTH_SAYING * redundancy_of_flight
             or (not stated and redundancy > 0.0)
         ):
@@ -360,5 +360,7 @@ def _factors(
 
 def _enlarged(factor: tuple[float, float]) -> float:
     f, redundancy = factor
-    far = f > 1.0 + SIGNIFICANT * np.sqrt(2.0 / max(redundancy, 1.0)) and f > WORTH_SAYING
+    far = (
+        f > 1.0 + SIGNIFICANT_CORRECTION * np.sqrt(2.0 / max(redundancy, 1.0)) and f > WORTH_SAYING
+    )
     return float(np.sqrt(f)) if far else 1.0

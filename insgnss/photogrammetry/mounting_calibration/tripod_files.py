@@ -25,7 +25,7 @@ from .poses import (
 )
 from .products import CalibratedMounting, of_lever_arm, provenance
 
-LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
+LONGEST_LEVER_ARM_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
 RULER_M = 0.05  # standard error of a lever arm measured by hand
 
@@ -115,14 +115,15 @@ def _estimated(setups: TripodSetups, poses: Path, pins: Path, opk: Array | None)
         raise InputError(f"{poses}, {pins}: {refusal}") from None
     scatter = _scatter(setups)
     bad = scatter > MISFIT_M and result.variance_factor > MISFIT_FACTOR  # NaN of one setup
-    if far.max() <= LONGEST_M and not bad:
+    if far.max() <= LONGEST_LEVER_ARM_M and not bad:
         return result
     words = _other_readings(setups, opk, poses.name, pins.name)
-    if far.max() > LONGEST_M:
+    if far.max() > LONGEST_LEVER_ARM_M:
         row = int(np.argmax(far))
         raise InputError(
             f"{pins}: the pin of setup {row + 1} is {far[row]:.2f} m from the camera of"
-            f" {poses.name} (limit {LONGEST_M:g} m): another unit, or other axes than those of the"
+            f" {poses.name} (limit {LONGEST_LEVER_ARM_M:g} m): another unit, or other axes than"
+            f" those of the"
             f" poses{words}"
         )
     raise InputError(
@@ -145,7 +146,7 @@ def _other_readings(setups: TripodSetups, opk: Array | None, poses: str, pins: s
 
     def misfit(value: TripodSetups) -> float:
         arm = np.linalg.norm(value.pin_m - value.position_m, axis=1).max()
-        return _scatter(value) if arm < LONGEST_M else max(float(arm), _scatter(value))
+        return _scatter(value) if arm < LONGEST_LEVER_ARM_M else max(float(arm), _scatter(value))
 
     def of_field(name: str) -> Callable[[TripodSetups, Change], TripodSetups]:
         return lambda data, change: replace(data, **{name: change(getattr(data, name))})

@@ -30,15 +30,16 @@ SHADE_NAMES = {
     "other": "no solution",
 }
 MARKS: Mapping[Mark, str] = {"dot": "o", "cross": "x", "ring": "o", "square": "s", "triangle": "^"}
-SIZE = 4.4  # pixels that a mark has where its layer says nothing
+MARK_PX = 4.4  # pixels that a mark has where its layer says nothing
 WIDER: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
 POINTS = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 points
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
-MANY = 5000  # points from which on a PDF has them as an image
+RASTERISED_FROM = 5000  # points from which on a PDF has them as an image
 IN_FRONT = 2.0  # of grid and shades; of what is alike in this, the later is drawn over the earlier
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
-USUAL_SHARE, MOST = 0.95, 2.0  # colours end at so many times what that share of the values reach
+# colours end at so many times what that share of the values reach
+USUAL_SHARE, COLOURS_END = 0.95, 2.0
 
 
 def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
@@ -75,9 +76,9 @@ def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _points(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> Any:
-    size = px * (layer.width or SIZE) * WIDER.get(layer.mark, 1.0)
+    size = px * (layer.width or MARK_PX) * WIDER.get(layer.mark, 1.0)
     shape = MARKS[layer.mark]
-    many = layer.x.size > MANY
+    many = layer.x.size > RASTERISED_FROM
     if layer.value is not None:
         low, high = value_range(layer.value)
         return ax.scatter(
@@ -200,7 +201,7 @@ def value_range(value: Array) -> tuple[float, float]:
     if not finite.size:
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
-    high = min(high, MOST * float(np.quantile(finite, USUAL_SHARE)))
+    high = min(high, COLOURS_END * float(np.quantile(finite, USUAL_SHARE)))
     return low, high if high > low else low + max(0.2 * abs(low), 1e-9)
 
 

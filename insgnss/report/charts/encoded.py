@@ -28,7 +28,7 @@ from .chart import Array, Axes, Chart, Layer, Shade
 
 BLOCK = "charts"  # id of the script element that holds the text
 LONG = 64  # values: shorter arrays are float32
-UNKNOWN = 65535  # code of a value that is not finite; the others count steps from the lowest
+NOT_FINITE = 65535  # code of a value that is not finite; the others count steps from the lowest
 FINE, FINE_SHARE = 1e-3, 5e-3  # of the span of half of the values; of the smallest one
 _ARRAYS = ("x", "y", "x2", "y2", "value")
 _UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}
@@ -134,11 +134,11 @@ def _short(x: Array) -> dict[str, Any] | None:
     if finite.size < LONG or np.isinf(x).any():
         return None
     low, quarter, three, high = np.percentile(finite, (0.0, 25.0, 75.0, 100.0))
-    step = float(high - low) / (UNKNOWN - 1)
+    step = float(high - low) / (NOT_FINITE - 1)
     fine = step <= FINE * (three - quarter) and (low <= 0.0 or step <= FINE_SHARE * low)
     if not fine or step == 0.0:
         return None
-    steps = np.where(np.isfinite(x), np.rint((x - low) / step), UNKNOWN).astype("<u2")
+    steps = np.where(np.isfinite(x), np.rint((x - low) / step), NOT_FINITE).astype("<u2")
     packed_steps = base64.b64encode(steps.tobytes()).decode("ascii")
     return {"low": float(low), "step": step, "steps": packed_steps}
 
@@ -148,7 +148,7 @@ def _unpacked(given: str | Mapping[str, Any]) -> Array:
         return np.frombuffer(base64.b64decode(given), dtype="<f4").astype(np.float64)
     steps = np.frombuffer(base64.b64decode(given["steps"]), dtype="<u2")
     values = given["low"] + given["step"] * steps.astype(np.float64)
-    return np.where(steps == UNKNOWN, np.nan, values)
+    return np.where(steps == NOT_FINITE, np.nan, values)
 
 
 def script_safe(value: Any) -> str:

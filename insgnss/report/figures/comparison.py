@@ -23,7 +23,7 @@ LEAST_HALF_HEIGHT = {
     "mm/s": 0.1,
     "m/s": 1e-4,
 }  # half height of a panel in which nothing is to be seen
-FARTHEST, CLASSES = 5.0, 25  # of a distribution, standard deviations; and its classes
+FARTHEST_SIGMAS, CLASSES = 5.0, 25  # of a distribution, standard deviations; and its classes
 _DIFFERENCES = (
     "Each component of b minus a{shaded}. Differences that stand about a constant, that follow the"
     " course or drift tell of a convention, a lever arm or a clock that is another one."
@@ -156,7 +156,7 @@ def _distribution(panels: Sequence[ComparisonPanel]) -> Chart:
         [_histogram(panel) for panel in shown],
         "standard deviations" if normalised else "b minus a",
         columns=min(3, len(shown)),
-        limits=(-FARTHEST, FARTHEST) if normalised else None,
+        limits=(-FARTHEST_SIGMAS, FARTHEST_SIGMAS) if normalised else None,
     )
 
 
@@ -166,10 +166,10 @@ def _histogram(panel: ComparisonPanel) -> Axes:
         count, edges = np.histogram(values, bins=40)
         layers = [Layer("steps", edges, count.astype(np.float64))]
         return Axes(f"number by {panel.name}, {unit}", layers)
-    edges = np.linspace(-FARTHEST, FARTHEST, CLASSES + 1)
-    count, _ = np.histogram(np.clip(values / sigma, -FARTHEST, FARTHEST), bins=edges)
+    edges = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, CLASSES + 1)
+    count, _ = np.histogram(np.clip(values / sigma, -FARTHEST_SIGMAS, FARTHEST_SIGMAS), bins=edges)
     density = count / (count.sum() * np.diff(edges))
-    x = np.linspace(-FARTHEST, FARTHEST, 101)
+    x = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, 101)
     normal = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
     return Axes(
         f"{panel.name}: density",

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 # what is shown of the motion: more could not be distinguished
 ROWS, SHORTEST_SHOWN_S, LONGEST_SHOWN_S = 130, 20.0, 150.0
 BEST, WORDS_AT = 10, 1.55  # orientations shown, and where on the axis their words stand
-LAG_S = 4.0  # on either side of the offset found
+SHOWN_LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
 _MOTION = (
     "Turn rate and specific force of the IMU, lines, and what the receiver saw of them, dots, over"
@@ -153,7 +153,7 @@ def _clock(curves: Mapping[str, Array], offset: str) -> Chart:
     """
     lag, score = curves["lag_s"], np.maximum(curves["lag_score"], -0.2)
     middle = float(offset.split()[0]) if offset else 0.0
-    wide = np.abs(lag - middle) < LAG_S
+    wide = np.abs(lag - middle) < SHOWN_LAG_S
     if not wide.any():
         wide[:] = True
     layers = [Layer("line", lag[wide], score[wide])]

@@ -7,7 +7,7 @@ import pytest
 from flown import fly, start_near
 
 from insgnss.navigation.diagnosis.incorrect_fixes import (
-    LONGEST_S,
+    LONGEST_SPELL_S,
     Spell,
     incorrect_check,
     spells_apart,
@@ -72,7 +72,7 @@ def test_fixes_that_wander_are_withheld(flown, length_s):
     """Oracle: what was planted: fixes that wander by hundreds of metres, longer than a spell of one
     level may last, too.
     """
-    if length_s > LONGEST_S:
+    if length_s > LONGEST_SPELL_S:
         flown = fly(240.0, seed=3, imu_hz=50.0, gate=gate_from_sigma(5.0))
     epochs = flown.problem.epochs
     position, since = epochs.position.copy(), epochs.time - 50.0

@@ -14,7 +14,7 @@ from insgnss.navigation.diagnosis.constants import (
     group_of,
     settled_evidence,
 )
-from insgnss.navigation.diagnosis.sensitivity import LONGEST_S, Constants, Sensitivity
+from insgnss.navigation.diagnosis.sensitivity import LONGEST_INTERVAL_S, Constants, Sensitivity
 from insgnss.navigation.filter.codes import NAV, NHC
 from insgnss.navigation.filter.filter import forward_inputs, make_history, run_filter
 from insgnss.navigation.filter.kernels.records import FilterHistory
@@ -199,7 +199,10 @@ def test_what_cannot_be_followed_is_left_to_the_pass(clean):
     others = [
         replace(clean.problem, epochs=epochs._replace(constraint=constraint)),
         replace(clean.problem, epochs=epochs._replace(barometer_variance=height)),
-        replace(clean.problem, epochs=epochs._replace(time=epochs.time * (1.1 * LONGEST_S / 0.1))),
+        replace(
+            clean.problem,
+            epochs=epochs._replace(time=epochs.time * (1.1 * LONGEST_INTERVAL_S / 0.1)),
+        ),
         replace(clean.problem, layout=state_layout(NAVCHIP)),  # no offset whose rate it could be
     ]
     assert followed_constants(clean.problem, WIDE) is not None

@@ -26,7 +26,7 @@ from ....gnss.rinex.observations import read_observations
 from ....navigation.prepare.gaps import LEAST_GAP_INTERVALS
 
 NAME = re.compile(r"\.(obs|rnx|crx|nav|\d\d[odnghplq])(\.(gz|z|bz2|zip))?$", re.IGNORECASE)
-DEEPEST, MOST_FILES = 6, 500  # folders below the one given; files that are read (chosen)
+DEEPEST, MOST_RINEX_FILES = 6, 500  # folders below the one given; files that are read (chosen)
 OFTENER = 1.5  # times the rate of another receiver, to be the one that flew
 WITHIN = 0.9  # share of another's time
 SYSTEMS = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "S": "SBAS"}
@@ -170,7 +170,7 @@ def _candidates(paths: Sequence[Path]) -> list[Path]:
             for file in path.rglob("*")
             if len(file.relative_to(path).parts) <= DEEPEST and file.is_file()
         )
-    return [file for file in files if NAME.search(file.name)][:MOST_FILES]
+    return [file for file in files if NAME.search(file.name)][:MOST_RINEX_FILES]
 
 
 def kind_of(path: Path) -> str:

@@ -30,7 +30,7 @@ EXPOSURE_WORDS = "exposure shutter shot taken trigger capture event mid aufnahme
 OTHER_TIMES = "created modified upload download duration length"
 CLOCK = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", re.ASCII)
 LAST_TOW_S = 2.0 * WEEK_S  # largest time of week (s): flights run past the week's end by hours
-LARGEST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 characters each
+LARGEST_LIST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 characters each
 BY_VALUES = "by the values of its columns, and where several could be meant by their names"
 
 
@@ -46,7 +46,7 @@ def exposures_of(path: Path) -> tuple[list[Source], str]:
     tuple of list of Source, str
         One source or none; without one, what is missing where the table names images.
     """
-    if path.stat().st_size > LARGEST_BYTES:
+    if path.stat().st_size > LARGEST_LIST_BYTES:
         return [], ""
     dated = sniff_events(path) == "event_dates"
     if dated and (source := _source(path, None)):

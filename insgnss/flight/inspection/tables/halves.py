@@ -25,7 +25,7 @@ IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
 OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
 # scatter of the size of a force, in its median: of gravity, of an estimate
-STEADY, EXACT = 0.5, 1e-5
+HALF_SCATTER, EXACT = 0.5, 1e-5
 
 
 def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) -> list[Source]:
@@ -96,7 +96,7 @@ def _refuse_without_gravity(path: Path, force: Any) -> None:
         raise InputError.at_line(
             path, None, f"{size[0]:g} in every row: gravity as the device estimates it, no sensor"
         )
-    if spread > STEADY and steadiness < STEADY:
+    if spread > HALF_SCATTER and steadiness < HALF_SCATTER:
         raise InputError.at_line(
             path,
             None,

@@ -35,9 +35,9 @@ MEDIAN_OF = 5  # rows, among which up to two wrong fixes do not show
 # rows; the way in them over that of one, which noise does not make; and what may be noise
 LAG, TRAVELLED, SMALL_M = 20, 4.0, 100.0
 # correlation and slope of a velocity against the differences of the positions, without the worst
-FOLLOWS, SLOPE, KEPT = 0.8, (0.75, 1.3), 0.75
+FOLLOWS, SLOPE, KEPT_VELOCITIES = 0.8, (0.75, 1.3), 0.75
 RISES = 0.3  # correlation that tells a vertical velocity beside a speed and a course
-MOST_ROWS = 20000  # looked at
+MOST_ROWS_LOOKED_AT = 20000  # looked at
 BY_VALUES = "by their values: a position on Earth that moves as its velocity says"
 ORDER_ASSUMED = (
     "by their values: a position on Earth; no velocity shows which of the two angles is the"
@@ -93,7 +93,7 @@ def _position(
     `clock` is the column of time, `factor` its factor to seconds. Of several positions that is
     taken whose velocity beside it agrees best, else the first.
     """
-    every = max(1, -(-len(grid.values) // MOST_ROWS))
+    every = max(1, -(-len(grid.values) // MOST_ROWS_LOOKED_AT))
     grid = Grid(grid.values[::every], grid.names)
     time = grid.values[:, clock] * factor
     others = range(grid.values.shape[1])
@@ -229,7 +229,7 @@ def _off(stated: Array, seen: Array) -> float:
     if stated.size < 20 or np.std(stated) == 0.0 or np.std(seen) == 0.0:
         return np.inf
     off = np.abs(stated - seen)
-    kept = off <= np.quantile(off, KEPT)
+    kept = off <= np.quantile(off, KEPT_VELOCITIES)
     x, y = stated[kept], seen[kept]
     if np.std(x) == 0.0 or np.std(y) == 0.0:
         return np.inf

@@ -15,7 +15,7 @@ from .names import Grid
 
 MOST_CODES = 6  # that a column of qualities has in one flight; one with more counts satellites
 LEAST_ROWS = 5  # of a code
-TELLING = 3.0  # times that standard deviations of a worse code exceed those of a better one
+TELLING_RATIO = 3.0  # times that standard deviations of a worse code exceed those of a better one
 # from the best: fixed, float, DGPS, single point
 _ORDER = {1: 0, 2: 1, 4: 2, 5: 3}
 
@@ -50,7 +50,7 @@ def codes_of(quality: Array, sigma: Array) -> str | None:
 def _fits(size: dict[int, float]) -> bool:
     """Whether worse codes have larger standard deviations, and the worst telling ones."""
     ranked = [size[code] for code in sorted(size, key=lambda k: _ORDER.get(k, 9)) if code in _ORDER]
-    return len(ranked) > 1 and ranked == sorted(ranked) and ranked[-1] > TELLING * ranked[0]
+    return len(ranked) > 1 and ranked == sorted(ranked) and ranked[-1] > TELLING_RATIO * ranked[0]
 
 
 def quality_by_values(grid: Grid, taken: set[int], sigma: Array) -> tuple[int, str] | None:

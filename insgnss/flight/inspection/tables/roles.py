@@ -34,11 +34,14 @@ POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} |
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 STATED = 0.1  # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
-STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
-APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
-TURNED = 0.3  # least correlation by which rates turn a vector; unrelated ones stay below 0.2
+# of a triad's mean to its scatter: gravity keeps an accelerometer's above it
+MEAN_OVER_SCATTER = 0.8
+RATIO_OF_SENSORS = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
+# least correlation by which rates turn a vector; unrelated ones stay below 0.2
+TURNING_CORRELATION = 0.3
 TURN_PIECES = (20000, 5000, 1250, 300)  # means that a recording is cut into, to find the best one
-GRAVITY, NEAR = (9.8, 1.0, 1000.0), 0.15  # its size in usual units, and how near a median must be
+# its size in usual units, and how near a median must be
+GRAVITY_IN_UNITS, NEAR_GRAVITY = (9.8, 1.0, 1000.0), 0.15
 
 
 def imu_roles(grid: Grid) -> Roles | None:
@@ -93,8 +96,8 @@ def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
         ratio = [_steadiness(rows[:, k : k + 3]) for k in (first, first + 3)]
         gap = max(ratio) / max(min(ratio), 1e-12)
         if (
-            gap > APART
-            and max(ratio) > STEADY
+            gap > RATIO_OF_SENSORS
+            and max(ratio) > MEAN_OVER_SCATTER
             and (best is None or first == 0 or not alive[first - 1])
         ):
             order = (first + 3, first) if ratio[0] > ratio[1] else (first, first + 3)
@@ -115,7 +118,7 @@ def _beside_others(rows: Array, alive: list[bool]) -> tuple[int, int] | None:
         triads += [first] * whole
         first += 3 if whole else 1
     data = {k: rows[:, k : k + 3] for k in triads}
-    heavy = [k for k in triads if _of_gravity(data[k]) and _steadiness(data[k]) > STEADY]
+    heavy = [k for k in triads if _of_gravity(data[k]) and _steadiness(data[k]) > MEAN_OVER_SCATTER]
     if len(triads) < 3 or not heavy:
         return None
     accel = max(heavy, key=lambda k: _steadiness(data[k]))
@@ -125,7 +128,7 @@ def _beside_others(rows: Array, alive: list[bool]) -> tuple[int, int] | None:
         if gyro != accel
     }
     gyro = max(turned, key=lambda k: turned[k])
-    if turned[gyro] < TURNED:
+    if turned[gyro] < TURNING_CORRELATION:
         gyro = min(turned, key=lambda k: _steadiness(data[k]))
     return gyro, accel
 
@@ -150,7 +153,7 @@ def _turned(vector: Array, rates: Array) -> float:
 def _of_gravity(force: Array) -> bool:
     """Tell whether a force (n, 3) has the size of gravity in a usual unit."""
     size = float(np.median(np.linalg.norm(force, axis=1)))
-    return any(abs(np.log(max(size, 1e-12) / g)) < NEAR for g in GRAVITY)
+    return any(abs(np.log(max(size, 1e-12) / g)) < NEAR_GRAVITY for g in GRAVITY_IN_UNITS)
 
 
 def _steadiness(triad: Array) -> float:

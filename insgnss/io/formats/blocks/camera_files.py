@@ -27,7 +27,7 @@ from ..text.text import Source
 EXACT_PX = 0.01  # of an image point: a tenth of what is measured
 LOST_PX = 0.1  # of what a program has no place for, which is said
 GRID = 25  # points to a side of the image, at which two cameras are compared (chosen)
-STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
+MOST_CAMERA_STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
 # parameters that a program has no place for, by its format and whether the camera is a fisheye
 LACKING: dict[tuple[str, bool], tuple[str, ...]]
 LACKING = {(form, False): ("b2", "k4") for form in ("colmap", "opencv", "opensfm")}
@@ -147,7 +147,7 @@ def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     mine = [k not in LACKING.get((form, False), ()) for k in INTERIOR]
     fitted = replace(camera, interior=_start(camera) * mine, backward=False, unit_px=1.0)
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        for _ in range(MOST_CAMERA_STEPS):
             J, e = _jacobian(fitted, xy)[:, mine], (uv - _pixels(fitted, xy)).ravel()
             step = np.zeros(len(INTERIOR))
             step[mine] = np.linalg.lstsq(J, e)[0]

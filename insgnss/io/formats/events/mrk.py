@@ -34,7 +34,7 @@ CAMERA = ("lat", "lon", "ellh")
 SIGMAS = ("sd_n", "sd_e", "sd_u")
 # largest number, week or quality: six digits, more than any drone counts (chosen)
 LARGEST_NUMBER = 999999
-LEAST_VALUES = 2  # number and time of week
+LEAST_MRK_VALUES = 2  # number and time of week
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
         else:
             unnamed.append(value)
         i += 2 if name in NAMES else 1
-    if len(unnamed) not in (LEAST_VALUES, LEAST_VALUES + 3):
+    if len(unnamed) not in (LEAST_MRK_VALUES, LEAST_MRK_VALUES + 3):
         message = (
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"

@@ -2,8 +2,8 @@
 
 The kinds may count heights from other surfaces or be of other datums, and loggers join them with
 velocities of another sense. With the positions x, a velocity is held against the displacements of
-its own kind over `LAG_S`, and positions of one kind against those of the best one, carried over the
-step between two rows of different kinds by the slope of their path:
+its own kind over `VELOCITY_LAG_S`, and positions of one kind against those of the best one, carried
+over the step between two rows of different kinds by the slope of their path:
 
     d = x_k - (x_i + x'_i (t_k - t_i))                                                    (FK.1)
 
@@ -24,11 +24,13 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 BEST_FIRST = (1, 2, 6, 4, 3, 5, 0)  # codes of `Quality`: fixed, float, PPP, DGPS, SBAS, single
-FEWEST_FIXES = 20  # of a kind (chosen): fewer are outliers rather than a kind
-LAG_S = 2.0  # s: noise of 2 m over it is 1.4 m/s, less than any vehicle flies; turns take longer
+FEWEST_OF_KIND = 20  # of a kind (chosen): fewer are outliers rather than a kind
+# s: noise of 2 m over it is 1.4 m/s, less than any vehicle flies; turns take longer
+VELOCITY_LAG_S = 2.0
 OPPOSED = 0.8  # correlation with the displacements: velocities of good receivers exceed 0.95
-FEWEST_STEPS = 4  # between kinds, of which a median and its sigma follow (chosen)
-LONGEST_STEP = 1.5  # usual intervals between rows of a step: after a gap the slope is another
+FEWEST_STEPS_BETWEEN_KINDS = 4  # between kinds, of which a median and its sigma follow (chosen)
+# usual intervals between rows of a step: after a gap the slope is another
+LONGEST_STEP_INTERVALS = 1.5
 LEAST_OFFSET_M, LEAST_SIGMAS = 0.5, 5.0  # m and sigmas: smaller offsets are in the fixes' sigmas
 DEVIATION = 1.4826 * 1.2533  # of normal errors: sigma of a median by the deviations' median
 
@@ -42,7 +44,7 @@ def with_agreeing_kinds(fixes: GnssFixes) -> GnssFixes:
     if fixes.quality is None:
         return fixes
     codes, counts = np.unique(fixes.quality, return_counts=True)
-    kinds = [k for k in BEST_FIRST if k in codes[counts >= FEWEST_FIXES]]
+    kinds = [k for k in BEST_FIRST if k in codes[counts >= FEWEST_OF_KIND]]
     if len(kinds) < 2:
         return fixes
     M, N = curvature_radii(fixes.lat[0])
@@ -93,10 +95,12 @@ def _turned(
 
 
 def _likeness(time: Array, path: Array, velocity: Array) -> float:
-    """Correlation of horizontal velocities with displacements over `LAG_S`; 0 where none moves."""
-    later = np.searchsorted(time, time + LAG_S)
+    """Correlation of horizontal velocities with displacements over `VELOCITY_LAG_S`; 0 where none
+    moves.
+    """
+    later = np.searchsorted(time, time + VELOCITY_LAG_S)
     first = np.flatnonzero(later < time.size)
-    first = first[time[later[first]] - time[first] < 2.0 * LAG_S]
+    first = first[time[later[first]] - time[first] < 2.0 * VELOCITY_LAG_S]
     last = later[first]
     mean = 0.5 * (velocity[first] + velocity[last])
     moved = (path[last] - path[first]) / (time[last] - time[first])[:, None]
@@ -109,7 +113,7 @@ def _offset(
 ) -> tuple[Finding, ...]:
     """Return the note on the offset of a kind of fixes from the best one by (FK.1)."""
     slope = np.gradient(path[best], time[best], axis=0)
-    longest = LONGEST_STEP * float(np.median(np.diff(time)))
+    longest = LONGEST_STEP_INTERVALS * float(np.median(np.diff(time)))
     after = np.searchsorted(time[best], time[worse])
     steps = []
     for near in (after - 1, after):
@@ -119,7 +123,7 @@ def _offset(
         predicted = path[best[near[k]]] + slope[near[k]] * ahead[:, None]
         steps.append(path[worse[k]] - predicted)
     d = np.concatenate(steps)
-    if len(d) < FEWEST_STEPS:
+    if len(d) < FEWEST_STEPS_BETWEEN_KINDS:
         return ()
     middle = np.median(d, axis=0)
     sigma = DEVIATION * np.median(np.abs(d - middle), axis=0) / np.sqrt(len(d))

@@ -20,7 +20,7 @@ MOST_DIGITS = 6  # decimals of a rounded column at most: steps below 1e-6 hide n
 DOWN_TO = 2.5  # last digits: what the smallest positive value of a rounded column is at most
 REPEATED = 0.5  # of the rows: fewer are of an antenna that stands
 # of the usual run of equal rows; and how many held fixes have shorter ones
-SHORT, MOST_SHORT_RUNS = 0.6, 0.1
+SHORT_RUN, MOST_SHORT_RUNS = 0.6, 0.1
 
 
 def last_digit(values: Array) -> float | None:
@@ -61,4 +61,4 @@ def is_held(position: Sequence[Array], others: Sequence[Array]) -> bool:
     if runs.size < 2:
         return True
     usual = float(np.median(runs))
-    return usual > 1.0 and bool(np.mean(runs < SHORT * usual) < MOST_SHORT_RUNS)
+    return usual > 1.0 and bool(np.mean(runs < SHORT_RUN * usual) < MOST_SHORT_RUNS)

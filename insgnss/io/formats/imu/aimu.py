@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 N_FIELDS = 13  # numbers of a sentence, from sync to temperature
 # their places in the sentence
 SYNC, TIME_FIELD, GYRO_FIELDS, ACCEL_FIELDS = 0, 1, slice(6, 9), slice(9, 12)
-LOCKED = 2  # sync of a sample that was stamped by a clock locked to the receiver's pulse
+LOCKED_SYNC = 2  # sync of a sample that was stamped by a clock locked to the receiver's pulse
 
 
 def read_aimu(
@@ -40,10 +40,11 @@ def read_aimu(
     sentences = read_sentences(path)
     bodies, lines = sentences.bodies(b"$AIMU,")
     table = _numbers(path, bodies, lines)
-    locked = table[:, SYNC] == LOCKED
+    locked = table[:, SYNC] == LOCKED_SYNC
     if not locked.any():
         message = (
-            f"none of {len(table)} $AIMU samples has a locked clock (sync {LOCKED}); start moving"
+            f"none of {len(table)} $AIMU samples has a locked clock (sync {LOCKED_SYNC}); start"
+            f" moving"
             " only after the receiver's lock"
         )
         raise InputError.at_line(path, None, message)

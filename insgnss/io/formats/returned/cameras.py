@@ -29,7 +29,7 @@ from ..text.numbers import finite, whole
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml
 
-HEAD = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
+CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
 CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
@@ -109,7 +109,7 @@ def recognised_camera(path: Path) -> str:
         return "metashape"
     if path.suffix.lower() == ".toml":
         return "toml"
-    text = decode(first_bytes(path, HEAD, "check the path of the camera"))
+    text = decode(first_bytes(path, CAMERA_HEAD_BYTES, "check the path of the camera"))
     for form, pattern in HEADS.items():
         if re.search(pattern, text, re.MULTILINE):
             return form

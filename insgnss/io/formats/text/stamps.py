@@ -54,7 +54,7 @@ NEAR_END = 0.02
 UNDATED_S, POWER_UP_S = 365.0 * DAY_S, 3600.0
 LEVEL_ROWS = 40  # rows on either side of a step whose median shows it, whatever single stamps do
 LEAST_LEVEL_ROWS = 5  # rows of a side: fewer are rows out of place (chosen)
-MOST_STEPS = 200  # falls of the stamps: more are no clock's (chosen)
+MOST_FALLS = 200  # falls of the stamps: more are no clock's (chosen)
 SET_INTERVALS = 1.5  # intervals: a smaller step is jitter
 PAUSE_INTERVALS = 10.0  # intervals: shorter pauses are as long as a step back by chance (chosen)
 # intervals from a row to the nearest one of the other side: below it both sides overlap, as no
@@ -247,7 +247,7 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
     usual = float(np.median(step))
     rows = np.flatnonzero((step < (1.0 - SET_INTERVALS) * usual) | (step > DAY_S)) + 1
     usual_steps = step[np.abs(step - usual) < 0.6 * usual]
-    if not usual_steps.size or rows.size > MOST_STEPS:
+    if not usual_steps.size or rows.size > MOST_FALLS:
         return []
     interval = float(np.mean(usual_steps))
     steps: list[tuple[int, float]] = []

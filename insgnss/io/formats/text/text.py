@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
-AROUND = 1 << 16  # bytes before and behind a fault in which its line is looked for
+AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault in which its line is looked for
 PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
@@ -285,9 +285,9 @@ def _refusal(
     """Return what is wrong with the line around `offset`."""
     from . import _kernels
 
-    near = max(0, offset - AROUND)
+    near = max(0, offset - AROUND_FAULT_BYTES)
     before = bytes(buf[near:offset]).rpartition(b"\n")[2]
-    after = bytes(buf[offset : offset + AROUND])
+    after = bytes(buf[offset : offset + AROUND_FAULT_BYTES])
     rest = after.partition(b"\n")[0]
     text = decode(before + rest).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
@@ -306,8 +306,10 @@ def _refusal(
             line,
             f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
         )
-    if max(len(before), len(rest)) == AROUND:
-        problem = f"{seen}, a line of more than {AROUND} bytes: a number is missing, or none"
+    if max(len(before), len(rest)) == AROUND_FAULT_BYTES:
+        problem = (
+            f"{seen}, a line of more than {AROUND_FAULT_BYTES} bytes: a number is missing, or none"
+        )
         return InputError.at_line(path, line, f"{problem}; {advice}")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
         count = _like_it(buf, layout)

@@ -20,7 +20,7 @@ from ....records import Array, GnssFixes, Question
 from ....records.variances import decimal_step
 
 PROBED = 2000  # positions that show the step
-LARGEST_M, SMALLEST_M = 20.0, 1e-4  # of a step that is looked for
+LARGEST_M, SMALLEST_STEP_M = 20.0, 1e-4  # of a step that is looked for
 EXACT_M = 1e-6  # off the multiples of a step: conversions of units, no measurement
 COUNTS = 0.3  # of the sigma, from which on a rounding is added
 # m: sigma that a run's rounding adds at most: decimetres with few digits are not to be taken for
@@ -84,7 +84,7 @@ def rounding_step(column: Array, metres: float) -> float:
         In units of the column.
     """
     probed = column[np.linspace(0, column.size - 1, PROBED).astype(np.int64)]
-    return decimal_step(probed, LARGEST_M / metres, SMALLEST_M / metres, EXACT_M / metres)
+    return decimal_step(probed, LARGEST_M / metres, SMALLEST_STEP_M / metres, EXACT_M / metres)
 
 
 def _run_lengths(column: Array) -> Array:

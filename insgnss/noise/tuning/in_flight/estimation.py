@@ -5,7 +5,7 @@ between the stationary periods then show how much larger the noise is in flight
 (`navigation.innovations.innovation_noise`). A time-correlated error of the fixes that the solution
 adopted on its own is questioned: noise of the IMU that is larger than the model says makes
 innovations correlated, too. Both explanations are tried, and the correlated error stays where it
-gains more than `EXPLAINED` beside free noise of the IMU.
+gains more than `GAIN_OF_CORRELATION` beside free noise of the IMU.
 
 The static model gives way where the gain in likelihood is significant, nothing that is held is
 ruled out, what was estimated leaves the innovations white, their normalised square (NIS) comes no
@@ -203,7 +203,7 @@ def _estimated(
     """The estimate, and whether it goes without the correlated error of the fixes that the solution
     adopted on its own.
     """
-    from ....navigation.innovations.innovation_noise import EXPLAINED, in_flight_noise
+    from ....navigation.innovations.innovation_noise import GAIN_OF_CORRELATION, in_flight_noise
     from ....navigation.innovations.pieces import without_correlated
 
     adopted = [piece.problem.layout.gm >= 0 for piece in parts]
@@ -217,7 +217,7 @@ def _estimated(
     if not all(adopted):
         return white, True
     with_gm = in_flight_noise(parts, chosen, progress)
-    if white.at_best.cost - with_gm.at_best.cost < EXPLAINED:
+    if white.at_best.cost - with_gm.at_best.cost < GAIN_OF_CORRELATION:
         return white, True
     return with_gm, False
 
@@ -256,7 +256,7 @@ def _judged(
     beyond : white noise that the spectrum rules out.
     """
     from ....navigation.diagnosis.evidence import MORE_LOST
-    from ....navigation.innovations.innovation_noise import SIGNIFICANT
+    from ....navigation.innovations.innovation_noise import SIGNIFICANT_CHANCE
 
     if not noise.free:
         held = tuple(
@@ -267,7 +267,7 @@ def _judged(
         f"-2 log L falls by {noise.gain:.1f} with {noise.free}"
         f" factor{'s' if noise.free > 1 else ''}, chance {chance_of(noise.chance)}"
     )
-    reasons = [f"{gain} (limit {SIGNIFICANT:g})"]
+    reasons = [f"{gain} (limit {SIGNIFICANT_CHANCE:g})"]
     if not noise.significant:
         return False, (*reasons, *longer_flight(noise))
     if doubts := _doubts(noise, beyond):

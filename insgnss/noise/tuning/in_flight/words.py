@@ -202,11 +202,13 @@ def longer_flight(noise: "InFlightNoise") -> list[str]:
     """
     from scipy.special import chdtri
 
-    from ....navigation.innovations.innovation_noise import SIGNIFICANT
+    from ....navigation.innovations.innovation_noise import SIGNIFICANT_CHANCE
 
     if noise.chance > LONGER_FLIGHT_CHANCE:
         return []
-    minutes = np.ceil(noise.duration_s / 60.0 * float(chdtri(noise.free, SIGNIFICANT)) / noise.gain)
+    minutes = np.ceil(
+        noise.duration_s / 60.0 * float(chdtri(noise.free, SIGNIFICANT_CHANCE)) / noise.gain
+    )
     return [f"if the factors are as estimated, {minutes:.0f} min of such a flight show it"]
 
 

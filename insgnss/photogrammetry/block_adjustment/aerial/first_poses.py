@@ -36,7 +36,7 @@ from ...comparison.poses import Poses
 from ...comparison.reading import read_poses
 
 Rows = NDArray[np.int64]
-FEWEST = 3  # images with position and pose, of which a similarity follows
+FEWEST_PLACED = 3  # images with position and pose, of which a similarity follows
 FEWEST_IN_ORDER = 8  # such images, below which no other order is looked for (chosen)
 DOWN_WEIGHT = 1e-3  # w of (P.1) (chosen): a block 30 times longer than it is wide still counts more
 MISSHAPEN = 0.2  # rms that a similarity leaves, of the positions' own: they are of other images
@@ -150,10 +150,10 @@ def first_attitudes(
         row = matched(images, poses.images)
         attitude = (plane.C_mn(poses.lat, poses.lon) @ NED_ENU @ poses.C_Ex)[row]
         out = np.where((row >= 0)[:, None, None], attitude, np.nan)
-        if posed.sum() >= FEWEST:
+        if posed.sum() >= FEWEST_PLACED:
             _refuse_mirrored(path, measured[posed], X[posed], C[posed])
         return out
-    if posed.sum() < FEWEST:
+    if posed.sum() < FEWEST_PLACED:
         raise InputError.in_file(
             path,
             f"has positions and no attitudes, and only {int(posed.sum())} of {len(images)} images"
