@@ -158,6 +158,22 @@ def test_a_camera_of_another_program(name: str, tmp_path: Path) -> None:
     assert np.abs(pixels_of(got, rays()) - expected).max() < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("element", "named"),
+    [
+        ("<CameraModelType>Fisheye</CameraModelType>", "CameraModelType Fisheye"),
+        ("<AspectRatio>1.01</AspectRatio>", "AspectRatio other than 1"),
+    ],
+)
+def test_a_bentley_camera_of_another_model_is_refused(
+    element: str, named: str, tmp_path: Path
+) -> None:
+    """Oracle: a fisheye taken as a frame camera is off by hundreds of pixels at its corners."""
+    (tmp_path / "block.xml").write_text(BENTLEY.replace("<FocalLength>", f"{element}<FocalLength>"))
+    with pytest.raises(InputError, match=named.replace(" F", ".*F")):
+        read_camera(tmp_path / "block.xml")
+
+
 @pytest.mark.parametrize("form", ["toml", *FORMS])
 def test_what_is_written_is_read(form: str, tmp_path: Path) -> None:
     """Oracle: the pixels of the camera that was written."""

@@ -32,6 +32,7 @@ from ..text.xml import parse_xml
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
 CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
+PERSPECTIVE = "Perspective"  # the model of a Bentley camera that is no fisheye
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
 Cameras = tuple[BrownCamera, ...]
 
@@ -267,12 +268,12 @@ def _bentley(path: Path) -> Cameras:
             f = value("FocalLength", 0.0) / sensor * max(width, height)
         if not f:
             continue
-        if value("AspectRatio", 1.0) != 1.0:
-            raise InputError.at_line(
-                path,
-                None,
-                f"camera {name}: AspectRatio other than 1 is not read; adjust without it",
-            )
+        kind = (group.findtext("CameraModelType") or PERSPECTIVE).strip()
+        unread = "AspectRatio other than 1" if value("AspectRatio", 1.0) != 1.0 else ""
+        if unread or kind != PERSPECTIVE:
+            unread = unread or f"CameraModelType {shown(kind)}"
+            message = f"camera {name}: {unread} is not read; export the camera from another program"
+            raise InputError.at_line(path, None, message)
         of = {
             key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")
         }
