@@ -38,6 +38,8 @@ from insgnss.navigation.filter.strapdown import kernel_earth, kernel_intervals
 from insgnss.navigation.noise_model.model import load_noise_model
 
 RELATIVE = 1e-8  # of the standard deviations; measured 1e-10
+# the same after images: 1e-8 measured, more or less by the processor: the oracle inverts twice
+BY_IMAGES = 1e-7
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 OFFSET = np.array([0.1, -0.2, 0.1, 0.1, 0.1, -0.1, *np.radians([0.5, -0.3, 2.0])])
 
@@ -168,14 +170,14 @@ def by_filterpy(case) -> GaussianStates:
     return filtered(case.linear)
 
 
-def agree(mean, P, expected, expected_P, unit=None) -> None:
-    """Means within `RELATIVE` of their standard deviations, covariances within that of the product
+def agree(mean, P, expected, expected_P, unit=None, within=RELATIVE) -> None:
+    """Means within a share of their standard deviations, covariances within that of the product
     of two, or of those of `unit`, from which they are differences.
     """
     sigma = np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))
-    assert np.abs((mean - expected) / sigma).max() < RELATIVE
+    assert np.abs((mean - expected) / sigma).max() < within
     sigma = sigma if unit is None else np.sqrt(np.diagonal(unit, axis1=1, axis2=2))
-    assert np.abs((P - expected_P) / (sigma[:, :, None] * sigma[:, None, :])).max() < RELATIVE
+    assert np.abs((P - expected_P) / (sigma[:, :, None] * sigma[:, None, :])).max() < within
 
 
 def test_the_problem_is_a_fair_one(case):
@@ -392,7 +394,7 @@ def test_images_correct_all_epochs_as_one_batch_does(case, in_one, block):
     for first, last, moved in corrections(passes.again(), events, np.swapaxes(T, 1, 2) @ b):
         found[first:last] = moved
     P = case.smoothed.P - found[:, :, 1:] @ np.swapaxes(found[:, :, 1:], 1, 2)
-    agree(found[:, :, 0], P, expected, expected_P, without)
+    agree(found[:, :, 0], P, expected, expected_P, without, BY_IMAGES)
     assert np.abs(expected / np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))).max() > 1.0
     left = np.diagonal(expected_P / without, axis1=1, axis2=2)
     assert left.min() < 0.5
