@@ -294,7 +294,8 @@ def _with_constants(
     solution = search.solved(posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
-    gain = misfit(here.solution) - misfit(solution) + OPEN * len(groups)
+    families = {one.of_all_axes if one.sensor else one for one in groups}  # rivals open many axes
+    gain = misfit(here.solution) - misfit(solution) + OPEN * len(families)
     if gain < EXPLAINED_SHARE * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     solved = as_solved(suspected, solution)
