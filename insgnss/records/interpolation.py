@@ -1,4 +1,4 @@
-"""A trajectory between its epochs.
+"""A trajectory between its epochs, and tables between their rows.
 
 With epochs 0 and 1, h apart, and u from 0 to 1 between them, x position and v velocity in the local
 frame (axes north-east-down at epoch 0 of the trajectory), C attitude there,
@@ -124,3 +124,23 @@ def _refuse_gaps(time: Array, h: Array, u: Array) -> None:
             f" {LONGEST_BRIDGE_S:g} s); choose instants beside the gap, or ask for a trajectory of"
             " a higher rate"
         )
+
+
+def columns_at(time: Array, nodes: Array, values: Array) -> Array:
+    """Interpolate the columns of a table linearly.
+
+    Parameters
+    ----------
+    time : ndarray, (k,)
+        Where.
+    nodes : ndarray, (n,)
+        Increasing, where the values are; beyond them the outermost hold.
+    values : ndarray, (n, c)
+        The table.
+
+    Returns
+    -------
+    ndarray, (k, c)
+        Its columns at `time`.
+    """
+    return np.stack([np.interp(time, nodes, column) for column in values.T], axis=1)

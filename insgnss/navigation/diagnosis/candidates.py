@@ -27,6 +27,7 @@ import numpy as np
 from ...base.units import MILLI_G, STANDARD_GRAVITY
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array
+from ...records.interpolation import columns_at
 from ...records.states import (
     CLOCK_RATE,
     LEVER_ARM,
@@ -361,8 +362,8 @@ def with_earlier_gyros(
     steps = np.concatenate([ends[:1], inc.dtheta, ends[1:]])
     extended = np.concatenate([[-1.0], nodes, [nodes[-1] + 1.0]])
     angle = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    shifted = np.stack([np.interp(nodes + late_s, extended, column) for column in angle.T], axis=1)
-    rate = np.stack([np.interp(time + late_s, time, column) for column in inc.rate.T], axis=1)
+    shifted = columns_at(nodes + late_s, extended, angle)
+    rate = columns_at(time + late_s, time, inc.rate)
     inc = replace(inc, dtheta=np.diff(shifted, axis=0), rate=rate)
     return replace(problem, inc=inc, epochs=problem.epochs._replace(rate=rate))
 
@@ -418,9 +419,7 @@ def without_load_bias(
     nodes = np.concatenate([[0.0], np.cumsum(inc.dt)])
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(inc.dvel, axis=0)])
     ends = np.clip([nodes[:-1] - LOAD_S, nodes[1:] + LOAD_S], 0.0, nodes[-1])
-    before, after = (
-        np.stack([np.interp(end, nodes, column) for column in sums.T], axis=1) for end in ends
-    )
+    before, after = (columns_at(end, nodes, sums) for end in ends)
     load = np.linalg.norm(after - before, axis=1) / (ends[1] - ends[0]) / STANDARD_GRAVITY - 1.0
     dvel = inc.dvel - np.outer(load * inc.dt, bias)
     return replace(problem, inc=replace(inc, dvel=dvel))

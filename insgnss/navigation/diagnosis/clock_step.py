@@ -41,6 +41,7 @@ from ...base.errors import DataError
 from ...base.findings.remedies import Step
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
+from ...records.interpolation import columns_at
 from ..filter.codes import (
     COVARIANCE_RESET,
     N_CHANNELS,
@@ -293,29 +294,26 @@ def _bridged(problem: EstimationProblem, since: float, lost_s: float) -> Estimat
     sums = np.concatenate([np.zeros((1, N_CHANNELS)), sums])
     k = int(np.argmin(np.abs(old - since)))
 
-    def interpolated(time: Array, nodes: Array, values: Array) -> Array:
-        return np.stack([np.interp(time, nodes, column) for column in values.T], axis=1)
-
     one = inc.nominal_s
     begin, end = (
         max(old[k] - BRIDGED_AROUND_S, one),
         min(old[k] + BRIDGED_AROUND_S, old[-1] - lost_s - one),
     )
     around = np.arange(begin, end, 0.25 * lost_s)
-    edges = [interpolated(around + after, old, sums) for after in (-one, 0.0, lost_s, lost_s + one)]
+    edges = [columns_at(around + after, old, sums) for after in (-one, 0.0, lost_s, lost_s + one)]
     first, within, last = np.diff(edges, axis=0)
     variance = np.mean((0.5 * lost_s / one * (first + last) - within) ** 2, axis=0)
-    ends = interpolated(old[k] + one * np.array([-1.0, 1.0]), old, sums)
+    ends = columns_at(old[k] + one * np.array([-1.0, 1.0]), old, sums)
     nodes = np.concatenate([old[: k + 1], old[k:] + lost_s])
     sums = np.concatenate([sums[: k + 1], sums[k:] + 0.5 * lost_s / one * (ends[1] - ends[0])])
     time = np.round(epochs.time, INSTANT_DECIMALS)
     every = np.unique(np.round(np.concatenate([nodes, time]), INSTANT_DECIMALS))
     every = every[every <= time[-1]]
     stop = np.searchsorted(every, time)
-    change = np.diff(interpolated(every, nodes, sums), axis=0)
+    change = np.diff(columns_at(every, nodes, sums), axis=0)
     dtheta, dvel = (np.ascontiguousarray(half) for half in np.hsplit(change, 2))
     before = np.where(time > old[k], np.maximum(time - lost_s, old[k]), time)
-    rate = interpolated(before, epochs.time, inc.rate)
+    rate = columns_at(before, epochs.time, inc.rate)
     inside = np.clip(time, old[k], old[k] + lost_s)
     share = np.diff(inside, prepend=inside[0]) / lost_s
     inc = replace(inc, dt=np.diff(every), dtheta=dtheta, dvel=dvel, stop=stop, rate=rate)

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array, GnssFixes, ImuSamples
+from ...records.interpolation import columns_at
 from .gaps import nominal_interval
 
 # whose sums are kept (s): windows and their edges are whole numbers of it (chosen)
@@ -269,11 +270,11 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
     position = frame.position_from_geodetic(gnss.lat, gnss.lon, gnss.height)
     sigma = np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2))
     length = (end - begin)[:, None]
-    moved = _interpolated(gnss.time, position, end) - _interpolated(gnss.time, position, begin)
+    moved = columns_at(end, gnss.time, position) - columns_at(begin, gnss.time, position)
     speeds = [
         (
             moved / length,
-            np.hypot(_interpolated(gnss.time, sigma, begin), _interpolated(gnss.time, sigma, end))
+            np.hypot(columns_at(begin, gnss.time, sigma), columns_at(end, gnss.time, sigma))
             / length,
         )
     ]
@@ -282,8 +283,8 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
         middle = 0.5 * (begin + end)
         speeds.append(
             (
-                _interpolated(gnss.time, gnss.velocity_ned, middle),
-                _interpolated(gnss.time, sigma_v, middle),
+                columns_at(middle, gnss.time, gnss.velocity_ned),
+                columns_at(middle, gnss.time, sigma_v),
             )
         )
     covered = _covered(gnss.time, begin, end)
@@ -293,11 +294,6 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
         )
         seen[covered & (np.abs(speed) > GNSS_SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
     return seen
-
-
-def _interpolated(time: Array, values: Array, instants: Array) -> Array:
-    """(w, 3) linear interpolation of values (n, 3)."""
-    return np.stack([np.interp(instants, time, column) for column in values.T], axis=1)
 
 
 def _covered(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
