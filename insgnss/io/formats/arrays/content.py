@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
+from ....records import Array
 
-Array = NDArray[np.float64]
 Content = Mapping[str, Any]
 
 FEW_ROWS, LONG_ROW_RATIO = 16, 20  # rows, and columns for each: such are no samples, but channels

@@ -8,10 +8,10 @@ zero nor not-a-number, and it is stamped with that row's time.
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ....base.errors import InputError, UsageError
-from ....records import GnssFixes, ImuSamples, Quantity
+from ....records import Array, GnssFixes, ImuSamples, Quantity
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
 from ..gnss.cartesian import Position, geodetic_columns, position_columns
@@ -25,7 +25,6 @@ from ..text.order import Lines, NumberedRows, Picked, refuse_rows
 from ..text.units import imu_kinds
 from .content import Content, take_columns
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, str] | Sequence[str]
 
 OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *SIGMA, *VELOCITY_SIGMA, "sd_ne")

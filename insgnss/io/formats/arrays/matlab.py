@@ -12,7 +12,6 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.errors import InputError, installed, legible
 from ....base.unpacking import check_unpacked
@@ -21,8 +20,6 @@ from ..text.layout import printable
 from ..text.text import Source, load_bytes
 from .content import Content, Matrix, matrix_of
 from .matfile import Damaged, read_mat
-
-Array = NDArray[np.float64]
 
 LABEL = "_label"
 HDF5 = b"\x89HDF\r\n\x1a\n"

@@ -8,15 +8,14 @@ import re
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.files import lines_of
 from ....base.inputs import first_bytes
 from ....geodesy.frames import TangentPlane, ecef_to_geodetic, rotation_en
+from ....records import Array
 from ..text.layout import decode, is_comment
 from ..text.order import Lines, refuse_rows
 
-Array = NDArray[np.float64]
 Position = tuple[float, float, float]
 
 GEODETIC, GEOCENTRIC = ("lat", "lon", "h"), ("x", "y", "z")

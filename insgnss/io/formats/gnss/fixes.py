@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError, UsageError
-from ....records import Finding, GnssFixes
+from ....records import Array, Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
 from ..text.clock import clock_of, gps_time
 from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
 from ..text.stamps import on_one_clock
 from .rounding import floor_of_zeros
-
-Array = NDArray[np.float64]
 
 SIGMA, VELOCITY, VELOCITY_SIGMA = (
     ("sd_n", "sd_e", "sd_u"),

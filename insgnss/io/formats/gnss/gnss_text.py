@@ -10,9 +10,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ....records import Finding, GnssFixes
+from ....records import Array, Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION
 from ..names import GNSS, OF_A_SOLUTION, taken_by_readers
 from ..orientation.exported import quoted_names
@@ -23,8 +23,6 @@ from ..text.text import Source, Table, read_table
 from .cartesian import Position, geodetic_columns, position_columns, reference_in
 from .fixes import OF_POSITION, SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation
-
-Array = NDArray[np.float64]
 
 SIGMAS, SPEED_SIGMAS = " ".join(SIGMA), " ".join(VELOCITY_SIGMA)
 REQUIRED = "tow lat lon h"

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....geodesy.earth import curvature_radii
-from ....records import Finding, GnssFixes
+from ....records import Array, Finding, GnssFixes
 from ....records.qualities import Quality
 from ..text.order import note
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 BEST_FIRST = (1, 2, 6, 4, 3, 5, 0)  # codes of `Quality`: fixed, float, PPP, DGPS, SBAS, single

@@ -16,11 +16,11 @@ from itertools import compress
 from operator import not_
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import DAY_S, WEEK_S, gps_from_unix_utc
-from ....records import Finding, GnssFixes
+from ....records import Array, Finding, GnssFixes
 from ....records.observations import UNKNOWN_MPS
 from ..text.clock import agree_on_week
 from ..text.layout import shown
@@ -30,7 +30,6 @@ from ..text.stamps import undated_rows
 from ..text.text import Source, number
 from .fixes import ASSUMED, NMEA_QUALITY, FixScales, fixes_from_columns
 
-Array = NDArray[np.float64]
 Epoch = tuple[int, float]
 
 CORRECT = "correct or delete the sentence"

@@ -12,17 +12,15 @@ The checksum is CRC-32 with the polynomial of zlib, begun with 0 and not inverte
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
-from ....records import Finding
+from ....records import Array, Finding
 from ..text.layout import shown
 from ..text.order import note, refuse_rows
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines
 from ..text.text import Source, load, number
 
-Array = NDArray[np.float64]
 NAMES = ("#HEADINGA", "#HEADING2A", "#DUALANTENNAHEADINGA", "#UNIHEADINGA")
 MILLISECONDS = "#UNIHEADINGA"  # whose header has its week one field further left, and ms
 FIELDS = 7, 7  # of header and body that are read, at least

@@ -4,12 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....records import Finding
+from ....records import Array, Finding
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT
 from ..text.text import Table
-
-Array = NDArray[np.float64]
 
 SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 # between north-east-up and north-east-down: the third axis reversed

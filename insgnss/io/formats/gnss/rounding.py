@@ -12,9 +12,8 @@ antenna that hovers, repeats alone, or as often for a few rows as for many.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ....records import Array
 
 MOST_DIGITS = 6  # decimals of a rounded column at most: steps below 1e-6 hide nothing of a fix
 DOWN_TO = 2.5  # last digits: what the smallest positive value of a rounded column is at most

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
-from ....records import Finding, GnssFixes
+from ....records import Array, Finding, GnssFixes
 from ..text.clock import agree_on_week
 from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order, refuse_rows
@@ -42,7 +42,6 @@ from .pos_header import (
 
 __all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos"]
 
-Array = NDArray[np.float64]
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 JST_S = 9 * 3600.0  # s that Japan's time (RTKLIB's scale JST) is ahead of UTC
 

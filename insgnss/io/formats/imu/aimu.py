@@ -9,17 +9,14 @@ whole microseconds.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import Finding, ImuSamples, Quantity
+from ....records import Array, Finding, ImuSamples, Quantity
 from ..text.order import note
 from ..text.sentences import SentenceLines, read_sentences
 from ..text.text import Source, number
 from ..text.units import DEG
 from .imu_csv import ACCEL, GYRO, Scales, imu_from_columns
-
-Array = NDArray[np.float64]
 
 N_FIELDS = 13  # numbers of a sentence, from sync to temperature
 # their places in the sentence

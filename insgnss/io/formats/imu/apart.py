@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
-from ....records import ImuSamples, Quantity
+from ....records import Array, ImuSamples, Quantity
 from ..text.order import note
-
-Array = NDArray[np.float64]
 
 LOST_INTERVALS = 2.5  # intervals of the accelerometers: a single sample may be lost
 LEAST_COMMON = 0.5  # of the gyro samples

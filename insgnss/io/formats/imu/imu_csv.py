@@ -11,10 +11,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
-from ....records import Finding, ImuSamples, Quantity
+from ....records import Array, Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..text.clock import clock_of, gps_time
 from ..text.columns import Columns, NamedTable, TableSpec
@@ -27,7 +26,6 @@ from ..text.text import Source, Table, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
 from .apart import joined
 
-Array = NDArray[np.float64]
 Notes = tuple[Finding, ...]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")

@@ -26,8 +26,6 @@ from ..text.order import refuse_rows
 from ..text.text import Source, load, number, parse
 from ..text.units import DEG
 
-Array = NDArray[np.float64]
-
 HEAD_LINES, LINE_VALUES = 3, 6  # lines of the header, and values of a line, as PSINS writes them
 AXES = "right forward up"
 # counts of an increment: a larger one is no reading of a sensor (chosen)

@@ -22,13 +22,12 @@ from ....base.errors import InputError, UsageError
 from ....base.files import lines_of
 from ....base.received.nesting import parse_json
 from ....base.units import LARGEST_UNIT, is_number
-from ....records import WaveletVariance, chi_square_interval
+from ....records import Array, WaveletVariance, chi_square_interval
 from ..text.columns import TableSpec
 from ..text.layout import decode, is_comment, shown
 from ..text.text import Source, TextTable, load_bytes, number, read_text_table
 from ..text.units import check_units, unit_factor
 
-Array = NDArray[np.float64]
 Refusal = Callable[[str], InputError]
 RowRefusal = Callable[[int, str], InputError]  # of a row of the curve, from 0
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import BarometerHeights, CameraEvents, Finding, ImuSamples, Quantity
+from ....records import Array, BarometerHeights, CameraEvents, Finding, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
@@ -22,7 +22,6 @@ from ..text.order import NumberedRows, note, refuse_rows
 from ..text.stamps import stale_weeks, weeks_in_step
 from .boot_clock import BootClock, fit_clock
 
-Array = NDArray[np.float64]
 Tables = dict[str, dict[str, Array]]
 
 # GPS.Status and fix_type to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed

@@ -12,14 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
-from ....records import Finding
+from ....records import Array, Finding
 from ..text.order import Lines, note, refuse_rows
-
-Array = NDArray[np.float64]
 
 MOST_MESSAGES = 200  # messages that the slope is taken from
 LEAST_DRIFT_SPAN_S = 60.0  # below it the clock's drift is taken for zero

@@ -11,20 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.advance import share
 from ....base.errors import InputError, UsageError, installed, legible
 from ....base.wording import DOCTOR
-from ....records import ImuSamples, Quantity
+from ....records import Array, ImuSamples, Quantity
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
 from ..imu.imu_csv import ACCEL, GYRO
 from ..text.database import is_database, opened_database
 from ..text.layout import printable
 from ..text.text import Source
-
-Array = NDArray[np.float64]
 
 MESSAGE = "sensor_msgs/msg/Imu"
 MISSING = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"

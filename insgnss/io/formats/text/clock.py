@@ -3,16 +3,13 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
-from ....records import Finding
+from ....records import Array, Finding
 from .order import Lines, refuse_rows
 from .stamps import on_one_clock
 from .units import UNITS, split_unit, unit_factor
-
-Array = NDArray[np.float64]
 
 
 def check_increasing(lines: Lines, time: Array) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
-from ....records import Finding
+from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
 from .dates import UNIT as DATES_UNIT
@@ -28,7 +28,6 @@ from .order import note, open_end, refuse_rows
 from .text import Source, Table, TextTable, format_rows, read_table, read_text_table
 from .units import check_units
 
-Array = NDArray[np.float64]
 Columns = Sequence[str] | Mapping[str, str] | None
 KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
 DATES_FOR_STAMPS = (

@@ -10,9 +10,8 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ....records import Array
 
 _DATE = re.compile(
     r"\"?(\d{4})[-_/.:](\d{1,2})[-_/.:](\d{1,2})[-_/.:T ](\d{1,2})[-_/.:](\d{1,2})[-_/.:](\d{1,2})"

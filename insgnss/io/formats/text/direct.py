@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from ....base.advance import share
 from ....base.errors import InputError
 from ....base.inputs import opened
+from ....records import Array
 from .layout import Layout, decode, is_comment
 from .pieces import FileBytes
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8] | FileBytes
 
 PIECE_BYTES = 1 << 19  # bytes

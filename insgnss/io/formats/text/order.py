@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import Finding, Question
+from ....records import Array, Finding, Question
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 # lateness (s) of a row that is put in order: more is a clock that was set back (chosen)

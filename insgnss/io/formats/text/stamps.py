@@ -35,11 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....geodesy.gpstime import DAY_S, WEEK_S, unwrap_week
-from ....records import Finding
+from ....records import Array, Finding
 from .order import Lines, note
 from .units import split_unit, unit_factor
 
-Array = NDArray[np.float64]
 Notes = tuple[Finding, ...]
 
 CLOCK_STEP = "clock step"  # name of the note on a clock that was set (`records.verdicts`)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.inputs import BOM, opened
+from ....records import Array
 from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
@@ -33,7 +34,6 @@ from .layout import (
 )
 from .pieces import FileBytes, shrunk
 
-Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")

@@ -11,16 +11,14 @@ axes into east, north, up; here it becomes C_nb with
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....geodesy.rotation import rotation_from_quaternion
+from ....records import Array
 from ..names import TIME
 from ..text.clock import check_increasing, gps_time
 from ..text.columns import TableSpec
 from ..text.order import refuse_rows
 from ..text.text import Source
-
-Array = NDArray[np.float64]
 
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 POSE = "tow lat lon h qw qx qy qz"

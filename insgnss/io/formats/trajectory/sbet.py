@@ -17,19 +17,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ....base.errors import InputError
 from ....base.files import atomic_write
 from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
-from ....records import GnssFixes, Trajectory
+from ....records import Array, GnssFixes, Trajectory
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ..orientation.exported import angle_sigma
 from ..text.clock import check_increasing
 from ..text.order import NumberedRows, refuse_rows
 from ..text.text import Source, load_bytes
-
-Array = NDArray[np.float64]
 
 SBET_FIELDS, SMRMSG_FIELDS = 17, 10  # doubles of a record, as the format has them
 _FIELDS = (

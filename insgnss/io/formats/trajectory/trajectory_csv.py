@@ -7,17 +7,14 @@ east, down, heading is in [0, 360) deg from true north, the week is that of the 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....geodesy.gpstime import WEEK_S
 from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation
-from ....records import Trajectory
+from ....records import Array, Trajectory
 from ..text.clock import check_increasing, gps_time
 from ..text.columns import TableOut, TableSpec
 from ..text.text import Source
 from .sbet import rpy_sigma
-
-Array = NDArray[np.float64]
 
 OUT = TableOut(
     "gps_week=%d tow=%.6f lat_deg=%.10f lon_deg=%.10f h_m=%.4f vn=%.5f ve=%.5f vd=%.5f"

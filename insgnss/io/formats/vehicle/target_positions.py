@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.errors import InputError
+from ....records import Array
 from ..names import IN_IMAGE, PLACES, TIME
 from ..orientation.exported import quoted_names
 from ..text.columns import METRES, Columns, TableOut, TableSpec
 from ..text.layout import shown
 from ..text.text import Source
-
-Array = NDArray[np.float64]
 
 SIGMAS, CORRELATIONS = "sigma_x sigma_y sigma_z", ("corr_xy", "corr_xz", "corr_yz")
 POSITION = f"x y z {SIGMAS}"

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....records import Array
 from ..blocks.image_points import PIXELS
 from ..names import IN_IMAGE
 from ..orientation.exported import quoted_names
@@ -13,8 +13,6 @@ from ..text.columns import Columns, TableOut, TableSpec
 from ..text.layout import shown
 from ..text.order import refuse_rows
 from ..text.text import Source
-
-Array = NDArray[np.float64]
 
 OUT = TableOut("image point size_px=%.4f sigma_px=%.4g")
 SPEC = TableSpec(
