@@ -19,6 +19,7 @@ from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
 from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos
+from insgnss.io.formats.read_options import ReadOptions
 
 pytestmark = pytest.mark.slow
 
@@ -309,7 +310,7 @@ def geonet_options(engine):
 def geonet_published(known):
     """The published fixes, and in which of them the base is that of 30 s later."""
     rows = [line for line in known.read_text().splitlines() if not line.startswith("%")]
-    return read_rtklib_pos(known, undulation_m=GEONET_GEOID_M), np.array(
+    return read_rtklib_pos(known, ReadOptions(undulation_m=GEONET_GEOID_M)), np.array(
         [float(row.split()[-2]) < -1.0 for row in rows]
     )
 

@@ -36,6 +36,7 @@ from insgnss.gnss.rinex.observations import read_observations
 from insgnss.io.exposures.naming import ImageMatch
 from insgnss.io.formats.gnss.gnss_text import read_gnss_text
 from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows
+from insgnss.io.formats.read_options import ReadOptions
 from insgnss.io.options.kinds import comma_numbers
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.report.charts.files import charts_of
@@ -508,7 +509,7 @@ def test_a_real_moving_receiver_is_fixed(moved):
 def test_the_verb_writes_positions_figure_and_document(moved):
     """Oracle: the readers of the written formats."""
     run, out = moved
-    fixes = read_gnss_text(out / ALL, gps_week=2176)
+    fixes = read_gnss_text(out / ALL, ReadOptions(gps_week=2176))
     assert np.allclose(fixes.height, run.result.fixes.height, atol=1e-4)
     document = json.loads((out / "ppk.json").read_text())
     assert document["verdict"] == run.result.verdict

@@ -12,6 +12,7 @@ from insgnss.base.errors import InputError, UsageError
 from insgnss.io.formats.events.events import read_events
 from insgnss.io.formats.gnss.gnss_text import read_gnss_text
 from insgnss.io.formats.imu.imu_csv import read_imu_csv
+from insgnss.io.formats.read_options import ReadOptions
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.simulation.dataset import Dataset, write_dataset
 
@@ -194,7 +195,9 @@ def test_the_readers_of_the_package_take_it(dataset):
     uses.
     """
     flight = load_flight(dataset.flight_file)
-    imu = read_imu_csv(flight.imu.file, units=flight.imu.units, quantity=flight.imu.quantity)
+    imu = read_imu_csv(
+        flight.imu.file, ReadOptions(units=flight.imu.units, quantity=flight.imu.quantity)
+    )
     assert_allclose(imu.gyro, dataset.simulated.imu.gyro, rtol=0, atol=1e-9)
     assert_allclose(imu.accel, dataset.simulated.imu.accel, rtol=0, atol=1e-8)
     fixes = read_gnss_text(flight.gnss.file)

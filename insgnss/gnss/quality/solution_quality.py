@@ -20,6 +20,7 @@ from ...base.errors import InputError
 from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
 from ...io.formats.gnss.pos_header import ROOTS
 from ...io.formats.gnss.rtklib_pos import PosRows, fixes_of_rows
+from ...io.formats.read_options import ReadOptions
 from ...navigation.prepare.fix_covariance.classes import (
     DEGRADED,
     ISOLATED,
@@ -103,7 +104,9 @@ def _without_covariance(roots: Array) -> NDArray[np.bool_]:
 def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
     """The fixes of the rows, the six roots of the rows `odd` (n,) zero: unknown."""
     zeroed = {name: np.where(odd, 0.0, rows.columns[name]) for name in ROOTS[rows.header.kind]}
-    fixes = fixes_of_rows(replace(rows, columns=rows.columns | zeroed), sigma_m=UNKNOWN_SIGMA_M)
+    fixes = fixes_of_rows(
+        replace(rows, columns=rows.columns | zeroed), ReadOptions(sigma_m=UNKNOWN_SIGMA_M)
+    )
     finding = (
         f"{int(odd.sum())} epochs have no covariance: standard deviations of zero, or correlations"
         " beyond one"

@@ -14,6 +14,7 @@ from ...base.inputs import opened
 from ...records import CameraEvents
 from ..formats.events.dated import dated_events
 from ..formats.images.exif import stamp_taken
+from ..formats.read_options import ReadOptions
 from ..formats.text.order import note
 from .images import image_names
 
@@ -22,12 +23,12 @@ from .images import image_names
 class _Images:
     """Where the stamps stand."""
 
-    directory: Path
+    path: str
     names: tuple[str, ...]
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at an image."""
-        return InputError.at_line(self.directory / self.names[row], None, message)
+        return InputError.in_file(Path(self.path) / self.names[row], message)
 
 
 def exif_events(
@@ -60,7 +61,7 @@ def exif_events(
         An image without a time, or two of one stamp.
     """
     names = image_names(directory, ending)
-    images = _Images(directory, names)
+    images = _Images(str(directory), names)
     stamps = []
     for row, name in enumerate(names):
         try:
@@ -68,7 +69,8 @@ def exif_events(
                 stamps.append(stamp_taken(stream, name))
         except (OSError, ValueError) as error:
             raise images.error_at(row, f"holds no time of its exposure ({error})") from None
-    events = dated_events(names, stamps, images, str(directory), ("", time_scale), gps_week)
+    options = ReadOptions(gps_week=gps_week, time_scale=time_scale)
+    events = dated_events(names, stamps, images, "", options)
     by_exif = note(
         "exposure times",
         f"{len(names)} by the Exif of the images, a camera's own clock",

@@ -15,6 +15,7 @@ from ...records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
 from .exports import EXPORTS, function_at
+from .read_options import ReadOptions
 from .text.units import UNITS, split_unit, unit_factor
 
 __all__ = [
@@ -170,7 +171,7 @@ def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
     reader = READERS[kind][form]
     options = _options(path, form, reader.options.split(), spec)
     content = (load_content(form, path),) if form in LOADERS else ()
-    record = function_at(reader.function)(path, *content, **options)
+    record = function_at(reader.function)(path, *content, ReadOptions(**options))
     if kind != "gnss":
         return record
     from .gnss.kinds import with_agreeing_kinds

@@ -11,7 +11,8 @@ from ...base.errors import InputError
 from ...geodesy.atmosphere import LOWEST_PA, standard_height
 from ...records import Array, BarometerHeights, Finding
 from .names import BAROMETER
-from .text.columns import Columns, TableSpec
+from .read_options import STATED_NOTHING, ReadOptions
+from .text.columns import TableSpec
 from .text.order import Lines, put_in_order, refuse_rows
 from .text.text import Source
 
@@ -27,25 +28,16 @@ SPEC = TableSpec(
 )
 
 
-def read_barometer_text(
-    path: Source,
-    columns: Columns = None,
-    gps_week: int | None = None,
-    units: Mapping[str, str] | None = None,
-) -> BarometerHeights:
+def read_barometer_text(path: Source, options: ReadOptions = STATED_NOTHING) -> BarometerHeights:
     """Read the heights of a barometer.
 
     Parameters
     ----------
     path : path
         The file.
-    columns : sequence or mapping, optional
-        Name of each column out of tow, week, h, pressure; any other name leaves a column out; or a
-        table of them to the header's.
-    gps_week : int, optional
-        The week, where no column holds it.
-    units : mapping, optional
-        Units of "time", "length" and "pressure", else those that the header gives, else s, m, Pa.
+    options : ReadOptions
+        `columns` of tow, week, h, pressure; `units` of "time", "length" and "pressure", else those
+        that the header gives, else s, m, Pa.
 
     Returns
     -------
@@ -58,28 +50,26 @@ def read_barometer_text(
         Neither height nor pressure, a bad value, or time that does not increase, with file and
         line.
     """
-    units = SPEC.checked_units(units)
-    table = SPEC.read(path, columns)
+    units = SPEC.checked_units(options.units)
+    table = SPEC.read(path, options.columns)
     settled = table.settled(units)
     factors = {"h": settled.factors["length"], "pressure": settled.factors["pressure"]}
     cols = {name: table.floats(name) * factors[name] for name in factors if name in table}
     time, gps_week, notes = table.examined_time(
         ROWS,
-        gps_week,
+        options.gps_week,
         settled.units["time"],
         lambda i, k: all(column[i] == column[k] for column in cols.values()),
     )
-    notes = (*settled.notes, *notes)
-    return heights_from_columns(cols, time, table, str(path), gps_week, notes)
+    return heights_from_columns(cols, time, table, gps_week, (*settled.notes, *notes))
 
 
 def heights_from_columns(
     cols: Mapping[str, Array],
     time: Array,
     lines: Lines,
-    source: str,
     gps_week: int | None,
-    notes: tuple[Finding, ...] = (),
+    notes: tuple[Finding, ...],
 ) -> BarometerHeights:
     """Make heights of columns: each stamp once, in order.
 
@@ -91,8 +81,6 @@ def heights_from_columns(
         (n,) s, GPST.
     lines : Lines
         Where the rows stand, for refusals.
-    source : str
-        Name of the file.
     gps_week : int, optional
         The week of `time`.
     notes : tuple of Finding
@@ -110,9 +98,8 @@ def heights_from_columns(
     """
     name = "pressure" if "pressure" in cols else "h"
     if name not in cols:
-        raise InputError.at_line(
-            source, None, "no column h or pressure; set columns = [...] of tow, h, pressure"
-        )
+        problem = "no column h or pressure; set columns = [...] of tow, h, pressure"
+        raise InputError.in_file(lines.path, problem)
     values = cols[name]
     low, high, unit = (
         (LOWEST_PA, HIGHEST_PA, "Pa") if name == "pressure" else (*BAROMETRIC_HEIGHTS_M, "m")
@@ -127,4 +114,4 @@ def heights_from_columns(
     if rows is not None:
         time, values = time[rows], values[rows]
     height = standard_height(values) if name == "pressure" else values
-    return BarometerHeights(time, height, gps_week, source, (*notes, *odd_rows))
+    return BarometerHeights(time, height, gps_week, lines.path, (*notes, *odd_rows))

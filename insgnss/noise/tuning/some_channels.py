@@ -18,8 +18,9 @@ from ...io.formats.arrays.mapped import imu_of_content
 from ...io.formats.detect import LOADERS, load_content
 from ...io.formats.imu.imu_csv import ACCEL, GYRO, SPEC, with_required
 from ...io.formats.names import TIME
+from ...io.formats.read_options import ReadOptions
 from ...io.formats.text.headers import kinds_like, names_of, unit_in
-from ...records import Array, ImuSamples, Quantity
+from ...records import Array, ImuSamples
 from .options import TuneOptions
 
 CHANNELS = (*GYRO, *ACCEL)
@@ -141,8 +142,10 @@ def read_some(
     whole |= {name: columns[name] for name in ("tow",) if name in columns}
     units = _units(path, fields, options)
     names = {name: name for name in whole}
-    quantity: Quantity = options.quantity or "mean_rate"
-    imu = imu_of_content(path, whole, names, None, units, quantity, None, options.rate_hz)
+    stated = ReadOptions(
+        columns=names, units=units, quantity=options.quantity, rate_hz=options.rate_hz
+    )
+    imu = imu_of_content(path, whole, stated)
     triads = np.hstack([imu.gyro, imu.accel])
     for k, present in enumerate(is_present):
         if not present:

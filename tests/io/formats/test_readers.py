@@ -20,6 +20,7 @@ from insgnss.io.formats.gnss.gnss_text import (
 )
 from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
+from insgnss.io.formats.read_options import ReadOptions
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
 
 WEEKLY = ["week", "tow", "gx", "gy", "gz", "ax", "ay", "az"]
@@ -392,7 +393,7 @@ def test_pos_geodetic_heights_with_undulation(tmp_path: Path) -> None:
         "% (lat/lon/height=WGS84/geodetic)\n" + HEADER + "2008 1 46 6 500 1 9 .1 .1 .1 0 0 0 0 9\n",
         "x.pos",
     )
-    assert read_rtklib_pos(path, undulation_m=49.5).height[0] == 549.5
+    assert read_rtklib_pos(path, ReadOptions(undulation_m=49.5)).height[0] == 549.5
 
 
 def test_pos_odd_covariance_and_zero_velocity_are_told(tmp_path: Path) -> None:

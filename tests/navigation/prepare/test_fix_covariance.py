@@ -16,6 +16,7 @@ from insgnss.gnss.covariance_model import MODEL
 from insgnss.io.formats import read_gnss
 from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos
 from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
+from insgnss.io.formats.read_options import ReadOptions
 from insgnss.navigation.prepare.fix_covariance.classes import base_distance, calibrate
 from insgnss.navigation.prepare.fix_covariance.decision import (
     ADVICE,
@@ -213,7 +214,7 @@ def test_fixes_without_standard_deviations_are_said_to_have_those_of_the_flight_
     for k in (10, 20):
         lines[3 + k] = lines[3 + k].replace(ROOTS, "0.0 0.0 0.0 0.0 0.0 0.0 0.10 20.5")
     path.write_text("".join(lines))
-    fixes = read_rtklib_pos(path, sigma_m=(1, 1, 2))
+    fixes = read_rtklib_pos(path, ReadOptions(sigma_m=(1, 1, 2)))
     assert np.flatnonzero(fixes.sigma_assumed).tolist() == [10, 20]
     assert "of their source, gnss.sigma_m for 2;" in decide(fixes, CovarianceRules())[1]
     assert read_rtklib_pos(written(tmp_path / "a.pos")).sigma_assumed is None

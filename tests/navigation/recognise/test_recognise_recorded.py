@@ -41,10 +41,12 @@ def samples(time, gyro, accel):
 def tilt_rtk_walk():
     from insgnss.io.formats.gnss.nmea import read_nmea
     from insgnss.io.formats.imu.aimu import read_aimu
+    from insgnss.io.formats.read_options import ReadOptions
 
     if not (DATA / "tilt_rtk_walk").is_dir():
         pytest.skip("the recording tilt_rtk_walk is not here")
-    return read_aimu(DATA / "tilt_rtk_walk" / "imu.aimu", "instant_rate"), read_nmea(
+    instants = ReadOptions(quantity="instant_rate")
+    return read_aimu(DATA / "tilt_rtk_walk" / "imu.aimu", instants), read_nmea(
         DATA / "tilt_rtk_walk" / "gnss.nmea"
     )
 

@@ -29,6 +29,7 @@ from ....base.wording import named
 from ....geodesy.gpstime import WEEK_S, gps_from_calendar
 from ....records import Array, CameraEvents, Finding
 from ..names import DATED, IMAGE_ENDINGS
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.columns import Columns, TableSpec
 from ..text.layout import Layout, decode, is_comment, shown
 from ..text.order import Lines, note
@@ -88,24 +89,16 @@ def offset_of(time_scale: str) -> float | None:
     return -seconds if sign == "-" else seconds
 
 
-def read_dated_events(
-    path: Source,
-    columns: Columns = None,
-    gps_week: int | None = None,
-    time_scale: str | None = None,
-) -> CameraEvents:
+def read_dated_events(path: Source, options: ReadOptions = STATED_NOTHING) -> CameraEvents:
     """Read exposures of a table of image names and dates.
 
     Parameters
     ----------
     path : path
         The table, with a header, or `image, date and time` without.
-    columns : sequence or mapping, optional
-        Which columns are image, date and time.
-    gps_week : int, optional
-        The caller's week; times count from its beginning.
-    time_scale : str, optional
-        "utc", "gpst" or "utc+hh:mm", where the file does not say.
+    options : ReadOptions
+        `columns` of image, date and time; `gps_week`, from whose beginning times count;
+        `time_scale`.
 
     Returns
     -------
@@ -120,8 +113,7 @@ def read_dated_events(
         A `time_scale` that is none.
     """
     table = table_of_dates(path)
-    chosen = columns if columns is not None else _evident(table)
-    named_table = SPEC.of(table, chosen)
+    named_table = SPEC.of(table, _evident(table) if options.columns is None else options.columns)
     index, texts = named_table.index, named_table.strings("time")
     if "date" in index and not STAMP.search(texts[0]):
         days = named_table.strings("date")
@@ -132,7 +124,7 @@ def read_dated_events(
     images = named_table.strings("image") if "image" in index else None
     if images is not None:
         images = tuple(Path(name.replace("\\", "/")).name for name in images)
-    return dated_events(images, texts, table, str(path), (title, time_scale), gps_week)
+    return dated_events(images, texts, table, title, options)
 
 
 def table_of_dates(path: Source) -> TextTable:
@@ -187,9 +179,8 @@ def dated_events(
     images: tuple[str, ...] | None,
     texts: Sequence[str],
     lines: Lines,
-    source: str,
-    scales: tuple[str, str | None],
-    gps_week: int | None = None,
+    title: str,
+    options: ReadOptions,
 ) -> CameraEvents:
     """Make events of names, or numbers from 1, and dates.
 
@@ -201,22 +192,20 @@ def dated_events(
         Date and time of each, with Z or an offset, or without.
     lines : Lines
         Where they stand, for refusals.
-    source : str
-        Where they come from.
-    scales : tuple of str, and str or None
-        Name of the column, which may state the scale, and the caller's `time_scale`.
-    gps_week : int, optional
-        The caller's week.
+    title : str
+        Name of the column, which may state the scale.
+    options : ReadOptions
+        The caller's week and time scale.
 
     Returns
     -------
     CameraEvents
         GPST, with standard deviations where stamps have few digits.
     """
-    time, week, sigma, notes, scale = _times(texts, *scales, lines)
-    if gps_week is not None:
-        time, week = time + (week - gps_week) * WEEK_S, gps_week
-    events = events_in_order(images, time, lines, source, week, notes)
+    time, week, sigma, notes, scale = _times(texts, title, options.time_scale, lines)
+    if options.gps_week is not None:
+        time, week = time + (week - options.gps_week) * WEEK_S, options.gps_week
+    events = events_in_order(images, time, lines, week, notes)
     events = replace(events, time_scale=scale)
     if sigma * 12.0**0.5 < MATTERS_S:
         return events

@@ -1,12 +1,11 @@
 """Mid-exposure instants of the camera: `[image] tow [sigma_s]`, data_specs/events.md."""
 
-from collections.abc import Mapping
-
 from ....base.wording import named
 from ....records import Array, CameraEvents, Finding
 from ..names import EVENTS
 from ..orientation.exported import quoted_names
-from ..text.columns import Columns, TableOut, TableSpec
+from ..read_options import STATED_NOTHING, ReadOptions
+from ..text.columns import TableOut, TableSpec
 from ..text.order import Lines, Picked, note, put_in_order
 from ..text.text import Source
 
@@ -22,12 +21,7 @@ SPEC = TableSpec(
 OUT = TableOut("image tow[s]=%.7f", " ")
 
 
-def read_events(
-    path: Source,
-    columns: Columns = None,
-    gps_week: int | None = None,
-    units: Mapping[str, str] | None = None,
-) -> CameraEvents:
+def read_events(path: Source, options: ReadOptions = STATED_NOTHING) -> CameraEvents:
     """Read exposure instants.
 
     Without a column of image names they are numbered from 1, with a note.
@@ -36,14 +30,9 @@ def read_events(
     ----------
     path : path
         The file.
-    columns : sequence or mapping, optional
-        Name of each column out of image, week, tow, sigma_s; any other name leaves a column out;
-        or a table of them to the header's.
-    gps_week : int, optional
-        The week, where no column holds it.
-    units : mapping, optional
-        Unit of "time", else the one that the header gives, in brackets or behind the name, else s;
-        a note where both differ.
+    options : ReadOptions
+        `columns` of image, week, tow, sigma_s; `units` of "time", else the one that the header
+        gives, in brackets or behind the name, else s.
 
     Returns
     -------
@@ -55,23 +44,23 @@ def read_events(
     InputError
         A bad time, time that does not increase, or an image that occurs twice, with file and line.
     """
-    units = SPEC.checked_units(units)
-    table = SPEC.read(path, columns)
+    units = SPEC.checked_units(options.units)
+    table = SPEC.read(path, options.columns)
     settled = table.settled(units)
-    time, gps_week, notes = table.examined_time("event rows", gps_week, settled.units["time"])
+    time, gps_week, notes = table.examined_time(
+        "event rows", options.gps_week, settled.units["time"]
+    )
     images = table.strings("image") if "image" in table else None
     sigma = table.positive("sigma_s", "s")[:, 0] if "sigma_s" in table else None
-    notes = (*settled.notes, *notes)
-    return events_in_order(images, time, table, str(path), gps_week, notes, sigma)
+    return events_in_order(images, time, table, gps_week, (*settled.notes, *notes), sigma)
 
 
 def events_in_order(
     images: tuple[str, ...] | None,
     time: Array,
     lines: Lines,
-    source: str,
     gps_week: int | None,
-    notes: tuple[Finding, ...] = (),
+    notes: tuple[Finding, ...],
     sigma_s: Array | None = None,
 ) -> CameraEvents:
     """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
@@ -86,13 +75,13 @@ def events_in_order(
     first: dict[str, int] = {}
     for row, name in enumerate(images):
         if first.setdefault(name, row) != row:
-            where = str(lines.error_at(first[name], "")).removeprefix(source).strip(": ")
+            where = str(lines.error_at(first[name], "")).removeprefix(lines.path).strip(": ")
             message = (
                 f"image {name[:80]} occurs twice, first in"
                 f" {where if ' ' in where else 'line ' + where}; is the first column the image?"
             )
             raise lines.error_at(row, f"{message} else set columns = [...] of image, week, tow")
-    return CameraEvents(images, time, gps_week, source, (*notes, *odd), sigma_s=sigma_s)
+    return CameraEvents(images, time, gps_week, lines.path, (*notes, *odd), sigma_s=sigma_s)
 
 
 def numbered(count: int) -> tuple[tuple[str, ...], Finding]:

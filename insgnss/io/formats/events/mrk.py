@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import Array, CameraEvents
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
 from ..text.text import Source, load, number
@@ -190,16 +191,16 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
     return row
 
 
-def read_events_mrk(path: Source, gps_week: int | None = None) -> CameraEvents:
+def read_events_mrk(path: Source, options: ReadOptions = STATED_NOTHING) -> CameraEvents:
     """Read the exposures; images are named by their number in the file.
 
     Where the lines state the offset from antenna to camera, the events have it.
     """
     mrk = read_mrk(path)
     week = mrk.week.astype(np.float64) if (mrk.week >= 0).all() else None
-    time, gps_week, notes = examined_time(mrk, mrk.tow, week, "event rows", gps_week, "s")
+    time, gps_week, notes = examined_time(mrk, mrk.tow, week, "event rows", options.gps_week, "s")
     names = tuple(str(k) for k in mrk.number.tolist())
-    events = events_in_order(names, time, mrk, str(path), gps_week, notes)
+    events = events_in_order(names, time, mrk, gps_week, notes)
     if mrk.offset_ned is None:
         return events
     if (long := np.linalg.norm(mrk.offset_ned, axis=1) > LONGEST_OFFSET_M).any():

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError, UsageError
 from ....records import Array, Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
+from ..read_options import ReadOptions
 from ..text.clock import clock_of, gps_time
 from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
 from ..text.stamps import on_one_clock
@@ -50,11 +51,8 @@ class FixScales:
 def fixes_from_columns(
     cols: Mapping[str, Array],
     lines: Lines,
-    source: str,
     scales: FixScales,
-    gps_week: int | None,
-    sigma_m: ArrayLike | None,
-    sigma_velocity: ArrayLike | None,
+    options: ReadOptions,
     undulation_m: float = 0.0,
     notes: tuple[Finding, ...] = (),
 ) -> GnssFixes:
@@ -66,15 +64,11 @@ def fixes_from_columns(
         Columns (n,) by canonical name; those of `OF_THE_SOLUTION` may hold what is no number.
     lines : Lines
         Where the rows stand, for refusals.
-    source : str
-        The file, for messages.
     scales : FixScales
         Units of the columns.
-    gps_week : int, optional
-        The week, where no column holds it.
-    sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down where no columns hold them, or, of positions, zeros or
-        no numbers, m and m/s.
+    options : ReadOptions
+        The week, where no column holds it; standard deviations, where no columns hold them, or, of
+        positions, zeros or no numbers.
     undulation_m : float
         Geoid above the ellipsoid, m, added to the heights.
     notes : tuple of Finding
@@ -91,7 +85,7 @@ def fixes_from_columns(
         The first row with an impossible value, or no standard deviation at all.
     """
     cols, described = _apart(cols)
-    if sigma_m is not None:
+    if options.sigma_m is not None:
         stated = {name: np.nan_to_num(cols[name]) for name in OF_POSITION & cols.keys()}
         cols = {**cols, **stated}
     tow, week, undated, clock_notes = on_one_clock(
@@ -104,7 +98,7 @@ def fixes_from_columns(
             {name: column[undated:] for name, column in columns.items()}
             for columns in (cols, described)
         )
-    time, gps_week = gps_time(lines, tow, week, gps_week, scales.time)
+    time, gps_week = gps_time(lines, tow, week, options.gps_week, scales.time)
     rows, order_notes = put_in_order(
         lines,
         time,
@@ -126,13 +120,13 @@ def fixes_from_columns(
     cols, floor_notes = with_floors_of_zeros(cols)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
-    cov, assumed = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
+    cov, assumed = _covariance(cols, SIGMA, scales.length, lines, options.sigma_m, "sigma_m")
     unstated = int((assumed & (cols.get(ASSUMED, 0.0) == 0.0)).sum())
     if 0 < unstated < time.size:
         finding = f"{unstated} of {time.size} fixes state no standard deviation, or 0"
         advice = "sigma_m was taken for them; correct it where these fixes are better or worse"
         floor_notes += (note("GNSS rows", finding, "positive standard deviations", advice),)
-    velocity, velocity_cov = _velocity(cols, scales, lines, source, sigma_velocity)
+    velocity, velocity_cov = _velocity(cols, scales, lines, options.sigma_velocity)
     quality = _quality(cols, lines, scales.quality) if "q" in cols else None
     return GnssFixes(
         time,
@@ -144,7 +138,7 @@ def fixes_from_columns(
         velocity_cov,
         quality,
         gps_week,
-        source,
+        lines.path,
         (*notes, *clock_notes, *order_notes, *floor_notes),
         sigma_assumed=assumed if assumed.any() else None,
         source_format="",  # the door to all readers names it
@@ -230,7 +224,6 @@ def _velocity(
     cols: Mapping[str, Array],
     scales: FixScales,
     lines: Lines,
-    source: str,
     sigma_velocity: ArrayLike | None,
 ) -> tuple[Array | None, Array | None]:
     """Return velocity (n, 3) north, east, down and its covariances; None without such columns."""
@@ -242,8 +235,8 @@ def _velocity(
     needed = ("speed", "course") if polar else ("vn", "ve", up)
     if missing := [name for name in needed if name not in cols]:
         raise InputError(
-            f"{source}: velocity without {' '.join(missing)}; name vn ve vd, or speed course and"
-            " vd, or '-' to leave all out"
+            f"{lines.path}: velocity without {' '.join(missing)}; name vn ve vd, or speed course"
+            " and vd, or '-' to leave all out"
         )
     if polar:
         course = cols["course"] * scales.course
@@ -255,7 +248,7 @@ def _velocity(
     velocity = scales.velocity * np.column_stack([north, east, down])
     _within(lines, "velocity", np.abs(velocity).max(axis=1, initial=0.0), "m/s")
     cov, _ = _covariance(
-        cols, VELOCITY_SIGMA, scales.velocity, lines, source, sigma_velocity, "sigma_velocity"
+        cols, VELOCITY_SIGMA, scales.velocity, lines, sigma_velocity, "sigma_velocity"
     )
     if not has_vertical:
         cov[:, 2, 2] = UNKNOWN_MPS**2
@@ -267,7 +260,6 @@ def _covariance(
     names: tuple[str, ...],
     factor: float,
     lines: Lines,
-    source: str,
     given: ArrayLike | None,
     option: str,
 ) -> tuple[Array, NDArray[np.bool_]]:
@@ -292,7 +284,7 @@ def _covariance(
     elif present or given is None:
         missing = " ".join(name for name in names if name not in cols)
         raise InputError(
-            f"{source}: no standard deviations {missing}; name their columns, or set {option} ="
+            f"{lines.path}: no standard deviations {missing}; name their columns, or set {option} ="
             " [north, east, down]"
         )
     else:

@@ -10,17 +10,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....records import Array, Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION
 from ..names import GNSS, OF_A_SOLUTION, taken_by_readers
 from ..orientation.exported import quoted_names
-from ..text.columns import Columns, NamedTable, TableOut, TableSpec
+from ..read_options import STATED_NOTHING, ReadOptions
+from ..text.columns import NamedTable, TableOut, TableSpec
 from ..text.headers import Settled, factor_of, normalised, unit_in
 from ..text.order import note
 from ..text.text import Source, Table, read_table
-from .cartesian import Position, geodetic_columns, position_columns, reference_in
+from .cartesian import geodetic_columns, position_columns, reference_in
 from .fixes import OF_POSITION, SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation
 
@@ -74,16 +74,7 @@ class ImagePositions:
     frame: str  # "geodetic" | "tangent_plane"
 
 
-def read_gnss_text(
-    path: Source,
-    columns: Columns = None,
-    sigma_m: ArrayLike | None = None,
-    gps_week: int | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    units: Mapping[str, str] | None = None,
-    undulation_m: float | None = None,
-    reference: Position | None = None,
-) -> GnssFixes:
+def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Read antenna positions, and velocities where the file has them.
 
     In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, sd_v for sd_vn, sd_ve and sd_vd,
@@ -93,22 +84,11 @@ def read_gnss_text(
     ----------
     path : path
         The file.
-    columns : sequence or mapping, optional
-        Name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a
-        table of them to the header's.
-    sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down of fixes without any, or with zeros or no numbers,
-        m and m/s.
-    gps_week : int, optional
-        The week, where no column holds it.
-    units : mapping, optional
-        Units of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course"
-        (deg, rad) and "quality" (rtklib, nmea). A note reports a header's own unit that is another.
-    undulation_m : float, optional
-        Geoid above the ellipsoid, m, added to heights that are above the geoid (`heights`).
-    reference : tuple of float, optional
-        Latitude, longitude, deg, height, m, from which north, east and down or up count; else that
-        of a comment.
+    options : ReadOptions
+        `columns` of the keys of `GNSS`; `units` of "angle" (latitude and longitude: deg, rad),
+        "time", "length", "velocity", "course" (deg, rad) and "quality" (rtklib, nmea);
+        `undulation_m`, added to heights that are above the geoid (`heights`); `reference`, else
+        that of a comment.
 
     Returns
     -------
@@ -120,31 +100,24 @@ def read_gnss_text(
     InputError
         A bad value, with file and line, or no standard deviation at all.
     """
-    units = SPEC.checked_units(units, "quality")
+    columns, units = options.columns, SPEC.checked_units(options.units, "quality")
     rows = read_table(path, whole=False)
     fields = SPEC.named(rows.layout.header_fields or ()) if columns is None else columns
-    table = spec_of(fields).of(rows, columns, () if sigma_m is None else OF_POSITION)
+    table = spec_of(fields).of(rows, columns, () if options.sigma_m is None else OF_POSITION)
     vertical = _vertical_angle(table)
     settled = table.settled(units, unheeded=["sd_u"] if vertical else [])
     header_line = table.table.layout.header_line
     geoid_m, height_notes = settled_undulation(
-        path, header_line, table.fields("h"), undulation_m, commented=True
+        path, header_line, table.fields("h"), options.undulation_m, commented=True
     )
     cols = replace(table, index={**_described(table), **table.index}).numbers()
     scales = fix_scales(settled, units)
+    reference = options.reference
     if reference is None and "north" in table:
         reference = reference_in(path)
-    return fixes_from_columns(
-        geodetic_columns(cols, table, reference, scales.angle, scales.length),
-        table,
-        str(path),
-        scales,
-        gps_week,
-        sigma_m,
-        sigma_velocity,
-        geoid_m,
-        (*settled.notes, *vertical, *height_notes),
-    )
+    cols = geodetic_columns(cols, table, reference, scales.angle, scales.length)
+    notes = (*settled.notes, *vertical, *height_notes)
+    return fixes_from_columns(cols, table, scales, options, geoid_m, notes)
 
 
 def spec_of(names: Collection[str | None]) -> TableSpec:

@@ -5,10 +5,10 @@ geoidheight or the caller's undulation; without both they stay as they are, with
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....base.errors import InputError
 from ....records import Finding, GnssFixes
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.dates import UNIT, seconds_of_dates
 from ..text.numbers import finite
 from ..text.order import NumberedRows, note, refuse_rows
@@ -25,24 +25,15 @@ def is_gpx(head: bytes) -> bool:
     return b"<gpx" in head and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
 
-def read_gpx(
-    path: Source,
-    sigma_m: ArrayLike | None = None,
-    gps_week: int | None = None,
-    undulation_m: float | None = None,
-) -> GnssFixes:
+def read_gpx(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Read the points of the tracks as fixes in GPST.
 
     Parameters
     ----------
     path : path
         The document.
-    sigma_m : array_like, optional
-        Standard deviations north, east, down, m, which GPX has none of; needed.
-    gps_week : int, optional
-        The week that the track must be of.
-    undulation_m : float, optional
-        Geoid above the ellipsoid, m, of points without geoidheight.
+    options : ReadOptions
+        `sigma_m`, which GPX has none of; `undulation_m` of points without geoidheight.
 
     Returns
     -------
@@ -71,9 +62,9 @@ def read_gpx(
         message = f"{'ele' if name == 'h' else name} is no number; correct or delete the point"
         refuse_rows(lines, ~np.isfinite(column), message)
     geoid = np.array([finite(text.get("geoidheight")) for text in texts])
-    above = np.where(np.isfinite(geoid), geoid, undulation_m or 0.0)
+    above = np.where(np.isfinite(geoid), geoid, options.undulation_m or 0.0)
     notes: tuple[Finding, ...] = ()
-    if undulation_m is None and not np.isfinite(geoid).all():
+    if options.undulation_m is None and not np.isfinite(geoid).all():
         finding = "elevations of GPX are above the sea as a rule; taken as above the ellipsoid"
         advice = "set undulation_m: 0 where they are, else the geoid's height above it"
         notes = (note("GNSS position", finding, "heights above the ellipsoid", advice),)
@@ -83,7 +74,7 @@ def read_gpx(
     }
     cols = {"tow": stamps, **columns, "h": columns["h"] + above, **described}
     scales = FixScales(angle=np.pi / 180.0, time=UNIT)
-    return fixes_from_columns(cols, lines, str(path), scales, gps_week, sigma_m, None, notes=notes)
+    return fixes_from_columns(cols, lines, scales, options, notes=notes)
 
 
 def _name(tag: str) -> str:

@@ -22,6 +22,7 @@ from ....base.errors import InputError
 from ....geodesy.gpstime import DAY_S, WEEK_S, gps_from_unix_utc
 from ....records import Array, Finding, GnssFixes
 from ....records.observations import UNKNOWN_MPS
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import agree_on_week
 from ..text.layout import shown
 from ..text.order import note
@@ -99,13 +100,7 @@ class _Log:
         ]
 
 
-def read_nmea(
-    path: Source,
-    sigma_m: ArrayLike | None = None,
-    gps_week: int | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    undulation_m: float | None = None,
-) -> GnssFixes:
+def read_nmea(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Read fixes in GPST.
 
     The notes count what was left out: lines without a right checksum (at most 1 %), epochs without
@@ -116,16 +111,9 @@ def read_nmea(
     ----------
     path : path
         The log.
-    sigma_m : array_like, optional
-        Standard deviations north, east, down, m, of epochs without GST, which are left out without
-        it.
-    gps_week : int, optional
-        The week that the log must be of.
-    sigma_velocity : array_like, optional
-        Standard deviations north, east, down, m/s; takes the velocity of RMC or VTG, which is left
-        out without it.
-    undulation_m : float, optional
-        Geoid above the ellipsoid, m, for a GGA without geoid separation.
+    options : ReadOptions
+        `sigma_m` of epochs without GST, which are left out without it; `sigma_velocity`, which
+        takes the velocity of RMC or VTG; `undulation_m` of a GGA without geoid separation.
 
     Returns
     -------
@@ -138,7 +126,7 @@ def read_nmea(
         What cannot be read, with file and line.
     """
     sentences = read_sentences(path)
-    log = _collect(sentences, undulation_m)
+    log, sigma_m = _collect(sentences, options.undulation_m), options.sigma_m
     if not log.fixes:
         raise InputError.at_line(
             path,
@@ -158,7 +146,7 @@ def read_nmea(
     fixes = [log.fixes[k] for k in taken]
     lines = SentenceLines(str(path), [row[1] for row in fixes])
     week, time = _gps_time(day, [row[0] for row in fixes])
-    agree_on_week(lines, week, gps_week)
+    agree_on_week(lines, week, options.gps_week)
     table = np.array([row[2:] for row in fixes])
     spread = np.array([log.sigma.get(row[0], stand_in) for row in fixes])
     cols = {
@@ -182,12 +170,13 @@ def read_nmea(
         finding = f"all {taken_so} have a wrong checksum beside right ones of other kinds; taken"
         advice = "a program changed them without it: see whether it changed the dates"
         notes += (note("GNSS checksums", finding, "right ones", advice),)
-    if sigma_velocity is not None and log.track:
-        cols |= _velocity(fixes, log, sigma_velocity)
+    if options.sigma_velocity is not None and log.track:
+        cols |= _velocity(fixes, log, options.sigma_velocity)
         if without := sum(row[0] not in log.track for row in fixes):
             finding = f"{without} of {len(fixes)} epochs without a course"
             notes += (note("GNSS rows", finding, "speed and course", "their velocity is not used"),)
-    return fixes_from_columns(cols, lines, str(path), FixScales(), week, None, None, notes=notes)
+    of_the_log = ReadOptions(gps_week=week)
+    return fixes_from_columns(cols, lines, FixScales(), of_the_log, notes=notes)
 
 
 def read_headings(path: Source) -> tuple[int, Array, Array, SentenceLines]:

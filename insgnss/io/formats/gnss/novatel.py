@@ -9,10 +9,10 @@ import re
 import zlib
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....base.errors import InputError
 from ....records import Finding, GnssFixes
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.layout import decode, shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines
@@ -37,9 +37,7 @@ def is_novatel(head: bytes) -> bool:
     return _LOG.match(text) is not None or len(_LOG.findall(text)) > 1
 
 
-def read_novatel(
-    path: Source, sigma_m: ArrayLike | None = None, gps_week: int | None = None
-) -> GnssFixes:
+def read_novatel(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Read the fixes of one kind of position log, GPST.
 
     The note counts what was left out: logs with a wrong checksum (at most 1 %) and logs without a
@@ -49,10 +47,8 @@ def read_novatel(
     ----------
     path : path
         The log.
-    sigma_m : array_like, optional
-        Standard deviations north, east, down, m, of fixes that state 0.
-    gps_week : int, optional
-        The week that the log must be of.
+    options : ReadOptions
+        `sigma_m` of fixes that state 0.
 
     Returns
     -------
@@ -94,7 +90,7 @@ def read_novatel(
         finding = f"left out {wrong} logs without a right checksum, {without} without solution"
         notes = (note("GNSS rows", finding, "whole logs with a solution", "check the receiver"),)
     scales = FixScales(angle=np.pi / 180.0)
-    return fixes_from_columns(cols, lines, str(path), scales, gps_week, sigma_m, None, notes=notes)
+    return fixes_from_columns(cols, lines, scales, options, notes=notes)
 
 
 def _checksum(body: str) -> int:

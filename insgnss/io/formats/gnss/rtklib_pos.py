@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
 from ....records import Array, Finding, GnssFixes
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import agree_on_week
 from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order, refuse_rows
@@ -123,12 +124,7 @@ def pos_rows(table: Table, header: Header, gps_week: int | None = None) -> PosRo
     return PosRows(header, table, columns, time, week, table.complete, tuple(notes))
 
 
-def read_rtklib_pos(
-    path: Source,
-    undulation_m: float | None = None,
-    gps_week: int | None = None,
-    sigma_m: ArrayLike | None = None,
-) -> GnssFixes:
+def read_rtklib_pos(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Read fixes with full covariance, and velocities where the file has them.
 
     The notes count what could not be taken as it stands.
@@ -137,14 +133,9 @@ def read_rtklib_pos(
     ----------
     path : path
         The `.pos`.
-    undulation_m : float, optional
-        Geoid above the ellipsoid, m, to add to a file of `geodetic` heights, which is refused
-        without it.
-    gps_week : int, optional
-        The week that the file must be of.
-    sigma_m : array_like, optional
-        Standard deviations north, east, down of epochs whose six roots are all zero, which RTKLIB
-        writes for unknown.
+    options : ReadOptions
+        `undulation_m`, added to a file of `geodetic` heights, which is refused without it;
+        `sigma_m` of epochs whose six roots are all zero, which RTKLIB writes for unknown.
 
     Returns
     -------
@@ -156,19 +147,17 @@ def read_rtklib_pos(
     InputError
         What cannot be read, with file and line.
     """
-    return fixes_of_rows(read_pos_rows(path, gps_week), undulation_m, sigma_m)
+    return fixes_of_rows(read_pos_rows(path, options.gps_week), options)
 
 
-def fixes_of_rows(
-    read: PosRows, undulation_m: float | None = None, sigma_m: ArrayLike | None = None
-) -> GnssFixes:
+def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Return the fixes of the rows of a `.pos`, as `read_rtklib_pos` does.
 
     Parameters
     ----------
     read : PosRows
         The rows.
-    undulation_m, sigma_m : optional
+    options : ReadOptions
         As in `read_rtklib_pos`.
 
     Returns
@@ -182,6 +171,7 @@ def fixes_of_rows(
         What cannot be, with file and line.
     """
     header, table, cols = read.header, read.table, read.columns
+    undulation_m = options.undulation_m
     notes = [*open_end("GNSS rows", read.complete)]
     if not header.given:
         above = "geoid" if undulation_m else "ellipsoid"
@@ -193,7 +183,7 @@ def fixes_of_rows(
         advice = "its standard deviations are taken as they are; correct % ref pos of the header"
         notes.append(note("GNSS rows", _no_place(geodetic), "the place of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
-    cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, sigma_m)
+    cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, options.sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
     described = {SOLUTION[n.lower()]: c for n, c in cols.items() if n.lower() in SOLUTION}

@@ -11,7 +11,8 @@ whole microseconds.
 import numpy as np
 
 from ....base.errors import InputError
-from ....records import Array, Finding, ImuSamples, Quantity
+from ....records import Array, Finding, ImuSamples
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.order import note
 from ..text.sentences import SentenceLines, read_sentences
 from ..text.text import Source, number
@@ -24,9 +25,7 @@ SYNC, TIME_FIELD, GYRO_FIELDS, ACCEL_FIELDS = 0, 1, slice(6, 9), slice(9, 12)
 LOCKED_SYNC = 2  # sync of a sample that was stamped by a clock locked to the receiver's pulse
 
 
-def read_aimu(
-    path: Source, quantity: Quantity = "mean_rate", gps_week: int | None = None
-) -> ImuSamples:
+def read_aimu(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples:
     """Read the samples of a locked clock into SI and GPST; notes count what was left out.
 
     Raises
@@ -60,8 +59,7 @@ def read_aimu(
     columns = {"tow": table[:, TIME_FIELD]}
     columns |= dict(zip(GYRO, table[:, GYRO_FIELDS].T, strict=True))
     columns |= dict(zip(ACCEL, table[:, ACCEL_FIELDS].T, strict=True))
-    scales = Scales(DEG, 1.0, "unix")
-    return imu_from_columns(columns, kept, str(path), scales, quantity, gps_week, notes)
+    return imu_from_columns(columns, kept, Scales(DEG, 1.0, "unix"), options, notes)
 
 
 def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from ....base.errors import InputError, UsageError
 from ....records import Array, Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import clock_of, gps_time
 from ..text.columns import Columns, NamedTable, TableSpec
 from ..text.direct import Bytes, Rows, Target, read_columns
@@ -33,6 +34,7 @@ COLUMNS = ("tow", *GYRO, *ACCEL)
 UNITS = {"gyro": " ".join(GYRO), "accel": " ".join(ACCEL), "time": "tow"}
 SPEC = TableSpec(IMU, units=UNITS, record="IMU")
 CLOCK = (*TIME, *FINE)
+USUAL_QUANTITY: Quantity = "mean_rate"
 MAX_RATE_HZ = 1e5  # samples a second: above every IMU's rate, below a rate in other units (chosen)
 
 
@@ -59,15 +61,7 @@ class Scales:
     units: Mapping[str, str] = field(default_factory=dict)
 
 
-def read_imu_csv(
-    path: Source,
-    columns: Columns = None,
-    units: Mapping[str, str] | None = None,
-    quantity: Quantity = "mean_rate",
-    gps_week: int | None = None,
-    rate_hz: float | None = None,
-    accel_file: Source | None = None,
-) -> ImuSamples:
+def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples:
     """Read IMU samples into SI.
 
     A column whose name begins with a minus (-YAccel) holds the reverse of its axis: its sign is
@@ -77,24 +71,9 @@ def read_imu_csv(
     ----------
     path : path
         The file.
-    columns : sequence or mapping, optional
-        Name of each column out of tow week gx gy gz ax ay az; any other name leaves a column out;
-        or a table of them to the header's names or to indices, "[1]" for the first.
-    units : mapping, optional
-        Units of "gyro" (rad/s, deg/s, deg/h; rad, deg, arcsec for increments), "accel" (m/s^2, g,
-        mg, ug; m/s, g*s for increments), each with the value of one count before it where need be,
-        and "time".
-    quantity : {"mean_rate", "increments", "instant_rate"}
-        What a sample is.
-    gps_week : int, optional
-        The week, where no column holds it.
-    rate_hz : float, optional
-        Samples a second, where the file has no column of time; time then starts at zero, and a
-        column `counter` (PacketCounter) shows where samples are lost.
-    accel_file : path, optional
-        The file of the accelerometers, where `path` has the gyros alone (`apart`); a mapping
-        `columns` names those of both, a sequence those of the gyros, and gx gy gz of it are ax ay
-        az of the other file.
+    options : ReadOptions
+        `columns` of tow week gx gy gz ax ay az; `units` of "gyro" (rad/s, deg/s, deg/h; rad, deg,
+        arcsec for increments), "accel" (m/s^2, g, mg, ug; m/s, g*s for increments) and "time".
 
     Returns
     -------
@@ -108,18 +87,17 @@ def read_imu_csv(
     UsageError
         A unit that does not exist, or a rate beside `accel_file`.
     """
-    units = SPEC.checked_units(units)
-    if accel_file is None:
-        required = required_columns(rate_hz)
-        return _read(path, columns, units, quantity, gps_week, rate_hz, required)
-    if rate_hz is not None:
+    SPEC.checked_units(options.units)
+    if options.accel_file is None:
+        return _read(path, options, required_columns(options.rate_hz))
+    if options.rate_hz is not None:
         raise UsageError(
             f"{path}: rate_hz: gyros and accelerometers in two files need stamps;"
             " leave it out, and name the column of time tow in both"
         )
     gyro, accel = (
-        _read(file, _of_one(columns, triad), units, quantity, gps_week, None, ("tow", *triad))
-        for file, triad in ((path, GYRO), (accel_file, ACCEL))
+        _read(file, replace(options, columns=_of_one(options.columns, triad)), ("tow", *triad))
+        for file, triad in ((path, GYRO), (options.accel_file, ACCEL))
     )
     return joined(gyro, accel)
 
@@ -133,22 +111,13 @@ def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
     return None if columns is None else [own.get(name, name) for name in columns]
 
 
-def _read(
-    path: Source,
-    columns: Columns,
-    units: Mapping[str, str],
-    quantity: Quantity,
-    gps_week: int | None,
-    rate_hz: float | None,
-    required: tuple[str, ...],
-) -> ImuSamples:
+def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuSamples:
     """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
-
-    spec = with_required(required)
-    kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
+    spec, units, rate_hz = with_required(required), options.units or {}, options.rate_hz
+    kinds = kinds_of(options.quantity)
 
     def named(table: Table | Rows) -> NamedTable:
-        index = spec.index(table.path, table.layout, columns)
+        index = spec.index(table.path, table.layout, options.columns)
         clock = CLOCK if rate_hz is None else (*CLOCK, "counter")
         taken = {name: i for name, i in index.items() if name in (*required, *clock)}
         return NamedTable(spec, table, taken)
@@ -177,7 +146,7 @@ def _read(
         advice = f"rename {them} in the header if the values are not reversed"
         finding = f"{', '.join(table.fields(' '.join(backward)))} taken with the sign reversed"
         notes = (*notes, note("IMU columns", finding, "names without a sign", advice))
-    return _samples(clock, gyro, accel, table, str(path), scales, quantity, gps_week, notes)
+    return _samples(clock, gyro, accel, table, scales, options, notes)
 
 
 def with_required(required: Sequence[str]) -> TableSpec:
@@ -233,6 +202,11 @@ def _of_table(table: NamedTable, scales: Scales) -> tuple[dict[str, Array], Arra
     return clock, gyro, accel
 
 
+def kinds_of(quantity: Quantity | None) -> dict[str, str]:
+    """Return the kinds of the units of gyro and accel, of samples that are such a quantity."""
+    return dict(zip(("gyro", "accel"), imu_kinds(quantity or USUAL_QUANTITY), strict=True))
+
+
 def scales_of(settled: Settled, kinds: Mapping[str, str], rate_hz: float | None) -> Scales:
     """Return the scales of settled units.
 
@@ -262,10 +236,8 @@ def required_columns(rate_hz: float | None) -> tuple[str, ...]:
 def imu_from_columns(
     cols: Mapping[str, Array],
     lines: Lines,
-    source: str,
     scales: Scales,
-    quantity: Quantity,
-    gps_week: int | None,
+    options: ReadOptions,
     notes: tuple[Finding, ...] = (),
 ) -> ImuSamples:
     """Make samples of columns (n,) by canonical name, each stamp once, in order.
@@ -276,7 +248,7 @@ def imu_from_columns(
     """
     gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     clock = {name: column for name, column in cols.items() if name not in (*GYRO, *ACCEL)}
-    return _samples(clock, gyro, accel, lines, source, scales, quantity, gps_week, notes)
+    return _samples(clock, gyro, accel, lines, scales, options, notes)
 
 
 def _samples(
@@ -284,10 +256,8 @@ def _samples(
     gyro: Array,
     accel: Array,
     lines: Lines,
-    source: str,
     scales: Scales,
-    quantity: Quantity,
-    gps_week: int | None,
+    options: ReadOptions,
     notes: Notes,
 ) -> ImuSamples:
     """Make samples of the columns of a clock, which is emptied, and of triads (n, 3) in SI."""
@@ -295,11 +265,12 @@ def _samples(
     def same(i: int, k: int) -> bool:
         return bool((gyro[i] == gyro[k]).all() and (accel[i] == accel[k]).all())
 
+    gps_week, quantity = options.gps_week, options.quantity or USUAL_QUANTITY
     if scales.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
-                f"{source}: rate_hz is given, but there is a column of time; leave rate_hz out, or"
-                " leave the column out of columns"
+                f"{lines.path}: rate_hz is given, but there is a column of time; leave rate_hz out,"
+                " or leave the column out of columns"
             )
         time, counter_notes = _by_rate(clock, lines, len(gyro), scales.rate_hz, same)
         notes = (*notes, *counter_notes)
@@ -317,7 +288,7 @@ def _samples(
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
     time, stamp_notes = spread_evenly(time)
     notes = (*notes, *repeat_notes, *jitter_notes, *order_notes, *stamp_notes)
-    return ImuSamples(time, gyro, accel, quantity, gps_week, source, notes, scales.units)
+    return ImuSamples(time, gyro, accel, quantity, gps_week, lines.path, notes, scales.units)
 
 
 def _by_rate(

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import ImuSamples, Quantity
+from ....records import ImuSamples
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import gps_time
 from ..text.layout import BINARY, Layout, decode, is_binary, is_comment
 from ..text.order import refuse_rows
@@ -77,13 +78,12 @@ def read_psins_header(path: Source) -> PsinsHeader:
     return _header(path, buf)[0]
 
 
-def read_psins(
-    path: Source, quantity: Quantity = "increments", gps_week: int | None = None
-) -> ImuSamples:
+def read_psins(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples:
     """Read increments into rad and m/s, or mean rates where `quantity` is "mean_rate".
 
     The axes stay those of the file.
     """
+    quantity = options.quantity or "increments"
     buf, complete = load(path)
     header, offset, line = _header(path, buf)
     layout = Layout(None, ".", LINE_VALUES, None, None, None, offset, line)
@@ -100,7 +100,7 @@ def read_psins(
         table, beyond, f"a count exceeds {LARGEST_INCREMENT_COUNTS:g}; correct or delete the line"
     )
     time = header.t0 + header.interval_s * np.arange(1.0, len(table.values) + 1.0)
-    time, gps_week = gps_time(table, time, None, gps_week)
+    time, gps_week = gps_time(table, time, None, options.gps_week)
     increments = table.values * [*header.gyro_lsb, *header.accel_lsb]
     if quantity != "increments":
         increments = increments / header.interval_s

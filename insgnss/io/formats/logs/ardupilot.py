@@ -7,14 +7,15 @@ geoid below the ellipsoid (Alt - Und is that height). CAM: shutter instants. BAR
 Messages are those of `dataflash`, all stamps are taken to GPST by `boot_clock`.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....base.errors import InputError, UsageError
-from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples, Quantity
+from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
+from ..read_options import ReadOptions
 from ..text.clock import agree_on_week
 from ..text.order import note
 from ..text.text import Source
@@ -52,24 +53,16 @@ def _fixes(log: Log, variable: str | None = None) -> Fixes:
     return Fixes.of(message, fixed, boot, week, 1e-3 * ms)
 
 
-def read_imu_ardupilot(
-    path: Source,
-    variable: str | None = None,
-    quantity: Quantity = "instant_rate",
-    gps_week: int | None = None,
-) -> ImuSamples:
+def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
     """Read the samples of one IMU, forward right down, on GPST.
 
     Parameters
     ----------
     path : path
         The log.
-    variable : str, optional
-        IMU (the default), IMU2, ..., GYR (with its ACC).
-    quantity : {"instant_rate", "mean_rate"}
-        What a sample is.
-    gps_week : int, optional
-        The week that the log must be of.
+    options : ReadOptions
+        `variable`: IMU (the default), IMU2, ..., GYR (with its ACC); `quantity`, instant rates
+        where none is stated.
 
     Returns
     -------
@@ -83,17 +76,17 @@ def read_imu_ardupilot(
     InputError
         A log that cannot be read.
     """
-    if quantity == "increments":
+    if options.quantity == "increments":
         raise UsageError(
             f"{path}: an ArduPilot log holds rates; set quantity to instant_rate or mean_rate"
         )
     log = read_log(path)
-    message, notes = log.message(IMU_MESSAGES, variable), tuple[Finding, ...]()
+    message, notes = log.message(IMU_MESSAGES, options.variable), tuple[Finding, ...]()
     if IMU_FIELDS[3] not in message:
         message, notes = _raw_pair(log, message)
     triads = message.floats(*IMU_FIELDS)
-    clock = log.clock(_fixes, gps_week)
-    return log.samples(message, clock, _boot(message), triads, quantity, notes)
+    options = replace(options, quantity=options.quantity or "instant_rate")
+    return log.samples(message, _fixes, _boot(message), triads, options, notes)
 
 
 def _raw_pair(log: Log, gyro: Message) -> tuple[Message, tuple[Finding, ...]]:
@@ -117,29 +110,17 @@ def _raw_pair(log: Log, gyro: Message) -> tuple[Message, tuple[Finding, ...]]:
     return Message(gyro.name, joined, gyro.lines), (done,)
 
 
-def read_gnss_ardupilot(
-    path: Source,
-    variable: str | None = None,
-    sigma_m: ArrayLike | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    gps_week: int | None = None,
-    undulation_m: float | None = None,
-) -> GnssFixes:
+def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
     """Read the fixes of one receiver at their GPS times.
 
     Parameters
     ----------
     path : path
         The log.
-    variable : str, optional
-        GPS (the default) or GPS2.
-    sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down, m and m/s, instead of those of GPA.
-    gps_week : int, optional
-        The week that the log must be of.
-    undulation_m : float, optional
-        Geoid above the ellipsoid, m, where GPA does not hold it; without both the heights stay
-        above the geoid, with a note.
+    options : ReadOptions
+        `variable`: GPS (the default) or GPS2; `sigma_m`, `sigma_velocity` in place of those of GPA;
+        `undulation_m`, where GPA does not hold it; without both the heights stay above the geoid,
+        with a note.
 
     Returns
     -------
@@ -152,9 +133,9 @@ def read_gnss_ardupilot(
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes = _fixes(log, variable)
+    fixes, undulation_m = _fixes(log, options.variable), options.undulation_m
     message = fixes.message
-    agree_on_week(message.lines, int(fixes.week[0]), gps_week)
+    agree_on_week(message.lines, int(fixes.week[0]), options.gps_week)
     notes = [*log.notes("GNSS rows"), *fixes.left_out(log.tables[message.name]["Status"].size)]
     cols: dict[str, Any] = {"tow": fixes.tow, "week": fixes.week}
     cols |= {"lat": message.columns["Lat"], "lon": message.columns["Lng"]}
@@ -165,9 +146,9 @@ def read_gnss_ardupilot(
     elif undulation_m is None:
         finding = "heights are above the geoid"
         notes.append(note("GNSS rows", finding, "heights above the ellipsoid", "set undulation_m"))
-    cols |= accuracy if sigma_m is None else {}
+    cols |= accuracy if options.sigma_m is None else {}
     moving = all(label in message for label in ("Spd", "GCrs", "VZ"))
-    if moving and (sigma_velocity is not None or "sd_vn" in cols):
+    if moving and (options.sigma_velocity is not None or "sd_vn" in cols):
         names = {"speed": "Spd", "course": "GCrs", "vd": "VZ"}
         cols |= {short: message.columns[label] for short, label in names.items()}
     else:
@@ -175,10 +156,9 @@ def read_gnss_ardupilot(
     message.refuse_infinite(cols)
     described = {"satellites": "NSats", "hdop": "HDop"}
     cols |= {name: message.columns[x] for name, x in described.items() if x in message}
-    scales, above = FixScales(angle=DEG, course=DEG), undulation_m or 0.0
-    sigmas = (sigma_m, sigma_velocity)
+    scales = FixScales(angle=DEG, course=DEG)
     return fixes_from_columns(
-        cols, message.lines, log.path, scales, None, *sigmas, above, tuple(notes)
+        cols, message.lines, scales, options, undulation_m or 0.0, tuple(notes)
     )
 
 
@@ -208,27 +188,23 @@ def _accuracy(log: Log, message: Message) -> dict[str, Array]:
     return out
 
 
-def read_events_ardupilot(
-    path: Source, variable: str | None = None, gps_week: int | None = None
-) -> CameraEvents:
+def read_events_ardupilot(path: Source, options: ReadOptions) -> CameraEvents:
     """Read the shutter instants on GPST: CAM (feedback or shot), else TRIG.
 
     Images are named by Img, where the message has it.
     """
     log = read_log(path)
-    message = log.message(("CAM", "TRIG"), variable)
-    return log.events(message, log.clock(_fixes, gps_week), _boot(message), "Img")
+    message = log.message(("CAM", "TRIG"), options.variable)
+    return log.events(message, log.clock(_fixes, options.gps_week), _boot(message), "Img")
 
 
-def read_barometer_ardupilot(
-    path: Source, variable: str | None = None, gps_week: int | None = None
-) -> BarometerHeights:
+def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHeights:
     """Read the heights of a barometer on GPST: of Press, else Alt, of BARO or another message.
 
     Alt counts from where the autopilot last calibrated it; the standard height of Press jumps
     nowhere.
     """
     log = read_log(path)
-    message = log.message(("BARO", "BARO2", "BAR2"), variable)
+    message = log.message(("BARO", "BARO2", "BAR2"), options.variable)
     labels = {"pressure": "Press", "h": "Alt"}
-    return log.heights(message, log.clock(_fixes, gps_week), _boot(message), labels)
+    return log.heights(message, log.clock(_fixes, options.gps_week), _boot(message), labels)

@@ -6,17 +6,18 @@ of the autopilot and are taken to GPST by `boot_clock`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import Array, BarometerHeights, CameraEvents, Finding, ImuSamples, Quantity
+from ....records import Array, BarometerHeights, CameraEvents, Finding, ImuSamples
 from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
+from ..read_options import ReadOptions
 from ..text.clock import agree_on_week
 from ..text.order import NumberedRows, note, refuse_rows
 from ..text.stamps import stale_weeks, weeks_in_step
@@ -159,19 +160,20 @@ class Log:
     def samples(
         self,
         message: Message,
-        clock: BootClock,
+        fixes_of: "Callable[[Log], Fixes]",
         boot: Array,
         triads: list[Array],
-        quantity: Quantity,
+        options: ReadOptions,
         notes: tuple[Finding, ...] = (),
     ) -> ImuSamples:
         """Return samples of six columns in SI, at stamps of the autopilot, s."""
         cols = dict(zip((*GYRO, *ACCEL), triads, strict=True))
+        clock = self.clock(fixes_of, options.gps_week)
         message.refuse_infinite(cols)
         cols["tow"] = clock.gpst(message.lines, boot)
         notes = (clock.note("IMU rows"), *notes, *self.notes("IMU rows"))
-        scales, week = Scales(1.0, 1.0), clock.gps_week
-        return imu_from_columns(cols, message.lines, self.path, scales, quantity, week, notes)
+        options = replace(options, gps_week=clock.gps_week)
+        return imu_from_columns(cols, message.lines, Scales(1.0, 1.0), options, notes)
 
     def events(self, message: Message, clock: BootClock, boot: Array, images: str) -> CameraEvents:
         """Return events at stamps of the autopilot, s, named by a column of whole numbers."""
@@ -183,7 +185,7 @@ class Log:
             names = tuple(str(int(k)) for k in whole)
         notes = (clock.note("event rows"), *self.notes("event rows"))
         time, week = clock.gpst(message.lines, boot), clock.gps_week
-        return events_in_order(names, time, message.lines, self.path, week, notes)
+        return events_in_order(names, time, message.lines, week, notes)
 
     def heights(
         self, message: Message, clock: BootClock, boot: Array, labels: Mapping[str, str]
@@ -193,4 +195,4 @@ class Log:
         message.refuse_infinite(cols)
         notes = (clock.note(ROWS), *self.notes(ROWS))
         time, week = clock.gpst(message.lines, boot), clock.gps_week
-        return heights_from_columns(cols, time, message.lines, self.path, week, notes)
+        return heights_from_columns(cols, time, message.lines, week, notes)

@@ -7,6 +7,7 @@ simulators give, counts seconds of its own.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ import numpy as np
 from ....base.advance import share
 from ....base.errors import InputError, UsageError, installed, legible
 from ....base.wording import DOCTOR
-from ....records import Array, ImuSamples, Quantity
+from ....records import Array, ImuSamples
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
 from ..imu.imu_csv import ACCEL, GYRO
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.database import is_database, opened_database
 from ..text.layout import printable
 from ..text.text import Source
@@ -91,24 +93,15 @@ def tables_of_bag(path: Source) -> list[TableInfo]:
         ]
 
 
-def read_imu_rosbag(
-    path: Source,
-    variable: str | None = None,
-    quantity: Quantity = "mean_rate",
-    gps_week: int | None = None,
-) -> ImuSamples:
+def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples:
     """Read the samples of one IMU.
 
     Parameters
     ----------
     path : path
         The bag.
-    variable : str, optional
-        The topic, where the bag has several of IMU messages.
-    quantity : {"mean_rate", "instant_rate"}
-        What a sample is.
-    gps_week : int, optional
-        The week that the bag must be of.
+    options : ReadOptions
+        `variable`: the topic, where the bag has several of IMU messages.
 
     Returns
     -------
@@ -122,7 +115,8 @@ def read_imu_rosbag(
     InputError
         A bag that cannot be read, or has no such topic.
     """
-    if quantity == "increments":
+    variable = options.variable
+    if options.quantity == "increments":
         raise UsageError(f"{path}: sensor_msgs/Imu holds rates; set quantity to mean_rate")
     with _opened(path) as reader:
         topics = _topics(reader)
@@ -146,7 +140,8 @@ def read_imu_rosbag(
     units |= {"time": "unix"} if table[0, 0] > EPOCH_S else {}
     content = dict(zip(COLUMNS, table.T, strict=True))
     same = {name: name for name in COLUMNS}
-    return imu_of_content(path, content, same, None, units, quantity, gps_week)
+    options = replace(options, columns=same, variable=None, units=units)
+    return imu_of_content(path, content, options)
 
 
 def _samples(reader: Any, connections: list[Any]) -> Array:

@@ -11,16 +11,17 @@ are taken to GPST by `boot_clock`. Axes forward right down.
 import contextlib
 import io
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....base.errors import InputError, UsageError, installed, legible
 from ....base.wording import DOCTOR
 from ....geodesy.gpstime import gps_from_unix_utc
-from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples, Quantity
+from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
+from ..read_options import ReadOptions
 from ..text.clock import agree_on_week
 from ..text.layout import printable
 from ..text.text import Source, load_bytes
@@ -131,24 +132,15 @@ def _fixes(log: Log, variable: str | None = None) -> Fixes:
     return Fixes.of(message, fixed, boot, np.full(utc.size, float(week)), np.round(seconds, 6))
 
 
-def read_imu_ulog(
-    path: Source,
-    variable: str | None = None,
-    quantity: Quantity = "mean_rate",
-    gps_week: int | None = None,
-) -> ImuSamples:
+def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
     """Read the samples of one IMU on GPST.
 
     Parameters
     ----------
     path : path
         The log.
-    variable : str, optional
-        sensor_combined (the default) or vehicle_imu, vehicle_imu_1, ...
-    quantity : {"mean_rate", "instant_rate"}
-        What a sample is.
-    gps_week : int, optional
-        The week that the log must be of.
+    options : ReadOptions
+        `variable`: sensor_combined (the default) or vehicle_imu, vehicle_imu_1, ...
 
     Returns
     -------
@@ -162,12 +154,12 @@ def read_imu_ulog(
     InputError
         A log that cannot be read.
     """
-    if quantity == "increments":
+    if options.quantity == "increments":
         raise UsageError(
             f"{path}: a PX4 log gives mean rates here; set quantity to mean_rate or instant_rate"
         )
     log = read_log(path)
-    message = log.message(("sensor_combined", "vehicle_imu"), variable)
+    message = log.message(("sensor_combined", "vehicle_imu"), options.variable)
     if "delta_angle[0]" in message:
         labels = [f"{name}[{k}]" for name in ("delta_angle", "delta_velocity") for k in range(3)]
         intervals = ("delta_angle_dt", "delta_velocity_dt")
@@ -182,29 +174,18 @@ def read_imu_ulog(
     else:
         labels = [f"{name}[{k}]" for name in ("gyro_rad", "accelerometer_m_s2") for k in range(3)]
         stamp, *columns = message.floats("timestamp", *labels)
-    clock = log.clock(_fixes, gps_week)
-    return log.samples(message, clock, MICRO * stamp, columns, quantity)
+    return log.samples(message, _fixes, MICRO * stamp, columns, options)
 
 
-def read_gnss_ulog(
-    path: Source,
-    variable: str | None = None,
-    sigma_m: ArrayLike | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    gps_week: int | None = None,
-) -> GnssFixes:
+def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
     """Read the fixes of one receiver at their own times.
 
     Parameters
     ----------
     path : path
         The log.
-    variable : str, optional
-        The receiver's topic.
-    sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down, m and m/s, instead of the receiver's.
-    gps_week : int, optional
-        The week that the log must be of.
+    options : ReadOptions
+        `variable`: the receiver's topic; `sigma_m`, `sigma_velocity` in place of the receiver's.
 
     Returns
     -------
@@ -217,20 +198,22 @@ def read_gnss_ulog(
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes = _fixes(log, variable)
+    fixes = _fixes(log, options.variable)
     message, week = fixes.message, int(fixes.week[0])
-    agree_on_week(message.lines, week, gps_week)
+    agree_on_week(message.lines, week, options.gps_week)
     cols: dict[str, Any] = {"tow": fixes.tow, "q": message.qualities("fix_type")}
     for short, spellings in _HEADS.items():
         label, factor = next((pair for pair in spellings if pair[0] in message), spellings[0])
         cols[short] = factor * message.floats(label)[0]
-    if sigma_m is None:
+    if options.sigma_m is None:
         eph, epv = message.floats("eph", "epv")
         cols |= {"sd_n": eph, "sd_e": eph, "sd_u": epv}
-    if "vel_n_m_s" in message and (sigma_velocity is not None or "s_variance_m_s" in message):
+    if "vel_n_m_s" in message and (
+        options.sigma_velocity is not None or "s_variance_m_s" in message
+    ):
         velocity = message.floats("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
         cols |= dict(zip(("vn", "ve", "vd"), velocity, strict=True))
-        if sigma_velocity is None:
+        if options.sigma_velocity is None:
             (sigma,) = message.floats("s_variance_m_s")
             cols |= dict.fromkeys(("sd_vn", "sd_ve", "sd_vd"), sigma)
     if "satellites_used" in message:
@@ -240,27 +223,23 @@ def read_gnss_ulog(
         cols |= {"hdop": horizontal, "pdop": np.hypot(horizontal, vertical)}
     rows = log.tables[message.name]["fix_type"].size
     notes = (*log.notes("GNSS rows"), *fixes.left_out(rows))
-    scales, sigmas = FixScales(angle=DEG), (sigma_m, sigma_velocity)
-    return fixes_from_columns(cols, message.lines, log.path, scales, week, *sigmas, notes=notes)
+    options = replace(options, gps_week=week)
+    return fixes_from_columns(cols, message.lines, FixScales(angle=DEG), options, notes=notes)
 
 
-def read_events_ulog(
-    path: Source, variable: str | None = None, gps_week: int | None = None
-) -> CameraEvents:
+def read_events_ulog(path: Source, options: ReadOptions) -> CameraEvents:
     """Read the shutter instants on GPST, named by their seq."""
     log = read_log(path)
-    message = log.message(EVENT_TOPICS, variable)
+    message = log.message(EVENT_TOPICS, options.variable)
     (stamp,) = message.floats("timestamp")
-    return log.events(message, log.clock(_fixes, gps_week), MICRO * stamp, "seq")
+    return log.events(message, log.clock(_fixes, options.gps_week), MICRO * stamp, "seq")
 
 
-def read_barometer_ulog(
-    path: Source, variable: str | None = None, gps_week: int | None = None
-) -> BarometerHeights:
+def read_barometer_ulog(path: Source, options: ReadOptions) -> BarometerHeights:
     """Read the heights of a barometer on GPST: of its pressure, else those of the topic."""
     log = read_log(path)
-    message = log.message(BAROMETER_TOPICS, variable)
+    message = log.message(BAROMETER_TOPICS, options.variable)
     label = "timestamp_sample" if "timestamp_sample" in message else "timestamp"
     names = {"pressure": "baro_pressure_pa", "h": "baro_alt_meter"}
     (stamp,) = message.floats(label)
-    return log.heights(message, log.clock(_fixes, gps_week), MICRO * stamp, names)
+    return log.heights(message, log.clock(_fixes, options.gps_week), MICRO * stamp, names)

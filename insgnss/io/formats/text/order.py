@@ -28,7 +28,12 @@ SHARE_LIMIT = 0.01
 
 
 class Lines(Protocol):
-    """What reports errors at the line of a row."""
+    """Rows of a file, which report errors at their lines."""
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        ...
 
     def error_at(self, row: int, message: str, /) -> InputError:
         """Return the error `message` at the line of `row`."""
@@ -41,6 +46,11 @@ class Picked:
 
     lines: Lines
     rows: Rows
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        return self.lines.path
 
     def error_at(self, row: int, message: str) -> InputError:
         """Return the error `message` at the line of `row`."""

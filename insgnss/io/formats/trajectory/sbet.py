@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....base.errors import InputError
 from ....base.files import atomic_write
@@ -25,6 +24,7 @@ from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacob
 from ....records import Array, GnssFixes, Trajectory
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ..orientation.exported import angle_sigma
+from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import check_increasing
 from ..text.order import NumberedRows, refuse_rows
 from ..text.text import Source, load_bytes
@@ -159,12 +159,7 @@ def read_smrmsg(path: Source) -> Smrmsg:
     return Smrmsg(table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7:10] * ARC_MINUTE)
 
 
-def read_gnss_sbet(
-    path: Source,
-    sigma_m: ArrayLike | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    gps_week: int | None = None,
-) -> GnssFixes:
+def read_gnss_sbet(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     """Read positions and velocities of an SBET as fixes.
 
     The point is the SBET's own, which is mostly the IMU's navigation centre and not the antenna.
@@ -173,10 +168,8 @@ def read_gnss_sbet(
     ----------
     path : path
         The SBET.
-    sigma_m, sigma_velocity : array_like, optional
-        Standard deviations north, east, down, m and m/s, where no smrmsg stands beside it.
-    gps_week : int, optional
-        The week.
+    options : ReadOptions
+        `sigma_m`, `sigma_velocity`, where no smrmsg stands beside it.
 
     Returns
     -------
@@ -189,17 +182,9 @@ def read_gnss_sbet(
     if (beside := smrmsg_beside(path)) is not None:
         sigma = _sigma_at(beside, sbet.time)
         cols |= dict(zip((*SIGMA, *VELOCITY_SIGMA), sigma[:, [0, 1, 2, 3, 4, 5]].T, strict=True))
-    elif sigma_m is not None and sigma_velocity is None:
+    elif options.sigma_m is not None and options.sigma_velocity is None:
         cols = {name: column for name, column in cols.items() if name not in ("vn", "ve", "vd")}
-    return fixes_from_columns(
-        cols,
-        NumberedRows(str(path), "record"),
-        str(path),
-        FixScales(),
-        gps_week,
-        sigma_m,
-        sigma_velocity,
-    )
+    return fixes_from_columns(cols, NumberedRows(str(path), "record"), FixScales(), options)
 
 
 def smrmsg_beside(path: Source) -> Path | None:
