@@ -37,8 +37,8 @@ def load_matlab(path: Source) -> Content:
     try:
         variables = read_mat(data, path)
     except Damaged as error:
-        raise InputError.at_line(
-            path, None, f"is no whole MATLAB file ({error}); copy it again from its source"
+        raise InputError.in_file(
+            path, f"is no whole MATLAB file ({error}); copy it again from its source"
         ) from None
     return _labelled({name: _plain(node) for name, node in variables.items()})
 

@@ -137,12 +137,12 @@ def table_of_dates(path: Source) -> TextTable:
         if text.strip() and not is_comment(text)
     ]
     if not lines:
-        raise InputError.at_line(path, None, "holds no line; check that the file was copied whole")
+        raise InputError.in_file(path, "holds no line; check that the file was copied whole")
     delimiter = max(",;\t", key=lines[-1][1].count)
     rows = [(line, _fields(path, line, text, delimiter)) for line, text in lines]
     header = None if STAMP.search(lines[0][1]) or _date_and_time(lines[0][1]) else rows.pop(0)
     if not rows:
-        raise InputError.at_line(path, None, "holds a header and no exposure; copy it again")
+        raise InputError.in_file(path, "holds a header and no exposure; copy it again")
     count = len(rows[0][1])
     for line, fields in rows:
         if len(fields) != count:

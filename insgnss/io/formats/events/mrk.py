@@ -105,7 +105,7 @@ def read_mrk(path: Source) -> MrkFile:
             rows.append(_values(path, line, text))
             lines.append(line)
     if not rows:
-        raise InputError.at_line(path, None, "holds no event; check that the file was copied whole")
+        raise InputError.in_file(path, "holds no event; check that the file was copied whole")
     for row, line in zip(rows, lines, strict=True):
         if row.keys() != rows[0].keys():
             differ = " ".join(sorted(row.keys() ^ rows[0].keys()))

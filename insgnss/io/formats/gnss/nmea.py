@@ -128,10 +128,8 @@ def read_nmea(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     sentences = read_sentences(path)
     log, sigma_m = _collect(sentences, options.undulation_m), options.sigma_m
     if not log.fixes:
-        raise InputError.at_line(
-            path,
-            None,
-            f"no GGA sentence with a fix ({len(log.void)} without); is it the rover's log?",
+        raise InputError.in_file(
+            path, f"no GGA sentence with a fix ({len(log.void)} without); is it the rover's log?"
         )
     day = _first_day(path, log)
     missing = [row for row in log.fixes if row[0] not in log.sigma]
@@ -200,7 +198,7 @@ def read_headings(path: Source) -> tuple[int, Array, Array, SentenceLines]:
     log = _collect(read_sentences(path), 0.0, (*KINDS, *OF_HEADING))
     if not log.headings:
         advice = "let the receiver write HDT or THS beside GGA and RMC"
-        raise InputError.at_line(path, None, f"no HDT or THS sentence with a heading; {advice}")
+        raise InputError.in_file(path, f"no HDT or THS sentence with a heading; {advice}")
     week, time = _gps_time(_first_day(path, log), [row[0] for row in log.headings])
     lines = SentenceLines(str(path), [row[1] for row in log.headings])
     return week, time, np.array([row[2] for row in log.headings]), lines
@@ -360,9 +358,8 @@ def _date(text: str, path: str, line: int) -> datetime:
 def _first_day(path: Source, log: _Log) -> float:
     """Return the Unix time of the midnight before the first epoch; every date must agree on it."""
     if not log.dates:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "no RMC or ZDA sentence, so the date is not known; let the receiver write RMC"
             " beside GGA",
         )

@@ -80,7 +80,7 @@ def read_novatel(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFix
     rows = [(line, row) for line, body, _ in right if (row := _row(path, line, body)) is not None]
     if not rows:
         problem = f"none of its {len(logs)} {kind} logs has a solution; is it the rover's log?"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     names = ("week", "tow", "lat", "lon", "h", "sd_n", "sd_e", "sd_u", "q", "age_s", "satellites")
     cols = dict(zip(names, np.array([row for _, row in rows]).T, strict=True))
     lines = SentenceLines(str(path), [line for line, _ in rows])

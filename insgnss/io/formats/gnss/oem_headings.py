@@ -82,7 +82,7 @@ def read_oem_headings(
         limit = f"limit {BAD_SHARE_LIMIT:.0%}"
         raise InputError.at_line(path, damaged[0], f"{message} ({limit}); copy the log again")
     if not rows:
-        raise InputError.at_line(path, None, f"no heading with a solution; {ADVICE}")
+        raise InputError.in_file(path, f"no heading with a solution; {ADVICE}")
     week, time, heading, sigma = np.array(rows).T
     source = SentenceLines(str(path), lines)
     refuse_rows(

@@ -29,7 +29,7 @@ def covariances(
     """
     if missing := [name for name in names if name not in cols]:
         message = f"the header does not name {' '.join(missing)}; let RTKLIB write standard"
-        raise InputError.at_line(table.path, None, f"{message} deviations (out-outstd)")
+        raise InputError.in_file(table.path, f"{message} deviations (out-outstd)")
     roots = np.column_stack([cols[name] for name in names])
     unknown = np.asarray(
         (roots == 0.0).all(axis=1) if sigma is not None else np.zeros(len(roots)), dtype=np.bool_

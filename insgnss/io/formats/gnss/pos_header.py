@@ -140,9 +140,8 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     if not column_lines:
         return _without_header(path, first)
     if len({" ".join(line.split()) for line in column_lines}) > 1:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"holds {len(column_lines)} headers that differ; was it put together from two"
             " files? split it",
         )
@@ -156,9 +155,8 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     geodetic = any("WGS84/geodetic" in line for line in comments)
     dated = DATE.match(first.encode("utf-8", "replace")) is not None
     if tokens[0] not in SCALES:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}; let RTKLIB write GPST",
         )
     return Header(
@@ -179,7 +177,7 @@ def _without_header(path: Source, first: str) -> Header:
             "no RTKLIB header (% GPST latitude(deg) ...); write it (out-outhead = on), or rename"
             " the file to .txt"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     fields = re.split(r"[\s,;]+", first.strip())
     kind = "x-ecef" if max(abs(float(v)) for v in fields[2:5]) > 1e5 else "latitude"
     names = [*POSITION[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]
@@ -196,5 +194,5 @@ def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
     numbers = [float_of(text) for text in re.split(r"[\s,;]+", line.partition(":")[2].strip())]
     if None in numbers or len(numbers) not in (3, 7):
         message = f"{shown(line.strip())} is no position of the base; correct or delete the line"
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     return tuple(x for x in numbers if x is not None)

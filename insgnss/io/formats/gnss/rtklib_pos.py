@@ -232,7 +232,7 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     twice = [name for name in names if names.count(name) > 1]
     if missing := [name for name in needed if name not in names] + twice:
         message = f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}"
-        raise InputError.at_line(table.path, None, f"{message}; let RTKLIB write the header")
+        raise InputError.in_file(table.path, f"{message}; let RTKLIB write the header")
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
         for name in ("latitude", "longitude"):
@@ -253,9 +253,7 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
                 for day in days
             ]
         except ValueError as error:
-            raise InputError.at_line(
-                table.path, None, f"holds no date: {error}; correct it"
-            ) from None
+            raise InputError.in_file(table.path, f"holds no date: {error}; correct it") from None
         seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
         odd = (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0)
@@ -286,7 +284,7 @@ def _position(
     """
     if undulation_m and header.given and (header.ellipsoidal or header.kind != "latitude"):
         message = above_already("heights, by the header,", undulation_m)
-        raise InputError.at_line(table.path, None, message)
+        raise InputError.in_file(table.path, message)
     given = _stack(cols, POSITION[header.kind])
     if header.kind == "latitude":
         n = len(given)
@@ -316,7 +314,7 @@ def _above_ellipsoid(
         return height
     if undulation_m is None and header.given:
         message = f"heights are above the geoid (geodetic, by the header); {GIVE}"
-        raise InputError.at_line(table.path, None, message)
+        raise InputError.in_file(table.path, message)
     return height + (undulation_m or 0.0)
 
 
@@ -331,9 +329,9 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
-        raise InputError.at_line(table.path, None, message)
+        raise InputError.in_file(table.path, message)
     if _is_no_place(geodetic):
-        raise InputError.at_line(table.path, None, f"{_no_place(geodetic)}; check % ref pos")
+        raise InputError.in_file(table.path, f"{_no_place(geodetic)}; check % ref pos")
     return _frame_at(geodetic)
 
 

@@ -43,7 +43,7 @@ def read_aimu(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples
             f" moving"
             " only after the receiver's lock"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     table = table[locked]
     kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
     notes: tuple[Finding, ...] = ()
@@ -67,7 +67,7 @@ def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
     from ..text import _kernels
 
     if not bodies:
-        raise InputError.at_line(path, None, "holds no $AIMU sentence; is it the IMU's log?")
+        raise InputError.in_file(path, "holds no $AIMU sentence; is it the IMU's log?")
     buf = np.frombuffer(b"\n".join(bodies) + b"\n", dtype=np.uint8).copy()
     table, counted = np.empty((len(bodies), N_FIELDS)), np.empty(len(bodies), dtype=np.int64)
     bad = np.full((N_FIELDS, 2), -1, dtype=np.int64)

@@ -89,7 +89,7 @@ def read_psins(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSample
     layout = Layout(None, ".", LINE_VALUES, None, None, None, offset, line)
     table = parse(path, buf, complete, layout)
     if not len(table.values):
-        raise InputError.at_line(path, None, "ends behind its header; copy it again")
+        raise InputError.in_file(path, "ends behind its header; copy it again")
     if not complete:
         raise table.error_at(
             len(table.values) - 1,
@@ -133,8 +133,8 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
                 )
             rows.append((line, fields))
     if len(rows) < HEAD_LINES:
-        raise InputError.at_line(
-            path, None, f"ends within its header, {len(rows)} of {HEAD_LINES} lines; copy it again"
+        raise InputError.in_file(
+            path, f"ends within its header, {len(rows)} of {HEAD_LINES} lines; copy it again"
         )
     (_, first), (site_line, site), (scale_at, scale) = rows
     if (

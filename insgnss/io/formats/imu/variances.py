@@ -367,7 +367,7 @@ def _read_json(
 
 
 def _refusal(path: Source, prefix: str, message: str) -> InputError:
-    return InputError.at_line(path, None, prefix + message)
+    return InputError.in_file(path, prefix + message)
 
 
 def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any], str]:
@@ -386,9 +386,8 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
             )
         content = content[name]
     if not isinstance(content, dict):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "an object with wvar or avar, freq, n, type and axis is expected, as wv::wvar and"
             " avar::avar return it",
         )

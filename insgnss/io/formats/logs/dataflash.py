@@ -51,16 +51,14 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     )
     n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"is no ArduPilot log: no right message at byte {max(wrong, 0)}; copy it again from the"
             " card",
         )
     if n_lost > LOST_LIMIT * buf.size:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
             " from the card",
         )
@@ -126,9 +124,8 @@ def _text(path: Source) -> Log:
             odd += 1
     whole = [line for line in lines if line.strip()]
     if odd > LOST_LIMIT * len(whole) or not rows:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"{odd} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%}); is it an"
             " ArduPilot log?",
         )

@@ -47,7 +47,7 @@ def bag_file(path: Path) -> Path:
     files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
     if not files:
         problem = "is a directory without a ROS 2 bag (.db3 or .mcap)"
-        raise InputError.at_line(path, None, f"{problem}; give a file")
+        raise InputError.in_file(path, f"{problem}; give a file")
     return files[0]
 
 
@@ -61,7 +61,7 @@ def _opened(path: Source) -> Iterator[Any]:
     bag = file.parent if file.suffix in ENDINGS else file
     if bag != file and not (bag / "metadata.yaml").is_file():
         problem = "has no metadata.yaml beside it, which a ROS 2 bag needs"
-        raise InputError.at_line(path, None, f"{problem}; ros2 bag reindex makes one")
+        raise InputError.in_file(path, f"{problem}; ros2 bag reindex makes one")
     for database in sorted(bag.iterdir()) if bag != file else ():
         if database.is_file() and is_database(database):
             with opened_database(database, ("messages", "topics"), KIND):
@@ -125,17 +125,17 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
             raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:
-            raise InputError.at_line(
-                path, None, f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
+            raise InputError.in_file(
+                path, f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
             )
         table = _samples(reader, topics[chosen])
         count = sum(connection.msgcount for connection in topics[chosen])
     if len(table) < count:
         problem = f"holds {len(table)} of {count} messages of {chosen}; copy it again"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     if not len(table) or not table[:, 0].max() > 0.0:
         problem = f"{chosen}: {len(table)} messages, and none has a stamp in its header"
-        raise InputError.at_line(path, None, f"{problem}; record a driver that stamps them")
+        raise InputError.in_file(path, f"{problem}; record a driver that stamps them")
     units = {"gyro": "rad/s", "accel": "m/s^2"}
     units |= {"time": "unix"} if table[0, 0] > EPOCH_S else {}
     content = dict(zip(COLUMNS, table.T, strict=True))

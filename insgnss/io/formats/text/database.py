@@ -63,7 +63,7 @@ def opened_database(
         begins, size = is_database(file), file.stat().st_size
     except OSError as error:
         problem = f"cannot be read: {error.strerror or error}"
-        raise InputError.at_line(path, None, problem) from None
+        raise InputError.in_file(path, problem) from None
     left = FEWEST_INSTRUCTIONS + BY_BYTE * size
     spent = 0
 
@@ -89,4 +89,4 @@ def opened_database(
         why = " ".join(str(error).split())[:120]
         if spent > left:
             why = f"more steps than a file of its size needs (limit {left})"
-        raise InputError.at_line(path, None, f"is no {kind}: {why}; {advice}") from None
+        raise InputError.in_file(path, f"is no {kind}: {why}; {advice}") from None

@@ -66,7 +66,7 @@ class Rows:
                     if left == 0:
                         return InputError.at_line(self.path, line, message)
                     left -= 1
-        return InputError.at_line(self.path, None, message)
+        return InputError.in_file(self.path, message)
 
 
 def read_columns(

@@ -249,8 +249,8 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
     if head is not None and is_binary(head[2]):
         raise InputError.at_line(path, head[0], _no_text(head[2]))
     if not data:
-        raise InputError.at_line(
-            path, None, "holds no data line; check that the recording was copied whole"
+        raise InputError.in_file(
+            path, "holds no data line; check that the recording was copied whole"
         )
     for line, _, text in data:
         refuse_long(path, line, text)

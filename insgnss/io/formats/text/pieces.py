@@ -17,9 +17,8 @@ from ....base.inputs import opened
 
 def shrunk(path: str | os.PathLike[str], count: int, size: int) -> InputError:
     """Return the error of a file that ended earlier than it said."""
-    return InputError.at_line(
+    return InputError.in_file(
         path,
-        None,
         f"became shorter while it was read: it ends at byte {count} of {size}; wait until the"
         " program that writes it is done, and try again",
     )
@@ -47,7 +46,7 @@ class FileBytes:
             self._stream = opened(self.path)
         except OSError as error:
             reason = f"cannot be read: {error.strerror or error}; check permission and medium"
-            raise InputError.at_line(self.path, None, reason) from None
+            raise InputError.in_file(self.path, reason) from None
         self.size = os.fstat(self._stream.fileno()).st_size
         return self
 
@@ -86,4 +85,4 @@ class FileBytes:
                 return self._stream.readinto(out.data) or 0
         except OSError as error:
             reason = f"cannot be read: {error.strerror or error}; check permission and medium"
-            raise InputError.at_line(self.path, None, reason) from None
+            raise InputError.in_file(self.path, reason) from None

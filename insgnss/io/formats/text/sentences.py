@@ -85,13 +85,11 @@ def read_sentences(path: Source) -> Sentences:
     starts, stars, lines = (np.zeros(n, dtype=np.int64) for _ in range(3))
     n = _kernels.nmea_sentences(buf, starts, stars, lines)
     if n == 0:
-        raise InputError.at_line(
-            path, None, "holds no line; check that the recording was copied whole"
-        )
+        raise InputError.in_file(path, "holds no line; check that the recording was copied whole")
     between = _other_text(buf, starts[:n], stars[:n])
     starts, stars, lines = starts[:n][~between], stars[:n][~between], lines[:n][~between]
     if (n := starts.size) == 0:
-        raise InputError.at_line(path, None, "holds no sentence; check that it is the log")
+        raise InputError.in_file(path, "holds no sentence; check that it is the log")
     good = stars > 0
     unchecked = _unchecked(buf, starts, stars) if good.mean() < 1.0 - BAD_SHARE_LIMIT else {}
     for rows in unchecked.values():

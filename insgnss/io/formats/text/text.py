@@ -170,15 +170,13 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
             buf = np.empty(size + room, dtype=np.uint8)
             count = stream.readinto(buf.data[:size])
     except FileNotFoundError:
-        raise InputError.at_line(
-            path, None, "no such file; check the path in the flight file"
-        ) from None
+        raise InputError.in_file(path, "no such file; check the path in the flight file") from None
     except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            path, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
     if size == 0:
-        raise InputError.at_line(path, None, "is empty; copy it again from its source")
+        raise InputError.in_file(path, "is empty; copy it again from its source")
     if count < size:
         raise shrunk(path, count, size)
     return buf

@@ -94,5 +94,5 @@ def parse_xml(path: object, data: bytes | IO[bytes], packed: float = math.inf) -
         level = [element for parent in level for element in parent]
     if level:
         problem = f"elements within each other more than {DEEPEST_NESTING} deep"
-        raise InputError.at_line(path, None, f"{problem}; export it again")
+        raise InputError.in_file(path, f"{problem}; export it again")
     return root

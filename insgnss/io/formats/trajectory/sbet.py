@@ -213,7 +213,7 @@ def _sigma_at(path: Path, time: Array) -> Array:
             f"accuracies from {span}, but the SBET's times exceed them by {beyond:.3f} s (limit"
             f" {OVERHANG_S} s); is it of another run?"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     return np.column_stack([np.interp(time, smrmsg.time, column) for column in sigma.T])
 
 
@@ -225,18 +225,16 @@ def _records(path: Source, fields: int) -> Array:
             f"{buf.size} bytes are no whole number of records of {size} bytes; it is cut off, or of"
             " another format"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     table = np.ascontiguousarray(buf.view("<f8").reshape(-1, fields), dtype=np.float64)
     if (bad := ~np.isfinite(table)).any():
         row, k = (int(i) for i in np.argwhere(bad)[0])
-        raise InputError.at_line(
-            path, None, f"record {row + 1}, value {k + 1} is not finite; is it another format?"
+        raise InputError.in_file(
+            path, f"record {row + 1}, value {k + 1} is not finite; is it another format?"
         )
     if np.abs(table).max() > LARGEST_VALUE:
         row, k = (int(i) for i in np.argwhere(np.abs(table) > LARGEST_VALUE)[0])
-        raise InputError.at_line(
-            path,
-            None,
-            f"record {row + 1}, value {k + 1} is {table[row, k]:g}; is it another format?",
+        raise InputError.in_file(
+            path, f"record {row + 1}, value {k + 1} is {table[row, k]:g}; is it another format?"
         )
     return table
