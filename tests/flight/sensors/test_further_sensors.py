@@ -219,7 +219,7 @@ def test_headings_of_novatel_and_unicore(tmp_path):
     np.testing.assert_allclose(read.time, [604799.9, 604800.1])
     np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.21, 1.5])
     np.testing.assert_allclose(np.degrees(np.sqrt(read.cov[:, 0, 0])), 0.31)
-    assert "1 without a solution" in notes[0].found
+    assert "1 without solution" in notes[0].found
     read, _ = read_measurement(
         options(tmp_path, oem(UNI.format(375570200, "SOL_COMPUTED", 7.0))), 2008
     )

@@ -7,22 +7,23 @@ logs. Heights are above mean sea level and become ellipsoidal by the undulation 
 
 import re
 import zlib
+from collections.abc import Callable, Collection
+from typing import NamedTuple
 
 import numpy as np
 
 from ....base.errors import InputError
-from ....records import Finding, GnssFixes
+from ....records import GnssFixes
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.layout import decode, shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines
-from ..text.text import Source, load, number
+from ..text.text import FileLine, Source, load
+from ..text.units import DEG
 from .fixes import FixScales, fixes_from_columns
 
 LOGS = ("BESTGNSSPOSA", "BESTPOSA", "RTKPOSA", "PSRPOSA")  # the first that there is
-_LOG = re.compile(rf"#((?:{'|'.join(LOGS)}),[^*\n]*)(?:\*([0-9a-fA-F]{{8}}))?")
-# fields before the semicolon, and behind it up to the number of satellites
-HEADER_FIELDS, LEAST_FIELDS = 10, 15
+LEAST_FIELDS = 10, 15  # before the semicolon, and behind it up to the number of satellites
 WEEK, SECONDS = 5, 6  # fields of the header
 # type of the position to RTKLIB's codes: the first whose letters it has
 QUALITY = (
@@ -31,10 +32,74 @@ QUALITY = (
 )
 
 
+class OemLog(NamedTuple):
+    """A log: where it stands, its name, and its fields before and behind the semicolon."""
+
+    line: FileLine
+    name: str
+    header: list[str]
+    body: list[str]
+
+
+def _pattern(names: Collection[str]) -> re.Pattern[str]:
+    """Return the pattern of logs of these names: what the checksum is of, and the checksum."""
+    return re.compile(rf"#((?:{'|'.join(names)}),[^*\n]*)(?:\*([0-9a-fA-F]{{8}}))?")
+
+
 def is_novatel(head: bytes) -> bool:
     """Tell whether the first bytes of a file begin with a log of NovAtel, or hold two of them."""
-    text = decode(head)
-    return _LOG.match(text) is not None or len(_LOG.findall(text)) > 1
+    text, pattern = decode(head), _pattern(LOGS)
+    return pattern.match(text) is not None or len(pattern.findall(text)) > 1
+
+
+def solved_logs(
+    path: Source,
+    text: str,
+    names: Collection[str],
+    least: tuple[int, int],
+    is_solved: Callable[[OemLog], bool],
+) -> tuple[list[OemLog], tuple[str, ...]]:
+    """Return the logs of some names that have a right checksum and a solution.
+
+    Parameters
+    ----------
+    path, text
+        The file and what it holds.
+    names : collection of str
+        Names of the logs.
+    least : tuple of int
+        Fields of header and body that are read, at least.
+    is_solved : function
+        Whether a log has a solution.
+
+    Returns
+    -------
+    list of OemLog
+        The logs.
+    tuple of str
+        How many were left out, where there are any.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of wrong checksums, or a log of too few fields.
+    """
+    matches = [
+        (FileLine(path, number), match[1], match[2])
+        for number, row in enumerate(text.split("\n"), 1)
+        for match in _pattern(names).finditer(row)
+    ]
+    right = [match for match in matches if match[2] and int(match[2], 16) == _checksum(match[1])]
+    if (wrong := len(matches) - len(right)) > BAD_SHARE_LIMIT * len(matches):
+        line, content, _ = next(match for match in matches if match not in right)
+        raise line.error(
+            f"no right checksum in {shown('#' + content)}, as in {wrong} of {len(matches)} logs"
+            f" (limit {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
+        )
+    logs = [_fields(line, content, least) for line, content, _ in right]
+    solved = [log for log in logs if log.body[0] == "SOL_COMPUTED" and is_solved(log)]
+    without = f"{wrong} logs without a right checksum, {len(logs) - len(solved)} without solution"
+    return solved, (f"left out {without}",) if len(solved) < len(matches) else ()
 
 
 def read_novatel(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
@@ -61,59 +126,42 @@ def read_novatel(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFix
         What cannot be read, with file and line.
     """
     text = decode(bytes(load(path)[0][:-1]))
-    logs = [
-        (line, match[1], match[2])
-        for line, row in enumerate(text.split("\n"), 1)
-        for match in _LOG.finditer(row)
-    ]
-    kind = next(name for name in LOGS if any(body.startswith(name) for _, body, _ in logs))
-    logs = [log for log in logs if log[1].startswith(f"{kind},")]
-    right = [log for log in logs if log[2] and int(log[2], 16) == _checksum(log[1])]
-    if (wrong := len(logs) - len(right)) > BAD_SHARE_LIMIT * len(logs):
-        line, body, _ = next(log for log in logs if log not in right)
-        raise InputError.at_line(
-            path,
-            line,
-            f"no right checksum in {shown('#' + body)}, as in {wrong} of {len(logs)} logs (limit"
-            f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again",
-        )
-    rows = [(line, row) for line, body, _ in right if (row := _row(path, line, body)) is not None]
-    if not rows:
-        problem = f"none of its {len(logs)} {kind} logs has a solution; is it the rover's log?"
+    kind = next(name for name in LOGS if f"#{name}," in text)
+    logs, left_out = solved_logs(
+        path, text, (kind,), LEAST_FIELDS, lambda log: log.body[1] != "NONE"
+    )
+    if not logs:
+        count = text.count(f"#{kind},")
+        problem = f"none of its {count} {kind} logs has a solution; is it the rover's log?"
         raise InputError.in_file(path, problem)
     names = ("week", "tow", "lat", "lon", "h", "sd_n", "sd_e", "sd_u", "q", "age_s", "satellites")
-    cols = dict(zip(names, np.array([row for _, row in rows]).T, strict=True))
-    lines = SentenceLines(str(path), [line for line, _ in rows])
-    notes: tuple[Finding, ...] = ()
-    if len(rows) < len(logs):
-        without = len(right) - len(rows)
-        finding = f"left out {wrong} logs without a right checksum, {without} without solution"
-        notes = (note("GNSS rows", finding, "whole logs with a solution", "check the receiver"),)
-    scales = FixScales(angle=np.pi / 180.0)
-    return fixes_from_columns(cols, lines, scales, options, notes=notes)
+    cols = dict(zip(names, np.array([_row(log) for log in logs]).T, strict=True))
+    lines = SentenceLines(str(path), [log.line.number for log in logs])
+    expected, advice = "whole logs with a solution", "check the receiver"
+    notes = tuple(note("GNSS rows", finding, expected, advice) for finding in left_out)
+    return fixes_from_columns(cols, lines, FixScales(angle=DEG), options, notes=notes)
 
 
-def _checksum(body: str) -> int:
+def _checksum(content: str) -> int:
     """Return the CRC-32 of a log, from zero and without a last inversion."""
-    return zlib.crc32(body.encode("latin-1", "replace"), 0xFFFFFFFF) ^ 0xFFFFFFFF
+    return zlib.crc32(content.encode("latin-1", "replace"), 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
-def _row(path: Source, line: int, body: str) -> tuple[float, ...] | None:
-    """Return the numbers of a log with a solution, else None; InputError for what is none."""
-    header, _, solution = body.partition(";")
-    heading, fields = header.split(","), solution.split(",")
-    if len(heading) < HEADER_FIELDS or len(fields) < LEAST_FIELDS:
-        problem = f"{len(heading)} fields and {len(fields)} behind the semicolon"
-        least = f"{HEADER_FIELDS} and {LEAST_FIELDS} are the least; delete the line"
-        raise InputError.at_line(path, line, f"{problem}, {least}")
-    if fields[0] != "SOL_COMPUTED" or fields[1] == "NONE":
-        return None
-    week, tow = (number(heading[k], path, line) for k in (WEEK, SECONDS))
-    lat, lon, above_sea, undulation = (number(field, path, line) for field in fields[2:6])
-    north, east, up = (number(field, path, line) for field in fields[7:10])
-    quality = next((code for letters, code in QUALITY if letters in fields[1]), 0)
-    age, satellites = (number(fields[k], path, line) for k in (11, 14))
-    return (
-        *(week, tow, lat, lon, above_sea + undulation, north, east, up),
-        *(float(quality), age, satellites),
-    )
+def _fields(line: FileLine, content: str, least: tuple[int, int]) -> OemLog:
+    """Return the fields of a log; InputError for too few."""
+    header, _, body = content.partition(";")
+    log = OemLog(line, header.partition(",")[0], header.split(","), body.split(","))
+    if len(log.header) < least[0] or len(log.body) < least[1]:
+        problem = f"{len(log.header)} fields and {len(log.body)} behind the semicolon"
+        raise line.error(f"{problem}, {least[0]} and {least[1]} are the least; delete the line")
+    return log
+
+
+def _row(log: OemLog) -> tuple[float, ...]:
+    """Return the numbers of a log; InputError for what is none."""
+    numbers = [log.line.value(log.header[k]) for k in (WEEK, SECONDS)]
+    lat, lon, above_sea, undulation = map(log.line.value, log.body[2:6])
+    sigmas = map(log.line.value, log.body[7:10])
+    quality = next((code for letters, code in QUALITY if letters in log.body[1]), 0)
+    age, satellites = (log.line.value(log.body[k]) for k in (11, 14))
+    return (*numbers, lat, lon, above_sea + undulation, *sigmas, float(quality), age, satellites)

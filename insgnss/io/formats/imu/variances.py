@@ -45,7 +45,16 @@ SPEC = TableSpec(
     },
     text=True,
 )
+# name in a JSON file, and of the column, of the curves of avar::avar and wv::wvar
+JSON_NAMES = {
+    "avar": (("levels", "tau_s"), ("allan", "allan_variance")),
+    "wvar": (
+        *(("scales", "scale_s"), ("variance", "wavelet_variance")),
+        *(("ci_low", "low"), ("ci_high", "high")),
+    ),
+}
 KEYS = ("rate_hz", "samples", "axis", "sensor", "unit", "gyro_unit", "accel_unit")
+_TIMES = ("scale_s", "tau_s")
 _VALUES = ("wavelet_variance", "allan_variance", "allan_deviation")
 _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
 _ROUNDING = 0.01  # relative, of a published scale
@@ -122,35 +131,29 @@ def read_variances(
 def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
     """Read a text table; `stated` holds line and value of each of `KEYS`, of comments or caller."""
     table = read_text_table(path)
-    if table.layout.header_fields is None:
-        raise InputError.at_line(
-            path,
-            table.layout.first_line,
-            f"no header; the line before the numbers must name the columns, {_EXAMPLE}",
-        )
-    index = SPEC.index(table.path, table.layout)
-    line = table.layout.header_line
-    time, value = _meaning(path, line, index)
+    layout, at_header = table.layout, partial(InputError.at_line, path, table.layout.header_line)
+    if layout.header_fields is None:
+        problem = f"no header; the line before the numbers must name the columns, {_EXAMPLE}"
+        raise InputError.at_line(path, layout.first_line, problem)
+    index = SPEC.index(table.path, layout)
+    time, value = _meaning(index, at_header)
     for key in ("rate_hz", "samples"):
         if key not in stated:
-            raise InputError.at_line(
-                path,
-                line,
-                f"{key} is not said; write it into a comment before the header, as in '# {key} ="
-                " 250'",
-            )
-    rate = _positive(path, *stated["rate_hz"], "rate_hz")
-    n = _positive(path, *stated["samples"], "samples")
+            how = f"write it into a comment before the header, as in '# {key} = 250'"
+            raise at_header(f"{key} is not said; {how}")
+    rate, n = (_positive(path, *stated[key], key) for key in ("rate_hz", "samples"))
     names = np.array(_axis_names(table, index, stated))
-    data = {
-        name: table.floats(index[name]) for name in (time, value, "low", "high") if name in index
-    }
+    data = {key: table.floats(index[key]) for key in (time, value, "low", "high") if key in index}
     curves = {}
     for name in dict.fromkeys(names.tolist()):
+        rows = np.flatnonzero(names == name)
+
+        def refuse(k: int, message: str, rows: NDArray[np.int64] = rows) -> InputError:
+            return table.error_at(int(rows[k]), message)
+
+        columns = {key: column[rows] for key, column in data.items()}
         factor = _stated_factor(path, name.partition("_")[0], stated)
-        curves[name] = _text_curve(
-            table, np.flatnonzero(names == name), data, (time, value), factor, rate, int(n)
-        )
+        curves[name] = _curve(columns, factor, rate, int(n), refuse)
     return PublishedVariances(stated["sensor"][1] if "sensor" in stated else "", curves)
 
 
@@ -172,61 +175,23 @@ def _axis_names(
     raise InputError.at_line(table.path, table.layout.header_line, message)
 
 
-def _text_curve(
-    table: TextTable,
-    rows: NDArray[np.int64],
-    data: Mapping[str, Array],
-    names: tuple[str, str],
-    factor: float,
-    rate_hz: float,
-    samples: int,
-) -> WaveletVariance:
-    """Return the curve that stands in `rows`; `names` are the columns of time and value."""
-    time, value = names
-    scale = data[time][rows] * (2.0 if time == "tau_s" else 1.0)
-    nu = {
-        key: factor**2 * _wavelet_variance(data[key][rows], value)
-        for key in (value, "low", "high")
-        if key in data
-    }
-    return _curve(
-        scale,
-        nu[value],
-        nu.get("low"),
-        nu.get("high"),
-        rate_hz,
-        samples,
-        lambda k, message: table.error_at(int(rows[k]), message),
-    )
-
-
-def _meaning(path: Source, line: int | None, index: dict[str, int]) -> tuple[str, str]:
+def _meaning(index: dict[str, int], refuse: Refusal) -> tuple[str, str]:
     """Return the names of the column of time and of the column of values.
 
     "variance" beside scale_s alone is one of wavelets.
     """
-    time = [name for name in ("scale_s", "tau_s") if name in index]
+    time = [name for name in _TIMES if name in index]
     if "variance" in index and time == ["scale_s"]:
         index["wavelet_variance"] = index.pop("variance")
     if "variance" in index:
-        raise InputError.at_line(
-            path,
-            line,
-            "'variance' over tau_s may be either; name the column wavelet_variance or"
-            " allan_variance",
-        )
+        how = "name the column wavelet_variance or allan_variance"
+        raise refuse(f"'variance' over tau_s may be either; {how}")
     value = [name for name in _VALUES if name in index]
     if len(time) != 1 or len(value) != 1:
-        raise InputError.at_line(
-            path,
-            line,
-            f"one column of scale_s, tau_s and one of {', '.join(_VALUES)} must be named,"
-            f" {_EXAMPLE}",
-        )
+        needed = f"one column of {', '.join(_TIMES)} and one of {', '.join(_VALUES)}"
+        raise refuse(f"{needed} must be named, {_EXAMPLE}")
     if ("low" in index) != ("high" in index):
-        raise InputError.at_line(
-            path, line, "of the interval only one end is there; give both, low and high, or none"
-        )
+        raise refuse("of the interval only one end is there; give both, low and high, or none")
     return time[0], value[0]
 
 
@@ -281,46 +246,39 @@ def _axis_name(text: str, refuse: Refusal) -> str:
 
 
 def _curve(
-    scale_s: Array,
-    nu: Array,
-    low: Array | None,
-    high: Array | None,
-    rate_hz: float,
-    samples: int,
-    refuse: RowRefusal,
+    columns: Mapping[str, Array], factor: float, rate_hz: float, samples: int, refuse: RowRefusal
 ) -> WaveletVariance:
-    """Return the record, after a check of all values.
+    """Return the record of columns of one time, one value and its interval, after a check of all.
 
-    Without intervals it has those of `stochastic.wavelet` (W.3).
+    Without intervals it has those of `stochastic.wavelet` (W.3). Values times `factor` squared are
+    in SI.
     """
+    kind = next(name for name in _VALUES if name in columns)
+    scale_s = columns["scale_s"] if "scale_s" in columns else 2.0 * columns["tau_s"]
+    nu, low, high = (
+        factor**2 * _wavelet_variance(columns[name], kind) if name in columns else None
+        for name in (kind, "low", "high")
+    )
+    assert nu is not None
     exact = np.log2(np.maximum(scale_s * rate_hz, 1e-300))
     level = np.rint(exact).astype(np.int64)
     count = samples - 2.0**level + 1
     for k, s in enumerate(scale_s):
+        problem = ""
         if level[k] < 1 or abs(exact[k] - level[k]) > _ROUNDING / math.log(2.0):
-            raise refuse(
-                k,
-                f"scale {s:g} s is {s * rate_hz:g} samples of {rate_hz:g} Hz; only powers of two,"
-                " from 2 on, can be fitted",
-            )
-        if k and level[k] <= level[k - 1]:
-            raise refuse(
-                k, f"scale {s:g} s follows {scale_s[k - 1]:g} s; scales must increase, each once"
-            )
-        if count[k] < 1:
-            raise refuse(
-                k,
-                f"scale {s:g} s is longer than the {samples} samples of {rate_hz:g} Hz; correct"
-                " these",
-            )
-        if nu[k] <= 0.0:
+            of_samples = f"is {s * rate_hz:g} samples of {rate_hz:g} Hz"
+            problem = f"{of_samples}; only powers of two, from 2 on, can be fitted"
+        elif k and level[k] <= level[k - 1]:
+            problem = f"follows {scale_s[k - 1]:g} s; scales must increase, each once"
+        elif count[k] < 1:
+            problem = f"is longer than the {samples} samples of {rate_hz:g} Hz; correct these"
+        elif nu[k] <= 0.0:
             raise refuse(k, f"variance {nu[k]:g} at scale {s:g} s; it must be greater than zero")
-        if low is not None and high is not None and not 0.0 < low[k] < nu[k] < high[k]:
-            raise refuse(
-                k,
-                f"the interval at scale {s:g} s does not hold its value, or starts below zero;"
-                " leave it out",
-            )
+        elif low is not None and high is not None and not 0.0 < low[k] < nu[k] < high[k]:
+            interval = f"the interval at scale {s:g} s does not hold its value"
+            raise refuse(k, f"{interval}, or starts below zero; leave it out")
+        if problem:
+            raise refuse(k, f"scale {s:g} s {problem}")
     if not (np.abs(count) < MOST_COEFFICIENTS).all():
         raise refuse(0, f"{count.max():g} coefficients at a scale; a recording has fewer")
     if low is None or high is None:
@@ -334,40 +292,38 @@ def _read_json(
     content, name = _member(path, parse_json(path, text), member)
 
     prefix = f"{name}: " if name else ""
-    refuse = partial(_refusal, path, prefix)
-    allan = "avar" in content
-    named = content["avar" if allan else "wvar"]
+
+    def refuse(message: str) -> InputError:
+        return InputError.in_file(path, prefix + message)
+
+    kind_of_curves = "avar" if "avar" in content else "wvar"
+    named = content[kind_of_curves]
     kinds, letters = (_strings(content.get(key), key, refuse) for key in ("type", "axis"))
     if not isinstance(named, dict) or not len(named) == len(kinds) == len(letters) > 0:
-        raise refuse(
-            f"{'avar' if allan else 'wvar'}, type and axis must name the same axes, one or more"
-        )
+        raise refuse(f"{kind_of_curves}, type and axis must name the same axes, one or more")
     rate, n = (float(_numbers(content.get(key), key, refuse)[0]) for key in ("freq", "n"))
     if not (rate > 0.0 and n >= 4.0 and n % 1.0 == 0.0):
-        raise refuse(
-            f"freq {rate:g} and n {n:g}; a rate in Hz and a number of samples are expected"
-        )
+        expected = "a rate in Hz and a number of samples are expected"
+        raise refuse(f"freq {rate:g} and n {n:g}; {expected}")
     curves = {}
     for (label, curve), kind, letter in zip(named.items(), kinds, letters, strict=True):
+
+        def refuse_curve(message: str, label: str = label) -> InputError:
+            return refuse(f"{label}: {message}")
+
         axis = _axis_name(f"{kind} {letter}", refuse)
         if axis in curves or not isinstance(curve, dict):
-            raise refuse(f"{label}: {axis} is there twice, or its curve is no object")
-        factor = (
-            unit_factor(units[sensor], sensor)
-            if (sensor := axis.partition("_")[0]) in units
-            else 1.0
-        )
-        curves[axis] = _json_curve(
-            curve, allan, factor, rate, int(n), partial(_refusal, path, f"{prefix}{label}: ")
+            raise refuse_curve(f"{axis} is there twice, or its curve is no object")
+        sensor = axis.partition("_")[0]
+        factor = unit_factor(units[sensor], sensor) if sensor in units else 1.0
+        columns = _json_columns(curve, kind_of_curves, refuse_curve)
+        curves[axis] = _curve(
+            columns, factor, rate, int(n), lambda _, message: refuse_curve(message)
         )
     sensor_name = content.get("sensor")
     return PublishedVariances(
         _strings(sensor_name, "sensor", refuse)[0] if sensor_name else name, curves
     )
-
-
-def _refusal(path: Source, prefix: str, message: str) -> InputError:
-    return InputError.in_file(path, prefix + message)
 
 
 def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any], str]:
@@ -396,47 +352,22 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
     return content, name
 
 
-def _json_curve(
-    curve: dict[str, Any], allan: bool, factor: float, rate_hz: float, samples: int, refuse: Refusal
-) -> WaveletVariance:
-    """Return a curve of wv::wvar (variance, ci_low, ci_high, scales) or of avar::avar.
-
-    The latter has allan and levels, the averaging times.
-    """
+def _json_columns(curve: dict[str, Any], kind: str, refuse: Refusal) -> dict[str, Array]:
+    """Return the columns of a curve of wv::wvar or of avar::avar, whose levels are times."""
     for key, wanted in (("decomp", "modwt"), ("filter", "haar"), ("type", "mo")):
         if key in curve and (got := _strings(curve[key], key, refuse)[0]) != wanted:
             raise refuse(f"{key} {got!r}; only {wanted!r} (overlapping, Haar) can be fitted")
-    names = ("levels", "allan") if allan else ("scales", "variance", "ci_low", "ci_high")
-    columns = [_numbers(curve.get(name), name, refuse) for name in names]
-    if len({column.size for column in columns}) != 1:
-        raise refuse(
-            f"{', '.join(names)} are of {', '.join(str(column.size) for column in columns)} values;"
-            " as many of each are expected"
-        )
-    if allan:
-        return _curve(
-            2.0 * columns[0],
-            0.5 * factor**2 * columns[1],
-            None,
-            None,
-            rate_hz,
-            samples,
-            lambda _, message: refuse(message),
-        )
-    if "alpha" in curve and (alpha := float(_numbers(curve["alpha"], "alpha", refuse)[0])) != 0.05:
-        raise refuse(
-            f"intervals of {100 * (1 - alpha):g} %; those of 95 % (alpha 0.05) are expected"
-        )
-    scale, nu, low, high = columns
-    return _curve(
-        scale,
-        factor**2 * nu,
-        factor**2 * low,
-        factor**2 * high,
-        rate_hz,
-        samples,
-        lambda _, message: refuse(message),
-    )
+    columns = {name: _numbers(curve.get(key), key, refuse) for key, name in JSON_NAMES[kind]}
+    if len({column.size for column in columns.values()}) != 1:
+        keys = ", ".join(key for key, _ in JSON_NAMES[kind])
+        sizes = ", ".join(str(column.size) for column in columns.values())
+        raise refuse(f"{keys} are of {sizes} values; as many of each are expected")
+    if kind == "avar" or "alpha" not in curve:
+        return columns
+    if (alpha := float(_numbers(curve["alpha"], "alpha", refuse)[0])) != 0.05:
+        of_others = f"intervals of {100 * (1 - alpha):g} %"
+        raise refuse(f"{of_others}; those of 95 % (alpha 0.05) are expected")
+    return columns
 
 
 def _numbers(value: Any, key: str, refuse: Refusal) -> Array:

@@ -12,7 +12,7 @@ from ....base.errors import InputError
 from ....records import Finding
 from .layout import decode
 from .order import note
-from .text import Source, load
+from .text import FileLine, Source, load
 
 # of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
 BAD_SHARE_LIMIT = 0.01
@@ -45,7 +45,7 @@ class Sentences:
         advice = "let the logger write the sentences alone where it lacks some"
         return (note(rows, finding, "sentences", advice),) if self.n_other else ()
 
-    def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
+    def fields(self, *kinds: bytes) -> Iterator[tuple[FileLine, list[str]]]:
         """Yield line and fields of each sentence whose name ends in one of three letters.
 
         The first field stands without its '$'.
@@ -54,7 +54,8 @@ class Sentences:
         all_of_them = (self.starts.tolist(), self.stars.tolist(), self.lines.tolist())
         for start, star, line in through(list(zip(*all_of_them, strict=True))):
             if data[start + 3 : start + 6] in kinds:
-                yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
+                text = data[start + 1 : star].decode("ascii", "replace")
+                yield FileLine(self.path, line), text.split(",")
 
     def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
         """Return the text between `opening` and '*' in sentences that begin so, and their lines."""

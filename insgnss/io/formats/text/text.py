@@ -132,6 +132,22 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
     )
 
 
+@dataclass(frozen=True)
+class FileLine:
+    """A line of a file, which refuses what stands in it."""
+
+    path: Source
+    number: int
+
+    def error(self, problem: str) -> InputError:
+        """Return the error `problem` at the line."""
+        return InputError.at_line(self.path, self.number, problem)
+
+    def value(self, field: str) -> float:
+        """Return the finite float of a field of the line; InputError for what is none."""
+        return number(field, self.path, self.number)
+
+
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     """Return the bytes of a text file with a newline behind them, and whether its last line ended.
 
