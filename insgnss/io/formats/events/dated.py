@@ -31,9 +31,9 @@ from ....records import Array, CameraEvents, Finding
 from ..names import DATED, IMAGE_ENDINGS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.columns import Columns, TableSpec
-from ..text.layout import Layout, decode, is_comment, shown
+from ..text.layout import Layout, decode, shown
 from ..text.order import Lines, note
-from ..text.text import Source, TextTable, load
+from ..text.text import FileLine, Source, TextTable, data_lines, load
 from .events import events_in_order
 
 STAMP = re.compile(
@@ -130,49 +130,39 @@ def read_dated_events(path: Source, options: ReadOptions = STATED_NOTHING) -> Ca
 def table_of_dates(path: Source) -> TextTable:
     """Return the fields of a table; its header is a first line without a date."""
     buf, complete = load(path)
-    texts = decode(bytes(buf[:-1])).split("\n")
-    lines = [
-        (line, text.rstrip("\r"))
-        for line, text in enumerate(texts, 1)
-        if text.strip() and not is_comment(text)
-    ]
+    lines = [(line, text.rstrip("\r")) for line, text in data_lines(path, decode(bytes(buf[:-1])))]
     if not lines:
         raise InputError.in_file(path, "holds no line; check that the file was copied whole")
     delimiter = max(",;\t", key=lines[-1][1].count)
-    rows = [(line, _fields(path, line, text, delimiter)) for line, text in lines]
+    rows = [(line, _fields(line, text, delimiter)) for line, text in lines]
     header = None if STAMP.search(lines[0][1]) or _date_and_time(lines[0][1]) else rows.pop(0)
     if not rows:
         raise InputError.in_file(path, "holds a header and no exposure; copy it again")
     count = len(rows[0][1])
     for line, fields in rows:
         if len(fields) != count:
-            raise InputError.at_line(
-                path, line, f"{len(fields)} fields, expected {count}; correct or delete the line"
-            )
-    names = None if header is None else tuple(name.strip() for name in header[1])
-    if names is not None and len(names) != count:
-        names = None
-    layout = Layout(
-        delimiter,
-        ".",
-        count,
-        None if header is None else lines[0][1],
-        names,
-        None if header is None else header[0],
-        0,
-        rows[0][0],
-    )
+            problem = f"{len(fields)} fields, expected {count}"
+            raise line.error(f"{problem}; correct or delete the line")
+    layout = Layout(delimiter, ".", count, None, None, None, 0, rows[0][0].number)
+    if header is not None:
+        names = tuple(name.strip() for name in header[1])
+        layout = replace(
+            layout,
+            header=lines[0][1],
+            header_fields=names if len(names) == count else None,
+            header_line=header[0].number,
+        )
     cells = [[cell.strip() for cell in row] for _, row in rows]
-    return TextTable(str(path), layout, cells, [line for line, _ in rows], complete)
+    return TextTable(str(path), layout, cells, [line.number for line, _ in rows], complete)
 
 
-def _fields(path: Source, line: int, text: str, delimiter: str) -> list[str]:
+def _fields(line: FileLine, text: str, delimiter: str) -> list[str]:
     try:
         return next(csv.reader([text], delimiter=delimiter))
     except csv.Error:
         most = csv.field_size_limit()
         problem = f"{shown(text)} has a carriage return or a field of more than {most} characters"
-        raise InputError.at_line(path, line, f"{problem}; save it with line ends LF") from None
+        raise line.error(f"{problem}; save it with line ends LF") from None
 
 
 def dated_events(

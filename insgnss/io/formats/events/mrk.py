@@ -22,7 +22,7 @@ from ....records import Array, CameraEvents
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
-from ..text.text import Source, load, number
+from ..text.text import TRUNCATED, FileLine, Source, data_lines, load
 from .events import events_in_order
 
 _WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
@@ -99,29 +99,21 @@ def read_mrk(path: Source) -> MrkFile:
     """
     buf, complete = load(path)
     rows, lines = [], []
-    texts = decode(bytes(buf[:-1])).split("\n")
-    for line, text in enumerate(texts, 1):
-        if text.strip() and not text.lstrip().startswith(("#", "%")):
-            rows.append(_values(path, line, text))
-            lines.append(line)
+    content = decode(bytes(buf[:-1]))
+    for line, text in data_lines(path, content):
+        rows.append(_values(line, text))
+        lines.append(line)
     if not rows:
         raise InputError.in_file(path, "holds no event; check that the file was copied whole")
     for row, line in zip(rows, lines, strict=True):
         if row.keys() != rows[0].keys():
             differ = " ".join(sorted(row.keys() ^ rows[0].keys()))
             cut = "truncated: the file ends within this line; " if line == lines[-1] else ""
-            raise InputError.at_line(
-                path,
-                line,
-                f"{cut}{len(row)} values, expected {len(rows[0])} as in line {lines[0]} (differing:"
-                f" {differ}); copy the file again",
-            )
-    if not complete and texts[-1].strip() and "q" not in rows[-1]:
-        raise InputError.at_line(
-            path,
-            lines[-1],
-            "truncated: the file ends within this line; copy it again or delete the line",
-        )
+            as_first = f"expected {len(rows[0])} as in line {lines[0].number}"
+            problem = f"{cut}{len(row)} values, {as_first} (differing: {differ})"
+            raise line.error(f"{problem}; copy the file again")
+    if not complete and content.rpartition("\n")[2].strip() and "q" not in rows[-1]:
+        raise lines[-1].error(TRUNCATED)
     number, tow, week = (
         np.array([row.get(name, -1.0) for row in rows]) for name in ("number", "tow", "week")
     )
@@ -131,39 +123,34 @@ def read_mrk(path: Source) -> MrkFile:
         else None
         for names in (OFFSET, CAMERA, SIGMAS)
     )
+    numbers = tuple(line.number for line in lines)
     return MrkFile(
-        *(str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64)),
+        *(str(path), numbers, number.astype(np.int64), tow, week.astype(np.int64)),
         *(None if offset is None else 1e-3 * offset, camera, sigma),
     )
 
 
-def _values(path: Source, line: int, text: str) -> dict[str, float]:
+def _values(line: FileLine, text: str) -> dict[str, float]:
     """Return the values of a line by name.
 
     Those without a name are number, time of week, and then three standard deviations.
     """
     if is_binary(text):
-        raise InputError.at_line(path, line, f"is no text; {BINARY}")
+        raise line.error(f"is no text; {BINARY}")
     row: dict[str, float] = {}
     if week := _WEEK.search(text):
-        row["week"] = number(week[1], path, line)
+        row["week"] = line.value(week[1])
         text = text[: week.start()] + " " + text[week.end() :]
     tokens, unnamed, i = _TOKEN.findall(text), [], 0
     while i < len(tokens):
         if not _NUMBER.fullmatch(tokens[i]):
-            raise InputError.at_line(
-                path,
-                line,
-                f"{shown(tokens[i])} where a number must stand: {shown(text.strip())}; correct the"
-                " line",
-            )
-        value = number(tokens[i], path, line)
+            wrong = f"{shown(tokens[i])} where a number must stand: {shown(text.strip())}"
+            raise line.error(f"{wrong}; correct the line")
+        value = line.value(tokens[i])
         name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
         if name in NAMES:
             if name in row:
-                raise InputError.at_line(
-                    path, line, f"{tokens[i + 1]} stands twice; correct or delete the line"
-                )
+                raise line.error(f"{tokens[i + 1]} stands twice; correct or delete the line")
             row[name] = value
         else:
             unnamed.append(value)
@@ -173,21 +160,13 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"
         )
-        raise InputError.at_line(
-            path, line, f"{message}: {shown(text.strip())}; copy the file again"
-        )
+        raise line.error(f"{message}: {shown(text.strip())}; copy the file again")
     row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
-    if odd := [
-        name
-        for name in ("number", "week", "q")
-        if name in row and not (row[name].is_integer() and 0.0 <= row[name] <= LARGEST_NUMBER)
-    ]:
-        raise InputError.at_line(
-            path,
-            line,
-            f"{odd[0]} {row[odd[0]]:g} is no whole number from 0 to {LARGEST_NUMBER}; correct or"
-            " delete the line",
-        )
+    for name in ("number", "week", "q"):
+        value = row.get(name, 0.0)
+        if not (value.is_integer() and 0.0 <= value <= LARGEST_NUMBER):
+            problem = f"{name} {value:g} is no whole number from 0 to {LARGEST_NUMBER}"
+            raise line.error(f"{problem}; correct or delete the line")
     return row
 
 

@@ -15,7 +15,7 @@ from ....records import Array, Finding, ImuSamples
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.order import note
 from ..text.sentences import SentenceLines, read_sentences
-from ..text.text import Source, number
+from ..text.text import FileLine, Source
 from ..text.units import DEG
 from .imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 
@@ -75,14 +75,11 @@ def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
     if (bad >= 0).any():
         row, status = int(bad[bad[:, 0] >= 0, 1].min()) - 1, _kernels.BAD_NUMBER
     if status != _kernels.OK:
+        line = FileLine(path, lines[row])
         fields = bodies[row].decode("ascii", "replace").split(",")
         if len(fields) != N_FIELDS:
-            raise InputError.at_line(
-                path,
-                lines[row],
-                f"{len(fields)} fields in $AIMU, expected {N_FIELDS}; is it another version of the"
-                " format?",
-            )
+            problem = f"{len(fields)} fields in $AIMU, expected {N_FIELDS}"
+            raise line.error(f"{problem}; is it another version of the format?")
         for field in fields:
-            number(field, path, lines[row])
+            line.value(field)
     return table

@@ -24,7 +24,7 @@ from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import gps_time
 from ..text.layout import BINARY, Layout, decode, is_binary, is_comment
 from ..text.order import refuse_rows
-from ..text.text import Source, load, number, parse
+from ..text.text import TRUNCATED, FileLine, Source, load, parse
 from ..text.units import DEG
 
 HEAD_LINES, LINE_VALUES = 3, 6  # lines of the header, and values of a line, as PSINS writes them
@@ -91,10 +91,7 @@ def read_psins(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSample
     if not len(table.values):
         raise InputError.in_file(path, "ends behind its header; copy it again")
     if not complete:
-        raise table.error_at(
-            len(table.values) - 1,
-            "truncated: the file ends within this line; copy it again or delete the line",
-        )
+        raise table.error_at(len(table.values) - 1, TRUNCATED)
     beyond = np.abs(table.values).max(axis=1, initial=0.0) > LARGEST_INCREMENT_COUNTS
     refuse_rows(
         table, beyond, f"a count exceeds {LARGEST_INCREMENT_COUNTS:g}; correct or delete the line"
@@ -109,12 +106,13 @@ def read_psins(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSample
 
 def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int]:
     """Return the header, the offset of the first sample and its line."""
-    rows: list[tuple[int, list[float]]] = []
+    rows: list[tuple[FileLine, list[float]]] = []
     offset, axes = 0, ""
     data = buf.tobytes()
-    line = 0
+    count = 0  # of lines
     while len(rows) < HEAD_LINES and offset < len(data):
-        line += 1
+        count += 1
+        line = FileLine(path, count)
         end = data.index(b"\n", offset)
         text = decode(data[offset:end])
         offset = end + 1
@@ -122,21 +120,17 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
             axes = axes or _axes(text)
         elif text.strip():
             if is_binary(text):
-                raise InputError.at_line(path, line, f"is no text; {BINARY}")
-            fields = [number(field, path, line) for field in text.split()]
+                raise line.error(f"is no text; {BINARY}")
+            fields = [line.value(field) for field in text.split()]
             if len(fields) != LINE_VALUES:
-                raise InputError.at_line(
-                    path,
-                    line,
-                    f"{len(fields)} values in the header's line {len(rows) + 1}, expected"
-                    f" {LINE_VALUES}; is it a PSINS log?",
-                )
+                problem = f"{len(fields)} values in the header's line {len(rows) + 1}"
+                raise line.error(f"{problem}, expected {LINE_VALUES}; is it a PSINS log?")
             rows.append((line, fields))
     if len(rows) < HEAD_LINES:
         raise InputError.in_file(
             path, f"ends within its header, {len(rows)} of {HEAD_LINES} lines; copy it again"
         )
-    (_, first), (site_line, site), (scale_at, scale) = rows
+    (_, first), (site_line, site), (scale_line, scale) = rows
     if (
         abs(site[0]) > 90.0
         or abs(site[1]) > 360.0
@@ -144,38 +138,21 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
         or not 9.0 < site[5] < 10.0
         or not 0.0 <= site[3] < 1e6
     ):
-        raise InputError.at_line(
-            path,
-            site_line,
-            "latitude, longitude, height, t0, interval (ms) and g do not stand here; is it a PSINS"
-            " log?",
-        )
+        expected = "latitude, longitude, height, t0, interval (ms) and g"
+        raise site_line.error(f"{expected} do not stand here; is it a PSINS log?")
     if not all(0.0 < abs(value) < 1e9 for value in scale):
-        raise InputError.at_line(
-            path,
-            scale_at,
-            "the values of one count (arcsec, ug s) do not stand here; is it a PSINS log?",
-        )
+        expected = "the values of one count (arcsec, ug s)"
+        raise scale_line.error(f"{expected} do not stand here; is it a PSINS log?")
     rpy = (first[1] * DEG, first[0] * DEG, -first[2] * DEG)
-    gyro, accel = (
-        (DEG / 3600.0 * value for value in scale[:3]),
-        (1e-6 * site[5] * value for value in scale[3:]),
-    )
-    place_of = (site[0] * DEG, site[1] * DEG, site[2], site[3], 1e-3 * site[4], site[5])
-    return (
-        PsinsHeader(
-            rpy, (first[4], first[3], -first[5]), *place_of, tuple(gyro), tuple(accel), axes or AXES
-        ),
-        offset,
-        line + 1,
-    )
+    velocity = (first[4], first[3], -first[5])
+    site_values = (site[0] * DEG, site[1] * DEG, site[2], site[3], 1e-3 * site[4], site[5])
+    gyro = tuple(DEG / 3600.0 * value for value in scale[:3])
+    accel = tuple(1e-6 * site[5] * value for value in scale[3:])
+    header = PsinsHeader(rpy, velocity, *site_values, gyro, accel, axes or AXES)
+    return header, offset, count + 1
 
 
 def _axes(text: str) -> str:
     """Return the body directions that a comment names: `X-Right,Y-Foward,Z-Up`."""
     match = re.search(r"X-(\w+),\s*Y-(\w+),\s*Z-(\w+)", text)
-    return (
-        " ".join("forward" if name.lower() == "foward" else name.lower() for name in match.groups())
-        if match
-        else ""
-    )
+    return " ".join(match.groups()).lower().replace("foward", "forward") if match else ""

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....base.files import lines_of
 from ....base.inputs import BOM, opened
 from ....records import Array
 from .dates import is_date, seconds_of_dates
@@ -38,6 +37,7 @@ Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
 AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault in which its line is looked for
+TRUNCATED = "truncated: the file ends within this line; copy it again or delete the line"
 PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
@@ -148,6 +148,13 @@ class FileLine:
         return number(field, self.path, self.number)
 
 
+def data_lines(path: Source, text: str, first: int = 1) -> Iterator[tuple[FileLine, str]]:
+    """Yield the lines of a text that are neither empty nor comments, counted from `first`."""
+    for line, row in enumerate(text.split("\n"), first):
+        if row.strip() and not is_comment(row):
+            yield FileLine(path, line), row
+
+
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     """Return the bytes of a text file with a newline behind them, and whether its last line ended.
 
@@ -246,8 +253,8 @@ def parse(
     if status != _kernels.OK:
         raise _refusal(path, buf, complete, layout, status, offset, line)
     if not complete:
-        tail = lines_of(decode(bytes(buf[-8192:])))
-        _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
+        tail = decode(bytes(buf[-8192:])).split("\n", int(buf.size > 8192))[-1]
+        _refuse_short_end(path, tail, layout, line - 1)
     values, dates = values[:rows], frozenset[int]()
     if refused:
         dates = _take_dates(buf, layout, values, refused)
@@ -263,7 +270,7 @@ def _take_dates(
     rows: list[list[str]] | None = None
     for k in columns:
         if rows is None:
-            rows = [split_fields(text, layout.delimiter) for text in _data_lines(buf, layout)]
+            rows = _fields_of(buf, layout)
         if len(rows) != len(values) or not rows or not is_date(rows[0][k]):
             continue
         if (seconds := seconds_of_dates([row[k] for row in rows])) is not None:
@@ -272,19 +279,19 @@ def _take_dates(
     return frozenset(of_dates)
 
 
-def _data_lines(buf: NDArray[np.uint8], layout: Layout) -> list[str]:
-    """Lines from the layout's first data line on that are neither empty nor comments."""
-    texts = decode(bytes(buf[layout.skip_to : -1])).split("\n")
-    return [text for text in texts if text.strip() and not is_comment(text)]
+def _fields_of(buf: NDArray[np.uint8], layout: Layout) -> list[list[str]]:
+    """Fields of each line from the layout's first data line on."""
+    text = decode(bytes(buf[layout.skip_to : -1]))
+    return [split_fields(row, layout.delimiter) for _, row in data_lines("", text)]
 
 
 def _like_it(buf: NDArray[np.uint8], layout: Layout) -> str:
     """Say how many data lines have another number of fields, where it is more than one."""
-    texts = _data_lines(buf, layout)
-    odd = sum(len(split_fields(text, layout.delimiter)) != layout.n_fields for text in texts)
-    if odd < 2:
+    rows = _fields_of(buf, layout)
+    uneven = sum(len(row) != layout.n_fields for row in rows)
+    if uneven < 2:
         return ""
-    return f"; {odd} of {len(texts)} lines have another number of fields than {layout.n_fields}"
+    return f"; {uneven} of {len(rows)} lines have another number of fields than {layout.n_fields}"
 
 
 def _refusal(
@@ -342,16 +349,12 @@ def _refusal(
     )
 
 
-def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
+def _refuse_short_end(path: Source, tail: str, layout: Layout, line: int) -> None:
     """Refuse a last line without newline whose last number seems cut.
 
     It has fewer decimals than in all of the ten lines before.
     """
-    fields = [
-        split_fields(text, layout.delimiter)[-1]
-        for text in tail
-        if text.strip() and not is_comment(text)
-    ]
+    fields = [split_fields(text, layout.delimiter)[-1] for _, text in data_lines(path, tail)]
     *earlier, last = [field for field in fields if NUMBER.fullmatch(field)] or [""]
     decimals = {len(field.partition(layout.decimal)[2]) for field in earlier[-10:]}
     if (
@@ -373,10 +376,9 @@ def read_text_table(path: Source) -> TextTable:
     buf, complete = load(path)
     layout = sniff(path, buf)
     rows, lines = [], []
-    raw = decode(bytes(buf[layout.skip_to : -1])).split("\n")
-    for line, text in enumerate(raw, start=layout.first_line):
-        if not text.strip() or is_comment(text):
-            continue
+    content = decode(bytes(buf[layout.skip_to : -1]))
+    for at_line, text in data_lines(path, content, layout.first_line):
+        line = at_line.number
         refuse_long(path, line, text)
         fields = split_fields(text, layout.delimiter)
         if len(fields) != layout.n_fields:
@@ -387,7 +389,7 @@ def read_text_table(path: Source) -> TextTable:
         rows.append(fields)
         lines.append(line)
     if not complete:
-        _refuse_short_end(path, raw, layout, lines[-1])
+        _refuse_short_end(path, content, layout, lines[-1])
     return TextTable(str(path), layout, rows, lines, complete)
 
 
