@@ -5,14 +5,17 @@ besides are its options. `eo_json` is the master and takes the `ExteriorOrientat
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
 from ...records import FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 
+GIVEN = ("undulation_m", "relative")  # parameters of writers that the export itself gives
 Heights = Literal["", "ellipsoid", "sea level"]
 
 
@@ -34,8 +37,6 @@ class Export:
     heights : str
         What its consumer counts heights from: what the frame says (""), or always the ellipsoid of
         WGS84, or sea level.
-    options : tuple of str
-        What the writer takes besides.
     several : bool
         Whether it is a directory of files.
     needs : tuple of str
@@ -43,6 +44,8 @@ class Export:
     crs_order : bool
         Whether coordinates stand in the order that the CRS itself has; in all others easting comes
         first.
+    of_control : tuple of str
+        Options of the relative control that the writer is given (`navigation.orient.relative`).
     relative : bool
         Whether the writer takes relative control (`navigation.orient.relative`) instead of the
         orientation.
@@ -71,10 +74,10 @@ class Export:
     writer: str
     frames: tuple[str, ...]
     heights: Heights = ""
-    options: tuple[str, ...] = ()
     several: bool = False
     needs: tuple[str, ...] = ()
     crs_order: bool = False
+    of_control: tuple[str, ...] = ()
     relative: bool = False
     any_unit: bool = False
     frame: str = ""
@@ -87,6 +90,12 @@ class Export:
     def write(self) -> Callable[..., Any]:
         """The writer."""
         return function_at(self.writer)
+
+    @cached_property
+    def options(self) -> tuple[str, ...]:
+        """What the caller may give: what the writer takes besides, and those of its control."""
+        parameters = list(signature(self.write).parameters)[2:]
+        return (*(key for key in parameters if key not in GIVEN), *self.of_control)
 
     @property
     def page(self) -> str:
@@ -110,8 +119,22 @@ def function_at(location: str) -> Callable[..., Any]:
 
 
 _REFERENCE = "Metashape camera reference: "
-_TEMPLATE = (
-    "columns delimiter header unit camera_axes attitude north decimals_m decimals_angle length_unit"
+_METASHAPE = Export(
+    "metashape.csv",
+    _REFERENCE + "longitude latitude height, yaw pitch roll (true north), accuracies",
+    "bundle.metashape:write_metashape",
+    (GEOGRAPHIC, PROJECTED, TANGENT),
+    any_unit=True,
+    separator=",",
+    helper="bundle.import_helpers:metashape_script",
+)
+_FLIGHT_LOG = Export(
+    "realitycapture.csv",
+    "RealityCapture/RealityScan flight log, yaw pitch roll",
+    "bundle.realitycapture:write_realitycapture",
+    (GEOGRAPHIC, TANGENT),
+    separator=",",
+    helper="bundle.import_helpers:flight_log_format",
 )
 EXPORTS: dict[str, Export] = {
     "eo_local_plane": Export(
@@ -120,32 +143,19 @@ EXPORTS: dict[str, Export] = {
         "orientation.eo_local_plane:write_eo_local_plane",
         (TANGENT,),
     ),
-    "metashape": Export(
-        "metashape.csv",
-        _REFERENCE + "longitude latitude height, yaw pitch roll (true north), accuracies",
-        "bundle.metashape:write_metashape",
-        (GEOGRAPHIC, PROJECTED, TANGENT),
-        any_unit=True,
-        separator=",",
-        helper="bundle.import_helpers:metashape_script",
+    "metashape": _METASHAPE,
+    "metashape_opk": replace(
+        _METASHAPE,
+        product="metashape_opk.csv",
+        what=_REFERENCE + "omega phi kappa of the grid",
+        writer="bundle.metashape:write_metashape_opk",
+        frames=(PROJECTED, GEOGRAPHIC, TANGENT),
     ),
-    "metashape_opk": Export(
-        "metashape_opk.csv",
-        _REFERENCE + "omega phi kappa of the grid",
-        "bundle.metashape:write_metashape_opk",
-        (PROJECTED, GEOGRAPHIC, TANGENT),
-        any_unit=True,
-        separator=",",
-        helper="bundle.import_helpers:metashape_script",
-    ),
-    "metashape_offset": Export(
-        "metashape_offset.csv",
-        _REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
-        "bundle.metashape:write_metashape_offset",
-        (GEOGRAPHIC, PROJECTED, TANGENT),
-        any_unit=True,
-        separator=",",
-        helper="bundle.import_helpers:metashape_script",
+    "metashape_offset": replace(
+        _METASHAPE,
+        product="metashape_offset.csv",
+        what=_REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
+        writer="bundle.metashape:write_metashape_offset",
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -191,33 +201,22 @@ EXPORTS: dict[str, Export] = {
         "MicMac Orientation-*.xml, one an image",
         "bundle.micmac:write_micmac_xml",
         (TANGENT, GEOCENTRIC),
-        options=("calibration",),
         of_one_camera=("calibration",),
         several=True,
         helper="bundle.import_helpers:tangent_system",
     ),
-    "realitycapture": Export(
-        "realitycapture.csv",
-        "RealityCapture/RealityScan flight log, yaw pitch roll",
-        "bundle.realitycapture:write_realitycapture",
-        (GEOGRAPHIC, TANGENT),
-        separator=",",
-        helper="bundle.import_helpers:flight_log_format",
-    ),
-    "realitycapture_accuracy": Export(
-        "realitycapture_accuracy.csv",
-        "RealityCapture/RealityScan flight log with accuracies",
-        "bundle.realitycapture:write_realitycapture_accuracy",
-        (GEOGRAPHIC, TANGENT),
-        separator=",",
-        helper="bundle.import_helpers:flight_log_format",
+    "realitycapture": _FLIGHT_LOG,
+    "realitycapture_accuracy": replace(
+        _FLIGHT_LOG,
+        product="realitycapture_accuracy.csv",
+        what="RealityCapture/RealityScan flight log with accuracies",
+        writer="bundle.realitycapture:write_realitycapture_accuracy",
     ),
     "bentley": Export(
         "blocks.xml",
         "BlocksExchange XML of ContextCapture",
         "bundle.bentley:write_bentley",
         (PROJECTED, TANGENT, GEOGRAPHIC),
-        options=("width_px", "height_px", "focal_px"),
         of_one_camera=("width_px", "height_px", "focal_px"),
         frame="bundle.bentley:on_ellipsoid",
         any_unit=True,
@@ -227,7 +226,6 @@ EXPORTS: dict[str, Export] = {
         "Inpho photo blocks",
         "bundle.inpho:write_inpho_prj",
         (PROJECTED, TANGENT),
-        options=("focal_mm", "ground_m", "camera"),
         of_one_camera=("focal_mm",),
         needs=("focal_mm", "ground_m"),
         any_unit=True,
@@ -245,7 +243,6 @@ EXPORTS: dict[str, Export] = {
         "a table by template: columns, angle set, units, delimiter",
         "orientation.generic_ascii:write_generic_ascii",
         (TANGENT, PROJECTED, GEOGRAPHIC, GEOCENTRIC),
-        options=tuple(_TEMPLATE.split()),
         any_unit=True,
     ),
     "colmap": Export(
@@ -253,7 +250,6 @@ EXPORTS: dict[str, Export] = {
         "COLMAP text model with known poses",
         "bundle.colmap:write_colmap",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("camera", "shift", "database", "missing"),
         several=True,
         needs=("camera",),
         separator=" ",
@@ -263,7 +259,6 @@ EXPORTS: dict[str, Export] = {
         "COLMAP database with pose priors: full position covariance, gravity (pycolmap)",
         "bundle.colmap:write_colmap_priors",
         (TANGENT, PROJECTED, GEOCENTRIC, GEOGRAPHIC),
-        options=("camera", "database", "shift", "missing"),
         needs=("camera",),
     ),
     "opf": Export(
@@ -271,7 +266,6 @@ EXPORTS: dict[str, Export] = {
         "OPF project of Pix4D: omega phi kappa, full covariance",
         "bundle.opf:write_opf",
         (PROJECTED,),
-        options=("camera", "pixel_size_um", "pixel_type", "bands", "images"),
         several=True,
         needs=("camera", "pixel_size_um"),
         crs_order=True,
@@ -281,21 +275,19 @@ EXPORTS: dict[str, Export] = {
         "TUM trajectory, for evo",
         "orientation.tum:write_tum",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("time",),
     ),
     "g2o": Export(
         "eo.g2o",
         "pose graph: neighbours with full 6x6 information",
         "orientation.g2o:write_g2o",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("max_gap_s", "rotation"),
     ),
     "relative": Export(
         "relative.csv",
         "relative position and attitude of neighbouring images, three weightings side by side",
         "orientation.relative_csv:write_relative_csv",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("noise", "form", "gap_s"),
+        of_control=("noise", "form", "gap_s"),
         needs=("noise",),
         relative=True,
     ),
@@ -305,7 +297,6 @@ EXPORTS: dict[str, Export] = {
         "gis.geojson:write_geojson",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="ellipsoid",
-        options=("dialect", "camera"),
         of_one_camera=("camera",),
         any_unit=True,
     ),
@@ -315,7 +306,6 @@ EXPORTS: dict[str, Export] = {
         "gis.kml:write_kml",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="sea level",
-        options=("altitude", "ground_m"),
         without_geoid=(
             ", or --set altitude=relative --set ground_m=M (of the ground above the ellipsoid),"
             " or --set altitude=clamped"
@@ -334,7 +324,6 @@ EXPORTS: dict[str, Export] = {
         "copies of the images with Exif GPS and XMP",
         "images.image_tags:write_image_tags",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
-        options=("images", "missing", "heights", "gimbal", "rtk_flag", "form"),
         several=True,
         needs=("images",),
         any_unit=True,
@@ -345,7 +334,6 @@ EXPORTS: dict[str, Export] = {
         "gnss.rtklib_pos_write:write_antenna_pos",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="ellipsoid",
-        options=("lever_m", "quality"),
         of_one_camera=("lever_m",),
         needs=("lever_m",),
         any_unit=True,
@@ -355,6 +343,6 @@ EXPORTS: dict[str, Export] = {
         "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane",
         "orientation.eo_json:write_eo_json",
         (),
-        options=("noise", "form", "gap_s"),
+        of_control=("noise", "form", "gap_s"),
     ),
 }
