@@ -413,7 +413,7 @@ def test_smrmsg(tmp_path: Path) -> None:
     ("content", "message"),
     [
         (b"x" * 135, "no whole number of records"),
-        (b"\xff" * 136, "record 1, value 1 is not finite"),
+        (b"\xff" * 136, "record 1, value 1 is nan"),
     ],
 )
 def test_sbet_refusals(tmp_path: Path, content: bytes, message: str) -> None:

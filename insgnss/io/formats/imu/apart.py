@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
 from ....records import Array, ImuSamples, Quantity
+from ....records.interpolation import columns_at
 from ..text.order import note
 
 LOST_INTERVALS = 2.5  # intervals of the accelerometers: a single sample may be lost
@@ -77,15 +78,13 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
         "both under one stamp",
         "" if not left else "look at the gaps of the accelerometers",
     )
-    return ImuSamples(
-        gyro.time[there],
-        gyro.gyro[there],
-        force[there],
-        gyro.quantity,
-        gyro.gps_week,
-        gyro.source,
-        (*notes, done),
-        units,
+    return replace(
+        gyro,
+        time=gyro.time[there],
+        gyro=gyro.gyro[there],
+        accel=force[there],
+        notes=(*notes, done),
+        units=units,
     )
 
 
@@ -98,17 +97,12 @@ def _resampled(
     begin = wanted - np.concatenate([[usual], np.where(step > LOST_INTERVALS * usual, usual, step)])
     if quantity == "instant_rate":
         begin = wanted
-        out = np.column_stack([np.interp(wanted, time, force[:, c]) for c in range(3)])
+        out = columns_at(wanted, time, force)
     else:
         steps = np.diff(time, prepend=time[0])
         integral = np.cumsum(force * steps[:, None], axis=0)
-        out = np.column_stack(
-            [
-                (np.interp(wanted, time, integral[:, c]) - np.interp(begin, time, integral[:, c]))
-                / (wanted - begin)
-                for c in range(3)
-            ]
-        )
+        gained = columns_at(wanted, time, integral) - columns_at(begin, time, integral)
+        out = gained / (wanted - begin)[:, None]
     there = (begin >= time[0]) & (wanted <= time[-1])
     lacking = np.diff(time) > LOST_INTERVALS * float(np.median(np.diff(time)))
     for k in np.flatnonzero(lacking):

@@ -22,6 +22,7 @@ from ....base.errors import InputError
 from ....base.files import atomic_write
 from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
 from ....records import Array, GnssFixes, Trajectory
+from ....records.interpolation import columns_at
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ..orientation.exported import angle_sigma
 from ..read_options import STATED_NOTHING, ReadOptions
@@ -41,8 +42,8 @@ ARC_MINUTE = np.pi / 180.0 / 60.0  # rad, the unit of angles in an smrmsg
 
 
 @dataclass(frozen=True, eq=False)
-class Sbet:
-    """The content of an SBET.
+class BodyStates:
+    """States of a body by their components.
 
     Attributes
     ----------
@@ -54,8 +55,6 @@ class Sbet:
         (n, 3) m/s.
     rpy : ndarray
         (n, 3) roll, pitch, (true) heading, rad.
-    acceleration_b, rate_b : ndarray
-        (n, 3) body acceleration m/s^2, body rate rad/s.
     """
 
     time: Array
@@ -64,13 +63,25 @@ class Sbet:
     height: Array
     velocity_ned: Array
     rpy: Array
-    acceleration_b: Array
-    rate_b: Array
 
     @property
     def C_nb(self) -> Array:
-        """(n, 3, 3), body FRD to NED."""
+        """(n, 3, 3), body FRD to NED at the point."""
         return rotation_from_rpy(self.rpy)
+
+
+@dataclass(frozen=True, eq=False)
+class Sbet(BodyStates):
+    """The content of an SBET.
+
+    Attributes
+    ----------
+    acceleration_b, rate_b : ndarray
+        (n, 3) body acceleration m/s^2, body rate rad/s.
+    """
+
+    acceleration_b: Array
+    rate_b: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +104,9 @@ class Smrmsg:
 
 def write_sbet(trajectory: Trajectory, path: Source) -> None:
     """Write the SBET of a trajectory; accelerations and rates that it does not hold are zeros."""
-    n = trajectory.time.size
-    table = np.zeros((n, SBET_FIELDS), dtype="<f8")
-    table[:, 0], table[:, 1], table[:, 2], table[:, 3] = (
-        trajectory.time,
-        trajectory.lat,
-        trajectory.lon,
-        trajectory.height,
-    )
+    table = np.zeros((trajectory.time.size, SBET_FIELDS), dtype="<f8")
+    position = [trajectory.lat, trajectory.lon, trajectory.height]
+    table[:, :4] = np.column_stack([trajectory.time, *position])
     table[:, 4:7] = trajectory.velocity_ned * [1.0, -1.0, -1.0]  # (B.1) with w = 0
     table[:, 7:10] = rpy_from_rotation(trajectory.C_nb)
     if trajectory.acceleration_b is not None:
@@ -135,22 +141,14 @@ def rpy_sigma(trajectory: Trajectory) -> Array:
 def read_sbet(path: Source) -> Sbet:
     """Read an SBET with any wander angle."""
     table = _records(path, SBET_FIELDS)
+    time, lat, lon, height = table.T[:4]
     x, y, wander = table[:, 4], table[:, 5], table[:, 10]
     c, s = np.cos(wander), np.sin(wander)
     velocity = np.column_stack([x * c - y * s, -x * s - y * c, -table[:, 6]])  # (B.1)
     rpy = np.column_stack(
         [table[:, 7:9], np.remainder(table[:, 9] - wander + np.pi, 2.0 * np.pi) - np.pi]
     )
-    return Sbet(
-        table[:, 0],
-        table[:, 1],
-        table[:, 2],
-        table[:, 3],
-        velocity,
-        rpy,
-        table[:, 11:14],
-        table[:, 14:17],
-    )
+    return Sbet(time, lat, lon, height, velocity, rpy, table[:, 11:14], table[:, 14:17])
 
 
 def read_smrmsg(path: Source) -> Smrmsg:
@@ -181,7 +179,7 @@ def read_gnss_sbet(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
     cols |= dict(zip(("vn", "ve", "vd"), sbet.velocity_ned.T, strict=True))
     if (beside := smrmsg_beside(path)) is not None:
         sigma = _sigma_at(beside, sbet.time)
-        cols |= dict(zip((*SIGMA, *VELOCITY_SIGMA), sigma[:, [0, 1, 2, 3, 4, 5]].T, strict=True))
+        cols |= dict(zip((*SIGMA, *VELOCITY_SIGMA), sigma[:, :6].T, strict=True))
     elif options.sigma_m is not None and options.sigma_velocity is None:
         cols = {name: column for name, column in cols.items() if name not in ("vn", "ve", "vd")}
     return fixes_from_columns(cols, NumberedRows(str(path), "record"), FixScales(), options)
@@ -214,7 +212,7 @@ def _sigma_at(path: Path, time: Array) -> Array:
             f" {OVERHANG_S} s); is it of another run?"
         )
         raise InputError.in_file(path, message)
-    return np.column_stack([np.interp(time, smrmsg.time, column) for column in sigma.T])
+    return columns_at(time, smrmsg.time, sigma)
 
 
 def _records(path: Source, fields: int) -> Array:
@@ -227,14 +225,8 @@ def _records(path: Source, fields: int) -> Array:
         )
         raise InputError.in_file(path, message)
     table = np.ascontiguousarray(buf.view("<f8").reshape(-1, fields), dtype=np.float64)
-    if (bad := ~np.isfinite(table)).any():
+    if (bad := ~(np.abs(table) <= LARGEST_VALUE)).any():
         row, k = (int(i) for i in np.argwhere(bad)[0])
-        raise InputError.in_file(
-            path, f"record {row + 1}, value {k + 1} is not finite; is it another format?"
-        )
-    if np.abs(table).max() > LARGEST_VALUE:
-        row, k = (int(i) for i in np.argwhere(np.abs(table) > LARGEST_VALUE)[0])
-        raise InputError.in_file(
-            path, f"record {row + 1}, value {k + 1} is {table[row, k]:g}; is it another format?"
-        )
+        problem = f"record {row + 1}, value {k + 1} is {table[row, k]:g}"
+        raise InputError.in_file(path, f"{problem}; is it another format?")
     return table

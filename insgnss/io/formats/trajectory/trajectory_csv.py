@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....geodesy.gpstime import WEEK_S
-from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation
+from ....geodesy.rotation import rpy_from_rotation
 from ....records import Array, Trajectory
 from ..text.clock import check_increasing, gps_time
 from ..text.columns import TableOut, TableSpec
 from ..text.text import Source
-from .sbet import rpy_sigma
+from .sbet import BodyStates, rpy_sigma
 
 OUT = TableOut(
     "gps_week=%d tow=%.6f lat_deg=%.10f lon_deg=%.10f h_m=%.4f vn=%.5f ve=%.5f vd=%.5f"
@@ -25,25 +25,14 @@ SPEC = TableSpec.exactly(OUT.names)
 
 
 @dataclass(frozen=True, eq=False)
-class TrajectoryTable:
+class TrajectoryTable(BodyStates):
     """The content of the file: as `records.Trajectory`, with `sigma` instead of the covariance.
 
     `sigma` is (n, 9): standard deviations of position m, velocity m/s, roll pitch heading rad.
     """
 
-    time: Array
-    lat: Array
-    lon: Array
-    height: Array
-    velocity_ned: Array
-    rpy: Array
     sigma: Array
     gps_week: int
-
-    @property
-    def C_nb(self) -> Array:
-        """(n, 3, 3), body FRD to NED at the point."""
-        return rotation_from_rpy(self.rpy)
 
 
 def write_trajectory_csv(trajectory: Trajectory, path: Source) -> None:
