@@ -20,7 +20,7 @@ from ..gnss.rounding import is_held
 from ..imu import imu_csv
 from ..read_options import ReadOptions
 from ..text.columns import TableSpec
-from ..text.headers import Settled
+from ..text.headers import Settled, settled_units
 from ..text.order import Lines, NumberedRows, Picked, refuse_rows
 from .content import Content, take_columns
 
@@ -85,7 +85,7 @@ def _settled(
 ) -> Settled:
     """Return the units by the caller and by what the file calls the columns."""
     fields = {key: _fields(options, names.split()) for key, names in spec.units.items()}
-    return spec.settled(str(path), None, fields, units, kinds)
+    return settled_units(path, None, spec.units, fields, units, spec.record, kinds)
 
 
 def _fields(options: ReadOptions, names: Sequence[str]) -> list[str]:

@@ -22,14 +22,13 @@ from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
 from .dates import UNIT as DATES_UNIT
 from .direct import Rows
-from .headers import SENSORS, Kinds, Settled, names_of, normalised, settled_units
+from .headers import KIND_OF, SENSORS, Kinds, Settled, names_of, normalised, settled_units
 from .layout import Layout, shown
 from .order import note, open_end, refuse_rows
 from .text import Source, Table, TextTable, format_rows, read_table, read_text_table
 from .units import check_units
 
 Columns = Sequence[str] | Mapping[str, str] | None
-KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
 DATES_FOR_STAMPS = (
     "dates for stamps were taken for UTC",
     "the time scale of the stamps",
@@ -211,30 +210,6 @@ class TableSpec:
         """Return the caller's units; UsageError for a key that is none, of these or `more`."""
         return check_units(units, (*self.units, *more))
 
-    def settled(
-        self,
-        path: str,
-        line: int | None,
-        fields: Mapping[str, Sequence[str]],
-        given: Mapping[str, str],
-        kinds: Mapping[str, str] | None = None,
-    ) -> Settled:
-        """Settle units as `headers.settled_units` does.
-
-        Parameters
-        ----------
-        path, line
-            File and line of the header, for messages.
-        fields : mapping
-            What the file calls the columns of each key.
-        given : mapping
-            The caller's units.
-        kinds : mapping, optional
-            Kind of the unit of each key, where it is not that of its name.
-        """
-        of = {key: KIND_OF.get(key, key) for key in self.units} | dict(kinds or {})
-        return settled_units(path, line, self.units, of, fields, given, self.record)
-
 
 def _uneven_header(path: str, layout: Layout) -> InputError:
     """Return the error of a header that has another number of fields than the data."""
@@ -350,7 +325,8 @@ class NamedTable:
             key: self.fields(" ".join(name for name in names.split() if name not in unheeded))
             for key, names in self.spec.units.items()
         }
-        settled = self.spec.settled(self.path, layout.header_line, fields, units, kinds)
+        line, spec = layout.header_line, self.spec
+        settled = settled_units(self.path, line, spec.units, fields, units, spec.record, kinds)
         notes = (*open_end(rows, self.table.complete), *settled.notes, *dates)
         return settled._replace(notes=notes)
 

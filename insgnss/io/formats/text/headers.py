@@ -18,13 +18,14 @@ from typing import NamedTuple
 from ....base.errors import InputError, UsageError
 from ....records import Finding
 from .order import note
-from .units import UNITS, unit_factor, unit_name
+from .units import UNITS, factor_of, unit_factor, unit_name
 
 Kinds = Mapping[str, tuple[str, ...]]
 
 TIME_UNITS = ("s", "ms", "us", "ns")
 TIME_FACTORS = {unit: UNITS["time"][unit] for unit in TIME_UNITS}
 SENSORS = ("gyro", "accel")
+KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
 _OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3]))_?([a-z°µ].*)")
 _GLUED = {
     "angle": re.compile(
@@ -64,13 +65,9 @@ def kinds_like(kind: str) -> tuple[str, ...]:
     latitude are sometimes given in.
     """
     sensor = kind.partition(" ")[0]
-    return (
-        (sensor, f"{sensor} increment")
-        if sensor in SENSORS
-        else ("length", "angle")
-        if kind == "length"
-        else (kind,)
-    )
+    if sensor in SENSORS:
+        return (sensor, f"{sensor} increment")
+    return ("length", "angle") if kind == "length" else (kind,)
 
 
 def unit_in(field: str, kinds: Sequence[str]) -> str | None:
@@ -184,10 +181,10 @@ def settled_units(
     path: object,
     line: int | None,
     columns: Mapping[str, str],
-    kinds: Mapping[str, str],
     fields: Mapping[str, Sequence[str]],
-    given: Mapping[str, str],
-    of: str,
+    requested: Mapping[str, str],
+    record: str,
+    kinds: Mapping[str, str] | None = None,
 ) -> Settled:
     """Settle units: the caller's, else those that the fields give, else the first of their kind.
 
@@ -197,14 +194,14 @@ def settled_units(
         File and line of the header, for messages.
     columns : mapping
         Canonical names of the columns of each key, blanks between them.
-    kinds : mapping
-        Kind of the unit of each key.
     fields : mapping
         What the file calls the columns of each key.
-    given : mapping
+    requested : mapping
         The caller's units.
-    of : str
-        The record, for notes.
+    record : str
+        What the rows are of, for notes.
+    kinds : mapping, optional
+        Kind of the unit of each key, where it is not that of its name.
 
     Returns
     -------
@@ -217,48 +214,33 @@ def settled_units(
         A unit that is none, with `path` and `line`.
     """
     units, factors, notes = {}, {}, []
-    for key, kind in kinds.items():
-        requested = given.get(key)
-        stated = requested or agreed_unit(path, line, columns[key], fields[key], kind)
+    for key, names in columns.items():
+        kind, unit = (kinds or KIND_OF).get(key, key), requested.get(key)
+        stated = unit or agreed_unit(path, line, names, fields[key], kind)
         units[key] = stated or next(iter(UNITS[kind]))
-        factors[key] = _given_factor(path, columns[key], kind, units[key])
-        if requested and (header_unit := _other_unit(fields[key], kind, requested)):
-            finding = f"the header says {header_unit}, and units {key} = {requested} was taken"
+        try:
+            factors[key] = unit_factor(units[key], kind)
+        except UsageError as refusal:
+            raise UsageError(f"{path}: unit of {names}: {refusal}") from None
+        if unit and (header_unit := _other_unit(fields[key], kind, unit)):
+            finding = f"the header says {header_unit}, and units {key} = {unit} was taken"
             advice = f"leave units {key} out if the header is right"
-            notes.append(note(f"{of} units", finding, "one unit", advice))
+            notes.append(note(f"{record} units", finding, "one unit", advice))
     return Settled(units, factors, tuple(notes))
 
 
-def _given_factor(path: object, names: str, kind: str, given: str) -> float:
-    """Return the factor of a unit for the columns `names`; UsageError names them."""
-    try:
-        return unit_factor(given, kind)
-    except UsageError as refusal:
-        raise UsageError(f"{path}: unit of {names}: {refusal}") from None
-
-
-def _other_unit(fields: Sequence[str], kind: str, given: str) -> str | None:
+def _other_unit(fields: Sequence[str], kind: str, requested: str) -> str | None:
     """Return the unit that one of `fields` gives where it is another than the caller's.
 
     What is no unit of such a column gives none.
     """
-    taken = unit_factor(given, kind)
+    taken = unit_factor(requested, kind)
     for unit in filter(None, (unit_in(field, kinds_like(kind)) for field in fields)):
         same = factor_of(unit, (kind,))
-        if (
-            (factor_of(unit, kinds_like(kind)) is not None)
-            if same is None
-            else abs(same / taken - 1.0) > _SAME
-        ):
+        if same is None:
+            differs = factor_of(unit, kinds_like(kind)) is not None
+        else:
+            differs = abs(same / taken - 1.0) > _SAME
+        if differs:
             return unit
-    return None
-
-
-def factor_of(unit: str, kinds: Sequence[str]) -> float | None:
-    """Return the factor of a unit of the first of `kinds` that has it, None where none has."""
-    for kind in kinds:
-        try:
-            return unit_factor(unit, kind)
-        except UsageError:
-            continue
     return None

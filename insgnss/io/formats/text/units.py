@@ -9,7 +9,7 @@ of a clock that counts on from an epoch: `unix` (UTC, 1970-01-01, every day 8640
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ....base.errors import UsageError
 from ....base.units import DEG, STANDARD_GRAVITY
@@ -109,11 +109,17 @@ def unit_factor(text: str, kind: str) -> float:
 
 def is_unit(text: str, kind: str) -> bool:
     """Return whether `text` is a unit of this kind, with or without a number before it."""
-    try:
-        unit_factor(text, kind)
-    except UsageError:
-        return False
-    return True
+    return factor_of(text, (kind,)) is not None
+
+
+def factor_of(unit: str, kinds: Sequence[str]) -> float | None:
+    """Return the factor of a unit of the first of `kinds` that has it, None where none has."""
+    for kind in kinds:
+        try:
+            return unit_factor(unit, kind)
+        except UsageError:
+            continue
+    return None
 
 
 def usual_unit(text: str, kind: str) -> str:
