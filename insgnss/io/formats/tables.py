@@ -40,11 +40,9 @@ def tables_in(path: str | Path) -> list[TableInfo]:
 
 
 def _sentence_kinds(path: str | Path) -> list[TableInfo]:
-    sentences = read_sentences(path)
-    data = sentences.buf.tobytes()
     kinds = Counter(
-        data[start + 1 : star].partition(b",")[0].decode("ascii", "replace")
-        for start, star in zip(sentences.starts.tolist(), sentences.stars.tolist(), strict=True)
+        text.partition(b",")[0].decode("ascii", "replace")
+        for _, text in read_sentences(path).texts()
     )
     return [TableInfo(name, (), count) for name, count in sorted(kinds.items())]
 

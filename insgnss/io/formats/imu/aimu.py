@@ -13,9 +13,10 @@ import numpy as np
 from ....base.errors import InputError
 from ....records import Array, Finding, ImuSamples
 from ..read_options import STATED_NOTHING, ReadOptions
+from ..text.layout import Layout
 from ..text.order import note
 from ..text.sentences import SentenceLines, read_sentences
-from ..text.text import FileLine, Source
+from ..text.text import FileLine, Source, parsed_rows
 from ..text.units import DEG
 from .imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 
@@ -34,8 +35,8 @@ def read_aimu(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples
         What cannot be read, with file and line.
     """
     sentences = read_sentences(path)
-    bodies, lines = sentences.bodies(b"$AIMU,")
-    table = _numbers(path, bodies, lines)
+    rows = [(line, text[5:]) for line, text in sentences.texts() if text.startswith(b"AIMU,")]
+    table = _numbers(path, rows)
     locked = table[:, SYNC] == LOCKED_SYNC
     if not locked.any():
         message = (
@@ -45,7 +46,7 @@ def read_aimu(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples
         )
         raise InputError.in_file(path, message)
     table = table[locked]
-    kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
+    kept = SentenceLines(str(path), [rows[k][0] for k in np.flatnonzero(locked)])
     notes: tuple[Finding, ...] = ()
     n_free = int(locked.size - locked.sum())
     if n_free or sentences.n_bad:
@@ -62,24 +63,21 @@ def read_aimu(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples
     return imu_from_columns(columns, kept, Scales(DEG, 1.0, "unix"), options, notes)
 
 
-def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
-    """Return the numbers (n, 13) of the sentences' bodies; InputError at the first wrong one."""
-    from ..text import _kernels
-
-    if not bodies:
+def _numbers(path: Source, rows: list[tuple[int, bytes]]) -> Array:
+    """Return the numbers (n, 13) of sentences behind their name; InputError at a wrong one."""
+    if not rows:
         raise InputError.in_file(path, "holds no $AIMU sentence; is it the IMU's log?")
-    buf = np.frombuffer(b"\n".join(bodies) + b"\n", dtype=np.uint8).copy()
-    table, counted = np.empty((len(bodies), N_FIELDS)), np.empty(len(bodies), dtype=np.int64)
-    bad = np.full((N_FIELDS, 2), -1, dtype=np.int64)
-    row, status, _, _ = _kernels.parse_rows(buf, 0, 1, ord(","), ord("."), table, counted, bad)
-    if (bad >= 0).any():
-        row, status = int(bad[bad[:, 0] >= 0, 1].min()) - 1, _kernels.BAD_NUMBER
-    if status != _kernels.OK:
-        line = FileLine(path, lines[row])
-        fields = bodies[row].decode("ascii", "replace").split(",")
-        if len(fields) != N_FIELDS:
-            problem = f"{len(fields)} fields in $AIMU, expected {N_FIELDS}"
-            raise line.error(f"{problem}; is it another version of the format?")
-        for field in fields:
-            line.value(field)
-    return table
+    buf = np.frombuffer(b"\n".join(text for _, text in rows) + b"\n", dtype=np.uint8).copy()
+    parsed = parsed_rows(buf, Layout(",", ".", N_FIELDS, None, None, None, 0, 1), len(rows))
+    row = len(parsed.values)
+    if faults := [int(line) - 1 for start, line in parsed.bad if start >= 0]:
+        row = min(faults)
+    elif parsed.is_whole:
+        return parsed.values
+    line, fields = FileLine(path, rows[row][0]), rows[row][1].decode("ascii", "replace").split(",")
+    if len(fields) != N_FIELDS:
+        problem = f"{len(fields)} fields in $AIMU, expected {N_FIELDS}"
+        raise line.error(f"{problem}; is it another version of the format?")
+    for field in fields:
+        line.value(field)
+    return parsed.values

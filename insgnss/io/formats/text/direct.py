@@ -14,6 +14,7 @@ and `text.parse` reads the file from its beginning, row by row, and says what an
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from ....base.inputs import opened
 from ....records import Array
 from .layout import Layout, decode, is_comment
 from .pieces import FileBytes
+from .text import parsed_rows
 
 Bytes = NDArray[np.uint8] | FileBytes
 
@@ -189,26 +191,14 @@ class _Work:
 
     def parsed(self, piece: _Piece) -> Array | None:
         """The rows (n, m) of a piece; None where one is not as it should be."""
-        from . import _kernels
-
-        layout = self.layout
-        table = np.empty((piece.lines, layout.n_fields))
-        bad = np.full((layout.n_fields, 2), -1, dtype=np.int64)
-        delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
-        # without the compiler: a mantissa of more than 18 digits wraps and is taken again
-        with np.errstate(over="ignore"):
-            rows, status, _, _ = _kernels.parse_rows(
-                piece.buf,
-                *(0, 1, delimiter, ord(layout.decimal)),
-                *(table, np.empty(piece.lines, dtype=np.int64), bad),
-            )
-        if status != _kernels.OK or any(bad[column, 0] >= 0 for column in self.targets):
+        parsed = parsed_rows(piece.buf, self.layout, piece.lines)
+        if not parsed.is_whole or any(parsed.bad[column, 0] >= 0 for column in self.targets):
             return None
-        return table[:rows]
+        return parsed.values
 
     def all(self, job: Callable[[_Piece], None]) -> None:
         """Do `job` for each piece; the first exception of a thread is raised here."""
-        todo, lock, failed = self.pieces(), threading.Lock(), list[BaseException]()
+        todo, lock = self.pieces(), threading.Lock()
 
         def work() -> None:
             while not self.stopped.is_set():
@@ -218,19 +208,16 @@ class _Work:
                     if piece is None:
                         return
                     job(piece)
-                except BaseException as error:
-                    failed.append(error)
+                except BaseException:
                     self.stopped.set()
+                    raise
 
         several = self.buf.size - self.layout.skip_to > PIECE_BYTES
-        threads = [threading.Thread(target=work) for _ in range(THREADS - 1 if several else 0)]
-        for thread in threads:
-            thread.start()
-        work()
-        for thread in threads:
-            thread.join()
-        if failed:
-            raise failed[0]
+        with ThreadPoolExecutor(THREADS) as pool:  # besides them, this thread works
+            helpers = [pool.submit(work) for _ in range(THREADS - 1 if several else 0)]
+            work()
+            for helper in helpers:
+                helper.result()
 
 
 def _after_last_newline(piece: NDArray[np.uint8]) -> int:

@@ -50,23 +50,16 @@ class Sentences:
 
         The first field stands without its '$'.
         """
-        data = self.buf.tobytes()
-        all_of_them = (self.starts.tolist(), self.stars.tolist(), self.lines.tolist())
-        for start, star, line in through(list(zip(*all_of_them, strict=True))):
-            if data[start + 3 : start + 6] in kinds:
-                text = data[start + 1 : star].decode("ascii", "replace")
-                yield FileLine(self.path, line), text.split(",")
+        for line, text in through(list(self.texts())):
+            if text[2:5] in kinds:
+                yield FileLine(self.path, line), text.decode("ascii", "replace").split(",")
 
-    def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
-        """Return the text between `opening` and '*' in sentences that begin so, and their lines."""
-        data, size = self.buf.tobytes(), len(opening)
-        pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
-        matches = [
-            (data[start + size : star], line)
-            for start, star, line in pairs
-            if data.startswith(opening, start)
-        ]
-        return [body for body, _ in matches], [line for _, line in matches]
+    def texts(self) -> Iterator[tuple[int, bytes]]:
+        """Yield the line of each sentence and what stands between '$' and '*'."""
+        data = self.buf.tobytes()
+        columns = (self.starts.tolist(), self.stars.tolist(), self.lines.tolist())
+        for start, star, line in zip(*columns, strict=True):
+            yield line, data[start + 1 : star]
 
 
 def read_sentences(path: Source) -> Sentences:

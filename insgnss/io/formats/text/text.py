@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,6 +221,53 @@ def read_table(path: Source, whole: bool = True) -> Table:
     return parse(path, buf, complete, sniff(path, buf), whole)
 
 
+class Parsed(NamedTuple):
+    """Lines of a table as a kernel parsed them.
+
+    Attributes
+    ----------
+    values : ndarray
+        (n, m) numbers, up to the first line that is no row.
+    lines : ndarray
+        (n,) their lines.
+    bad : ndarray
+        (m, 2) offset and line of the first field of each column that is no number, -1 for none.
+    status, offset, line : int
+        What is wrong with the first line that is no row, and where it stands.
+    """
+
+    values: Array
+    lines: NDArray[np.int64]
+    bad: NDArray[np.int64]
+    status: int
+    offset: int
+    line: int
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every line is a row."""
+        from . import _kernels
+
+        return self.status == _kernels.OK
+
+
+def parsed_rows(
+    buf: NDArray[np.uint8], layout: Layout, count: int, start: int = 0, first_line: int = 1
+) -> Parsed:
+    """Parse at most `count` rows of bytes that end in a newline, from the offset `start` on."""
+    from . import _kernels
+
+    values, lines = np.empty((count, layout.n_fields)), np.empty(count, dtype=np.int64)
+    bad = np.full((layout.n_fields, 2), -1, dtype=np.int64)
+    delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
+    # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+    with np.errstate(over="ignore"):
+        rows, status, offset, line = _kernels.parse_rows(
+            buf, start, first_line, delimiter, ord(layout.decimal), values, lines, bad
+        )
+    return Parsed(values[:rows], lines[:rows], bad, status, offset, line)
+
+
 def parse(
     path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, whole: bool = True
 ) -> Table:
@@ -227,21 +275,9 @@ def parse(
     from . import _kernels
 
     n = _kernels.count_newlines(buf)
-    values = np.empty((n, layout.n_fields))
-    lines, bad = np.empty(n, dtype=np.int64), np.full((layout.n_fields, 2), -1, dtype=np.int64)
-    delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
-    # without the compiler: a mantissa of more than 18 digits wraps and is taken again
-    with np.errstate(over="ignore"):
-        rows, status, offset, line = _kernels.parse_rows(
-            buf,
-            layout.skip_to,
-            layout.first_line,
-            delimiter,
-            ord(layout.decimal),
-            values,
-            lines,
-            bad,
-        )
+    values, lines, bad, status, offset, line = parsed_rows(
+        buf, layout, n, layout.skip_to, layout.first_line
+    )
     at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
     at_fault = at_fault[:1] if whole else at_fault
     refused = {
@@ -255,11 +291,11 @@ def parse(
     if not complete:
         tail = decode(bytes(buf[-8192:])).split("\n", int(buf.size > 8192))[-1]
         _refuse_short_end(path, tail, layout, line - 1)
-    values, dates = values[:rows], frozenset[int]()
+    dates = frozenset[int]()
     if refused:
         dates = _take_dates(buf, layout, values, refused)
         refused = {k: refusal for k, refusal in refused.items() if k not in dates}
-    return Table(str(path), layout, values, lines[:rows], complete, refused, dates)
+    return Table(str(path), layout, values, lines, complete, refused, dates)
 
 
 def _take_dates(
@@ -306,47 +342,32 @@ def _refusal(
     """Return what is wrong with the line around `offset`."""
     from . import _kernels
 
+    at_the_line = FileLine(path, line)
     near = max(0, offset - AROUND_FAULT_BYTES)
     before = bytes(buf[near:offset]).rpartition(b"\n")[2]
     after = bytes(buf[offset : offset + AROUND_FAULT_BYTES])
-    rest = after.partition(b"\n")[0]
-    text = decode(before + rest).strip("\r\n")
+    behind = after.partition(b"\n")[0]
+    text = decode(before + behind).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
-    seen, advice = shown(text), "correct or delete the line"
+    quoted, advice = shown(text), "correct or delete the line"
     if is_binary(text):
-        seen, advice = ascii(text[:10]) + "...", BINARY
-    last = offset + len(rest) + 1 >= buf.size and not complete
-    if (
-        last
-        and not is_binary(text)
-        and len(fields) <= layout.n_fields
-        and status != _kernels.TOO_MANY
-    ):
-        return InputError.at_line(
-            path,
-            line,
-            f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
-        )
-    if max(len(before), len(rest)) == AROUND_FAULT_BYTES:
-        problem = (
-            f"{seen}, a line of more than {AROUND_FAULT_BYTES} bytes: a number is missing, or none"
-        )
-        return InputError.at_line(path, line, f"{problem}; {advice}")
+        quoted, advice = ascii(text[:10]) + "...", BINARY
+    last = offset + len(behind) + 1 >= buf.size and not complete
+    short = len(fields) <= layout.n_fields and status != _kernels.TOO_MANY
+    if last and short and not is_binary(text):
+        problem = f"truncated: the file ends within this line, {quoted}"
+        return at_the_line.error(f"{problem}; copy it again or delete the line")
+    if max(len(before), len(behind)) == AROUND_FAULT_BYTES:
+        problem = f"a line of more than {AROUND_FAULT_BYTES} bytes: a number is missing, or none"
+        return at_the_line.error(f"{quoted}, {problem}; {advice}")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
-        count = _like_it(buf, layout)
-        return InputError.at_line(
-            path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}{count}; {advice}"
-        )
+        problem = f"{len(fields)} fields, expected {layout.n_fields}: {quoted}"
+        return at_the_line.error(f"{problem}{_like_it(buf, layout)}; {advice}")
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
-    description = (
-        f"{shown(fields[column])} in field {column + 1}"
-        if column < len(fields) and fields[column]
-        else f"nothing in field {column + 1}"
-    )
-    return InputError.at_line(
-        path, line, f"{description} where a finite number must stand: {seen}; {advice}"
-    )
+    field = shown(fields[column]) if column < len(fields) and fields[column] else "nothing"
+    problem = f"{field} in field {column + 1} where a finite number must stand"
+    return at_the_line.error(f"{problem}: {quoted}; {advice}")
 
 
 def _refuse_short_end(path: Source, tail: str, layout: Layout, line: int) -> None:
