@@ -162,9 +162,8 @@ class PpkResult:
 
     def write(self, path: Path) -> None:
         """Write the fixes as a `.pos`, with the combined solution's satellites, age and ratio."""
-        write_rtklib_pos(
-            self.fixes, path, *(self.series.get(name) for name in ("satellites", "age_s", "ratio"))
-        )
+        names = [name for name in ("satellites", "age_s", "ratio") if name in self.series]
+        write_rtklib_pos(replace(self.fixes, **{name: self.series[name] for name in names}), path)
 
 
 def solve_ppk(

@@ -72,7 +72,7 @@ def imu_of_content(path: object, content: Content, options: ReadOptions) -> ImuS
     _finite(cols, lines)
     kinds = imu_csv.kinds_of(options.quantity)
     settled = _settled(spec, path, options, spec.checked_units(options.units), kinds)
-    scales = imu_csv.scales_of(settled, kinds, options.rate_hz)
+    scales = imu_csv.scales_of(settled, kinds)
     return imu_csv.imu_from_columns(cols, lines, scales, options, settled.notes)
 
 

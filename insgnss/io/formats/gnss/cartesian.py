@@ -9,19 +9,16 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from ....base.files import lines_of
-from ....base.inputs import first_bytes
 from ....geodesy.frames import TangentPlane, ecef_to_geodetic, rotation_en
 from ....records import Array
-from ..text.layout import decode, is_comment
 from ..text.order import Lines, refuse_rows
+from .heights import comments_in
 
 Position = tuple[float, float, float]
 
 GEODETIC, GEOCENTRIC = ("lat", "lon", "h"), ("x", "y", "z")
 # m from the Earth's centre: poles less 10 km, equator and an aircraft above it
 NEAREST_M, FARTHEST_M = 6.346e6, 6.399e6
-COMMENT_BYTES = 1 << 12  # of a file's start, in which a reference point is looked for (chosen)
 HIGHEST_M = 1e4  # of a reference point's height (m): no ground is higher
 _REFERENCE = re.compile(r"(?i)\b(ref|reference|origin|home|base)\b")
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
@@ -48,9 +45,9 @@ def reference_in(path: object) -> Position | None:
 
     None where none does.
     """
-    for text in lines_of(decode(first_bytes(str(path), COMMENT_BYTES))):
+    for _, text in comments_in(path):
         numbers = _NUMBER.findall(text)
-        if is_comment(text) and _REFERENCE.search(text) and len(numbers) == 3:
+        if _REFERENCE.search(text) and len(numbers) == 3:
             lat, lon, height = map(float, numbers)
             if abs(lat) <= 90.0 and abs(lon) <= 180.0 and abs(height) < HIGHEST_M:
                 return lat, lon, height

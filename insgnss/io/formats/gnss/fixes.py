@@ -7,6 +7,7 @@ standard deviation of `UNKNOWN_MPS`, which is none.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +28,12 @@ SIGMA, VELOCITY, VELOCITY_SIGMA = (
 )
 ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
 QUALITY_CODES = ("rtklib", "nmea")
-VARIANCE = {"var_n", "var_e", "var_u"}
+VARIANCE = ("var_n", "var_e", "var_u")
+# columns that state standard deviations north, east, down, the best first
+STATED_BY: dict[tuple[str, ...], tuple[tuple[str, ...], ...]] = {
+    SIGMA: (SIGMA, ("sd_ne", "sd_ne", "sd_u"), VARIANCE),
+    VELOCITY_SIGMA: (VELOCITY_SIGMA, ("sd_v", "sd_v", "sd_v")),
+}
 OF_POSITION = {*SIGMA, "sd_ne", *VARIANCE}
 MOST_QUALITY = 7  # of RTKLIB
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
@@ -94,10 +100,7 @@ def fixes_from_columns(
     if undated:
         lines = Picked(lines, np.arange(undated, tow.size))
         tow, week = tow[undated:], None if week is None else week[undated:]
-        cols, described = (
-            {name: column[undated:] for name, column in columns.items()}
-            for columns in (cols, described)
-        )
+        cols, described = _taken(slice(undated, None), cols, described)
     time, gps_week = gps_time(lines, tow, week, options.gps_week, scales.time)
     rows, order_notes = put_in_order(
         lines,
@@ -107,10 +110,7 @@ def fixes_from_columns(
     )
     if rows is not None:
         time, lines = time[rows], Picked(lines, rows)
-        cols, described = (
-            {name: column[rows] for name, column in columns.items()}
-            for columns in (cols, described)
-        )
+        cols, described = _taken(rows, cols, described)
     lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
         message = (
@@ -165,6 +165,11 @@ def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:
     if informative and "age_s" in given and np.isfinite(given["age_s"]).any():
         informative.add("age_s")
     return {name: column for name, column in given.items() if name in informative}
+
+
+def _taken(rows: Any, *tables: Mapping[str, Array]) -> list[dict[str, Array]]:
+    """Return some rows of the columns of tables."""
+    return [{name: column[rows] for name, column in table.items()} for table in tables]
 
 
 def _apart(cols: Mapping[str, Array]) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
@@ -271,16 +276,9 @@ def _covariance(
     n = cols["tow"].size
     present = [name for name in names if name in cols]
     assumed = cols[ASSUMED] != 0.0 if ASSUMED in cols else np.zeros(n, dtype=np.bool_)
-    if len(present) == 3:
-        sigma = factor * np.column_stack([cols[name] for name in names])
-    elif names == SIGMA and {"sd_ne", "sd_u"} <= cols.keys():
-        sigma = factor * np.column_stack([cols["sd_ne"], cols["sd_ne"], cols["sd_u"]])
-    elif names == VELOCITY_SIGMA and "sd_v" in cols:
-        sigma = factor * np.column_stack([cols["sd_v"]] * 3)
-    elif names == SIGMA and cols.keys() >= VARIANCE:
-        sigma = factor * np.sqrt(
-            np.maximum(np.column_stack([cols["var_n"], cols["var_e"], cols["var_u"]]), 0.0)
-        )
+    if stated := next((axes for axes in STATED_BY[names] if cols.keys() >= set(axes)), None):
+        sigma = np.column_stack([cols[name] for name in stated])
+        sigma = factor * (np.sqrt(np.maximum(sigma, 0.0)) if stated == VARIANCE else sigma)
     elif present or given is None:
         missing = " ".join(name for name in names if name not in cols)
         raise InputError(
@@ -298,14 +296,7 @@ def _covariance(
     bad = ~((sigma > 0.0) & (sigma <= LARGEST_COORDINATE))
     if bad.any():
         row, k = (int(i) for i in np.argwhere(bad)[0])
-        limit = (
-            f"must be positive and at most {LARGEST_COORDINATE:g}"
-            if sigma[row, k] > 0.0
-            else "must be positive"
-        )
-        raise lines.error_at(
-            row,
-            f"standard deviation {names[k]} is {sigma[row, k]:g}; it {limit}; leave the fix out or"
-            " correct it",
-        )
+        limit = f" and at most {LARGEST_COORDINATE:g}" if sigma[row, k] > 0.0 else ""
+        problem = f"standard deviation {names[k]} is {sigma[row, k]:g}; it must be positive{limit}"
+        raise lines.error_at(row, f"{problem}; leave the fix out or correct it")
     return np.asarray((sigma**2)[:, :, None] * np.eye(3)), assumed

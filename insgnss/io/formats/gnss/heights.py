@@ -118,13 +118,18 @@ def above_already(heights: str, undulation_m: float) -> str:
     return f"{heights} are above the ellipsoid; leave gnss.undulation_m = {undulation_m:g} out"
 
 
+def comments_in(path: object) -> list[tuple[int, str]]:
+    """Return the comments at the begin of a file, with their lines."""
+    head = lines_of(decode(first_bytes(str(path), COMMENT_BYTES)))
+    return [(line, text.strip()) for line, text in enumerate(head, 1) if is_comment(text)]
+
+
 def _stated_geoid(path: object) -> tuple[int, str] | None:
     """Return the comment before the table that puts heights above the geoid, with its line.
 
     None where a comment speaks of an ellipsoid, too.
     """
-    head = lines_of(decode(first_bytes(str(path), COMMENT_BYTES)))
-    comments = [(k, text.strip()) for k, text in enumerate(head, 1) if is_comment(text)]
+    comments = comments_in(path)
     if any("ellips" in text.lower() for _, text in comments):
         return None
     return next(((k, text) for k, text in comments if _STATED.search(text)), None)

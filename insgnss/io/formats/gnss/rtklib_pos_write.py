@@ -46,9 +46,6 @@ FORM_OF_VELOCITY = " %10.5f" * 3 + " %9.6f" * 6  # velocities to 1e-5 m/s, their
 def write_rtklib_pos(
     fixes: GnssFixes,
     path: Source,
-    satellites: Array | None = None,
-    age_s: Array | None = None,
-    ratio: Array | None = None,
     *,
     comments: Sequence[str] = (),
     digits: int = 10,
@@ -63,9 +60,6 @@ def write_rtklib_pos(
         The fixes.
     path : path
         The file.
-    satellites, age_s, ratio : ndarray, optional
-        (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
-        position; those of the fixes where not given, 0 where these have none.
     comments : sequence of str
         Lines before the legend.
     digits : int
@@ -80,14 +74,11 @@ def write_rtklib_pos(
         raise InputError(
             f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week"
         )
-    given = (
-        fixes.quality,
-        fixes.satellites if satellites is None else satellites,
-        fixes.age_s if age_s is None else age_s,
-        fixes.ratio if ratio is None else ratio,
-    )
     zero = np.zeros(fixes.time.size)
-    quality, ns, age, ratios = (zero if c is None else np.nan_to_num(c) for c in given)
+    quality, ns, age, ratios = (
+        zero if column is None else np.nan_to_num(column)
+        for column in (fixes.quality, fixes.satellites, fixes.age_s, fixes.ratio)
+    )
     weeks = np.floor(fixes.time / WEEK_S)
     position = [np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
     table = [fixes.gps_week + weeks, fixes.time - WEEK_S * weeks, *position, quality, ns]

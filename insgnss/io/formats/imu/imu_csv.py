@@ -48,8 +48,6 @@ class Scales:
         Factors to rad/s and m/s^2, of increments to rad and m/s.
     time : str
         Unit of time.
-    rate_hz : float, optional
-        The rate where there is no column of time.
     units : mapping
         Units of gyro and accel, by name; empty where the format fixes them.
     """
@@ -57,7 +55,6 @@ class Scales:
     gyro: float
     accel: float
     time: str = "s"
-    rate_hz: float | None = None
     units: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -131,13 +128,14 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
             settled = table.settled(units, kinds)
             usual = complete
         if usual:
-            direct = _direct(buf, table, scales_of(settled, kinds, rate_hz))
+            direct = _direct(buf, table, scales_of(settled, kinds))
     del buf
     if direct is None:
         table = named(parse(path, *load(path), layout, whole=False)).checked()
         settled = table.settled(units, kinds)
-        direct = _of_table(table, scales_of(settled, kinds, rate_hz))
-    scales = scales_of(settled, kinds, rate_hz)
+        factors = _factors(scales_of(settled, kinds), _backward(table))
+        direct = _triads(table.numbers(), factors)
+    scales = scales_of(settled, kinds)
     clock, gyro, accel = direct
     del direct
     notes = settled.notes
@@ -159,21 +157,17 @@ def _backward(table: NamedTable) -> list[str]:
     return [name for name in table.reversed_names() if name in (*GYRO, *ACCEL)]
 
 
-def _factors(table: NamedTable, scales: Scales) -> dict[str, float]:
+def _factors(scales: Scales, backward: Sequence[str] = ()) -> dict[str, float]:
     """Return the factor of each column of the sensors, negative for one that is reversed."""
-    backward = _backward(table)
-    return {
-        name: -factor if name in backward else factor
-        for names, factor in ((GYRO, scales.gyro), (ACCEL, scales.accel))
-        for name in names
-    }
+    factors = dict.fromkeys(GYRO, scales.gyro) | dict.fromkeys(ACCEL, scales.accel)
+    return factors | {name: -factors[name] for name in backward}
 
 
 def _direct(
     buf: Bytes, table: NamedTable, scales: Scales
 ) -> tuple[dict[str, Array], Array, Array] | None:
     """Return columns of the clock, and both triads, as `direct` reads them."""
-    factors = _factors(table, scales)
+    factors = _factors(scales, _backward(table))
     targets, widths = {}, {"gyro": 3, "accel": 3}
     for name, i in table.index.items():
         if name in factors:
@@ -190,16 +184,16 @@ def _direct(
     return {name: array[:, 0] for name, array in arrays.items()}, gyro, accel
 
 
-def _of_table(table: NamedTable, scales: Scales) -> tuple[dict[str, Array], Array, Array]:
-    """Return columns of the clock, and both triads, of a table as it was parsed."""
-    factors = _factors(table, scales)
-    gyro, accel = np.zeros((2, len(table), 3))
+def _triads(
+    cols: Mapping[str, Array], factors: Mapping[str, float]
+) -> tuple[dict[str, Array], Array, Array]:
+    """Return columns of the clock, and both triads in SI; zeros for a column that is not there."""
+    gyro, accel = np.zeros((2, next(iter(cols.values())).size, 3))
     for triad, names in ((gyro, GYRO), (accel, ACCEL)):
         for k, name in enumerate(names):
-            if name in table:
-                np.multiply(table.floats(name), factors[name], out=triad[:, k])
-    clock = {name: table.floats(name) for name in table.index if name not in factors}
-    return clock, gyro, accel
+            if name in cols:
+                np.multiply(cols[name], factors[name], out=triad[:, k])
+    return {name: column for name, column in cols.items() if name not in factors}, gyro, accel
 
 
 def kinds_of(quantity: Quantity | None) -> dict[str, str]:
@@ -207,7 +201,7 @@ def kinds_of(quantity: Quantity | None) -> dict[str, str]:
     return dict(zip(("gyro", "accel"), imu_kinds(quantity or USUAL_QUANTITY), strict=True))
 
 
-def scales_of(settled: Settled, kinds: Mapping[str, str], rate_hz: float | None) -> Scales:
+def scales_of(settled: Settled, kinds: Mapping[str, str]) -> Scales:
     """Return the scales of settled units.
 
     Parameters
@@ -216,12 +210,10 @@ def scales_of(settled: Settled, kinds: Mapping[str, str], rate_hz: float | None)
         Units of gyro, accel and time: the caller's, else those of the header, else SI.
     kinds : mapping
         Kinds of the units of gyro and accel.
-    rate_hz : float, optional
-        The rate where there is no column of time.
     """
     units, factors, _ = settled
     names = {key: usual_unit(units[key], kind) for key, kind in kinds.items()}
-    return Scales(factors["gyro"], factors["accel"], units["time"], rate_hz, names)
+    return Scales(factors["gyro"], factors["accel"], units["time"], names)
 
 
 def required_columns(rate_hz: float | None) -> tuple[str, ...]:
@@ -246,9 +238,7 @@ def imu_from_columns(
 
     `notes` come before those of the order.
     """
-    gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
-    clock = {name: column for name, column in cols.items() if name not in (*GYRO, *ACCEL)}
-    return _samples(clock, gyro, accel, lines, scales, options, notes)
+    return _samples(*_triads(cols, _factors(scales)), lines, scales, options, notes)
 
 
 def _samples(
@@ -266,13 +256,13 @@ def _samples(
         return bool((gyro[i] == gyro[k]).all() and (accel[i] == accel[k]).all())
 
     gps_week, quantity = options.gps_week, options.quantity or USUAL_QUANTITY
-    if scales.rate_hz is not None:
+    if options.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
                 f"{lines.path}: rate_hz is given, but there is a column of time; leave rate_hz out,"
                 " or leave the column out of columns"
             )
-        time, counter_notes = _by_rate(clock, lines, len(gyro), scales.rate_hz, same)
+        time, counter_notes = _by_rate(clock, lines, len(gyro), options.rate_hz, same)
         notes = (*notes, *counter_notes)
     else:
         tow, week, _, clock_notes = on_one_clock(
@@ -314,10 +304,3 @@ def _by_rate(
         finding = f"by the packet counter {missing} samples are lost, the first before {message}"
         notes = (*notes, note("IMU rows", finding, "every packet", "check the logger's buffer"))
     return count / rate_hz, notes
-
-
-def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:
-    out = np.empty((cols[names[0]].size, 3))
-    for k, name in enumerate(names):
-        np.multiply(cols[name], factor, out=out[:, k])
-    return out

@@ -20,7 +20,6 @@ MISSING = (
     "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-MESSAGES = "message"
 FMT = 128  # number of the kind of message that gives the formats of all others
 LOST_LIMIT = 0.01  # share of bytes or lines that are no message: torn ones are fewer (chosen)
 TEXTS = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
@@ -86,7 +85,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         }
         odd += _by_instance(tables, name, table)
     odd += [f"the file ends within a message at byte {cut}, which is left out"] if cut >= 0 else []
-    return Log(str(path), tables, tuple(odd), MESSAGES)
+    return Log(str(path), tables, tuple(odd))
 
 
 def _formats(
@@ -135,7 +134,7 @@ def _text(path: Source) -> Log:
         table = dict(zip(labels[name], np.array(values).T.copy(), strict=True))
         notes += _by_instance(tables, name, table)
     notes += [] if complete else ["the last line has no end"]
-    return Log(str(path), tables, tuple(notes), MESSAGES)
+    return Log(str(path), tables, tuple(notes))
 
 
 def _row(fields: list[str], form: str, count: int) -> list[float] | None:
