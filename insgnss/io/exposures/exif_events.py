@@ -27,7 +27,7 @@ class _Images:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at an image."""
-        return InputError.at_line(self.directory / self.names[row], None, message)
+        return InputError.in_file(self.directory / self.names[row], message)
 
 
 def exif_events(

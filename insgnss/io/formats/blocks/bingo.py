@@ -102,7 +102,7 @@ def read_bingo(
             problem = f"truncated: the file ends before the {END} of image {shown(images[-1])}"
         raise InputError.at_line(path, line if inside else within, problem)
     if not image_row:
-        raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
+        raise InputError.in_file(path, "no observation; image, then point x y, then -99")
     rows = np.array(image_row, dtype=np.int64)
     point_rows = {name: k for k, name in enumerate(dict.fromkeys(point))}
     numbers = np.array([point_rows[name] for name in point], dtype=np.int64)

@@ -140,9 +140,8 @@ def _model(path: Path) -> Any:
         kind for kind in (".bin", ".txt") if all((directory / (p + kind)).is_file() for p in PARTS)
     ]
     if not kinds:
-        raise InputError.at_line(
+        raise InputError.in_file(
             directory,
-            None,
             f"holds no COLMAP model ({', '.join(PARTS)}, all .bin or all .txt); give the directory"
             " that does, such as sparse/0",
         )
@@ -223,21 +222,19 @@ def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
     fisheye = model in FISHEYE_NAMES
     names = (BROWN_NAMES | FISHEYE_NAMES).get(model)
     if names is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"camera {name}: model {model} is not Brown's; reconstruct with one of"
             f" {', '.join((*BROWN_NAMES, *FISHEYE_NAMES))}",
         )
     value = dict(zip(names, camera.parameters, strict=True))
     if value.pop("sx1", 0.0) or value.pop("sy1", 0.0):
         problem = f"camera {name}: {model} with sx1 or sy1 other than zero, a thin prism"
-        raise InputError.at_line(path, None, f"{problem}; reconstruct with OPENCV_FISHEYE")
+        raise InputError.in_file(path, f"{problem}; reconstruct with OPENCV_FISHEYE")
     unlike = () if fisheye else ("k4", "k5", "k6")
     if rational := [name for name in unlike if value.pop(name, 0.0) != 0.0]:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"camera {name}: {model} with {', '.join(rational)} other than zero, a rational"
             " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
         )

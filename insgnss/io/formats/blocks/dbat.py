@@ -81,8 +81,8 @@ def read_dbat(path: Source) -> ImageBlock:
     base = path.parent / (given.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
     cameras = _cameras(path, base, given, root)
     if len(cameras) != 1:
-        raise InputError.at_line(
-            path, None, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
+        raise InputError.in_file(
+            path, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
         )
     ids, names = _images(path, base, given)
     order = {number: row for row, number in enumerate(ids)}
@@ -115,8 +115,8 @@ def _parsed(path: Path, version: str) -> Element:
     """Return the root of a document of DBAT, which carries an attribute with its version."""
     root = parse_xml(path, load_bytes(path).tobytes())
     if root.tag != "document" or version not in root.attrib:
-        raise InputError.at_line(
-            path, None, f"no <document {version}=...>; this is another kind of XML file"
+        raise InputError.in_file(
+            path, f"no <document {version}=...>; this is another kind of XML file"
         )
     return root
 
@@ -125,7 +125,7 @@ def _one(path: Path, parent: Element, name: str) -> Element:
     """Return the element of that name below `parent`, at any depth."""
     element = parent.find(f".//{name}")
     if element is None:
-        raise InputError.at_line(path, None, f"no element <{name}>; the script is not complete")
+        raise InputError.in_file(path, f"no element <{name}>; the script is not complete")
     return element
 
 
@@ -137,9 +137,8 @@ def _numbers(path: Path, text: str | None, name: str, count: int | None = None) 
     """Return the numbers of a text with commas between them, of which there are `count`."""
     values = np.array([finite(word) for word in (text or "").split(",")])
     if (count is not None and values.size != count) or np.isnan(values).any():
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"<{name}>: {shown(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
             " between several",
         )
@@ -154,9 +153,8 @@ def _files(
         for element in parent.findall("file"):
             columns = tuple(c.strip() for c in (element.get("format") or "").split(","))
             if missing := [c for c in needed if c not in columns]:
-                raise InputError.at_line(
+                raise InputError.in_file(
                     path,
-                    None,
                     f"<{name}> {_text(element)}: format {','.join(columns)!r} has no column"
                     f" {', '.join(missing)}; {near(missing[0], columns)}",
                 )
@@ -183,11 +181,11 @@ def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], 
         ids.append(whole_rows(table, table.floats(columns.index("id")), "image"))
         names += [Path(name).name for name in table.strings(columns.index("path"))]
     if not ids:
-        raise InputError.at_line(path, None, "no <images> with a <file>; name the list of images")
+        raise InputError.in_file(path, "no <images> with a <file>; name the list of images")
     every = np.concatenate(ids)
     if (twice := np.unique(every, return_counts=True))[1].max() > 1:
-        raise InputError.at_line(
-            path, None, f"image {twice[0][twice[1].argmax()]} is listed twice; number each once"
+        raise InputError.in_file(
+            path, f"image {twice[0][twice[1].argmax()]} is listed twice; number each once"
         )
     return every, tuple(names)
 
@@ -207,9 +205,7 @@ def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tup
         _checked(table, columns)
         unit = element.get("units", "degrees")
         if unit not in ANGLES:
-            raise InputError.at_line(
-                path, None, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}"
-            )
+            raise InputError.in_file(path, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}")
         value = {name: table.values[:, k] for k, name in enumerate(columns)}
         rows = _row_of(table, whole_rows(table, value["id"], "image"), order)
         position[rows] = np.column_stack([value[name] for name in PRIOR_EO[1:4]])
@@ -237,11 +233,11 @@ def _image_points(
                 continue
             if np.isnan(number := finite(text)):
                 problem = f"{name}={text!r} is no number of pixels; {PLAIN}"
-                raise InputError.at_line(path, None, problem)
+                raise InputError.in_file(path, problem)
             sigma[:, SIGMAS[name]] = number
         yield images, points, np.column_stack([value["x"], value["y"]]), sigma
     if empty:
-        raise InputError.at_line(path, None, "no <image_pts> with a <file>; name the measurements")
+        raise InputError.in_file(path, "no <image_pts> with a <file>; name the measurements")
 
 
 def _sigma(value: Mapping[str, Array], sigma: Array) -> Array:
@@ -279,7 +275,7 @@ def _ground(
         for rule in parent.findall("filter"):
             listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
             if (action := _text(rule)) not in ("keep", "remove"):
-                raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
+                raise InputError.in_file(path, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
         position.append(np.column_stack(values)[keep])
@@ -339,9 +335,7 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
         element = camera.find(key)
         if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
             problem = f"set_initial_values: <{key}> {shown(text)} is no number of the camera's"
-            raise InputError.at_line(
-                path, None, f"{problem}; write it into <camera> and 'loaded' here"
-            )
+            raise InputError.in_file(path, f"{problem}; write it into <camera> and 'loaded' here")
         element.text = text
 
 
@@ -354,9 +348,8 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     name = _text(camera.find("name")) or _text(camera.find("id")) or "1"
     model, unit = _text(camera.find("model")), _text(camera.find("unit"))
     if model != BACKWARD_MODEL or unit != "mm":
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"camera {name}: model {model!r} in {unit!r}; read is {BACKWARD_MODEL} in mm: set"
             " DBAT's camera to it and adjust again",
         )
@@ -365,32 +358,30 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
         width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
     ):
         problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
-        raise InputError.at_line(path, None, f"{problem}; correct it")
+        raise InputError.in_file(path, f"{problem}; correct it")
     sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
-        raise InputError.at_line(
-            path,
-            None,
-            f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm",
+        raise InputError.in_file(
+            path, f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm"
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's
         apart = np.abs(size * per_mm - (width, height))
     if not (apart[size > 0.0] <= 0.5).all():
-        raise InputError.at_line(
-            path, None, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
+        raise InputError.in_file(
+            path, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
         )
     aspect, skew = of("aspect", 1)[0], of("skew", 1)[0]
     K, P = (of(key) if camera.find(key) is not None else np.zeros(0) for key in "KP")
     if K.size > 4 or P.size not in (0, 2):
-        raise InputError.at_line(
-            path, None, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
+        raise InputError.in_file(
+            path, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
         )
     for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
         if (text := camera.findtext(key)) is not None and whole(text) != count:
-            raise InputError.at_line(
-                path, None, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
+            raise InputError.in_file(
+                path, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
             )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
@@ -418,9 +409,8 @@ def _free(path: Path, root: Element) -> dict[str, bool]:
         if rule.tag == "K":
             names = ("k1", "k2", "k3", "k4")
         if on is None or names is None:
-            raise InputError.at_line(
+            raise InputError.in_file(
                 path,
-                None,
                 f"set_bundle_estimate_params: <{rule.tag}>{_text(rule)}</{rule.tag}> is not"
                 f" understood; known are true and false of all, K, {', '.join(ESTIMATED)}",
             )
@@ -440,21 +430,19 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     text, first = datum.get("ref_cam", "1"), _text(datum)
     base = datum.get("ref_base", "longest")
     if first != "depend" or not 0 < whole(text) <= len(position):
-        raise InputError.at_line(
-            path, None, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
+        raise InputError.in_file(
+            path, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
         )
     reference = whole(text) - 1
     apart = np.abs(position - position[reference])
     if not np.isfinite(apart).all():
-        raise InputError.at_line(
-            path,
-            None,
-            "set_datum: 'depend' needs a prior orientation of every image; give prior_eo",
+        raise InputError.in_file(
+            path, "set_datum: 'depend' needs a prior orientation of every image; give prior_eo"
         )
     if base != "longest":
         if not 0 < whole(base) <= len(position):
-            raise InputError.at_line(
-                path, None, f"set_datum: ref_base {base!r} is no image; name one of the block"
+            raise InputError.in_file(
+                path, f"set_datum: ref_base {base!r} is no image; name one of the block"
             )
         return minimal_datum(position, reference, whole(base) - 1)
     return minimal_datum(position, reference)

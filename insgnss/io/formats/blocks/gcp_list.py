@@ -70,7 +70,7 @@ def read_gcp_list(
     ]
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
-        raise InputError.at_line(path, None, f"no ground point; {MISSING}, then come the points")
+        raise InputError.in_file(path, f"no ground point; {MISSING}, then come the points")
     if not text.endswith("\n"):
         _refuse_cut(path, rows)
     lines, uv, image, names = [], [], [], []

@@ -169,8 +169,8 @@ def file_names(given: Sequence[str], path: object) -> tuple[str, ...]:
         names = tuple(given)
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
-        raise InputError.at_line(
-            path, None, f"image {shown(twice)} is there twice; give each a name of its own"
+        raise InputError.in_file(
+            path, f"image {shown(twice)} is there twice; give each a name of its own"
         )
     return names
 

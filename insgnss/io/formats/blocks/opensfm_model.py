@@ -68,7 +68,7 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
     used = list(dict.fromkeys(str(shot.get("camera")) for _, shot in shots))
     camera_by_name = dict(cameras)
     if missing := [key for key in used if key not in camera_by_name]:
-        raise InputError.at_line(file, None, f"no camera {shown(missing[0])}; export it again")
+        raise InputError.in_file(file, f"no camera {shown(missing[0])}; export it again")
     brown = tuple(_camera(file, key, camera_by_name[key]) for key in used)
     tracks = {key for model in models for key in _table(file, model, "points")}
     track = _tracks(file.with_name(TRACKS), {key: k for k, (key, _) in enumerate(shots)}, tracks)
@@ -148,8 +148,8 @@ def _file(path: Path) -> Path:
     for directory in (path, path / INSIDE):
         if (directory / RECONSTRUCTION).is_file():
             return directory / RECONSTRUCTION
-    raise InputError.at_line(
-        path, None, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
+    raise InputError.in_file(
+        path, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
     )
 
 
@@ -161,8 +161,8 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
     given = parse_json(file, decode(load_bytes(file).tobytes()))
     models = given if isinstance(given, list) else [given]
     if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
-        raise InputError.at_line(
-            file, None, "is no list of reconstructions with shots; give OpenSfM's file of that name"
+        raise InputError.in_file(
+            file, "is no list of reconstructions with shots; give OpenSfM's file of that name"
         )
     references = {json.dumps(model.get("reference_lla")) for model in models}
     if len(models) == 1 or (len(references) == 1 and references != {"null"}):
@@ -179,7 +179,7 @@ def _table(file: Path, model: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = model.get(key, {})
     if not (isinstance(value, dict) and all(isinstance(item, dict) for item in value.values())):
         problem = f"{key} is no table of tables"
-        raise InputError.at_line(file, None, f"{problem}; export the reconstruction again")
+        raise InputError.in_file(file, f"{problem}; export the reconstruction again")
     return value
 
 
@@ -187,17 +187,15 @@ def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> 
     """Return a finite number of a table."""
     value = table.get(key, default) if isinstance(table, dict) else None
     if (number := array_of(value, ())) is None:
-        raise InputError.at_line(
-            file, None, f"{of}: {key} {value!r:.60} is no number; export it again"
-        )
+        raise InputError.in_file(file, f"{of}: {key} {value!r:.60} is no number; export it again")
     return float(number)
 
 
 def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
     vector = array_of(shot.get(key), (3,))
     if vector is None or not (np.abs(vector) < LARGEST).all():
-        raise InputError.at_line(
-            file, None, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
+        raise InputError.in_file(
+            file, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
         )
     return vector
 
@@ -224,7 +222,7 @@ def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
     document = parse_json(file, decode(load_bytes(file).tobytes()))
     models = document if isinstance(document, list) else [document]
     if not all(isinstance(model, dict) for model in models):
-        raise InputError.at_line(file, None, "is no table of cameras; export it again")
+        raise InputError.in_file(file, "is no table of cameras; export it again")
     tables = [
         _table(file, model if "cameras" in model else {"cameras": model}, "cameras")
         for model in models
@@ -239,9 +237,8 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
     """Return a camera in pixels."""
     model = given.get("projection_type", "perspective")
     if model not in MODELS:
-        raise InputError.at_line(
+        raise InputError.in_file(
             file,
-            None,
             f"camera {shown(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
         )
 
@@ -253,7 +250,7 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
     ):
         problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
-        raise InputError.at_line(file, None, f"{problem}; export it again")
+        raise InputError.in_file(file, f"{problem}; export it again")
     size = max(width, height)
     fx, fy = [
         value("focal" if model in ("perspective", "fisheye") else key, None)
@@ -289,8 +286,8 @@ def _tracks(
     Tracks that were not reconstructed are left out, unless none was.
     """
     if not file.is_file():
-        raise InputError.at_line(
-            file, None, "no such file; image observations stand in it: copy it beside the other"
+        raise InputError.in_file(
+            file, "no such file; image observations stand in it: copy it beside the other"
         )
     lines = lines_of(decode(load_bytes(file).tobytes()))
     version, first = 0, 0
@@ -318,8 +315,8 @@ def _tracks(
         if scale[-1] < 0.0:
             raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it is zero or more")
     if not image_row:
-        raise InputError.at_line(
-            file, None, "no observation of an image of the reconstruction; copy both of one run"
+        raise InputError.in_file(
+            file, "no observation of an image of the reconstruction; copy both of one run"
         )
     ratio = np.array(scale)
     good = ratio > 0.0  # zero: not known

@@ -165,7 +165,7 @@ def _check_stored_names(images: Sequence[DatabaseImage], database: Source) -> No
             f"{str(error).partition(';')[0]}: rename the files of the images without blanks,"
             " extract their features again, and export with --rename safe"
         )
-        raise InputError.at_line(database, None, problem) from None
+        raise InputError.in_file(database, problem) from None
 
 
 def _calibrated(
@@ -323,8 +323,8 @@ def _copy(database: Source, work: Path) -> None:
     try:
         shutil.copyfile(database, work)
     except OSError as error:
-        raise InputError.at_line(
-            database, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            database, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
 
 

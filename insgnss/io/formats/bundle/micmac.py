@@ -176,7 +176,7 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
     """
     files = sorted(Path(path).glob("Orientation-*.xml"))
     if not files:
-        raise InputError.at_line(path, None, "no Orientation-<image>.xml in it; give Ori-<name>")
+        raise InputError.in_file(path, "no Orientation-<image>.xml in it; give Ori-<name>")
     names, centres, matrices = [], [], []
     for file in files:
         root = parse_xml(file, load_bytes(file).tobytes())
@@ -184,13 +184,13 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         convention = None if outer is None else outer.findtext("KnownConv")
         if outer is None or convention not in (None, "eConvApero_DistM2C"):
             problem = f"convention {convention}; eConvApero_DistM2C, a matrix, is read"
-            raise InputError.at_line(file, None, problem)
+            raise InputError.in_file(file, problem)
         texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
         rows = [[finite(word) for word in (text or "").split()] for text in texts]
         for text, row in zip(texts, rows, strict=True):
             if len(row) != 3 or np.isnan(row).any():
                 problem = f"Centre and L1 to L3 are not three numbers each: {shown(text)}"
-                raise InputError.at_line(file, None, f"{problem}; {PLAIN}, or copy it again")
+                raise InputError.in_file(file, f"{problem}; {PLAIN}, or copy it again")
         values = np.array(rows)
         names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
         centres.append(values[0])

@@ -341,8 +341,8 @@ def _reading(source: Path) -> Iterator[BinaryIO]:
         with opened(source) as stream:
             yield stream
     except OSError as error:
-        raise InputError.at_line(
-            source, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            source, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
 
 
@@ -366,8 +366,8 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
         yield from _from(stream, rest)
         return
     if read(0, 2) not in (b"II", b"MM"):
-        raise InputError.at_line(
-            source, None, "is neither JPEG nor TIFF; convert it, or export a table instead"
+        raise InputError.in_file(
+            source, "is neither JPEG nor TIFF; convert it, or export a table instead"
         )
     tiff = Tiff(read, size, who)
     xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, who))

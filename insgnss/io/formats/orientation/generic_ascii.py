@@ -333,10 +333,10 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
             " full header say their conventions"
         )
-        raise InputError.at_line(path, None, message) from None
+        raise InputError.in_file(path, message) from None
     except ValueError:
         message = f"length units {words['length units']!r} are unknown; export the table again"
-        raise InputError.at_line(path, None, message) from None
+        raise InputError.in_file(path, message) from None
     if (
         how.unit not in ANGLE_UNITS
         or axes not in CAMERA_AXES
@@ -344,8 +344,8 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         or how.north not in NORTHS
         or kind not in KINDS
     ):
-        raise InputError.at_line(
-            path, None, f"the header's conventions {kind!r}, {how} are unknown; export it again"
+        raise InputError.in_file(
+            path, f"the header's conventions {kind!r}, {how} are unknown; export it again"
         )
     names = [field.lstrip("# ") for field in table.layout.header_fields or ()]
     strange = [name for name in names if name != "image" and name not in GROUP_OF]

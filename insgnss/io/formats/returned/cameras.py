@@ -68,9 +68,9 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
     except InputError as error:  # of the camera itself, which knows no file
         if str(path) in str(error):
             raise
-        raise InputError.at_line(path, None, str(error)) from None
+        raise InputError.in_file(path, str(error)) from None
     if not cameras:
-        raise InputError.at_line(path, None, f"has no calibrated camera ({form}); export it again")
+        raise InputError.in_file(path, f"has no calibrated camera ({form}); export it again")
     return cameras
 
 
@@ -95,9 +95,8 @@ def read_camera(path: Source) -> BrownCamera:
     cameras = read_cameras(path)
     if len(cameras) > 1:
         names = ", ".join(shown(camera.name) for camera in cameras[:3])
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"has {len(cameras)} cameras ({names}), one is needed: write it by itself, insgnss"
             " camera --name",
         )
@@ -114,8 +113,8 @@ def recognised_camera(path: Path) -> str:
     for form, pattern in HEADS.items():
         if re.search(pattern, text, re.MULTILINE):
             return form
-    raise InputError.at_line(
-        path, None, f"no calibrated camera is known here; read are {', '.join(READERS)}"
+    raise InputError.in_file(
+        path, f"no calibrated camera is known here; read are {', '.join(READERS)}"
     )
 
 
@@ -127,13 +126,13 @@ def _opencv_camera(
     Those of a fisheye are k1 to k4.
     """
     if fisheye and D.size != 4:
-        raise InputError.at_line(
-            path, None, f"camera {name}: {D.size} coefficients; a fisheye has k1 to k4"
+        raise InputError.in_file(
+            path, f"camera {name}: {D.size} coefficients; a fisheye has k1 to k4"
         )
     rational = np.concatenate([D, np.zeros(max(0, 8 - D.size))])
     if np.any(rational[8:]):
-        raise InputError.at_line(
-            path, None, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
+        raise InputError.in_file(
+            path, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
         )
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_PX, CENTRE_PX)).tolist())]
     model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
@@ -146,14 +145,14 @@ def _of_words(path: Path, name: str, text: str) -> BrownCamera:
     try:
         camera: Camera = camera_of(text, "camera")
     except UsageError as error:
-        raise InputError.at_line(path, None, str(error).partition(";")[0]) from None
+        raise InputError.in_file(path, str(error).partition(";")[0]) from None
     return brown_of(path, name, camera)
 
 
 def _numbers(path: Path, text: str, key: str) -> Array:
     values = np.array([finite(word) for word in re.findall(NUMBER, text)])
     if not values.size or not np.isfinite(values).all():
-        raise InputError.at_line(path, None, f"{key} {shown(text)} has no numbers; export it again")
+        raise InputError.in_file(path, f"{key} {shown(text)} has no numbers; export it again")
     return values
 
 
@@ -170,7 +169,7 @@ def _opencv(path: Path) -> Cameras:
         xml = re.search(rf"(?is)<{key}\b.*?<data>(.*?)</data>", text)
         match = yaml or xml
         if match is None:
-            raise InputError.at_line(path, None, f"no {key}; write it by cv::FileStorage")
+            raise InputError.in_file(path, f"no {key}; write it by cv::FileStorage")
         return match[1]
 
     def side(key: str) -> str | None:
@@ -181,7 +180,7 @@ def _opencv(path: Path) -> Cameras:
     D = _numbers(path, block("distortion_coefficients"), "distortion_coefficients")
     size = side("image_width"), side("image_height")
     if K.size != 9 or None in size:
-        raise InputError.at_line(path, None, "needs image_width, image_height and a matrix of 9")
+        raise InputError.in_file(path, "needs image_width, image_height and a matrix of 9")
     return (_opencv_camera(path, path.stem, size, K[[0, 4, 2, 5]], D, fisheye),)
 
 
@@ -197,8 +196,8 @@ def _kalibr(path: Path) -> Cameras:
         distortion = value["distortion_model"]
         if value["camera_model"] != "pinhole" or distortion not in KALIBR:
             model = f"{value['camera_model']} {distortion}"
-            raise InputError.at_line(
-                path, None, f"camera {name}: {shown(model)}; read is pinhole {', '.join(KALIBR)}"
+            raise InputError.in_file(
+                path, f"camera {name}: {shown(model)}; read is pinhole {', '.join(KALIBR)}"
             )
         K = _numbers(path, value["intrinsics"], "intrinsics")
         size = tuple(re.findall(r"\d+", value["resolution"]))
@@ -206,9 +205,7 @@ def _kalibr(path: Path) -> Cameras:
         if distortion != "none" and coefficients:
             D = _numbers(path, coefficients[1], "distortion_coeffs")
         if K.size != 4 or len(size) != 2:
-            raise InputError.at_line(
-                path, None, f"camera {name}: needs 4 intrinsics and a resolution"
-            )
+            raise InputError.in_file(path, f"camera {name}: needs 4 intrinsics and a resolution")
         cameras.append(_opencv_camera(path, name, size, K, D, distortion == "equidistant"))
     return tuple(cameras)
 
@@ -225,9 +222,7 @@ def _pix4d(path: Path) -> Cameras:
         value = {key: finite(word) for key, word in re.findall(r"(?m)^(\w\w?) (\S+)\s*$", body)}
         sensor = re.search(rf"sensor width of ({NUMBER})x({NUMBER})", body)
         if sensor is None or not {"F", "Px", "Py"} <= set(value):
-            raise InputError.at_line(
-                path, None, f"camera {name}: no F, Px, Py or sensor; copy again"
-            )
+            raise InputError.in_file(path, f"camera {name}: no F, Px, Py or sensor; copy again")
         width, height = _pix4d_size(path)
         per_mm = width / float(sensor[1])
         of = {key.lower(): value.get(key, 0.0) for key in ("K1", "K2", "K3")}
@@ -243,9 +238,8 @@ def _pix4d_size(path: Path) -> tuple[int, int]:
     for beside in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
         if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", _text(beside)):
             return whole(match[1]), whole(match[2])
-    raise InputError.at_line(
+    raise InputError.in_file(
         path,
-        None,
         "has no size of images in pixels; copy <project>_calibrated_camera_parameters.txt there",
     )
 
@@ -259,7 +253,7 @@ def _bentley(path: Path) -> Cameras:
             text = group.findtext(key)  # type: ignore[attr-defined]
             number = default if text is None else finite(text)
             if not np.isfinite(number):
-                raise InputError.at_line(path, None, f"camera {name}: {key} {shown(text)}")
+                raise InputError.in_file(path, f"camera {name}: {key} {shown(text)}")
             return number
 
         width, height = value("ImageDimensions/Width", 0.0), value("ImageDimensions/Height", 0.0)
@@ -273,7 +267,7 @@ def _bentley(path: Path) -> Cameras:
         if unread or kind != PERSPECTIVE:
             unread = unread or f"CameraModelType {shown(kind)}"
             message = f"camera {name}: {unread} is not read; export the camera from another program"
-            raise InputError.at_line(path, None, message)
+            raise InputError.in_file(path, message)
         of = {
             key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")
         }
@@ -291,16 +285,14 @@ def _inpho(path: Path) -> Cameras:
         name = lines.get("TYPE", lines.get("ID", "")).strip() or f"camera {len(cameras) + 1}"
         distortion = " ".join(lines.get(k, "") for k in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
         if any(finite(word) for word in re.findall(NUMBER, distortion)):
-            raise InputError.at_line(
-                path,
-                None,
-                f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML",
+            raise InputError.in_file(
+                path, f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML"
             )
         A = _numbers(path, lines.get("CCD_INTERIOR_ORIENTATION", ""), "CCD_INTERIOR_ORIENTATION")
         focal = _numbers(path, lines.get("FOCAL_LENGTH", ""), "FOCAL_LENGTH")[0]
         ppa = _numbers(path, lines.get("PRINCIPAL_POINT_PPA", "0 0"), "PRINCIPAL_POINT_PPA")
         if A.size != 6 or ppa.size < 2:
-            raise InputError.at_line(path, None, f"camera {shown(name)}: its matrix is not 2 x 3")
+            raise InputError.in_file(path, f"camera {shown(name)}: its matrix is not 2 x 3")
         A = A.reshape(2, 3)
         cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_PX
         of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}

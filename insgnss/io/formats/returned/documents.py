@@ -96,8 +96,8 @@ def read_opf(path: Source) -> ReturnedPoses:
     names, position, opk = [], [], []
     for camera in _list(file, _document(file), "cameras"):
         if camera.get("id") not in uris:
-            raise InputError.at_line(
-                file, None, f"camera {camera.get('id')} is not in camera_list.json; export again"
+            raise InputError.in_file(
+                file, f"camera {camera.get('id')} is not in camera_list.json; export again"
             )
         names.append(PurePosixPath(unquote(uris[camera["id"]])).name)
         position.append(_vector(file, camera, "position"))
@@ -108,8 +108,8 @@ def read_opf(path: Source) -> ReturnedPoses:
     x = (np.array(position) - _vector(scene, base, "shift")) / _vector(scene, base, "scale")
     C = rotation_from_opk(np.radians(opk)) @ CV_RUB
     if base.get("swap_xy"):
-        raise InputError.at_line(
-            scene, None, "its CRS names northing first (swap_xy); export in its east-north sibling"
+        raise InputError.in_file(
+            scene, "its CRS names northing first (swap_xy); export in its east-north sibling"
         )
     crs = str(_member(scene, frame, "crs").get("definition"))
     return ReturnedPoses(images, x, C, *kind_of_wkt(crs, scene), angle_set="opk")
@@ -118,21 +118,21 @@ def read_opf(path: Source) -> ReturnedPoses:
 def _document(path: Source) -> Mapping[str, Any]:
     document = parse_json(path, decode(load_bytes(path).tobytes()))
     if not isinstance(document, Mapping):
-        raise InputError.at_line(path, None, "is no JSON object; export it again")
+        raise InputError.in_file(path, "is no JSON object; export it again")
     return document
 
 
 def _list(path: Source, document: Mapping[str, Any], key: str) -> Iterator[Mapping[str, Any]]:
     entries = document.get(key)
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
-        raise InputError.at_line(path, None, f"has no list {key!r} of objects; export it again")
+        raise InputError.in_file(path, f"has no list {key!r} of objects; export it again")
     yield from entries
 
 
 def _member(path: Source, document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     member = document.get(key)
     if not isinstance(member, Mapping):
-        raise InputError.at_line(path, None, f"{key} is missing or no object; export it again")
+        raise InputError.in_file(path, f"{key} is missing or no object; export it again")
     return member
 
 
@@ -141,5 +141,5 @@ def _vector(path: Source, document: Mapping[str, Any], key: str) -> Array:
     vector = array_of(document.get(key), (3,))
     if vector is None or not (np.abs(vector) < LARGEST).all():
         problem = f"{key} {shown(str(document.get(key)))} is not three numbers"
-        raise InputError.at_line(path, None, f"{problem}; export it again")
+        raise InputError.in_file(path, f"{problem}; export it again")
     return vector

@@ -132,8 +132,8 @@ def checked_rotations(R: Array, names: Sequence[str], path: Source) -> Array:
     off = np.where(np.linalg.det(R) > 0.0, off, np.inf)
     if (off > ROUND).any():
         k = int(np.argmax(off > ROUND))
-        raise InputError.at_line(
-            path, None, f"the matrix of image {shown(names[k])} is no rotation; export it again"
+        raise InputError.in_file(
+            path, f"the matrix of image {shown(names[k])} is no rotation; export it again"
         )
     return R
 
@@ -159,8 +159,8 @@ def image_names(names: Sequence[str], path: Source) -> tuple[str, ...]:
         None at all, or an image that is there twice.
     """
     if not names:
-        raise InputError.at_line(
-            path, None, "no image has a pose; align the images and export them again"
+        raise InputError.in_file(
+            path, "no image has a pose; align the images and export them again"
         )
     return file_names(names, path)
 

@@ -79,11 +79,11 @@ def read_bentley(path: Source) -> ReturnedPoses:
                 names.append(name)
                 if system and system not in systems:
                     problem = f"photograph {shown(name)}: SRSId {shown(system)} is no <SRS> of it"
-                    raise InputError.at_line(path, None, f"{problem}; export again")
+                    raise InputError.in_file(path, f"{problem}; export again")
                 used.append(systems.get(system, ""))
     if len(set(used)) > 1:
-        raise InputError.at_line(
-            path, None, f"its poses stand in {len(set(used))} reference systems; export one block"
+        raise InputError.in_file(
+            path, f"its poses stand in {len(set(used))} reference systems; export one block"
         )
     images = image_names(names, path)
     kind, crs, origin = kind_of_definition(used[0], path)
@@ -124,7 +124,7 @@ def _number(element: Element, tag: str, name: str, path: Source) -> float:
     value = finite(text := element.findtext(tag))
     if np.isnan(value):
         problem = f"photograph {shown(name)}: {tag} {shown(text)} is no number"
-        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, or export again")
+        raise InputError.in_file(path, f"{problem}; {PLAIN}, or export again")
     return value
 
 
@@ -132,9 +132,8 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
     """Return the matrix (3, 3) of the frame to the camera, from itself or from its angles."""
     rotation = pose.find("Rotation")
     if rotation is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"photograph {shown(name)} has no rotation; export the project after its adjustment",
         )
     if rotation.find("M_00") is not None:
@@ -151,7 +150,7 @@ def _camera_axes(text: str, path: Source) -> Array:
     x, y = (np.array(DIRECTIONS.get(word, (0.0, 0.0, 0.0))) for word in (to_x, to_y))
     z = np.cross(x, y)
     if not z.any():
-        raise InputError.at_line(path, None, f"CameraOrientation {shown(text)} is unknown")
+        raise InputError.in_file(path, f"CameraOrientation {shown(text)} is unknown")
     return np.array([x, y, z])
 
 

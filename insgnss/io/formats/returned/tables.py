@@ -125,7 +125,7 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     wkt = lines[0].partition(":")[2].strip() if lines else ""
     head = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
     if head is None:
-        raise InputError.at_line(path, None, "has no header #Label; export the reference again")
+        raise InputError.in_file(path, "has no header #Label; export the reference again")
     delimiter = next((sign for sign in "\t,;" if sign in lines[head]), None)
     fields = [name.strip().lower().lstrip("# ") for name in split_fields(lines[head], delimiter)]
     fields = [name.partition("/")[0] for name in fields]
@@ -316,8 +316,8 @@ def _beside_pix4d(
     """Return offset (3,), kind and CRS of the files beside one of Pix4D, and what is missing."""
     file = Path(path)
     if file.stem.endswith("_wgs84"):
-        raise InputError.at_line(
-            path, None, f"is in degrees; give <project>{ending}.txt, which is in metres"
+        raise InputError.in_file(
+            path, f"is in degrees; give <project>{ending}.txt, which is in metres"
         )
     project = file.name.partition(ending)[0] if ending in file.name else ""
     offset, notes = np.zeros(3), []
