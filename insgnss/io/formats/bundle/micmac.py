@@ -17,22 +17,17 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.files import atomic_write
 from ....base.output.staging import together
 from ....records import FramedOrientation
 from ....records.block import Array
-from ....records.framed import GEOCENTRIC, TANGENT
+from ..orientation.ascii_columns import write_columns
 from ..orientation.exported import (
-    OPK,
     UnfitName,
-    angles_of,
     check_frame,
     check_names,
     check_only,
     comment_lines,
-    frame_attitude,
     position_sigma,
-    table_text,
     xml_text,
 )
 from ..text.layout import shown
@@ -89,17 +84,13 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "micmac", TANGENT, GEOCENTRIC)
-    check_names(eo.images, None)
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + "\n"
+    check_frame(eo, "micmac")
     words = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
         " right-up-back to the frame",
     )
-    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo)])
-    atomic_write(path, table_text(f"#F=N X Y Z W P K Ix Iy Iz\n{words}", eo.images, form, table))
+    write_columns(eo, path, "image xyz opk s_xyz", " ", f"#F=N X Y Z W P K Ix Iy Iz\n{words}")
 
 
 def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
@@ -124,7 +115,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     InputError
         Names that make no file name.
     """
-    check_frame(eo, "micmac_xml", TANGENT, GEOCENTRIC)
+    check_frame(eo, "micmac_xml")
     check_names(eo.images, "/")
     unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
     if unfit is not None:

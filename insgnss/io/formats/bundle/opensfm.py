@@ -17,8 +17,8 @@ from ....base.errors import UsageError
 from ....base.files import atomic_writes
 from ....base.output.staging import destination
 from ....records import FramedOrientation
-from ....records.framed import TANGENT
-from ..orientation.exported import OPK, ROWS_AT_A_TIME, angles_of, check_frame, frame_attitude
+from ..orientation.ascii_columns import numbers_of
+from ..orientation.exported import ROWS_AT_A_TIME, check_frame
 from ..text.text import Source
 
 REFERENCE = "reference_lla.json"
@@ -44,7 +44,7 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "opensfm", TANGENT)
+    check_frame(eo, "opensfm")
     lat, lon, height = (float(x) for x in eo.frame.origin)
     reference = json.dumps(
         {
@@ -61,11 +61,11 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
             f"{present}: another reference stands there, and the angles are to hold in this"
             " export's; delete it or export elsewhere"
         )
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     # of position, of psi
     sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2))
-    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
-    table = np.hstack([position, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
+    table = np.hstack(
+        [numbers_of(eo, "llh"), sigma[:, :1], numbers_of(eo, "opk"), np.degrees(sigma[:, 1:])]
+    )
     atomic_writes({Path(path): _entries(eo.images, table), beside: reference})
 
 

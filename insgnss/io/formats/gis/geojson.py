@@ -22,7 +22,8 @@ from ....base.files import atomic_write
 from ....base.units import METRE
 from ....records import Array, FramedOrientation
 from ....records.framed import PROJECTED
-from ..orientation.exported import OPK, angles_of, check_frame, frame_attitude
+from ..orientation.ascii_columns import Conventions, numbers_of
+from ..orientation.exported import check_frame
 from ..orientation.poses import local_covariance, sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -97,7 +98,6 @@ POINT = '"geometry": {"type": "Point", "coordinates": [%.10f, %.10f, %.4f]}'
 
 def _features(eo: FramedOrientation) -> Iterator[str]:
     ypr, sigma_ypr = true_north_ypr(eo)
-    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
     P = local_covariance(eo)
     names = [
         f'"{name}": [%.6f, %.6f, %.6f]'
@@ -114,7 +114,7 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         + "]}}"
     )
     position = _lon_lat_height(eo)
-    angles = np.degrees(np.hstack([ypr, sigma_ypr, opk, sigma_opk]))
+    angles = np.hstack([np.degrees(np.hstack([ypr, sigma_ypr])), numbers_of(eo, "opk s_opk")])
     table = np.column_stack(
         [
             eo.time,
@@ -180,7 +180,7 @@ def _unless(point: Array, same: Array) -> Array:
 
 
 def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
+    opk = numbers_of(eo, "opk", Conventions(unit="rad"))
     own = json.dumps(camera).replace("%", "%%")
     form = (
         f'{{"type": "Feature", {POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'

@@ -22,15 +22,9 @@ from ....base.errors import UsageError
 from ....base.output.staging import destination, staged
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import (
-    OPK,
-    angles_of,
-    check_frame,
-    frame_attitude,
-    places,
-    position_sigma,
-)
+from ....records.framed import TANGENT
+from ..orientation.ascii_columns import numbers_of
+from ..orientation.exported import check_frame, places, position_sigma
 from ..orientation.poses import sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -99,7 +93,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
     UsageError
         A geocentric frame, or a path that does not end in .gpkg.
     """
-    check_frame(eo, "geopackage", PROJECTED, GEOGRAPHIC, TANGENT)
+    check_frame(eo, "geopackage")
     if not str(path).lower().endswith(".gpkg"):
         raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
     coordinates = places(eo)
@@ -245,10 +239,14 @@ def _line(coordinates: Array, srs: int) -> bytes:
 
 def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
     ypr, sigma_ypr = true_north_ypr(eo)
-    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
-    angles = np.degrees(np.hstack([ypr, sigma_ypr, opk, sigma_opk]))
-    reals = np.column_stack(
-        [angles, position_sigma(eo), quaternion_from_rotation(eo.C_fc), eo.geodetic[:, 2]]
+    reals = np.hstack(
+        [
+            np.degrees(np.hstack([ypr, sigma_ypr])),
+            numbers_of(eo, "opk s_opk"),
+            position_sigma(eo),
+            quaternion_from_rotation(eo.C_fc),
+            eo.geodetic[:, 2:],
+        ]
     )
     form = json.dumps([["%.9g"] * 6] * 6).replace('"', "")
     for geometry, name, when, tow, row, P in zip(

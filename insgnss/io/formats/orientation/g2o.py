@@ -34,7 +34,6 @@ from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....geodesy.rotation import skew
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ....records.relative import GAP_S
 from ..text.text import Source, format_rows
 from .exported import check_frame, check_names, comment_lines
@@ -75,7 +74,7 @@ def write_g2o(
     DataError
         A pair whose covariance has no inverse.
     """
-    check_frame(eo, "g2o", TANGENT, PROJECTED, GEOCENTRIC)
+    check_frame(eo, "g2o")
     check_names(eo.images, "\n")
     if rotation not in ROTATIONS:
         raise UsageError(f"rotation {rotation!r} is none of {', '.join(ROTATIONS)}")

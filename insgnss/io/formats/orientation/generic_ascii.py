@@ -26,11 +26,13 @@ from ....geodesy.rotation import (
     rotation_from_ypr,
 )
 from ....records import FramedOrientation
-from ....records.framed import GEOCENTRIC, KINDS, TANGENT
+from ....records.framed import GEOCENTRIC, KINDS
 from ..text.numbers import finite, whole_rows
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
+    ANGLE_UNITS,
     CAMERA_AXES,
+    DECIMALS,
     DIRECTIONS,
     GIMBAL_CV,
     GROUP_OF,
@@ -38,20 +40,21 @@ from .ascii_columns import (
     NORTHS,
     OF_NORTH,
     Conventions,
-    has_plan,
+    column_names,
     kind_of,
+    line_form,
+    numbers_of,
     of_height,
+    usual,
 )
 from .exported import comment_lines, quoted_names, table_text
 
 Array = NDArray[np.float64]
 
-ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}
 DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
 HEADERS = ("full", "names", "none")
 DEFAULT = "image xyz opk s_xyz s_opk"
 MOST_DECIMALS = 12  # of a number: with three digits before the point all that a double holds
-FIXED = {"degree": 10, "matrix": 12, "second": 6, "whole": 0}
 
 
 def write_generic_ascii(
@@ -114,9 +117,8 @@ def write_generic_ascii(
             )
         own = LENGTH_UNITS[length_unit]
         eo = replace(eo, frame=replace(eo.frame, units=(own, own)))
-    facing = north or ("frame" if eo.frame.kind == TANGENT else "true")
-    how = Conventions(camera_axes, attitude, facing, unit, eo.frame.units)
-    names = _names(columns)
+    how = Conventions(camera_axes, attitude, north or usual(eo).north, unit, eo.frame.units)
+    names = column_names(columns)
     _check(eo, names, how, delimiter, header)
     for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
         if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
@@ -127,29 +129,14 @@ def write_generic_ascii(
     separator = DELIMITERS[delimiter]
     between = None if delimiter == "blank" else separator
     images = quoted_names(eo.images, between)
-    decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}
+    decimals = DECIMALS | {"metre": decimals_m, "sigma": decimals_m + 1}
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
     )
-    image_column = names.index("image")
-    numbers = [name for name in names if name != "image"]
-    fields = [f"%.{decimals[kind_of(name, eo.frame.kind)]}f" for name in numbers]
-    table = np.column_stack(_values(eo, numbers, how)) if numbers else np.empty((len(eo.images), 0))
-    form = separator.join([*fields[:image_column], "%s", *fields[image_column:]]) + "\n"
-    atomic_write(
-        path,
-        table_text(_header(eo, names, how, separator, header), images, form, table, image_column),
-    )
-
-
-def _names(columns: str | Sequence[str]) -> list[str]:
-    """Return the single columns of a template."""
-    tokens = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
-    return [
-        name
-        for token in tokens
-        for name in (GROUPS[token].columns if token in GROUPS else (token,))
-    ]
+    table = numbers_of(eo, [name for name in names if name != "image"], how)
+    form = line_form(eo, names, separator, decimals) + "\n"
+    head = _header(eo, names, how, separator, header)
+    atomic_write(path, table_text(head, images, form, table, names.index("image")))
 
 
 def _check(
@@ -182,7 +169,7 @@ def _check(
             else "generic_ascii: the template has no column image"
         )
     plan = [name for name in names if name in GROUPS["s_plan"].columns]
-    if plan and not has_plan(eo.frame.kind):
+    if plan and eo.frame.kind == GEOCENTRIC:
         raise UsageError(
             f"generic_ascii: {plan[0]} has no meaning in a {GEOCENTRIC} frame; take s_xyz"
         )
@@ -196,20 +183,6 @@ def _check(
 
 def _is_of_north(name: str) -> bool:
     return name != "image" and GROUP_OF[name].removeprefix("s_") in OF_NORTH
-
-
-def _values(eo: FramedOrientation, numbers: list[str], how: Conventions) -> list[Array]:
-    """Return the columns (n,) in the units of the file."""
-    blocks = {
-        name: GROUPS[name].compute(eo, how)
-        for name in dict.fromkeys(GROUP_OF[column] for column in numbers)
-    }
-    out = []
-    for column in numbers:
-        group = GROUPS[GROUP_OF[column]]
-        values = blocks[GROUP_OF[column]][:, group.columns.index(column)]
-        out.append(values * ANGLE_UNITS[how.unit] if group.kind.startswith("angle") else values)
-    return out
 
 
 def _header(

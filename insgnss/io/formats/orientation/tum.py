@@ -14,7 +14,6 @@ from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ..text.text import Source, format_rows
 from .exported import check_frame, comment_lines
 from .poses import unix_seconds
@@ -42,7 +41,7 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
     UsageError
         A frame that is not Cartesian, or another scale.
     """
-    check_frame(eo, "tum", TANGENT, PROJECTED, GEOCENTRIC)
+    check_frame(eo, "tum")
     if time not in SCALES:
         raise UsageError(f"time {time!r} is none of {', '.join(SCALES)}")
     seconds = eo.time if time == "tow" else unix_seconds(eo)
