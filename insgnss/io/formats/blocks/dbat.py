@@ -25,8 +25,8 @@ from ..text.columns import first_repeat
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
 from ..text.order import refuse_rows
-from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
-from ..text.xml import parse_xml
+from ..text.text import Source, Table, TextTable, read_table, read_text_table
+from ..text.xml import read_xml, text_of
 from .measured_block import minimal_datum
 
 IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
@@ -113,7 +113,7 @@ def read_dbat(path: Source) -> ImageBlock:
 
 def _parsed(path: Path, version: str) -> Element:
     """Return the root of a document of DBAT, which carries an attribute with its version."""
-    root = parse_xml(path, load_bytes(path).tobytes())
+    root = read_xml(path)
     if root.tag != "document" or version not in root.attrib:
         raise InputError.in_file(
             path, f"no <document {version}=...>; this is another kind of XML file"
@@ -127,10 +127,6 @@ def _one(path: Path, parent: Element, name: str) -> Element:
     if element is None:
         raise InputError.in_file(path, f"no element <{name}>; the script is not complete")
     return element
-
-
-def _text(element: Element | None) -> str:
-    return "" if element is None or element.text is None else element.text.strip()
 
 
 def _numbers(path: Path, text: str | None, name: str, count: int | None = None) -> Array:
@@ -155,10 +151,10 @@ def _files(
             if missing := [c for c in needed if c not in columns]:
                 raise InputError.in_file(
                     path,
-                    f"<{name}> {_text(element)}: format {','.join(columns)!r} has no column"
+                    f"<{name}> {text_of(element)}: format {','.join(columns)!r} has no column"
                     f" {', '.join(missing)}; {near(missing[0], columns)}",
                 )
-            yield base / _text(element), columns, element, parent
+            yield base / text_of(element), columns, element, parent
 
 
 def _checked(table: Table | TextTable, columns: tuple[str, ...]) -> None:
@@ -274,7 +270,7 @@ def _ground(
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
             listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
-            if (action := _text(rule)) not in ("keep", "remove"):
+            if (action := text_of(rule)) not in ("keep", "remove"):
                 raise InputError.in_file(path, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
@@ -296,7 +292,7 @@ def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[Bro
             _set_initial(path, camera, values)
             cameras.append(_camera(path, camera, free))
         for element in parent.findall("file"):
-            file = base / _text(element)
+            file = base / text_of(element)
             for camera in _parsed(file, "dbat_camera_version").iter("camera"):
                 _set_initial(path, camera, values)
                 cameras.append(_camera(file, camera, free))
@@ -306,7 +302,9 @@ def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[Bro
 def _initial(root: Element) -> dict[str, str]:
     """Return the values that the script sets in place of those of the camera."""
     rules = [rule for io in root.iterfind(".//set_initial_values/io") for rule in [*io] or [io]]
-    return {rule.tag: _text(rule) for rule in rules if _text(rule) != "loaded" and rule.tag != "c"}
+    return {
+        rule.tag: text_of(rule) for rule in rules if text_of(rule) != "loaded" and rule.tag != "c"
+    }
 
 
 def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
@@ -314,9 +312,9 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
 
     InputError for other words.
     """
-    usual = USUAL | {"cc": _text(camera.find("focal"))}
+    usual = USUAL | {"cc": text_of(camera.find("focal"))}
     for key in "KP":
-        listed = _text(camera.find(key))
+        listed = text_of(camera.find(key))
         count = whole(camera.findtext(f"n{key}") or "0") if not listed else listed.count(",") + 1
         usual[key] = ",".join("0" * min(max(count, 0), MOST_OF_ONE_KIND))
     if "default" in (values.get("all"), values.get("io")):
@@ -327,7 +325,11 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
         if text and element is None:
             element = SubElement(camera, key)
             element.text = "default"
-        if text and element is not None and values.get(key, _text(element)) in ("default", "focal"):
+        if (
+            text
+            and element is not None
+            and values.get(key, text_of(element)) in ("default", "focal")
+        ):
             element.text = text
     for key, text in values.items():
         if text in ("default", "focal") and (usual.get(key) or key in "KP"):
@@ -345,8 +347,8 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     def of(key: str, count: int | None = None) -> Array:
         return _numbers(path, camera.findtext(key), key, count)
 
-    name = _text(camera.find("name")) or _text(camera.find("id")) or "1"
-    model, unit = _text(camera.find("model")), _text(camera.find("unit"))
+    name = text_of(camera.find("name")) or text_of(camera.find("id")) or "1"
+    model, unit = text_of(camera.find("model")), text_of(camera.find("unit"))
     if model != BACKWARD_MODEL or unit != "mm":
         raise InputError.in_file(
             path,
@@ -359,7 +361,7 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     ):
         problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
         raise InputError.in_file(path, f"{problem}; correct it")
-    sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]
+    sensor = [word.strip() for word in text_of(camera.find("sensor")).split(",")]
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
         raise InputError.in_file(
@@ -385,7 +387,7 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
             )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
-    middle = _text(camera.find("pp")) == "default"
+    middle = text_of(camera.find("pp")) == "default"
     value["cx"], value["cy"] = 0.5 * np.array([width, height]) if middle else per_mm * of("pp", 2)
     value |= {f"k{k}": K[k - 1] for k in range(1, K.size + 1)}
     value |= dict(zip(("p1", "p2"), P * (1.0, -1.0) if P.size == 2 else (), strict=False))
@@ -404,14 +406,14 @@ def _free(path: Path, root: Element) -> dict[str, bool]:
         return free
     rules = list(wanted) or [wanted]
     for rule in rules:
-        on = {"true": True, "false": False}.get(_text(rule))
+        on = {"true": True, "false": False}.get(text_of(rule))
         names = INTERIOR if rule.tag in ("all", "io") else ESTIMATED.get(rule.tag)
         if rule.tag == "K":
             names = ("k1", "k2", "k3", "k4")
         if on is None or names is None:
             raise InputError.in_file(
                 path,
-                f"set_bundle_estimate_params: <{rule.tag}>{_text(rule)}</{rule.tag}> is not"
+                f"set_bundle_estimate_params: <{rule.tag}>{text_of(rule)}</{rule.tag}> is not"
                 f" understood; known are true and false of all, K, {', '.join(ESTIMATED)}",
             )
         free |= dict.fromkeys(names, on)
@@ -427,7 +429,7 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     datum = root.find(".//set_datum")
     if datum is None:
         return held
-    text, first = datum.get("ref_cam", "1"), _text(datum)
+    text, first = datum.get("ref_cam", "1"), text_of(datum)
     base = datum.get("ref_base", "longest")
     if first != "depend" or not 0 < whole(text) <= len(position):
         raise InputError.in_file(
@@ -466,5 +468,5 @@ def read_dbat_cameras(path: Source) -> tuple[BrownCamera, ...]:
     InputError
         As `read_dbat`.
     """
-    root = parse_xml(path, load_bytes(path).tobytes())
+    root = read_xml(path)
     return tuple(_camera(Path(path), camera, {}) for camera in root.iter("camera"))

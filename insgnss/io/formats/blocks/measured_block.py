@@ -175,6 +175,36 @@ def file_names(given: Sequence[str], path: object) -> tuple[str, ...]:
     return names
 
 
+def check_once(
+    path: object, lines: Sequence[int], image: Sequence[str], point: Sequence[str]
+) -> None:
+    """Refuse a point that is measured twice in an image.
+
+    Parameters
+    ----------
+    path : path
+        The file, for the message.
+    lines : sequence of int, (m,)
+        The line of each observation.
+    image, point : sequence of str, (m,)
+        Names of its image and its point.
+
+    Raises
+    ------
+    InputError
+        The first such point, with file and line.
+    """
+    first: dict[tuple[str, str], int] = {}
+    for line, key in zip(lines, zip(image, point, strict=True), strict=True):
+        if (before := first.setdefault(key, line)) != line:
+            raise InputError.at_line(
+                path,
+                line,
+                f"point {shown(key[1])} is measured twice in image {shown(key[0])}, before in line"
+                f" {before}; delete one of the lines",
+            )
+
+
 def image_points(
     images: Sequence[str],
     image: Sequence[int] | NDArray[np.int64],

@@ -21,8 +21,8 @@ from ....records.block import INTERIOR, Array, BrownCamera
 from ..detect import head_of
 from ..text.layout import shown
 from ..text.numbers import whole
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source
+from ..text.xml import read_xml, text_of
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points
@@ -34,7 +34,6 @@ from .metashape_chunk import (
     on_globe,
     opened_chunk,
     positive,
-    text_of,
 )
 from .metashape_project import Element, ProjectFile, read_ply
 
@@ -145,7 +144,7 @@ def read_metashape_cameras(path: Source) -> tuple[BrownCamera, ...]:
         chunk = opened_chunk(path)
         return tuple(_camera(chunk.source, sensor, []) for sensor in chunk.all("sensors", "sensor"))
     sensor = Element("sensor", label=Path(path).stem)
-    sensor.append(calibration := parse_xml(path, load_bytes(path).tobytes()))
+    sensor.append(calibration := read_xml(path))
     size = {key: text_of(calibration.find(key)) for key in ("width", "height")}
     calibration.append(Element("resolution", size))
     calibration.set("type", text_of(calibration.find("projection")) or "frame")

@@ -17,6 +17,7 @@ from ....records.block import Array
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source
+from ..text.xml import text_of
 from .ground_points import GroundTable
 from .measured_block import file_names, no_poses
 from .metashape_project import Element, ProjectFile, opened_project
@@ -251,11 +252,6 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
         file_names(names, of.source.path), np.array(position), cov, np.zeros(len(names), dtype=bool)
     )
     return ground, of.crs("camera")
-
-
-def text_of(element: Element | None) -> str:
-    """Return the text of an element, empty where it is missing."""
-    return "" if element is None or element.text is None else element.text.strip()
 
 
 def number_of(source: ProjectFile, text: str | None, description: str) -> float:

@@ -21,9 +21,9 @@ from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import rotation_from_vector
 from ....records.block import INTERIOR, Array, BrownCamera
 from ..bundle.opensfm import REFERENCE
-from ..text.layout import decode, shown
-from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, whole
-from ..text.text import Source, load_bytes
+from ..text.layout import shown
+from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, vector_of, whole
+from ..text.text import Source, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
@@ -31,7 +31,6 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 VERSION = "OPENSFM_TRACKS_VERSION_v"
 FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
-LARGEST = 1e12  # of a turn in rad or a place in m: far beyond any that is real
 FISHEYE = ("fisheye", "fisheye_opencv")
 MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
 
@@ -136,8 +135,9 @@ def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Ar
     """Return projection centres (n, 3) and attitudes (n, 3, 3) of shots, in their own axes."""
     position, C = no_poses(len(shots))
     for k, (key, shot) in enumerate(shots):
-        C[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
-        position[k] = -C[k] @ _vector(file, shot, "translation", key)
+        who = f"shot {shown(key)}: "
+        C[k] = rotation_from_vector(vector_of(file, shot, "rotation", who)).T
+        position[k] = -C[k] @ vector_of(file, shot, "translation", who)
     return position, C
 
 
@@ -158,7 +158,7 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
 
     Those without reference are not connected with each other.
     """
-    given = parse_json(file, decode(load_bytes(file).tobytes()))
+    given = parse_json(file, decoded(file))
     models = given if isinstance(given, list) else [given]
     if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
         raise InputError.in_file(
@@ -191,15 +191,6 @@ def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> 
     return float(number)
 
 
-def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
-    vector = array_of(shot.get(key), (3,))
-    if vector is None or not (np.abs(vector) < LARGEST).all():
-        raise InputError.in_file(
-            file, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
-        )
-    return vector
-
-
 def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
     """Read cameras.json of OpenDroneMap and WebODM, or the cameras of a reconstruction.
 
@@ -219,7 +210,7 @@ def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
         A damaged file, or a camera that is none of Brown's.
     """
     file = Path(path)
-    document = parse_json(file, decode(load_bytes(file).tobytes()))
+    document = parse_json(file, decoded(file))
     models = document if isinstance(document, list) else [document]
     if not all(isinstance(model, dict) for model in models):
         raise InputError.in_file(file, "is no table of cameras; export it again")
@@ -268,7 +259,7 @@ def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane 
     """Return the tangent plane of the reconstruction, None where its place is not known."""
     given, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
     if given is None and beside.is_file():
-        given = parse_json(beside, decode(load_bytes(beside).tobytes()))
+        given = parse_json(beside, decoded(beside))
     if given is None:
         return None
     lat, lon, height = (
@@ -289,7 +280,7 @@ def _tracks(
         raise InputError.in_file(
             file, "no such file; image observations stand in it: copy it beside the other"
         )
-    lines = lines_of(decode(load_bytes(file).tobytes()))
+    lines = lines_of(decoded(file))
     version, first = 0, 0
     if lines[0].startswith(VERSION):
         text, first = lines[0][len(VERSION) :].strip(), 1

@@ -25,7 +25,6 @@ from ....records import FramedOrientation
 from ....records.framed import TANGENT
 from ..orientation.ascii_columns import line_form
 from ..orientation.exported import (
-    ROWS_AT_A_TIME,
     check_frame,
     check_names,
     comment_lines,
@@ -159,9 +158,7 @@ def _text(
     for k, name in enumerate(names):
         rows = np.flatnonzero(number == k)
         yield GROUP.format(name=xml_text(name or "camera"), camera=camera)
-        for first in range(0, rows.size, ROWS_AT_A_TIME):
-            piece = rows[first : first + ROWS_AT_A_TIME]
-            values = zip(piece.tolist(), table[piece].tolist(), strict=True)
-            yield "".join([photo % (row, xml_text(eo.images[row]), *of) for row, of in values])
+        for row, values in zip(rows.tolist(), table[rows].tolist(), strict=True):
+            yield photo % (row, xml_text(eo.images[row]), *values)
         yield "  </Photogroup>"
     yield FOOT

@@ -18,7 +18,7 @@ from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....records import FramedOrientation
 from ..orientation.ascii_columns import DIRECTIONS, Conventions, numbers_of, write_columns
-from ..orientation.exported import ROWS_AT_A_TIME, check_frame, check_names, comment_lines
+from ..orientation.exported import check_frame, check_names, comment_lines
 from ..text.text import Source
 
 GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "ms")
@@ -143,14 +143,5 @@ def _blocks(
 ) -> Iterable[str]:
     since = (1000.0 * (WEEK_S * eo.gps_week + eo.time)).round().astype("timedelta64[ms]")
     when = np.datetime_as_string(GPS_EPOCH + since, unit="s")
-    for first in range(0, len(ids), ROWS_AT_A_TIME):
-        chunk = slice(first, first + ROWS_AT_A_TIME)
-        rows = zip(
-            ids[chunk], eo.images[chunk], when[chunk].tolist(), table[chunk].tolist(), strict=True
-        )
-        yield "".join(
-            [
-                form % (photo, name, f"{t[11:]} {t[8:10]}/{t[5:7]}/{t[:4]}", *row)
-                for photo, name, t, row in rows
-            ]
-        )
+    for photo, name, t, row in zip(ids, eo.images, when.tolist(), table.tolist(), strict=True):
+        yield form % (photo, name, f"{t[11:]} {t[8:10]}/{t[5:7]}/{t[:4]}", *row)

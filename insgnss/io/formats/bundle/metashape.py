@@ -31,8 +31,8 @@ import numpy as np
 
 from ....base.files import atomic_write
 from ....base.output.staging import together
-from ....geodesy.rotation import CV_RUB, ypr_from_rotation
 from ....records import Array, FramedOrientation
+from ....records.cameras.mounting import metashape_offset
 from ....records.framed import GEOGRAPHIC
 from ..orientation.ascii_columns import write_columns
 from ..orientation.exported import check_frame, comment_lines, frame_words, one_line
@@ -80,16 +80,12 @@ def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
         atomic_write(path.with_name(f"{path.stem}_gps_ins_offset.txt"), _offset_text(eo))
 
 
-def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:
-    """Return yaw, pitch, roll (3,), rad, of the GPS/INS offset that stands for B and T (M.2)."""
-    G = CV_RUB @ camera_from_body
-    return ypr_from_rotation(G @ boresight @ G.T)
-
-
 def _offset_text(eo: FramedOrientation) -> str:
     offsets = []
     for name, boresight, T in _mountings(eo):
-        yaw, pitch, roll = np.degrees(offset_rotation(boresight, T))
+        _, offset = metashape_offset(None, boresight, T)
+        assert offset is not None
+        yaw, pitch, roll = np.degrees(offset)
         offsets.append(
             f"{f'{name}: ' if name else ''}X, Y, Z (m): 0, 0, 0\n"
             f"Yaw, Pitch, Roll (deg): {yaw:.6f}, {pitch:.6f}, {roll:.6f}\n"

@@ -32,8 +32,8 @@ from ..orientation.exported import (
 )
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source
+from ..text.xml import read_xml
 
 XML = """<?xml version="1.0" ?>
 <ExportAPERO>
@@ -170,7 +170,7 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         raise InputError.in_file(path, "no Orientation-<image>.xml in it; give Ori-<name>")
     names, centres, matrices = [], [], []
     for file in files:
-        root = parse_xml(file, load_bytes(file).tobytes())
+        root = read_xml(file)
         outer = root.find(".//Externe")
         convention = None if outer is None else outer.findtext("KnownConv")
         if outer is None or convention not in (None, "eConvApero_DistM2C"):

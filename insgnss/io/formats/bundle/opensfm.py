@@ -18,7 +18,7 @@ from ....base.files import atomic_writes
 from ....base.output.staging import destination
 from ....records import FramedOrientation
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import ROWS_AT_A_TIME, check_frame
+from ..orientation.exported import check_frame, listed_rows
 from ..text.text import Source
 
 REFERENCE = "reference_lla.json"
@@ -72,12 +72,5 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
 def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
     gps = '{"gps": {"latitude": %.10f, "longitude": %.10f, "altitude": %.4f, "dop": %.5f}'
     form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
-    yield "{\n"
-    for first in range(0, len(images), ROWS_AT_A_TIME):
-        chunk = slice(first, first + ROWS_AT_A_TIME)
-        text = [
-            form % (json.dumps(name), *values)
-            for name, values in zip(images[chunk], table[chunk].tolist(), strict=True)
-        ]
-        yield (",\n" if first else "") + ",\n".join(text)
-    yield "\n}\n"
+    rows = zip(map(json.dumps, images), table.tolist(), strict=True)
+    return listed_rows("{\n", (form % (name, *row) for name, row in rows), ",\n", "\n}\n")

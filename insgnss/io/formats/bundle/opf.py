@@ -36,7 +36,7 @@ from ....base.files import atomic_write
 from ....base.output.staging import together
 from ....records import Array, FramedOrientation, MapFrame
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import check_frame, check_only, position_sigma
+from ..orientation.exported import check_frame, check_only, listed_rows, position_sigma
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
 from .camera import BROWN_NAMES, Camera, cameras_of
@@ -242,12 +242,7 @@ def _json(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> I
     start = {"format": FORMAT.format(name.replace("_", "-")), "version": "1.0", **head}
     yield json.dumps(start, indent=1).removesuffix("\n}")
     for key, items in lists.items():
-        yield f',\n "{key}": ['
-        between = "\n  "
-        for text in items:
-            yield between + text
-            between = ",\n  "
-        yield "\n ]"
+        yield from listed_rows(f',\n "{key}": [\n  ', items, ",\n  ", "\n ]")
     yield "\n}\n"
 
 

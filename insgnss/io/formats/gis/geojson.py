@@ -23,7 +23,7 @@ from ....base.units import METRE
 from ....records import Array, FramedOrientation
 from ....records.framed import PROJECTED
 from ..orientation.ascii_columns import Conventions, numbers_of
-from ..orientation.exported import check_frame
+from ..orientation.exported import check_choice, check_frame, listed_rows
 from ..orientation.poses import local_covariance, sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -55,8 +55,7 @@ def write_geojson(
     UsageError
         Another dialect, or a frame that it cannot carry.
     """
-    if dialect not in DIALECTS:
-        raise UsageError(f"dialect {dialect!r} is none of {', '.join(DIALECTS)}")
+    check_choice("dialect", dialect, DIALECTS)
     if dialect == "orthority":
         check_frame(eo, "geojson of orthority", PROJECTED)
         if eo.frame.units != (METRE, METRE):
@@ -76,16 +75,8 @@ def write_geojson(
         urn = "urn:ogc:def:crs:" + eo.frame.datum.replace(":", "::")
         head["crs"] = {"type": "name", "properties": {"name": urn}}
     rows = _orthority(eo, camera) if dialect == "orthority" else _features(eo)
-    atomic_write(path, _collection(json.dumps(head).removesuffix("}"), rows))
-
-
-def _collection(head: str, rows: Iterator[str]) -> Iterator[str]:
-    yield f'{head}, "features": ['
-    between = "\n"
-    for row in rows:
-        yield between + row
-        between = ",\n"
-    yield "\n]}\n"
+    start = json.dumps(head).removesuffix("}") + ', "features": [\n'
+    atomic_write(path, listed_rows(start, rows, ",\n", "\n]}\n"))
 
 
 def _lon_lat_height(eo: FramedOrientation) -> Array:

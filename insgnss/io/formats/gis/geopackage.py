@@ -13,7 +13,7 @@ in the description.
 import json
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,11 +75,18 @@ class _Srs:
     number: int
     organization: str
     code: int
-    wkt1: str
     description: str
-    wkt2: str
+    wkt1: str = "undefined"
+    wkt2: str = "undefined"
 
 
+UNDEFINED_CARTESIAN = _Srs(
+    "Undefined Cartesian",
+    UNDEFINED_CARTESIAN_ID,
+    "NONE",
+    UNDEFINED_CARTESIAN_ID,
+    "undefined Cartesian",
+)
 GPS_EPOCH = "1980-01-06T00:00:00.000Z"  # of a file without images
 
 
@@ -129,29 +136,10 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     from pyproj import CRS
 
     wgs84 = CRS.from_epsg(4326)
-    required = [
-        _Srs(
-            "Undefined Cartesian",
-            UNDEFINED_CARTESIAN_ID,
-            "NONE",
-            UNDEFINED_CARTESIAN_ID,
-            "undefined",
-            "undefined Cartesian",
-            "undefined",
-        ),
-        _Srs(
-            "Undefined geographic", 0, "NONE", 0, "undefined", "undefined geographic", "undefined"
-        ),
-        _Srs(
-            "WGS 84",
-            4326,
-            "EPSG",
-            4326,
-            wgs84.to_wkt("WKT1_GDAL"),
-            "longitude, latitude",
-            wgs84.to_wkt(),
-        ),
-    ]
+    degrees = _Srs("Undefined geographic", 0, "NONE", 0, "undefined geographic")
+    wkt1, wkt2 = wgs84.to_wkt("WKT1_GDAL"), wgs84.to_wkt()
+    globe = _Srs("WGS 84", 4326, "EPSG", 4326, "longitude, latitude", wkt1, wkt2)
+    required = (UNDEFINED_CARTESIAN, degrees, globe)
     rows = {row.number: row for row in (*required, srs)}.values()
     fields = [
         (r.name, r.number, r.organization, r.code, r.wkt1, r.description, r.wkt2) for r in rows
@@ -186,15 +174,7 @@ def _srs(eo: FramedOrientation) -> _Srs:
 
     frame = eo.frame
     if frame.kind == TANGENT:
-        return _Srs(
-            "Undefined Cartesian",
-            UNDEFINED_CARTESIAN_ID,
-            "NONE",
-            UNDEFINED_CARTESIAN_ID,
-            "undefined",
-            frame.name,
-            "undefined",
-        )
+        return replace(UNDEFINED_CARTESIAN, description=frame.name)
     crs = CRS.from_user_input(frame.wkt or frame.crs)
     try:
         wkt1 = crs.to_wkt("WKT1_GDAL") or "undefined"
@@ -204,9 +184,8 @@ def _srs(eo: FramedOrientation) -> _Srs:
     single = authority == "EPSG" and code.isdigit() and not crs.is_compound
     number, organization = (int(code), "EPSG") if single else (FIRST_OWN_ID, "insgnss")
     heights = f"heights {frame.heights}" if frame.scaled_from_m is None else "scaled heights"
-    return _Srs(
-        crs.name, number, organization, number, wkt1, f"{frame.name}; {heights}", crs.to_wkt()
-    )
+    description = f"{frame.name}; {heights}"
+    return _Srs(crs.name, number, organization, number, description, wkt1, crs.to_wkt())
 
 
 def _header(srs: int, flags: int) -> np.ndarray:

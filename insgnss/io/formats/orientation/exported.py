@@ -11,7 +11,7 @@ plane, whose axes have no true north but at its origin, from those of the plane.
 import html
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -259,6 +259,12 @@ def check_only(
         )
 
 
+def check_choice(option: str, value: object, choices: Collection[str]) -> None:
+    """Refuse a value of an option that is none of its choices, with UsageError."""
+    if value not in choices:
+        raise UsageError(f"{option} {value!r} is none of {', '.join(choices)}")
+
+
 def check_frame(eo: FramedOrientation, form: str, *kinds: str) -> None:
     """Refuse a frame whose kind is none of `kinds`, by default those of the format."""
     kinds = kinds or EXPORTS[form].frames
@@ -404,6 +410,16 @@ def table_text(
                 for name, row in zip(images[chunk], table[chunk].tolist(), strict=True)
             ]
         )
+
+
+def listed_rows(head: str, rows: Iterable[str], between: str, foot: str) -> Iterator[str]:
+    """Yield rows with `between` them, `head` before and `foot` behind."""
+    yield head
+    separator = ""
+    for row in rows:
+        yield separator + row
+        separator = between
+    yield foot
 
 
 def one_line(text: str) -> str:

@@ -6,7 +6,7 @@ the reader refuses.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +54,15 @@ Array = NDArray[np.float64]
 DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
 HEADERS = ("full", "names", "none")
 DEFAULT = "image xyz opk s_xyz s_opk"
+CHOICES: dict[str, Collection[str]] = {
+    "length_unit": LENGTH_UNITS,
+    "delimiter": DELIMITERS,
+    "header": HEADERS,
+    "unit": ANGLE_UNITS,
+    "camera_axes": CAMERA_AXES,
+    "attitude": DIRECTIONS,
+    "north": NORTHS,
+}
 MOST_DECIMALS = 12  # of a number: with three digits before the point all that a double holds
 
 
@@ -109,17 +118,22 @@ def write_generic_ascii(
     DataError
         An angle set that is singular.
     """
+    facing = north or usual(eo).north
+    _check_choices(
+        length_unit=length_unit or "m",
+        delimiter=delimiter,
+        header=header,
+        unit=unit,
+        camera_axes=camera_axes,
+        attitude=attitude,
+        north=facing,
+    )
     if length_unit is not None:
-        if length_unit not in LENGTH_UNITS:
-            raise UsageError(
-                f"generic_ascii: length_unit {length_unit!r} is unknown; it is one of"
-                f" {', '.join(LENGTH_UNITS)}"
-            )
         own = LENGTH_UNITS[length_unit]
         eo = replace(eo, frame=replace(eo.frame, units=(own, own)))
-    how = Conventions(camera_axes, attitude, north or usual(eo).north, unit, eo.frame.units)
+    how = Conventions(camera_axes, attitude, facing, unit, eo.frame.units)
     names = column_names(columns)
-    _check(eo, names, how, delimiter, header)
+    _check_columns(eo, names, how)
     for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
         if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
             raise UsageError(
@@ -139,22 +153,17 @@ def write_generic_ascii(
     atomic_write(path, table_text(head, images, form, table, names.index("image")))
 
 
-def _check(
-    eo: FramedOrientation, names: list[str], how: Conventions, delimiter: str, header: str
-) -> None:
-    """Refuse a template that makes no table."""
-    for option, value, accepted in (
-        ("delimiter", delimiter, tuple(DELIMITERS)),
-        ("header", header, HEADERS),
-        ("unit", how.unit, tuple(ANGLE_UNITS)),
-        ("camera_axes", how.camera_axes, tuple(CAMERA_AXES)),
-        ("attitude", how.attitude, DIRECTIONS),
-        ("north", how.north, NORTHS),
-    ):
-        if value not in accepted:
+def _check_choices(**options: str) -> None:
+    """Refuse an option that is none of its choices."""
+    for option, value in options.items():
+        if value not in (accepted := CHOICES[option]):
             raise UsageError(
                 f"generic_ascii: {option} {value!r} is unknown; it is one of {', '.join(accepted)}"
             )
+
+
+def _check_columns(eo: FramedOrientation, names: list[str], how: Conventions) -> None:
+    """Refuse a template that makes no table."""
     unknown = [name for name in names if name != "image" and name not in GROUP_OF]
     if unknown:
         raise UsageError(
@@ -310,13 +319,8 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
     except ValueError:
         message = f"length units {words['length units']!r} are unknown; export the table again"
         raise InputError.in_file(path, message) from None
-    if (
-        how.unit not in ANGLE_UNITS
-        or axes not in CAMERA_AXES
-        or how.attitude not in DIRECTIONS
-        or how.north not in NORTHS
-        or kind not in KINDS
-    ):
+    stated = {"unit": how.unit, "camera_axes": axes, "attitude": how.attitude, "north": how.north}
+    if kind not in KINDS or any(stated[option] not in CHOICES[option] for option in stated):
         raise InputError.in_file(
             path, f"the header's conventions {kind!r}, {how} are unknown; export it again"
         )

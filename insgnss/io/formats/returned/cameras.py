@@ -26,8 +26,8 @@ from ..blocks.opensfm_model import read_opensfm_cameras
 from ..bundle.camera import Camera, camera_of
 from ..text.layout import decode, shown
 from ..text.numbers import finite, whole
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source, decoded
+from ..text.xml import read_xml
 
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
@@ -156,12 +156,8 @@ def _numbers(path: Path, text: str, key: str) -> Array:
     return values
 
 
-def _text(path: Path) -> str:
-    return decode(load_bytes(path).tobytes())
-
-
 def _opencv(path: Path) -> Cameras:
-    text = _text(path)
+    text = decoded(path)
     fisheye = re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text) is not None
 
     def block(key: str) -> str:
@@ -186,7 +182,7 @@ def _opencv(path: Path) -> Cameras:
 
 def _kalibr(path: Path) -> Cameras:
     cameras = []
-    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", _text(path)):
+    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decoded(path)):
         matches = {
             key: re.search(rf"(?m)^\s+{key}:((?:.*\n?)(?:\s+-.*\n?)*)", body)
             for key in ("camera_model", "distortion_model", "intrinsics", "resolution")
@@ -211,12 +207,12 @@ def _kalibr(path: Path) -> Cameras:
 
 
 def _colmap(path: Path) -> Cameras:
-    rows = [row.split(maxsplit=1) for row in _text(path).splitlines() if row.strip()]
+    rows = [row.split(maxsplit=1) for row in decoded(path).splitlines() if row.strip()]
     return tuple(_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:])
 
 
 def _pix4d(path: Path) -> Cameras:
-    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", _text(path))[1:]
+    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", decoded(path))[1:]
     cameras = []
     for name, body in zip(sections[::2], sections[1::2], strict=True):
         value = {key: finite(word) for key, word in re.findall(r"(?m)^(\w\w?) (\S+)\s*$", body)}
@@ -236,7 +232,7 @@ def _pix4d(path: Path) -> Cameras:
 def _pix4d_size(path: Path) -> tuple[int, int]:
     """Return the size of the images, which a .cam does not have: of the first image beside it."""
     for beside in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
-        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", _text(beside)):
+        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", decoded(beside)):
             return whole(match[1]), whole(match[2])
     raise InputError.in_file(
         path,
@@ -246,7 +242,7 @@ def _pix4d_size(path: Path) -> tuple[int, int]:
 
 def _bentley(path: Path) -> Cameras:
     cameras: list[BrownCamera] = []
-    for group in parse_xml(path, load_bytes(path).tobytes()).iter("Photogroup"):
+    for group in read_xml(path).iter("Photogroup"):
         name = (group.findtext("Name") or f"camera {len(cameras) + 1}").strip()
 
         def value(key: str, default: float, group: object = group, name: str = name) -> float:
@@ -280,7 +276,9 @@ def _bentley(path: Path) -> Cameras:
 
 def _inpho(path: Path) -> Cameras:
     cameras: list[BrownCamera] = []
-    for body in re.findall(r"(?ms)^\s*\$CAMERA(?:_DEFINITION)?\s*$(.*?)^\s*\$END\s*$", _text(path)):
+    for body in re.findall(
+        r"(?ms)^\s*\$CAMERA(?:_DEFINITION)?\s*$(.*?)^\s*\$END\s*$", decoded(path)
+    ):
         lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
         name = lines.get("TYPE", lines.get("ID", "")).strip() or f"camera {len(cameras) + 1}"
         distortion = " ".join(lines.get(k, "") for k in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ..blocks.measured_block import file_names
-from ..text.layout import decode, shown
-from ..text.text import Source, load_bytes, number
+from ..text.layout import shown
+from ..text.text import Source, number
 
 Array = NDArray[np.float64]
 
@@ -58,27 +58,6 @@ class ReturnedPoses:
     notes: tuple[str, ...] = ()
     cov_position: Array | None = None
     cov_attitude: Array | None = None
-
-
-def lines_of(path: Source) -> list[str]:
-    """Return the lines of a text file.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Returns
-    -------
-    list of str
-        Without line ends and byte order mark.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
-    return decode(load_bytes(path).tobytes()).splitlines()
 
 
 def numbers(words: Sequence[str], path: Source, line: int) -> list[float]:

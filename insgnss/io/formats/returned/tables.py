@@ -21,13 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError
+from ....base.files import lines_of
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
 from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
 from ..text.layout import is_comment, shown, split_fields
-from ..text.text import Source
+from ..text.text import Source, decoded
 from .crs import kind_of_wkt
-from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
+from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
 OPK_COLUMNS = 7  # name, X, Y, Z and three angles
 IGN_HEADER = re.compile(r"\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b", re.IGNORECASE)
@@ -60,7 +61,7 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
         A line of another length, or a matrix that is not that of its angles, with file and line.
     """
     names, rows = [], []
-    for line, text in enumerate(lines_of(path), start=1):
+    for line, text in enumerate(lines_of(decoded(path)), start=1):
         if not text.strip() or text.startswith("#"):
             continue
         words = text.split("\t") if "\t" in text else text.split()
@@ -121,7 +122,7 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     InputError
         No header or no angles, with file and line; a CRS that is unknown.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     wkt = lines[0].partition(":")[2].strip() if lines else ""
     head = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
     if head is None:
@@ -229,7 +230,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
     InputError
         A line of another length, or another unit of angles, with file and line.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     header = next((k for k, text in enumerate(lines) if IGN_HEADER.match(text)), 0)
     names, table = _name_xyz_opk(path, "nom", OPK_COLUMNS + 1, header)
     for line, text in enumerate(lines[:header], start=1):
@@ -252,7 +253,7 @@ def _name_xyz_opk(
     The header, which may be missing, begins with `first`; lines before it are `skipped`.
     """
     names, rows = [], []
-    for line, text in enumerate(lines_of(path), start=1):
+    for line, text in enumerate(lines_of(decoded(path)), start=1):
         words = text.replace(",", " ").split()
         if line <= skipped or not words or words[0].lower() == first:
             continue
@@ -284,7 +285,7 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
     InputError
         A file that ends within an image, or a matrix that is no rotation, with file and line.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     start = 1 + next((k for k, text in enumerate(lines) if text.startswith("camera model")), -1)
     rows = [(k + 1, text.split()) for k, text in enumerate(lines) if k >= start and text.strip()]
     names, centre, matrices = [], [], []
@@ -323,7 +324,7 @@ def _beside_pix4d(
     offset, notes = np.zeros(3), []
     beside = file.with_name(f"{project}_offset.xyz")
     if project and beside.is_file():
-        words = " ".join(lines_of(beside)).split()
+        words = " ".join(lines_of(decoded(beside))).split()
         if len(words) != len(offset):
             raise InputError.at_line(
                 beside, 1, f"{len(words)} numbers, 3 must stand there; copy it again"
@@ -337,7 +338,7 @@ def _beside_pix4d(
     definition = file.with_name(f"{project}_wkt.prj")
     kind, crs = "", ""
     if project and definition.is_file():
-        kind, crs = kind_of_wkt(" ".join(lines_of(definition)).strip(), definition)
+        kind, crs = kind_of_wkt(" ".join(lines_of(decoded(definition))).strip(), definition)
     return offset, kind, crs, tuple(notes)
 
 
@@ -368,7 +369,7 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
     """
     rows = [
         (line, text.strip())
-        for line, text in enumerate(lines_of(path), start=1)
+        for line, text in enumerate(lines_of(decoded(path)), start=1)
         if text.strip() and not is_comment(text)
     ]
     crs = head_crs(path, rows[0]) if rows else ""
