@@ -14,8 +14,15 @@ from ....base.errors import InputError, installed, legible
 from ....base.files import lines_of
 from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
-from ....records.block import INTERIOR, Array, BrownCamera
-from ..bundle.camera import BROWN_NAMES, FISHEYE_NAMES, PARAMETERS, Camera
+from ....records.block import Array, BrownCamera
+from ..bundle.camera import (
+    BROWN_NAMES,
+    FISHEYE_NAMES,
+    PARAMETERS,
+    Camera,
+    brown_camera,
+    of_opencv,
+)
 from ..text.layout import decode, shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
@@ -238,8 +245,4 @@ def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
             f"camera {name}: {model} with {', '.join(rational)} other than zero, a rational"
             " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
         )
-    f = value.get("f", value.get("fy", 0.0))
-    value |= {"f": f, "b1": value.get("fx", f) - f, "k1": value.get("k1", value.get("k", 0.0))}
-    value |= {"p1": value.get("p2", 0.0), "p2": value.get("p1", 0.0)}
-    interior = np.array([value.get(name, 0.0) for name in INTERIOR])
-    return BrownCamera(name, camera.width, camera.height, interior, fisheye=fisheye)
+    return brown_camera(name, camera.width, camera.height, of_opencv(value), fisheye)

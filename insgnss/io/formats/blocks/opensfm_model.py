@@ -19,7 +19,8 @@ from ....base.files import lines_of
 from ....base.received.nesting import parse_json
 from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import rotation_from_vector
-from ....records.block import INTERIOR, Array, BrownCamera
+from ....records.block import Array, BrownCamera
+from ..bundle.camera import brown_camera, of_opencv
 from ..bundle.opensfm import REFERENCE
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, vector_of, whole
@@ -248,11 +249,10 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         for key in ("focal_x", "focal_y")
     ]
     fisheye = model in FISHEYE
-    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()))}
-    own |= {"f": size * fy, "b1": size * (fx - fy), "p1": value("p2"), "p2": value("p1")}
+    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
+    own |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
     own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
-    interior = np.array([own.get(key, 0.0) for key in INTERIOR])
-    return BrownCamera(name, int(width), int(height), interior, fisheye=fisheye)
+    return brown_camera(name, width, height, of_opencv(own), fisheye)
 
 
 def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:

@@ -17,13 +17,13 @@ import numpy as np
 
 from ....base.errors import InputError, UsageError, near
 from ....base.inputs import first_bytes
-from ....records.block import INTERIOR, Array, BrownCamera
+from ....records.block import Array, BrownCamera
 from ..blocks.camera_toml import read_camera_toml
 from ..blocks.colmap_model import brown_of
 from ..blocks.dbat import read_dbat_cameras
 from ..blocks.metashape_block import read_metashape_cameras
 from ..blocks.opensfm_model import read_opensfm_cameras
-from ..bundle.camera import Camera, camera_of
+from ..bundle.camera import brown_camera, camera_of, of_opencv
 from ..text.layout import decode, shown
 from ..text.numbers import finite, whole
 from ..text.text import Source, decoded
@@ -143,7 +143,7 @@ def _opencv_camera(
 def _of_words(path: Path, name: str, text: str) -> BrownCamera:
     """Return a camera in COLMAP's notation."""
     try:
-        camera: Camera = camera_of(text, "camera")
+        camera = camera_of(text, "camera")
     except UsageError as error:
         raise InputError.in_file(path, str(error).partition(";")[0]) from None
     return brown_of(path, name, camera)
@@ -223,9 +223,8 @@ def _pix4d(path: Path) -> Cameras:
         per_mm = width / float(sensor[1])
         of = {key.lower(): value.get(key, 0.0) for key in ("K1", "K2", "K3")}
         of |= {"f": per_mm * value["F"], "cx": per_mm * value["Px"], "cy": per_mm * value["Py"]}
-        of |= {"p1": value.get("T2", 0.0), "p2": value.get("T1", 0.0)}
-        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
-        cameras.append(BrownCamera(name, width, height, interior))
+        of |= {"p1": value.get("T1", 0.0), "p2": value.get("T2", 0.0)}
+        cameras.append(brown_camera(name, width, height, of_opencv(of)))
     return tuple(cameras)
 
 
@@ -269,8 +268,7 @@ def _bentley(path: Path) -> Cameras:
         }
         of |= {"f": f, "cx": value("PrincipalPoint/x", 0.5 * width), "b2": value("Skew", 0.0)}
         of["cy"] = value("PrincipalPoint/y", 0.5 * height)
-        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
-        cameras.append(BrownCamera(name, int(width), int(height), interior))
+        cameras.append(brown_camera(name, width, height, of))
     return tuple(cameras)
 
 
@@ -296,8 +294,7 @@ def _inpho(path: Path) -> Cameras:
         of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}
         of["b1"] = abs(A[0, 0]) * focal - of["f"]
         size = [whole(lines.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS")]
-        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
-        cameras.append(BrownCamera(name, size[0], size[1], interior))
+        cameras.append(brown_camera(name, size[0], size[1], of))
     return tuple(cameras)
 
 

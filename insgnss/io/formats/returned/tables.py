@@ -78,28 +78,30 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
             )
         names.append(words[0])
         rows.append(values[:6])
-    return _of_opk(path, names, np.reshape(rows, (-1, 6)))
+    return _of_angles(path, names, np.reshape(rows, (-1, 6)))
 
 
-def _of_opk(
+def _of_angles(
     path: Source,
     names: Sequence[str],
     table: Array,
     kind: str = "",
     crs: str = "",
     notes: tuple[str, ...] = (),
+    angle_set: str = "opk",
 ) -> ReturnedPoses:
-    """Return poses of a table (n, 6) of coordinates and omega, phi, kappa, deg."""
-    images = image_names(names, path)
-    opk = np.radians(table[:, 3:])
+    """Return poses of a table (n, 6) of coordinates and angles of a set, deg."""
+    angles = np.radians(table[:, 3:])
+    rotation = rotation_from_opk if angle_set == "opk" else rotation_from_ypr
     return ReturnedPoses(
-        images,
+        image_names(names, path),
         table[:, :3],
-        rotation_from_opk(opk) @ CV_RUB,
+        rotation(angles) @ CV_RUB,
         kind,
         crs,
-        angle_set="opk",
-        angles=opk,
+        true_north=angle_set == "ypr" and kind in ("", PROJECTED),
+        angle_set=angle_set,
+        angles=angles,
         notes=notes,
     )
 
@@ -172,20 +174,8 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     notes = (f"{left_out} images without {values} pose are left out",) if left_out else ()
     if not estimated:
         notes = ("the file has reference values, none that the adjustment estimated", *notes)
-    if angles == "omega":
-        return _of_opk(path, names, table, kind, crs, notes)
-    ypr = np.radians(table[:, 3:])
-    return ReturnedPoses(
-        image_names(names, path),
-        table[:, :3],
-        rotation_from_ypr(ypr) @ CV_RUB,
-        kind,
-        crs,
-        true_north=kind in ("", PROJECTED),
-        angle_set="ypr",
-        angles=ypr,
-        notes=notes,
-    )
+    angle_set = "opk" if angles == "omega" else "ypr"
+    return _of_angles(path, names, table, kind, crs, notes, angle_set)
 
 
 def read_pix4d_external(path: Source) -> ReturnedPoses:
@@ -209,7 +199,7 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
     names, table = _name_xyz_opk(path, "imagename", OPK_COLUMNS)
     offset, kind, crs, notes = _beside_pix4d(path, EXTERNAL, table[:, :3])
     table[:, :3] += offset
-    return _of_opk(path, names, table, kind, crs, notes)
+    return _of_angles(path, names, table, kind, crs, notes)
 
 
 def read_ign_opk(path: Source) -> ReturnedPoses:
@@ -242,7 +232,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
                     path, line, f"angles in {shown(unit.strip())}; grades, degres, radians are read"
                 )
             table[:, 3:] *= factor
-    return _of_opk(path, names, table)
+    return _of_angles(path, names, table)
 
 
 def _name_xyz_opk(
