@@ -6,7 +6,7 @@ into every covariance that comes of them. That the clock of the camera is off by
 here knows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...base.errors import InputError
@@ -75,13 +75,4 @@ def exif_events(
         "event marks of the receiver",
         "a constant error of that clock moves every image along its path: camera.time_offset_s",
     )
-    return CameraEvents(
-        events.images,
-        events.time,
-        events.gps_week,
-        events.source,
-        (*events.notes, by_exif),
-        None,
-        events.sigma_s,
-        events.time_scale,
-    )
+    return replace(events, notes=(*events.notes, by_exif))

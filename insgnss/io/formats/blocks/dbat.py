@@ -10,7 +10,7 @@ what is left when the principal point is subtracted (an adjustment that stretche
 differs by 1e-5 of sigma_0 on DBAT's own demonstration).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -21,7 +21,7 @@ from ....base.errors import InputError, near
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ....records.block import ImageObservations as Observations
-from ..text.columns import first_repeat
+from ..text.columns import NamedTable, TableSpec, first_repeat
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
 from ..text.order import refuse_rows
@@ -29,8 +29,7 @@ from ..text.text import Source, Table, TextTable, read_table, read_text_table
 from ..text.xml import read_xml, text_of
 from .measured_block import minimal_datum
 
-IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
-IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z")
+IMAGES, IMAGE_POINTS, POSITION, OPK = "id path", "im id x y", "x y z", "omega phi kappa"
 SIGMAS = {"sxyz": (0, 1, 2), "sxy": (0, 1), "sx": (0,), "sy": (1,), "sz": (2,)}
 """Columns and attributes of standard deviations with the coordinates that they are of."""
 FIXED_M = 1e-6  # standard deviation of a ground point without one, which DBAT holds
@@ -141,41 +140,42 @@ def _numbers(path: Path, text: str | None, name: str, count: int | None = None) 
     return values
 
 
-def _files(
-    path: Path, base: Path, given: Element, name: str, needed: tuple[str, ...]
-) -> Iterator[tuple[Path, tuple[str, ...], Element, Element]]:
-    """Yield the tables of one kind: path, columns, the element <file> and its parent."""
+def _tables(
+    path: Path,
+    base: Path,
+    given: Element,
+    name: str,
+    required: str,
+    read: Callable[[Path], Table | TextTable] = read_table,
+) -> Iterator[tuple[NamedTable, Element, Element]]:
+    """Yield the tables of one kind, each with the element <file> that names it and its parent."""
     for parent in given.findall(name):
         for element in parent.findall("file"):
-            columns = tuple(c.strip() for c in (element.get("format") or "").split(","))
-            if missing := [c for c in needed if c not in columns]:
+            columns = [c.strip() for c in (element.get("format") or "").split(",")]
+            if missing := [c for c in required.split() if c not in columns]:
                 raise InputError.in_file(
                     path,
                     f"<{name}> {text_of(element)}: format {','.join(columns)!r} has no column"
                     f" {', '.join(missing)}; {near(missing[0], columns)}",
                 )
-            yield base / text_of(element), columns, element, parent
-
-
-def _checked(table: Table | TextTable, columns: tuple[str, ...]) -> None:
-    """Refuse a table with another number of columns than the script says."""
-    if table.layout.n_fields != len(columns):
-        raise InputError.at_line(
-            table.path,
-            table.layout.first_line,
-            f"{table.layout.n_fields} fields, the script names {len(columns)}"
-            f" ({','.join(columns)}); correct its format",
-        )
+            table = read(base / text_of(element))
+            if table.layout.n_fields != len(columns):
+                raise InputError.at_line(
+                    table.path,
+                    table.layout.first_line,
+                    f"{table.layout.n_fields} fields, the script names {len(columns)}"
+                    f" ({','.join(columns)}); correct its format",
+                )
+            index = {column: k for k, column in enumerate(columns)}
+            yield NamedTable(TableSpec.exactly(required), table, index), element, parent
 
 
 def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
-    for file, columns, _, _ in _files(path, base, given, "images", IMAGES):
-        table = read_text_table(file)
-        _checked(table, columns)
-        ids.append(whole_rows(table, table.floats(columns.index("id")), "image"))
-        names += [Path(name).name for name in table.strings(columns.index("path"))]
+    for table, _, _ in _tables(path, base, given, "images", IMAGES, read_text_table):
+        ids.append(whole_rows(table, table.floats("id"), "image"))
+        names += [Path(name).name for name in table.strings("path")]
     if not ids:
         raise InputError.in_file(path, "no <images> with a <file>; name the list of images")
     every = np.concatenate(ids)
@@ -186,7 +186,7 @@ def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], 
     return every, tuple(names)
 
 
-def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
+def _row_of(table: NamedTable, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
     """Return the rows of images by their numbers."""
     rows = np.array([order.get(int(i), -1) for i in ids], dtype=np.int64)
     refuse_rows(table, rows < 0, "image {} is not in the list of images; add it there", ids)
@@ -196,17 +196,13 @@ def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDAr
 def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tuple[Array, Array]:
     """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
     position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
-    for file, columns, element, _ in _files(path, base, given, "prior_eo", PRIOR_EO):
-        table = read_table(file)
-        _checked(table, columns)
+    for table, element, _ in _tables(path, base, given, "prior_eo", f"id {POSITION} {OPK}"):
         unit = element.get("units", "degrees")
         if unit not in ANGLES:
             raise InputError.in_file(path, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}")
-        value = {name: table.values[:, k] for k, name in enumerate(columns)}
-        rows = _row_of(table, whole_rows(table, value["id"], "image"), order)
-        position[rows] = np.column_stack([value[name] for name in PRIOR_EO[1:4]])
-        opk = ANGLES[unit] * np.column_stack([value[name] for name in PRIOR_EO[4:]])
-        C_mc[rows] = rotation_from_opk(opk) @ CV_RUB
+        rows = _row_of(table, whole_rows(table, table.floats("id"), "image"), order)
+        position[rows] = table.block(POSITION)
+        C_mc[rows] = rotation_from_opk(ANGLES[unit] * table.block(OPK)) @ CV_RUB
     return position, C_mc
 
 
@@ -215,15 +211,15 @@ def _image_points(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
     """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
     empty = True
-    for file, columns, element, _ in _files(path, base, given, "image_pts", IMAGE_POINTS):
+    for table, element, _ in _tables(path, base, given, "image_pts", IMAGE_POINTS):
         empty = False
-        table = read_table(file)
-        _checked(table, columns)
-        value = {name: table.values[:, k] for k, name in enumerate(columns)}
-        images = _row_of(table, whole_rows(table, value["im"], "image"), order)
-        points = whole_rows(table, value["id"], "point")
-        _once(table, images, points, value["im"])
-        sigma = _sigma(value, np.ones((len(images), 2)))
+        images = _row_of(table, whole_rows(table, table.floats("im"), "image"), order)
+        points = whole_rows(table, table.floats("id"), "point")
+        if (twice := first_repeat(images, points)) is not None:
+            row = twice[1]
+            where = f"in image {table.floats('im')[row]:.0f}; delete one of the lines"
+            raise table.error_at(row, f"point {points[row]} is measured twice {where}")
+        sigma = _sigma(table, np.ones((len(images), 2)))
         for name in ("sxy", "sx", "sy"):  # attributes are of the whole file, before its columns
             if (text := element.get(name)) is None:
                 continue
@@ -231,30 +227,17 @@ def _image_points(
                 problem = f"{name}={text!r} is no number of pixels; {PLAIN}"
                 raise InputError.in_file(path, problem)
             sigma[:, SIGMAS[name]] = number
-        yield images, points, np.column_stack([value["x"], value["y"]]), sigma
+        yield images, points, table.block("x y"), sigma
     if empty:
         raise InputError.in_file(path, "no <image_pts> with a <file>; name the measurements")
 
 
-def _sigma(value: Mapping[str, Array], sigma: Array) -> Array:
+def _sigma(table: NamedTable, sigma: Array) -> Array:
     """Return `sigma` (n, k) with the standard deviations of a table's columns."""
     for name, coordinates in SIGMAS.items():
-        if name in value:
-            sigma[:, coordinates] = value[name][:, None]
+        if name in table:
+            sigma[:, coordinates] = table.floats(name)[:, None]
     return sigma
-
-
-def _once(
-    table: Table, images: NDArray[np.int64], points: NDArray[np.int64], numbers: Array
-) -> None:
-    """Refuse a table in which an image has two measurements of one point."""
-    if (twice := first_repeat(images, points)) is not None:
-        row = twice[1]
-        raise table.error_at(
-            row,
-            f"point {points[row]} is measured twice in image {numbers[row]:.0f}; delete one of the"
-            " lines",
-        )
 
 
 def _ground(
@@ -262,11 +245,8 @@ def _ground(
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Return numbers (n,), coordinates (n, 3), m, and covariances (n, 3, 3) of ground points."""
     ids, position, sigma = [], [], []
-    for file, columns, _, parent in _files(path, base, given, name, GROUND):
-        table = read_text_table(file)
-        _checked(table, columns)
-        number, *values = (table.floats(columns.index(c)) for c in GROUND)
-        stated = {c: table.floats(columns.index(c)) for c in SIGMAS if c in columns}
+    for table, _, parent in _tables(path, base, given, name, f"id {POSITION}", read_text_table):
+        number = table.floats("id")
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
             listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
@@ -274,8 +254,8 @@ def _ground(
                 raise InputError.in_file(path, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
-        position.append(np.column_stack(values)[keep])
-        own = _sigma(stated, np.zeros((len(number), 3)))[keep]
+        position.append(table.block(POSITION)[keep])
+        own = _sigma(table, np.zeros((len(number), 3)))[keep]
         sigma.append(np.where(own == 0.0, FIXED_M, own))
     if not ids:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))

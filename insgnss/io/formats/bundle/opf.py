@@ -98,11 +98,11 @@ def write_opf(
     """
     check_frame(eo, "opf")
     definition, horizontal = crs_definition(eo.frame)
-    names, number = eo.cameras
+    of_cameras, number = eo.cameras
     sensors = [
         {"id": k, "name": name or "camera"} | _sensor(model, pixel_size_um, pixel_type, bands)
         for k, (model, name) in enumerate(
-            zip(cameras_of(camera, names, "opf"), names, strict=True), start=SENSOR
+            zip(cameras_of(camera, of_cameras, "opf"), of_cameras, strict=True), start=SENSOR
         )
     ]
     shift = (
@@ -118,14 +118,9 @@ def write_opf(
         for pair, uri in zip(ids, uris, strict=True)
     )
     directory = Path(path)
-    made = (
-        set(FILES.values())
-        if definition is not None
-        else {FILES["camera_list"], FILES["input_cameras"]}
-    )
-    check_only(
-        directory, {"project.opf", *made}, lambda file: file.endswith(OPF_FILES), "an OPF project"
-    )
+    names = list(FILES) if definition is not None else ["camera_list", "input_cameras"]
+    own = ("project.opf", *(FILES[name] for name in names))
+    check_only(directory, own, lambda file: file.endswith(OPF_FILES), "an OPF project")
     with together() as staging:
         into = staging.tree(directory)
 
@@ -149,9 +144,7 @@ def write_opf(
             projected = _projected(eo, ids, eo.coordinates + shift, angles)
             of_ids = {"sensors": [{"id": sensor["id"]} for sensor in sensors]}
             item("projected_input_cameras", of_ids, {"captures": projected})
-        atomic_write(
-            into / "project.opf", json.dumps(_project(eo, definition is not None), indent=1) + "\n"
-        )
+        atomic_write(into / "project.opf", json.dumps(_project(eo, names), indent=1) + "\n")
 
 
 def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
@@ -282,26 +275,19 @@ def _projected(
         yield form % (capture, *row)
 
 
-def _project(eo: FramedOrientation, whole: bool) -> dict[str, Any]:
+def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
     space = uuid.uuid5(
         uuid.NAMESPACE_URL, "insgnss:" + "\n".join([eo.frame.name, str(eo.gps_week), *eo.images])
     )
-    names = list(FILES) if whole else ["camera_list", "input_cameras"]
     ids = {name: str(uuid.uuid5(space, name)) for name in names}
-    left = (
-        []
-        if whole
-        else [
-            "projected cameras are left out, since OPF would take these heights to be above another"
-            " surface"
-        ]
-    )
+    more = "projected cameras are left out, since OPF would take these heights to be above another"
+    left_out = () if len(names) == len(FILES) else (f"{more} surface",)
     return {
         "format": FORMAT.format("project"),
         "version": "1.0",
         "id": str(space),
         "name": "exterior orientation",
-        "description": "; ".join(sentences(eo, *left)),
+        "description": "; ".join(sentences(eo, *left_out)),
         "generator": {"name": "insgnss", "version": __version__},
         "items": [
             {

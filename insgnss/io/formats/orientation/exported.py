@@ -116,12 +116,19 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
     InputError
         The first such name.
     """
+    _refuse_unfit(names, lambda name: _unfit(name, separator), of)
+
+
+def _refuse_unfit(
+    names: Iterable[str],
+    unfit: Callable[[str], str],
+    of: str,
+    holder: str = "this format cannot hold",
+) -> None:
+    """Refuse the first name of which `unfit` says why the holder does not take it."""
     for name in names:
-        wrong = _unfit(name, separator)
-        if wrong:
-            raise UnfitName(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
-            )
+        if why := unfit(name):
+            raise UnfitName(f"{of} name {name!r} {why}, which {holder}; rename the {of}")
 
 
 def quoted_names(names: Sequence[str], separator: str | None, of: str = "image") -> tuple[str, ...]:
@@ -144,20 +151,19 @@ def quoted_names(names: Sequence[str], separator: str | None, of: str = "image")
         A name that is empty or has a line end; one that a spreadsheet takes for a formula, quoted
         or not, where it opens the table.
     """
+
+    def unfit(name: str) -> str:
+        if {"\n", "\r", "\0"} & set(name):
+            return "has a line end"
+        return (_control(name) or _formula(name, separator)) if name else "is empty"
+
+    _refuse_unfit(names, unfit, of, "no table holds")
     return tuple(
         '"' + name.replace('"', '""') + '"'
         if _unfit(name, separator) or name[0] in QUOTES or name[-1] in QUOTES
         else name
-        for name in _of_one_line(names, separator, of)
+        for name in names
     )
-
-
-def _of_one_line(names: Sequence[str], separator: str | None, of: str) -> Sequence[str]:
-    for name in names:
-        wrong = "has a line end" if {"\n", "\r", "\0"} & set(name) else "" if name else "is empty"
-        if wrong := wrong or _control(name) or _formula(name, separator):
-            raise UnfitName(f"{of} name {name!r} {wrong}, which no table holds; rename the {of}")
-    return names
 
 
 def _control(name: str) -> str:
@@ -188,11 +194,7 @@ def check_characters(names: Iterable[str], of: str = "image") -> None:
     InputError
         The first such name.
     """
-    for name in names:
-        if wrong := _control(name):
-            raise UnfitName(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
-            )
+    _refuse_unfit(names, _control, of)
 
 
 def xml_text(text: str, quotes: bool = False) -> str:
