@@ -56,7 +56,7 @@ HOUSE: dict[str, dict[str, str]] = {
         "arrays": "text imu gnss",
         "events": "text orientation gnss",
         "trajectory": "text orientation gnss",
-        "bundle": "text orientation positions",
+        "bundle": "text orientation",
         "logs": "text imu gnss arrays events",
         "blocks": "text orientation bundle",
         "markers": "text orientation blocks",

@@ -8,8 +8,12 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError
-from insgnss.io.formats.bundle.metashape import offset_rotation
-from insgnss.records.cameras.mounting import ANGLE_SETS, Mounting, boresight_from_angles
+from insgnss.records.cameras.mounting import (
+    ANGLE_SETS,
+    Mounting,
+    boresight_from_angles,
+    metashape_offset,
+)
 
 TABLE_2 = np.array(
     [
@@ -96,7 +100,8 @@ def test_metashape_offset_of_an_oblique_camera():
     expected = Rotation.from_rotvec(G.T @ axis).as_matrix()
     B = boresight_from_angles("metashape_ypr", [3.0, 2.0, 1.0], oblique)
     assert_allclose(B, expected, rtol=0, atol=1e-12)
-    assert_allclose(np.degrees(offset_rotation(B, oblique)), [3.0, 2.0, 1.0], rtol=0, atol=1e-9)
+    _, offset = metashape_offset(None, B, oblique)
+    assert_allclose(np.degrees(offset), [3.0, 2.0, 1.0], rtol=0, atol=1e-9)
 
 
 def test_worked_example_of_the_mounting_chain():

@@ -11,12 +11,11 @@ from ...geodesy.crs import undulation
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.exports import function_at
-from ...io.formats.positions.position_references import (
-    POSITION_FORMATS,
-    PlacedCameras,
-    PositionFormat,
-)
+from ...io.formats.orientation.exported import PlacedCameras
+from ...io.formats.positions.position_references import POSITION_FORMATS, PositionFormat
+from ...records import MapFrame
 from ...records.cameras.camera_positions import CameraPositions
+from ...records.framed import GEOGRAPHIC, PROJECTED
 from .export import Exported, Target, on_area
 from .replacing import remove_stale
 
@@ -70,7 +69,7 @@ def export_positions(
         helpers = function_at(form.helper)(cameras, path) if form.helper else {}
         atomic_writes(helpers)
         remove_stale(path, staging)
-    notes = [f"heights are {cameras.heights}"]
+    notes = [f"heights are {cameras.frame.heights}"]
     if projection is not None:
         notes[:0] = on_area(projection, positions.lat, positions.lon)
     if antenna := int((positions.of_camera == 0.0).sum()):
@@ -79,8 +78,7 @@ def export_positions(
             f"{antenna} of {len(positions.images)} positions are of the antenna, not of the camera:"
             " give the bundle adjustment the lever arm, or let it estimate it",
         )
-    frame = cameras.crs or "geographic coordinates of WGS84"
-    return Exported(path, frame, tuple(notes), helpers=tuple(helpers))
+    return Exported(path, cameras.frame.name, tuple(notes), helpers=tuple(helpers))
 
 
 def _placed(
@@ -93,19 +91,17 @@ def _placed(
         if target.geoid is not None:
             height = height - undulation(target.geoid, lat, lon)
             heights = f"above the geoid of {target.geoid.name}"
-        coordinates = np.column_stack([np.degrees(lon), np.degrees(lat), height])
-        return PlacedCameras(positions.images, coordinates, _sd(cov), "", heights, True)
+        name = "geographic coordinates of WGS84"
+        frame = MapFrame(GEOGRAPHIC, name, heights, northing_first=True)
+        return PlacedCameras(positions.images, frame, np.column_stack([lon, lat, height]), cov)
     axes = projection.axes(lat, lon, height)
-    return PlacedCameras(
-        positions.images,
-        projection.forward(lat, lon, height),
-        _sd(axes @ cov @ np.swapaxes(axes, 1, 2)),
+    frame = MapFrame(
+        PROJECTED,
         projection.code or projection.name,
         projection.heights,
-        projection.northing_first,
+        projection.code,
         projection.crs.to_wkt(),
+        northing_first=projection.northing_first,
     )
-
-
-def _sd(cov: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(np.diagonal(cov, axis1=1, axis2=2)))
+    coordinates = projection.forward(lat, lon, height)
+    return PlacedCameras(positions.images, frame, coordinates, axes @ cov @ np.swapaxes(axes, 1, 2))

@@ -6,7 +6,7 @@ into every covariance that comes of them. That the clock of the camera is off by
 here knows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...base.errors import InputError
@@ -23,12 +23,12 @@ from .images import image_names
 class _Images:
     """Where the stamps stand."""
 
-    path: str
+    directory: Path
     names: tuple[str, ...]
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at an image."""
-        return InputError.in_file(Path(self.path) / self.names[row], message)
+        return InputError.in_file(self.directory / self.names[row], message)
 
 
 def exif_events(
@@ -61,7 +61,7 @@ def exif_events(
         An image without a time, or two of one stamp.
     """
     names = image_names(directory, ending)
-    images = _Images(str(directory), names)
+    images = _Images(directory, names)
     stamps = []
     for row, name in enumerate(names):
         try:
@@ -77,13 +77,4 @@ def exif_events(
         "event marks of the receiver",
         "a constant error of that clock moves every image along its path: camera.time_offset_s",
     )
-    return CameraEvents(
-        events.images,
-        events.time,
-        events.gps_week,
-        events.source,
-        (*events.notes, by_exif),
-        None,
-        events.sigma_s,
-        events.time_scale,
-    )
+    return replace(events, notes=(*events.notes, by_exif))

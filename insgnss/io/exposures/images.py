@@ -49,27 +49,24 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
         )
         if len({Path(name).stem for name in names}) < len(names):
             kinds = sorted({Path(name).suffix for name in names})
-            raise InputError.at_line(
-                path,
-                None,
-                f"holds the same image as {' and '.join(kinds)}; say which ending to take",
+            raise InputError.in_file(
+                path, f"holds the same image as {' and '.join(kinds)}; say which ending to take"
             )
     else:
         try:
             names = [line.strip() for line in lines_of(decode(read_bytes(path)))]
         except OSError as error:
-            raise InputError.at_line(
+            raise InputError.in_file(
                 path,
-                None,
                 f"cannot be read: {error.strerror or error}; give a directory or a list of names",
             ) from None
         names = [name for name in names if name and not name.startswith("#")]
     refuse_other_than_utf8(names)
     if not names:
-        raise InputError.at_line(path, None, "holds no image; check the path and the ending")
+        raise InputError.in_file(path, "holds no image; check the path and the ending")
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
-        raise InputError.at_line(path, None, f"image {shown(twice)} occurs twice; correct the list")
+        raise InputError.in_file(path, f"image {shown(twice)} occurs twice; correct the list")
     return tuple(names)
 
 

@@ -112,8 +112,8 @@ def _refuse_named(path: str, events: CameraEvents) -> None:
             f"the events have names of their own ({own[0]}), and images are given that name them as"
             " well; leave the images out"
         )
-        raise InputError.at_line(
-            path, None, f"{message}, or give the events by columns without the names"
+        raise InputError.in_file(
+            path, f"{message}, or give the events by columns without the names"
         )
 
 
@@ -156,9 +156,7 @@ def _taken(
                 "names go by their order",
             ),
         )
-    raise InputError.at_line(
-        path, None, f"{finding}; order them by exposure, in a list of their names"
-    )
+    raise InputError.in_file(path, f"{finding}; order them by exposure, in a list of their names")
 
 
 @dataclass(frozen=True)
@@ -240,9 +238,8 @@ class _Match:
     def refusal(self, message: str, joint: str = ", ") -> InputError:
         """The error `message` behind the counts, with the notes of reading the events."""
         remarks = "".join(f"; {check.name}: {check.found}" for check in self.event_notes)
-        return InputError.at_line(
+        return InputError.in_file(
             self.path,
-            None,
             f"{self.time.size} camera events and {len(self.names)} images{joint}{message}{remarks}",
         )
 

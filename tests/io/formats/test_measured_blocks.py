@@ -275,7 +275,7 @@ def test_an_accuracy_that_is_none_stands_for_no_other(value, tmp_path):
     text = Metashape().write_xml(tmp_path / "a.xml").read_text()
     path = tmp_path / "b.xml"
     path.write_text(text.replace("</transform></camera>", f"</transform>{reference}"))
-    with pytest.raises(InputError, match=rf"accuracy of 8001\.tif: .*{value}"):
+    with pytest.raises(InputError, match=rf"camera 8001\.tif: accuracy: .*{value}"):
         read_metashape_references(path)
     path.write_text(text.replace('value="0.3"', f'value="{value}"'))
     with pytest.raises(InputError, match=rf"setting accuracy_projections: .*{value}"):

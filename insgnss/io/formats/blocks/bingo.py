@@ -15,12 +15,11 @@ import numpy as np
 
 from ....base.errors import DataError, InputError, near
 from ....base.files import lines_of
-from ..text.columns import first_repeat
-from ..text.layout import decode, is_comment, shown
-from ..text.text import Source, load_bytes
+from ..text.layout import is_comment, shown
+from ..text.text import Source, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
-from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+from .measured_block import MeasuredBlock, check_once, file_names, image_points, no_poses
 
 END = "-99"
 UNITS = {"mm": 1e3, "um": 1.0, "px": 0.0}  # micrometres
@@ -73,7 +72,7 @@ def read_bingo(
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line, within = False, False, 0, 0
-    for line, row in enumerate(lines_of(decode(load_bytes(path).tobytes())), start=1):
+    for line, row in enumerate(lines_of(decoded(path)), start=1):
         words = row.split()
         if not words or is_comment(row):
             continue
@@ -102,25 +101,14 @@ def read_bingo(
             problem = f"truncated: the file ends before the {END} of image {shown(images[-1])}"
         raise InputError.at_line(path, line if inside else within, problem)
     if not image_row:
-        raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
-    rows = np.array(image_row, dtype=np.int64)
-    point_rows = {name: k for k, name in enumerate(dict.fromkeys(point))}
-    numbers = np.array([point_rows[name] for name in point], dtype=np.int64)
-    if (twice := first_repeat(rows, numbers)) is not None:
-        first, last = twice
-        raise InputError.at_line(
-            path,
-            lines[last],
-            f"point {shown(point[last])} is measured twice in image"
-            f" {shown(images[image_row[last]])}, before in line {lines[first]}; delete one of the"
-            " lines",
-        )
+        raise InputError.in_file(path, "no observation; image, then point x y, then -99")
+    check_once(path, lines, [images[k] for k in image_row], point)
     uv = np.array(xy)
     if unit != "px":
         scale = UNITS[unit] / float(pixel_um or 1.0)
         uv = 0.5 * np.array([width, height], dtype=np.float64) + scale * uv * (1.0, -1.0)
     names = file_names(images, path)
-    measured, _ = image_points(names, rows, point, uv, np.full(len(image_row), sigma_px))
+    measured, _ = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
     camera = np.zeros(len(names), dtype=np.int64)
     return MeasuredBlock(
         (),

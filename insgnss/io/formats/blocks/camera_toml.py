@@ -40,7 +40,7 @@ def read_camera_toml(path: Source) -> BrownCamera:
     """
     path = Path(path)
     if not is_file(path):
-        raise InputError.at_line(path, None, "no such file; check the path of the camera")
+        raise InputError.in_file(path, "no such file; check the path of the camera")
     table = read_toml(path, KEYS)
     table.check_keys()
     if "model" not in table.data:

@@ -14,8 +14,15 @@ from ....base.errors import InputError, installed, legible
 from ....base.files import lines_of
 from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
-from ....records.block import INTERIOR, Array, BrownCamera
-from ..bundle.camera import BROWN_NAMES, FISHEYE_NAMES, PARAMETERS, Camera
+from ....records.block import Array, BrownCamera
+from ..bundle.camera import (
+    BROWN_NAMES,
+    FISHEYE_NAMES,
+    PARAMETERS,
+    Camera,
+    brown_camera,
+    of_opencv,
+)
 from ..text.layout import decode, shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
@@ -140,9 +147,8 @@ def _model(path: Path) -> Any:
         kind for kind in (".bin", ".txt") if all((directory / (p + kind)).is_file() for p in PARTS)
     ]
     if not kinds:
-        raise InputError.at_line(
+        raise InputError.in_file(
             directory,
-            None,
             f"holds no COLMAP model ({', '.join(PARTS)}, all .bin or all .txt); give the directory"
             " that does, such as sparse/0",
         )
@@ -223,26 +229,20 @@ def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
     fisheye = model in FISHEYE_NAMES
     names = (BROWN_NAMES | FISHEYE_NAMES).get(model)
     if names is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"camera {name}: model {model} is not Brown's; reconstruct with one of"
             f" {', '.join((*BROWN_NAMES, *FISHEYE_NAMES))}",
         )
     value = dict(zip(names, camera.parameters, strict=True))
     if value.pop("sx1", 0.0) or value.pop("sy1", 0.0):
         problem = f"camera {name}: {model} with sx1 or sy1 other than zero, a thin prism"
-        raise InputError.at_line(path, None, f"{problem}; reconstruct with OPENCV_FISHEYE")
+        raise InputError.in_file(path, f"{problem}; reconstruct with OPENCV_FISHEYE")
     unlike = () if fisheye else ("k4", "k5", "k6")
     if rational := [name for name in unlike if value.pop(name, 0.0) != 0.0]:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"camera {name}: {model} with {', '.join(rational)} other than zero, a rational"
             " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
         )
-    f = value.get("f", value.get("fy", 0.0))
-    value |= {"f": f, "b1": value.get("fx", f) - f, "k1": value.get("k1", value.get("k", 0.0))}
-    value |= {"p1": value.get("p2", 0.0), "p2": value.get("p1", 0.0)}
-    interior = np.array([value.get(name, 0.0) for name in INTERIOR])
-    return BrownCamera(name, camera.width, camera.height, interior, fisheye=fisheye)
+    return brown_camera(name, camera.width, camera.height, of_opencv(value), fisheye)

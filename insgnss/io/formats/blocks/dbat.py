@@ -10,7 +10,7 @@ what is left when the principal point is subtracted (an adjustment that stretche
 differs by 1e-5 of sigma_0 on DBAT's own demonstration).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -21,16 +21,15 @@ from ....base.errors import InputError, near
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ....records.block import ImageObservations as Observations
-from ..text.columns import first_repeat
+from ..text.columns import NamedTable, TableSpec, first_repeat
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
 from ..text.order import refuse_rows
-from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
-from ..text.xml import parse_xml
+from ..text.text import Source, Table, TextTable, read_table, read_text_table
+from ..text.xml import read_xml, text_of
 from .measured_block import minimal_datum
 
-IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
-IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z")
+IMAGES, IMAGE_POINTS, POSITION, OPK = "id path", "im id x y", "x y z", "omega phi kappa"
 SIGMAS = {"sxyz": (0, 1, 2), "sxy": (0, 1), "sx": (0,), "sy": (1,), "sz": (2,)}
 """Columns and attributes of standard deviations with the coordinates that they are of."""
 FIXED_M = 1e-6  # standard deviation of a ground point without one, which DBAT holds
@@ -81,8 +80,8 @@ def read_dbat(path: Source) -> ImageBlock:
     base = path.parent / (given.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
     cameras = _cameras(path, base, given, root)
     if len(cameras) != 1:
-        raise InputError.at_line(
-            path, None, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
+        raise InputError.in_file(
+            path, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
         )
     ids, names = _images(path, base, given)
     order = {number: row for row, number in enumerate(ids)}
@@ -113,10 +112,10 @@ def read_dbat(path: Source) -> ImageBlock:
 
 def _parsed(path: Path, version: str) -> Element:
     """Return the root of a document of DBAT, which carries an attribute with its version."""
-    root = parse_xml(path, load_bytes(path).tobytes())
+    root = read_xml(path)
     if root.tag != "document" or version not in root.attrib:
-        raise InputError.at_line(
-            path, None, f"no <document {version}=...>; this is another kind of XML file"
+        raise InputError.in_file(
+            path, f"no <document {version}=...>; this is another kind of XML file"
         )
     return root
 
@@ -125,74 +124,69 @@ def _one(path: Path, parent: Element, name: str) -> Element:
     """Return the element of that name below `parent`, at any depth."""
     element = parent.find(f".//{name}")
     if element is None:
-        raise InputError.at_line(path, None, f"no element <{name}>; the script is not complete")
+        raise InputError.in_file(path, f"no element <{name}>; the script is not complete")
     return element
-
-
-def _text(element: Element | None) -> str:
-    return "" if element is None or element.text is None else element.text.strip()
 
 
 def _numbers(path: Path, text: str | None, name: str, count: int | None = None) -> Array:
     """Return the numbers of a text with commas between them, of which there are `count`."""
     values = np.array([finite(word) for word in (text or "").split(",")])
     if (count is not None and values.size != count) or np.isnan(values).any():
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"<{name}>: {shown(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
             " between several",
         )
     return values
 
 
-def _files(
-    path: Path, base: Path, given: Element, name: str, needed: tuple[str, ...]
-) -> Iterator[tuple[Path, tuple[str, ...], Element, Element]]:
-    """Yield the tables of one kind: path, columns, the element <file> and its parent."""
+def _tables(
+    path: Path,
+    base: Path,
+    given: Element,
+    name: str,
+    required: str,
+    read: Callable[[Path], Table | TextTable] = read_table,
+) -> Iterator[tuple[NamedTable, Element, Element]]:
+    """Yield the tables of one kind, each with the element <file> that names it and its parent."""
     for parent in given.findall(name):
         for element in parent.findall("file"):
-            columns = tuple(c.strip() for c in (element.get("format") or "").split(","))
-            if missing := [c for c in needed if c not in columns]:
-                raise InputError.at_line(
+            columns = [c.strip() for c in (element.get("format") or "").split(",")]
+            if missing := [c for c in required.split() if c not in columns]:
+                raise InputError.in_file(
                     path,
-                    None,
-                    f"<{name}> {_text(element)}: format {','.join(columns)!r} has no column"
+                    f"<{name}> {text_of(element)}: format {','.join(columns)!r} has no column"
                     f" {', '.join(missing)}; {near(missing[0], columns)}",
                 )
-            yield base / _text(element), columns, element, parent
-
-
-def _checked(table: Table | TextTable, columns: tuple[str, ...]) -> None:
-    """Refuse a table with another number of columns than the script says."""
-    if table.layout.n_fields != len(columns):
-        raise InputError.at_line(
-            table.path,
-            table.layout.first_line,
-            f"{table.layout.n_fields} fields, the script names {len(columns)}"
-            f" ({','.join(columns)}); correct its format",
-        )
+            table = read(base / text_of(element))
+            if table.layout.n_fields != len(columns):
+                raise InputError.at_line(
+                    table.path,
+                    table.layout.first_line,
+                    f"{table.layout.n_fields} fields, the script names {len(columns)}"
+                    f" ({','.join(columns)}); correct its format",
+                )
+            index = {column: k for k, column in enumerate(columns)}
+            yield NamedTable(TableSpec.exactly(required), table, index), element, parent
 
 
 def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
-    for file, columns, _, _ in _files(path, base, given, "images", IMAGES):
-        table = read_text_table(file)
-        _checked(table, columns)
-        ids.append(whole_rows(table, table.floats(columns.index("id")), "image"))
-        names += [Path(name).name for name in table.strings(columns.index("path"))]
+    for table, _, _ in _tables(path, base, given, "images", IMAGES, read_text_table):
+        ids.append(whole_rows(table, table.floats("id"), "image"))
+        names += [Path(name).name for name in table.strings("path")]
     if not ids:
-        raise InputError.at_line(path, None, "no <images> with a <file>; name the list of images")
+        raise InputError.in_file(path, "no <images> with a <file>; name the list of images")
     every = np.concatenate(ids)
     if (twice := np.unique(every, return_counts=True))[1].max() > 1:
-        raise InputError.at_line(
-            path, None, f"image {twice[0][twice[1].argmax()]} is listed twice; number each once"
+        raise InputError.in_file(
+            path, f"image {twice[0][twice[1].argmax()]} is listed twice; number each once"
         )
     return every, tuple(names)
 
 
-def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
+def _row_of(table: NamedTable, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
     """Return the rows of images by their numbers."""
     rows = np.array([order.get(int(i), -1) for i in ids], dtype=np.int64)
     refuse_rows(table, rows < 0, "image {} is not in the list of images; add it there", ids)
@@ -202,19 +196,13 @@ def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDAr
 def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tuple[Array, Array]:
     """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
     position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
-    for file, columns, element, _ in _files(path, base, given, "prior_eo", PRIOR_EO):
-        table = read_table(file)
-        _checked(table, columns)
+    for table, element, _ in _tables(path, base, given, "prior_eo", f"id {POSITION} {OPK}"):
         unit = element.get("units", "degrees")
         if unit not in ANGLES:
-            raise InputError.at_line(
-                path, None, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}"
-            )
-        value = {name: table.values[:, k] for k, name in enumerate(columns)}
-        rows = _row_of(table, whole_rows(table, value["id"], "image"), order)
-        position[rows] = np.column_stack([value[name] for name in PRIOR_EO[1:4]])
-        opk = ANGLES[unit] * np.column_stack([value[name] for name in PRIOR_EO[4:]])
-        C_mc[rows] = rotation_from_opk(opk) @ CV_RUB
+            raise InputError.in_file(path, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}")
+        rows = _row_of(table, whole_rows(table, table.floats("id"), "image"), order)
+        position[rows] = table.block(POSITION)
+        C_mc[rows] = rotation_from_opk(ANGLES[unit] * table.block(OPK)) @ CV_RUB
     return position, C_mc
 
 
@@ -223,46 +211,33 @@ def _image_points(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
     """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
     empty = True
-    for file, columns, element, _ in _files(path, base, given, "image_pts", IMAGE_POINTS):
+    for table, element, _ in _tables(path, base, given, "image_pts", IMAGE_POINTS):
         empty = False
-        table = read_table(file)
-        _checked(table, columns)
-        value = {name: table.values[:, k] for k, name in enumerate(columns)}
-        images = _row_of(table, whole_rows(table, value["im"], "image"), order)
-        points = whole_rows(table, value["id"], "point")
-        _once(table, images, points, value["im"])
-        sigma = _sigma(value, np.ones((len(images), 2)))
+        images = _row_of(table, whole_rows(table, table.floats("im"), "image"), order)
+        points = whole_rows(table, table.floats("id"), "point")
+        if (twice := first_repeat(images, points)) is not None:
+            row = twice[1]
+            where = f"in image {table.floats('im')[row]:.0f}; delete one of the lines"
+            raise table.error_at(row, f"point {points[row]} is measured twice {where}")
+        sigma = _sigma(table, np.ones((len(images), 2)))
         for name in ("sxy", "sx", "sy"):  # attributes are of the whole file, before its columns
             if (text := element.get(name)) is None:
                 continue
             if np.isnan(number := finite(text)):
                 problem = f"{name}={text!r} is no number of pixels; {PLAIN}"
-                raise InputError.at_line(path, None, problem)
+                raise InputError.in_file(path, problem)
             sigma[:, SIGMAS[name]] = number
-        yield images, points, np.column_stack([value["x"], value["y"]]), sigma
+        yield images, points, table.block("x y"), sigma
     if empty:
-        raise InputError.at_line(path, None, "no <image_pts> with a <file>; name the measurements")
+        raise InputError.in_file(path, "no <image_pts> with a <file>; name the measurements")
 
 
-def _sigma(value: Mapping[str, Array], sigma: Array) -> Array:
+def _sigma(table: NamedTable, sigma: Array) -> Array:
     """Return `sigma` (n, k) with the standard deviations of a table's columns."""
     for name, coordinates in SIGMAS.items():
-        if name in value:
-            sigma[:, coordinates] = value[name][:, None]
+        if name in table:
+            sigma[:, coordinates] = table.floats(name)[:, None]
     return sigma
-
-
-def _once(
-    table: Table, images: NDArray[np.int64], points: NDArray[np.int64], numbers: Array
-) -> None:
-    """Refuse a table in which an image has two measurements of one point."""
-    if (twice := first_repeat(images, points)) is not None:
-        row = twice[1]
-        raise table.error_at(
-            row,
-            f"point {points[row]} is measured twice in image {numbers[row]:.0f}; delete one of the"
-            " lines",
-        )
 
 
 def _ground(
@@ -270,20 +245,17 @@ def _ground(
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Return numbers (n,), coordinates (n, 3), m, and covariances (n, 3, 3) of ground points."""
     ids, position, sigma = [], [], []
-    for file, columns, _, parent in _files(path, base, given, name, GROUND):
-        table = read_text_table(file)
-        _checked(table, columns)
-        number, *values = (table.floats(columns.index(c)) for c in GROUND)
-        stated = {c: table.floats(columns.index(c)) for c in SIGMAS if c in columns}
+    for table, _, parent in _tables(path, base, given, name, f"id {POSITION}", read_text_table):
+        number = table.floats("id")
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
             listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
-            if (action := _text(rule)) not in ("keep", "remove"):
-                raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
+            if (action := text_of(rule)) not in ("keep", "remove"):
+                raise InputError.in_file(path, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
-        position.append(np.column_stack(values)[keep])
-        own = _sigma(stated, np.zeros((len(number), 3)))[keep]
+        position.append(table.block(POSITION)[keep])
+        own = _sigma(table, np.zeros((len(number), 3)))[keep]
         sigma.append(np.where(own == 0.0, FIXED_M, own))
     if not ids:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))
@@ -300,7 +272,7 @@ def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[Bro
             _set_initial(path, camera, values)
             cameras.append(_camera(path, camera, free))
         for element in parent.findall("file"):
-            file = base / _text(element)
+            file = base / text_of(element)
             for camera in _parsed(file, "dbat_camera_version").iter("camera"):
                 _set_initial(path, camera, values)
                 cameras.append(_camera(file, camera, free))
@@ -310,7 +282,9 @@ def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[Bro
 def _initial(root: Element) -> dict[str, str]:
     """Return the values that the script sets in place of those of the camera."""
     rules = [rule for io in root.iterfind(".//set_initial_values/io") for rule in [*io] or [io]]
-    return {rule.tag: _text(rule) for rule in rules if _text(rule) != "loaded" and rule.tag != "c"}
+    return {
+        rule.tag: text_of(rule) for rule in rules if text_of(rule) != "loaded" and rule.tag != "c"
+    }
 
 
 def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
@@ -318,9 +292,9 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
 
     InputError for other words.
     """
-    usual = USUAL | {"cc": _text(camera.find("focal"))}
+    usual = USUAL | {"cc": text_of(camera.find("focal"))}
     for key in "KP":
-        listed = _text(camera.find(key))
+        listed = text_of(camera.find(key))
         count = whole(camera.findtext(f"n{key}") or "0") if not listed else listed.count(",") + 1
         usual[key] = ",".join("0" * min(max(count, 0), MOST_OF_ONE_KIND))
     if "default" in (values.get("all"), values.get("io")):
@@ -331,7 +305,11 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
         if text and element is None:
             element = SubElement(camera, key)
             element.text = "default"
-        if text and element is not None and values.get(key, _text(element)) in ("default", "focal"):
+        if (
+            text
+            and element is not None
+            and values.get(key, text_of(element)) in ("default", "focal")
+        ):
             element.text = text
     for key, text in values.items():
         if text in ("default", "focal") and (usual.get(key) or key in "KP"):
@@ -339,9 +317,7 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
         element = camera.find(key)
         if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
             problem = f"set_initial_values: <{key}> {shown(text)} is no number of the camera's"
-            raise InputError.at_line(
-                path, None, f"{problem}; write it into <camera> and 'loaded' here"
-            )
+            raise InputError.in_file(path, f"{problem}; write it into <camera> and 'loaded' here")
         element.text = text
 
 
@@ -351,12 +327,11 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     def of(key: str, count: int | None = None) -> Array:
         return _numbers(path, camera.findtext(key), key, count)
 
-    name = _text(camera.find("name")) or _text(camera.find("id")) or "1"
-    model, unit = _text(camera.find("model")), _text(camera.find("unit"))
+    name = text_of(camera.find("name")) or text_of(camera.find("id")) or "1"
+    model, unit = text_of(camera.find("model")), text_of(camera.find("unit"))
     if model != BACKWARD_MODEL or unit != "mm":
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"camera {name}: model {model!r} in {unit!r}; read is {BACKWARD_MODEL} in mm: set"
             " DBAT's camera to it and adjust again",
         )
@@ -365,36 +340,34 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
         width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
     ):
         problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
-        raise InputError.at_line(path, None, f"{problem}; correct it")
-    sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]
+        raise InputError.in_file(path, f"{problem}; correct it")
+    sensor = [word.strip() for word in text_of(camera.find("sensor")).split(",")]
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
-        raise InputError.at_line(
-            path,
-            None,
-            f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm",
+        raise InputError.in_file(
+            path, f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm"
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's
         apart = np.abs(size * per_mm - (width, height))
     if not (apart[size > 0.0] <= 0.5).all():
-        raise InputError.at_line(
-            path, None, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
+        raise InputError.in_file(
+            path, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
         )
     aspect, skew = of("aspect", 1)[0], of("skew", 1)[0]
     K, P = (of(key) if camera.find(key) is not None else np.zeros(0) for key in "KP")
     if K.size > 4 or P.size not in (0, 2):
-        raise InputError.at_line(
-            path, None, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
+        raise InputError.in_file(
+            path, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
         )
     for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
         if (text := camera.findtext(key)) is not None and whole(text) != count:
-            raise InputError.at_line(
-                path, None, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
+            raise InputError.in_file(
+                path, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
             )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
-    middle = _text(camera.find("pp")) == "default"
+    middle = text_of(camera.find("pp")) == "default"
     value["cx"], value["cy"] = 0.5 * np.array([width, height]) if middle else per_mm * of("pp", 2)
     value |= {f"k{k}": K[k - 1] for k in range(1, K.size + 1)}
     value |= dict(zip(("p1", "p2"), P * (1.0, -1.0) if P.size == 2 else (), strict=False))
@@ -413,15 +386,14 @@ def _free(path: Path, root: Element) -> dict[str, bool]:
         return free
     rules = list(wanted) or [wanted]
     for rule in rules:
-        on = {"true": True, "false": False}.get(_text(rule))
+        on = {"true": True, "false": False}.get(text_of(rule))
         names = INTERIOR if rule.tag in ("all", "io") else ESTIMATED.get(rule.tag)
         if rule.tag == "K":
             names = ("k1", "k2", "k3", "k4")
         if on is None or names is None:
-            raise InputError.at_line(
+            raise InputError.in_file(
                 path,
-                None,
-                f"set_bundle_estimate_params: <{rule.tag}>{_text(rule)}</{rule.tag}> is not"
+                f"set_bundle_estimate_params: <{rule.tag}>{text_of(rule)}</{rule.tag}> is not"
                 f" understood; known are true and false of all, K, {', '.join(ESTIMATED)}",
             )
         free |= dict.fromkeys(names, on)
@@ -437,24 +409,22 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     datum = root.find(".//set_datum")
     if datum is None:
         return held
-    text, first = datum.get("ref_cam", "1"), _text(datum)
+    text, first = datum.get("ref_cam", "1"), text_of(datum)
     base = datum.get("ref_base", "longest")
     if first != "depend" or not 0 < whole(text) <= len(position):
-        raise InputError.at_line(
-            path, None, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
+        raise InputError.in_file(
+            path, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
         )
     reference = whole(text) - 1
     apart = np.abs(position - position[reference])
     if not np.isfinite(apart).all():
-        raise InputError.at_line(
-            path,
-            None,
-            "set_datum: 'depend' needs a prior orientation of every image; give prior_eo",
+        raise InputError.in_file(
+            path, "set_datum: 'depend' needs a prior orientation of every image; give prior_eo"
         )
     if base != "longest":
         if not 0 < whole(base) <= len(position):
-            raise InputError.at_line(
-                path, None, f"set_datum: ref_base {base!r} is no image; name one of the block"
+            raise InputError.in_file(
+                path, f"set_datum: ref_base {base!r} is no image; name one of the block"
             )
         return minimal_datum(position, reference, whole(base) - 1)
     return minimal_datum(position, reference)
@@ -478,5 +448,5 @@ def read_dbat_cameras(path: Source) -> tuple[BrownCamera, ...]:
     InputError
         As `read_dbat`.
     """
-    root = parse_xml(path, load_bytes(path).tobytes())
+    root = read_xml(path)
     return tuple(_camera(Path(path), camera, {}) for camera in root.iter("camera"))

@@ -15,14 +15,13 @@ from ....base.errors import DataError, InputError
 from ....base.files import atomic_write, lines_of
 from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
-from ..text.columns import first_repeat
-from ..text.layout import decode, is_comment, shown
+from ..text.layout import is_comment, shown
 from ..text.numbers import whole
-from ..text.text import Source, load_bytes
+from ..text.text import Source, decoded
 from ..text.text import number as number_in
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, ImagePoints, positive_sigma
-from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+from .measured_block import MeasuredBlock, check_once, file_names, image_points, no_poses
 
 SIGMA_M = (0.02, 0.02, 0.04)
 """Standard deviations of x, y, z (easting, northing, height), m; the file has none."""
@@ -62,7 +61,7 @@ def read_gcp_list(
     positive_sigma(sigma_px, "gcp_list")
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
-    text = decode(load_bytes(path).tobytes())
+    text = decoded(path)
     rows = [
         (line, row.strip())
         for line, row in enumerate(lines_of(text), start=1)
@@ -70,7 +69,7 @@ def read_gcp_list(
     ]
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
-        raise InputError.at_line(path, None, f"no ground point; {MISSING}, then come the points")
+        raise InputError.in_file(path, f"no ground point; {MISSING}, then come the points")
     if not text.endswith("\n"):
         _refuse_cut(path, rows)
     lines, uv, image, names = [], [], [], []
@@ -100,21 +99,13 @@ def read_gcp_list(
         uv.append((u + ORIGIN_PX, v + ORIGIN_PX))
         image.append(words[5])
         names.append(name)
+    check_once(path, lines, image, names)
     files = list(dict.fromkeys(image))
-    image_row = np.array([files.index(name) for name in image], dtype=np.int64)
-    points = list(place_by_name)
-    point = np.array([points.index(name) for name in names], dtype=np.int64)
-    if (twice := first_repeat(image_row, point)) is not None:
-        first, last = twice
-        raise InputError.at_line(
-            path,
-            lines[last],
-            f"point {shown(names[last])} is measured twice in image {shown(image[last])}, before in"
-            f" line {lines[first]}; delete one of the lines",
-        )
+    image_row = [files.index(name) for name in image]
+    points = tuple(place_by_name)
     n = len(points)
     ground = GroundTable(
-        tuple(points),
+        points,
         np.array([there for _, there in place_by_name.values()]),
         np.tile(np.diag(np.square(sigma_m)), (n, 1, 1)),
         np.zeros(n, dtype=bool),

@@ -169,10 +169,40 @@ def file_names(given: Sequence[str], path: object) -> tuple[str, ...]:
         names = tuple(given)
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
-        raise InputError.at_line(
-            path, None, f"image {shown(twice)} is there twice; give each a name of its own"
+        raise InputError.in_file(
+            path, f"image {shown(twice)} is there twice; give each a name of its own"
         )
     return names
+
+
+def check_once(
+    path: object, lines: Sequence[int], image: Sequence[str], point: Sequence[str]
+) -> None:
+    """Refuse a point that is measured twice in an image.
+
+    Parameters
+    ----------
+    path : path
+        The file, for the message.
+    lines : sequence of int, (m,)
+        The line of each observation.
+    image, point : sequence of str, (m,)
+        Names of its image and its point.
+
+    Raises
+    ------
+    InputError
+        The first such point, with file and line.
+    """
+    first: dict[tuple[str, str], int] = {}
+    for line, key in zip(lines, zip(image, point, strict=True), strict=True):
+        if (before := first.setdefault(key, line)) != line:
+            raise InputError.at_line(
+                path,
+                line,
+                f"point {shown(key[1])} is measured twice in image {shown(key[0])}, before in line"
+                f" {before}; delete one of the lines",
+            )
 
 
 def image_points(

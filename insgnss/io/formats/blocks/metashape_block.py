@@ -11,6 +11,7 @@ from the image's corner; which of the two origins is meant, the values tell: hal
 """
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....records.block import INTERIOR, Array, BrownCamera
+from ..bundle.camera import brown_camera, of_opencv
 from ..detect import head_of
 from ..text.layout import shown
 from ..text.numbers import whole
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source
+from ..text.xml import read_xml, text_of
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points
@@ -34,7 +36,6 @@ from .metashape_chunk import (
     on_globe,
     opened_chunk,
     positive,
-    text_of,
 )
 from .metashape_project import Element, ProjectFile, read_ply
 
@@ -145,7 +146,7 @@ def read_metashape_cameras(path: Source) -> tuple[BrownCamera, ...]:
         chunk = opened_chunk(path)
         return tuple(_camera(chunk.source, sensor, []) for sensor in chunk.all("sensors", "sensor"))
     sensor = Element("sensor", label=Path(path).stem)
-    sensor.append(calibration := parse_xml(path, load_bytes(path).tobytes()))
+    sensor.append(calibration := read_xml(path))
     size = {key: text_of(calibration.find(key)) for key in ("width", "height")}
     calibration.append(Element("resolution", size))
     calibration.set("type", text_of(calibration.find("projection")) or "frame")
@@ -169,9 +170,8 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
         raise source.error(f"camera {shown(name)} has no <resolution>; export the cameras again")
     width, height = (_pixels(source, size, key, name) for key in ("width", "height"))
     half = 0.5 * np.array([width, height])
-    value = dict.fromkeys(INTERIOR, 0.0)
     if calibration is None:
-        value |= {"f": _nominal_focal(source, sensor, name), "cx": half[0], "cy": half[1]}
+        value = {"f": _nominal_focal(source, sensor, name), "cx": half[0], "cy": half[1]}
         notes.append(f"camera {shown(name)} has no calibration; its nominal focal length is taken")
     else:
         read = {
@@ -179,9 +179,8 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
             for element in calibration
             if element.tag in (*INTERIOR, "fx", "fy", "skew", "p3", "p4")
         }
-        value |= _brown(source, name, read, half, notes)
-    interior = np.array([value[key] for key in INTERIOR])
-    return BrownCamera(name, width, height, interior, fisheye=kind == "fisheye")
+        value = _brown(source, name, read, half, notes)
+    return brown_camera(name, width, height, value, kind == "fisheye")
 
 
 def _brown(
@@ -197,9 +196,7 @@ def _brown(
     if old:
         if not {"fx", "fy"} <= set(read):
             raise source.error(f"camera {shown(name)}: no <f>, nor <fx> and <fy>; calibrate it")
-        fx, fy = read.pop("fx"), read.pop("fy")
-        read |= {"f": fy, "b1": fx - fy, "b2": read.pop("skew", 0.0)}
-        read["p1"], read["p2"] = read.get("p2", 0.0), read.get("p1", 0.0)
+        read = of_opencv(read) | {"b2": read.get("skew", 0.0)}
     centre = np.array([read.get("cx", 0.0), read.get("cy", 0.0)])
     if (np.abs(centre) < 0.5 * half).all():
         centre = centre + half
@@ -241,31 +238,15 @@ def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
 
 def _ground(of: Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str | None, str]]:
     """Return markers with coordinates, and the labels of all markers by their ids."""
-    labels: dict[str | None, str] = {}
-    names, position, sigma, check, flat = [], [], [], [], 0
-    for marker in of.all("markers", "marker"):
-        name = marker.get("label") or f"marker {marker.get('id')}"
-        if name in labels.values():
-            raise of.source.error(f"marker {shown(name)} is there twice; rename one of them")
-        labels[marker.get("id")] = name
-        reference = marker.find("reference")
-        if reference is None or reference.get("x") is None or reference.get("y") is None:
-            continue
-        if reference.get("z") is None:
-            flat += 1
-            continue
-        names.append(name)
-        position.append(
-            [number_of(of.source, reference.get(k), f"marker {name}: {k}") for k in ("x", "y", "z")]
-        )
-        sigma.append(of.accuracies("markers", MARKER_M, reference, f"marker {name}: accuracy"))
-        check.append(not flag(of.source, reference, "enabled"))
-    if flat:
+    markers = of.all("markers", "marker")
+    labels = {m.get("id"): m.get("label") or f"marker {m.get('id')}" for m in markers}
+    if twice := [name for name, count in Counter(labels.values()).items() if count > 1]:
+        raise of.source.error(f"marker {shown(twice[0])} is there twice; rename one of them")
+    plane = [m.find("reference[@x][@y]") for m in markers]
+    if flat := sum(reference is not None and reference.get("z") is None for reference in plane):
         notes.append(f"{flat} markers without height are tie points")
-    if not names:
-        return None, labels
-    cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3)
-    return GroundTable(tuple(names), np.array(position), cov, np.array(check)), labels
+    named = [(labels[marker.get("id")], marker) for marker in markers]
+    return of.references("markers", MARKER_M, named), labels
 
 
 def _markers(

@@ -8,7 +8,7 @@ in the camera's axes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ....records.block import Array
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source
+from ..text.xml import text_of
 from .ground_points import GroundTable
 from .measured_block import file_names, no_poses
 from .metashape_project import Element, ProjectFile, opened_project
@@ -70,6 +71,30 @@ class Chunk:
             usual if text is None else positive(self.source, text, of)
             for text, usual in zip(stated, (plan, plan, height), strict=True)
         ]
+
+    def references(
+        self, kind: str, default: float, named: Sequence[tuple[str, Element]]
+    ) -> GroundTable | None:
+        """Reference coordinates of elements by names, of those that have all three; None: of none.
+
+        What is not enabled is a check point. Kind and default are those of `accuracies`.
+        """
+        names, position, sigma, check = [], [], [], []
+        for name, element in named:
+            reference = element.find("reference")
+            if reference is None or None in map(reference.get, "xyz"):
+                continue
+            who = f"{kind.removesuffix('s')} {name}"
+            names.append(name)
+            position.append(
+                [number_of(self.source, reference.get(k), f"{who}: {k}") for k in "xyz"]
+            )
+            sigma.append(self.accuracies(kind, default, reference, f"{who}: accuracy"))
+            check.append(not flag(self.source, reference, "enabled"))
+        if not names:
+            return None
+        cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3)
+        return GroundTable(tuple(names), np.array(position), cov, np.array(check))
 
     def crs(self, kind: str = "") -> str:
         """CRS of the chunk, or of "camera" or "marker" references; empty where it has none."""
@@ -233,29 +258,13 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
         As there, or no image has a reference.
     """
     of = opened_chunk(path, chunk)
-    names, position, sigma = [], [], []
-    for image in of.all("cameras", "camera"):
-        reference = image.find("reference")
-        if image.get("id") is None or reference is None or None in map(reference.get, "xyz"):
-            continue
-        name = image.get("label") or ""
-        names.append(name)
-        position.append(
-            [number_of(of.source, reference.get(k), f"reference of {name}: {k}") for k in "xyz"]
-        )
-        sigma.append(of.accuracies("cameras", CAMERA_M, reference, f"accuracy of {name}"))
-    if not names:
+    images = [image for image in of.all("cameras", "camera") if image.get("id") is not None]
+    references = of.references("cameras", CAMERA_M, [(i.get("label") or "", i) for i in images])
+    if references is None:
         raise of.source.error("no image has reference coordinates; import them, or give a table")
-    cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3)
-    ground = GroundTable(
-        file_names(names, of.source.path), np.array(position), cov, np.zeros(len(names), dtype=bool)
-    )
-    return ground, of.crs("camera")
-
-
-def text_of(element: Element | None) -> str:
-    """Return the text of an element, empty where it is missing."""
-    return "" if element is None or element.text is None else element.text.strip()
+    names = file_names(references.points, of.source.path)
+    no_checks = np.zeros(len(names), dtype=bool)
+    return replace(references, points=names, check=no_checks), of.crs("camera")
 
 
 def number_of(source: ProjectFile, text: str | None, description: str) -> float:

@@ -24,7 +24,7 @@ from ....base.unpacking import DAMAGED, check_unpacked
 from ..text.layout import decode, shown
 from ..text.numbers import whole
 from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.xml import parse_xml, read_xml
 
 Made = TypeVar("Made")
 
@@ -122,7 +122,7 @@ class ProjectFile:
             It is no XML, or more than a file of its size may hold.
         """
         if not self.zipped:
-            return parse_xml(self.path, load_bytes(self.path).tobytes())
+            return read_xml(self.path)
         return self._unpacked(DOCUMENT, lambda stream, size: parse_xml(self.path, stream, size))
 
     def opened(self, element: Element) -> "tuple[Element, ProjectFile]":

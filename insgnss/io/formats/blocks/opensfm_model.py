@@ -19,11 +19,12 @@ from ....base.files import lines_of
 from ....base.received.nesting import parse_json
 from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import rotation_from_vector
-from ....records.block import INTERIOR, Array, BrownCamera
+from ....records.block import Array, BrownCamera
+from ..bundle.camera import brown_camera, of_opencv
 from ..bundle.opensfm import REFERENCE
-from ..text.layout import decode, shown
-from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, whole
-from ..text.text import Source, load_bytes
+from ..text.layout import shown
+from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, vector_of, whole
+from ..text.text import Source, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
@@ -31,7 +32,6 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 VERSION = "OPENSFM_TRACKS_VERSION_v"
 FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
-LARGEST = 1e12  # of a turn in rad or a place in m: far beyond any that is real
 FISHEYE = ("fisheye", "fisheye_opencv")
 MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
 
@@ -68,7 +68,7 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
     used = list(dict.fromkeys(str(shot.get("camera")) for _, shot in shots))
     camera_by_name = dict(cameras)
     if missing := [key for key in used if key not in camera_by_name]:
-        raise InputError.at_line(file, None, f"no camera {shown(missing[0])}; export it again")
+        raise InputError.in_file(file, f"no camera {shown(missing[0])}; export it again")
     brown = tuple(_camera(file, key, camera_by_name[key]) for key in used)
     tracks = {key for model in models for key in _table(file, model, "points")}
     track = _tracks(file.with_name(TRACKS), {key: k for k, (key, _) in enumerate(shots)}, tracks)
@@ -136,8 +136,9 @@ def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Ar
     """Return projection centres (n, 3) and attitudes (n, 3, 3) of shots, in their own axes."""
     position, C = no_poses(len(shots))
     for k, (key, shot) in enumerate(shots):
-        C[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
-        position[k] = -C[k] @ _vector(file, shot, "translation", key)
+        who = f"shot {shown(key)}: "
+        C[k] = rotation_from_vector(vector_of(file, shot, "rotation", who)).T
+        position[k] = -C[k] @ vector_of(file, shot, "translation", who)
     return position, C
 
 
@@ -148,8 +149,8 @@ def _file(path: Path) -> Path:
     for directory in (path, path / INSIDE):
         if (directory / RECONSTRUCTION).is_file():
             return directory / RECONSTRUCTION
-    raise InputError.at_line(
-        path, None, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
+    raise InputError.in_file(
+        path, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
     )
 
 
@@ -158,11 +159,11 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
 
     Those without reference are not connected with each other.
     """
-    given = parse_json(file, decode(load_bytes(file).tobytes()))
+    given = parse_json(file, decoded(file))
     models = given if isinstance(given, list) else [given]
     if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
-        raise InputError.at_line(
-            file, None, "is no list of reconstructions with shots; give OpenSfM's file of that name"
+        raise InputError.in_file(
+            file, "is no list of reconstructions with shots; give OpenSfM's file of that name"
         )
     references = {json.dumps(model.get("reference_lla")) for model in models}
     if len(models) == 1 or (len(references) == 1 and references != {"null"}):
@@ -179,7 +180,7 @@ def _table(file: Path, model: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = model.get(key, {})
     if not (isinstance(value, dict) and all(isinstance(item, dict) for item in value.values())):
         problem = f"{key} is no table of tables"
-        raise InputError.at_line(file, None, f"{problem}; export the reconstruction again")
+        raise InputError.in_file(file, f"{problem}; export the reconstruction again")
     return value
 
 
@@ -187,19 +188,8 @@ def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> 
     """Return a finite number of a table."""
     value = table.get(key, default) if isinstance(table, dict) else None
     if (number := array_of(value, ())) is None:
-        raise InputError.at_line(
-            file, None, f"{of}: {key} {value!r:.60} is no number; export it again"
-        )
+        raise InputError.in_file(file, f"{of}: {key} {value!r:.60} is no number; export it again")
     return float(number)
-
-
-def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
-    vector = array_of(shot.get(key), (3,))
-    if vector is None or not (np.abs(vector) < LARGEST).all():
-        raise InputError.at_line(
-            file, None, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
-        )
-    return vector
 
 
 def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
@@ -221,10 +211,10 @@ def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
         A damaged file, or a camera that is none of Brown's.
     """
     file = Path(path)
-    document = parse_json(file, decode(load_bytes(file).tobytes()))
+    document = parse_json(file, decoded(file))
     models = document if isinstance(document, list) else [document]
     if not all(isinstance(model, dict) for model in models):
-        raise InputError.at_line(file, None, "is no table of cameras; export it again")
+        raise InputError.in_file(file, "is no table of cameras; export it again")
     tables = [
         _table(file, model if "cameras" in model else {"cameras": model}, "cameras")
         for model in models
@@ -239,9 +229,8 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
     """Return a camera in pixels."""
     model = given.get("projection_type", "perspective")
     if model not in MODELS:
-        raise InputError.at_line(
+        raise InputError.in_file(
             file,
-            None,
             f"camera {shown(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
         )
 
@@ -253,25 +242,24 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
     ):
         problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
-        raise InputError.at_line(file, None, f"{problem}; export it again")
+        raise InputError.in_file(file, f"{problem}; export it again")
     size = max(width, height)
     fx, fy = [
         value("focal" if model in ("perspective", "fisheye") else key, None)
         for key in ("focal_x", "focal_y")
     ]
     fisheye = model in FISHEYE
-    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()))}
-    own |= {"f": size * fy, "b1": size * (fx - fy), "p1": value("p2"), "p2": value("p1")}
+    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
+    own |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
     own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
-    interior = np.array([own.get(key, 0.0) for key in INTERIOR])
-    return BrownCamera(name, int(width), int(height), interior, fisheye=fisheye)
+    return brown_camera(name, width, height, of_opencv(own), fisheye)
 
 
 def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
     """Return the tangent plane of the reconstruction, None where its place is not known."""
     given, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
     if given is None and beside.is_file():
-        given = parse_json(beside, decode(load_bytes(beside).tobytes()))
+        given = parse_json(beside, decoded(beside))
     if given is None:
         return None
     lat, lon, height = (
@@ -289,10 +277,10 @@ def _tracks(
     Tracks that were not reconstructed are left out, unless none was.
     """
     if not file.is_file():
-        raise InputError.at_line(
-            file, None, "no such file; image observations stand in it: copy it beside the other"
+        raise InputError.in_file(
+            file, "no such file; image observations stand in it: copy it beside the other"
         )
-    lines = lines_of(decode(load_bytes(file).tobytes()))
+    lines = lines_of(decoded(file))
     version, first = 0, 0
     if lines[0].startswith(VERSION):
         text, first = lines[0][len(VERSION) :].strip(), 1
@@ -318,8 +306,8 @@ def _tracks(
         if scale[-1] < 0.0:
             raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it is zero or more")
     if not image_row:
-        raise InputError.at_line(
-            file, None, "no observation of an image of the reconstruction; copy both of one run"
+        raise InputError.in_file(
+            file, "no observation of an image of the reconstruction; copy both of one run"
         )
     ratio = np.array(scale)
     good = ratio > 0.0  # zero: not known

@@ -157,7 +157,7 @@ def recognised(path: Source) -> str:
         raise _unknown(path)
     head = head_of(path)
     if not head:
-        raise InputError.at_line(path, None, "is empty; export the image observations again")
+        raise InputError.in_file(path, "is empty; export the image observations again")
     text = decode(head).lstrip()
     if head.startswith(b"PK\x03\x04") or path.suffix.lower() in (".psx", ".psz"):
         return "metashape"
@@ -191,7 +191,7 @@ def _headed(row: str) -> bool:
 
 def _unknown(path: Path) -> InputError:
     words = "; ".join(word for _, _, word in FORMATS.values())
-    return InputError.at_line(path, None, f"no image observations are known here; read are {words}")
+    return InputError.in_file(path, f"no image observations are known here; read are {words}")
 
 
 def read_table_block(path: Source, **options: Any) -> MeasuredBlock:

@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....records import FramedOrientation
-from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ....records.framed import TANGENT
+from ..orientation.ascii_columns import line_form
 from ..orientation.exported import (
-    ROWS_AT_A_TIME,
     check_frame,
     check_names,
     comment_lines,
     frame_words,
-    place_form,
     places,
     xml_text,
 )
@@ -81,7 +80,7 @@ def write_bentley(
     InputError
         Names with line ends.
     """
-    check_frame(eo, "bentley", PROJECTED, GEOGRAPHIC, TANGENT)
+    check_frame(eo, "bentley")
     check_names(eo.images, "\n")
     camera = FROM_EXIF
     given = [x for x in (width_px, height_px, focal_px) if x is not None]
@@ -146,7 +145,7 @@ def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
 def _text(
     eo: FramedOrientation, head: str, camera: str, table: NDArray[np.float64]
 ) -> Iterable[str]:
-    x, y, z = place_form(eo, " ").split()
+    x, y, z = line_form(eo, "xyz", " ").split()
     photo = (
         "   <Photo><Id>%d</Id><ImagePath>%s</ImagePath><Pose><Metadata><SRSId>0</SRSId><Rotation>"
         + MATRIX
@@ -159,9 +158,7 @@ def _text(
     for k, name in enumerate(names):
         rows = np.flatnonzero(number == k)
         yield GROUP.format(name=xml_text(name or "camera"), camera=camera)
-        for first in range(0, rows.size, ROWS_AT_A_TIME):
-            piece = rows[first : first + ROWS_AT_A_TIME]
-            values = zip(piece.tolist(), table[piece].tolist(), strict=True)
-            yield "".join([photo % (row, xml_text(eo.images[row]), *of) for row, of in values])
+        for row, values in zip(rows.tolist(), table[rows].tolist(), strict=True):
+            yield photo % (row, xml_text(eo.images[row]), *values)
         yield "  </Photogroup>"
     yield FOOT

@@ -4,10 +4,13 @@ Pixels count from the outer corner of the first one.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ....base.errors import UsageError
+from ....records.block import INTERIOR, BrownCamera
 from ..text.numbers import finite, whole
 
 _OPENCV = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
@@ -68,6 +71,21 @@ class Camera:
         """Principal point from the image's upper left corner, pixels."""
         first = 1 if self.model in ONE_FOCAL else 2
         return self.parameters[first], self.parameters[first + 1]
+
+
+def brown_camera(
+    name: str, width: float, height: float, values: Mapping[str, float], fisheye: bool = False
+) -> BrownCamera:
+    """Return a camera by the names of `INTERIOR`; parameters without value are zero."""
+    interior = np.array([values.get(key, 0.0) for key in INTERIOR])
+    return BrownCamera(name, int(width), int(height), interior, fisheye=fisheye)
+
+
+def of_opencv(values: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters of OpenCV by the names of `INTERIOR`: its p1 and p2 are exchanged."""
+    f = values.get("f", values.get("fy", 0.0))
+    focal = {"f": f, "b1": values.get("fx", f) - f, "k1": values.get("k1", values.get("k", 0.0))}
+    return {**values, **focal, "p1": values.get("p2", 0.0), "p2": values.get("p1", 0.0)}
 
 
 def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Camera, ...]:

@@ -25,7 +25,8 @@ from ....base.output.staging import staged, together
 from ....base.wording import DOCTOR
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+from ....records.framed import GEOGRAPHIC
+from ..orientation.ascii_columns import numbers_of
 from ..orientation.exported import (
     UnfitName,
     check_frame,
@@ -51,7 +52,6 @@ SHIFTED_FROM_M = 1e5
 LEAST_SHIFT_M = 1e4
 # step of the shift (m): whole kilometres are read and typed without error (chosen)
 SHIFT_STEP_M = 1e3
-CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
 POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)  # quaternion to 1e-12, T to 1e-6 m: below any sigma
 # COLMAP takes a binary model before a text
 PARTS = ("cameras", "images", "points3D", "frames", "rigs")
@@ -102,7 +102,7 @@ def write_colmap(
     InputError
         Names with blanks, or a database that lacks an image or cannot be read.
     """
-    check_frame(eo, "colmap", *CARTESIAN)
+    check_frame(eo, "colmap")
     notes: tuple[str, ...] = ()
     if database is None:
         check_names(eo.images, None)
@@ -165,7 +165,7 @@ def _check_stored_names(images: Sequence[DatabaseImage], database: Source) -> No
             f"{str(error).partition(';')[0]}: rename the files of the images without blanks,"
             " extract their features again, and export with --rename safe"
         )
-        raise InputError.at_line(database, None, problem) from None
+        raise InputError.in_file(database, problem) from None
 
 
 def _calibrated(
@@ -283,8 +283,8 @@ def write_colmap_priors(
         The database lacks an image or cannot be read.
     """
     pycolmap = _pycolmap()
-    check_frame(eo, "colmap_priors", *CARTESIAN, GEOGRAPHIC)
-    if eo.frame.kind == "geographic" and shift is not None:
+    check_frame(eo, "colmap_priors")
+    if eo.frame.kind == GEOGRAPHIC and shift is not None:
         raise UsageError("shift: latitude and longitude are not shifted; leave it out")
     models = None
     notes: tuple[str, ...] = ()
@@ -323,8 +323,8 @@ def _copy(database: Source, work: Path) -> None:
     try:
         shutil.copyfile(database, work)
     except OSError as error:
-        raise InputError.at_line(
-            database, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            database, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
 
 
@@ -370,16 +370,11 @@ def _write_priors(
     shift: str | Sequence[float] | None,
 ) -> None:
     system = pycolmap.PosePriorCoordinateSystem
-    if eo.frame.kind == "geographic":
-        position, kind = (
-            np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]]),
-            system.WGS84,
-        )
+    if eo.frame.kind == GEOGRAPHIC:
+        position, kind = numbers_of(eo, "llh"), system.WGS84
     else:
-        position, kind = (
-            eo.coordinates - _shift(eo, (0.0, 0.0, 0.0) if shift is None else shift),
-            system.CARTESIAN,
-        )
+        offset = np.zeros(3) if shift is None else _shift(eo, shift)
+        position, kind = eo.coordinates - offset, system.CARTESIAN
     gravity = -eo.C_Ec[:, 2]
     earlier = {
         (p.corr_data_id.sensor_id.id, p.corr_data_id.id): p.pose_prior_id

@@ -115,8 +115,8 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
                 " COLMAP takes from the rig; give a database without rigs"
             )
         if frames and frame is None:
-            raise InputError.at_line(
-                path, None, f"image {shown(name)} stands in no frame; extract features again"
+            raise InputError.in_file(
+                path, f"image {shown(name)} stands in no frame; extract features again"
             )
         chosen.append(DatabaseImage(number, camera, name, rig, frame))
     used = sorted({image.camera for image in chosen})
@@ -166,13 +166,13 @@ def names_in_database(
             " ours as the database does (--rename OLD=NEW or a table), extract features of all"
             " images, or leave out what is missing (--set missing=skip)"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     if doubles := [own for own in choices if len(own) > 1]:
         message = (
             f"has {shown(doubles[0][0])} and {shown(doubles[0][1])}: which of both the orientation"
             " means is not known; name its images with their folders"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     return {k: own[0] for k, own in enumerate(choices) if own}
 
 
@@ -201,7 +201,7 @@ def _whole(path: Source, value: Any) -> int:
     """Return a whole number; a table of SQLite may hold anything in its place."""
     if type(value) is not int:
         problem = f"{value!r:.60} where a whole number must stand; make the database anew"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     return value
 
 
@@ -209,18 +209,18 @@ def _text(path: Source, value: Any) -> str:
     """Return the name of an image."""
     if not isinstance(value, str):
         problem = f"{value!r:.60} where the name of an image must stand; make the database anew"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     return value
 
 
 def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
     """Return a camera of the database."""
     if row is None:
-        raise InputError.at_line(path, None, f"has no camera {number}; extract features again")
+        raise InputError.in_file(path, f"has no camera {number}; extract features again")
     model, width, height, blob = row
     if type(model) is not int or not 0 <= model < len(MODELS):
-        raise InputError.at_line(
-            path, None, f"camera {number}: model {model!r:.60} is none of COLMAP's known here"
+        raise InputError.in_file(
+            path, f"camera {number}: model {model!r:.60} is none of COLMAP's known here"
         )
     name, parameters = MODELS[model], np.full(1, np.nan)
     if isinstance(blob, bytes) and len(blob) == 8 * PARAMETERS.get(name, len(blob) // 8):
@@ -228,7 +228,7 @@ def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
     sizes = all(type(side) is int and side > 0 for side in (width, height))
     if not (sizes and np.isfinite(parameters).all()):
         problem = f"camera {number} ({name}, {width!r:.60} x {height!r:.60} pixels)"
-        raise InputError.at_line(
-            path, None, f"{problem}: size or parameters are no numbers; make the database anew"
+        raise InputError.in_file(
+            path, f"{problem}: size or parameters are no numbers; make the database anew"
         )
     return Camera(name, width, height, tuple(parameters.tolist()))

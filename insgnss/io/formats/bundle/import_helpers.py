@@ -19,8 +19,7 @@ from ....base.output.staging import written
 from ....geodesy.frames import TangentPlane
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, TANGENT
-from ..orientation.exported import frame_words
-from ..positions.position_references import PlacedCameras
+from ..orientation.exported import Placed, frame_words
 
 LOCAL = (
     'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],'
@@ -92,13 +91,13 @@ RTL = """<SystemeCoord>
 """
 
 
-def metashape_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
+def metashape_script(eo: Placed, path: Path) -> dict[Path, str]:
     """Return <name>_import.py beside a reference csv, whose header names its angles.
 
     Parameters
     ----------
-    eo : FramedOrientation
-        The orientation that was written.
+    eo : FramedOrientation or PlacedCameras
+        What was written.
     path : Path
         The csv.
 
@@ -109,59 +108,28 @@ def metashape_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     """
     first = _header(path, "#Label").split(",")[4]
     frame = eo.frame
-    note = OFFSET if first == "Nominal_yaw" else APPLIED
-    crs = LOCAL if frame.kind == TANGENT else metashape_crs(frame.crs, frame.wkt)
-    angles = "EulerAnglesOPK" if first == "Omega" else "EulerAnglesYPR"
-    return _script(path, frame_words(eo), note + _geoid_note(frame.heights), crs, angles)
-
-
-def metashape_positions_script(cameras: PlacedCameras, path: Path) -> dict[Path, str]:
-    """Return <name>_import.py beside a reference csv without angles.
-
-    Parameters
-    ----------
-    cameras : PlacedCameras
-        The positions that were written.
-    path : Path
-        The csv.
-
-    Returns
-    -------
-    dict
-        Text by path.
-    """
-    name = cameras.crs or "geographic coordinates of WGS84"
-    note = NO_ANGLES + _geoid_note(cameras.heights)
-    crs = metashape_crs(cameras.crs, cameras.wkt)
-    return _script(path, f"{name}, heights {cameras.heights}", note, crs)
-
-
-def _geoid_note(heights: str) -> str:
-    """Return what to do about heights above a geoid that is a file here; empty for others."""
-    if "geoid" not in heights:
-        return ""
-    return f"\nHeights are {heights}: choose the CRS with these heights in its place."
+    note = {"Nominal_yaw": OFFSET, "X_acc": NO_ANGLES}.get(first, APPLIED)
+    if "geoid" in frame.heights:  # a file here, which no CRS names
+        note += f"\nHeights are {frame.heights}: choose the CRS with these heights in its place."
+    angles = {"Omega": "EulerAnglesOPK", "X_acc": ""}.get(first, "EulerAnglesYPR")
+    text = SCRIPT.format(
+        file=path.name,
+        name=path.name,
+        version=__version__,
+        frame=frame_words(eo).replace("\\", "/").replace('"', "'"),
+        note=note,
+        crs=LOCAL if frame.kind == TANGENT else metashape_crs(frame.crs, frame.wkt),
+        angles=f"chunk.euler_angles = Metashape.{angles}\n" if angles else "",
+        columns=COLUMNS if angles else WITHOUT_ANGLES,
+        what="rotation" if angles else "location",
+    )
+    return {path.with_name(f"{path.stem}_import.py"): text}
 
 
 def _header(path: Path, start: str) -> str:
     """Return the first line of an export that begins with `start`."""
     with written(path).open(encoding="utf-8") as stream:
         return next(line for line in stream if line.startswith(start)).strip()
-
-
-def _script(path: Path, frame: str, note: str, crs: str, angles: str = "") -> dict[Path, str]:
-    text = SCRIPT.format(
-        file=path.name,
-        name=path.name,
-        version=__version__,
-        frame=frame.replace("\\", "/").replace('"', "'"),
-        note=note,
-        crs=crs,
-        angles=f"chunk.euler_angles = Metashape.{angles}\n" if angles else "",
-        columns=COLUMNS if angles else WITHOUT_ANGLES,
-        what="rotation" if angles else "location",
-    )
-    return {path.with_name(f"{path.stem}_import.py"): text}
 
 
 def metashape_crs(crs: str, wkt: str) -> str:
@@ -188,7 +156,7 @@ def metashape_crs(crs: str, wkt: str) -> str:
     return str(CRS.from_wkt(wkt).to_wkt("WKT1_GDAL"))
 
 
-def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
+def flight_log_format(eo: Placed, path: Path) -> dict[Path, str]:
     """Return <name>_format.xml beside a flight log of RealityScan.
 
     Parameters
@@ -203,27 +171,16 @@ def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
-    return _flight_log(path, frame_words(eo), eo.frame.kind == GEOGRAPHIC)
-
-
-def flight_log_of_positions(cameras: PlacedCameras, path: Path) -> dict[Path, str]:
-    """Return <name>_format.xml beside a flight log of positions without angles."""
-    frame = cameras.crs or "geographic coordinates of WGS84"
-    return _flight_log(path, f"{frame}, heights {cameras.heights}", not cameras.crs)
-
-
-def _flight_log(path: Path, frame: str, on_globe: bool) -> dict[Path, str]:
-    """Return the description of a flight log whose header names its columns."""
     from xml.sax.saxutils import escape, quoteattr
 
     fields = _header(path, "#name").lstrip("#").split(",")
-    variables = VARIABLES | (ON_GLOBE if on_globe else {})
+    variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
     columns = "".join(
         f'      <{variables[name][0]} index="{k}" format="{variables[name][1]}"/>\n'
         for k, name in enumerate(fields)
     )
     words = "insgnss: " + ", ".join(fields)
-    comment = f"insgnss {__version__}: {HOW.format(file=path.name)} Frame: {frame}"
+    comment = f"insgnss {__version__}: {HOW.format(file=path.name)} Frame: {frame_words(eo)}"
     guid = str(uuid.uuid5(uuid.NAMESPACE_OID, words)).upper()
     text = FLIGHT_LOG.format(
         comment=escape(comment).replace("--", "- -"),

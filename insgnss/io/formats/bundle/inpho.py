@@ -17,18 +17,8 @@ from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....records import FramedOrientation
-from ....records.framed import PROJECTED, TANGENT
-from ..orientation.exported import (
-    OPK,
-    ROWS_AT_A_TIME,
-    angles_of,
-    check_frame,
-    check_names,
-    comment_lines,
-    frame_attitude,
-    places,
-    write_rows,
-)
+from ..orientation.ascii_columns import DIRECTIONS, Conventions, numbers_of, write_columns
+from ..orientation.exported import check_frame, check_names, comment_lines
 from ..text.text import Source
 
 GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "ms")
@@ -79,7 +69,7 @@ def write_inpho_prj(
     InputError
         File names that agree but for their ending.
     """
-    check_frame(eo, "inpho_prj", PROJECTED, TANGENT)
+    check_frame(eo, "inpho_prj")
     if (
         focal_mm is None
         or ground_m is None
@@ -96,8 +86,7 @@ def write_inpho_prj(
     form = PHOTO.format(
         camera=camera.replace("%", "%%"), ground=ground_m / eo.frame.units[1].metres, focal=focal_mm
     )
-    R, _ = frame_attitude(eo)
-    table = np.hstack([places(eo), R.swapaxes(1, 2).reshape(-1, 9)])
+    table = numbers_of(eo, "xyz matrix", Conventions(attitude=DIRECTIONS[1]))
     atomic_write(path, _blocks(eo, photo_ids(eo.images), form, table))
 
 
@@ -122,9 +111,8 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "inpho_ascii", PROJECTED, TANGENT)
+    check_frame(eo, "inpho_ascii")
     ids = photo_ids(eo.images)
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     words = (
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
         " up, z back) to the frame"
@@ -133,8 +121,7 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
         comment_lines(eo, words, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
-    numbers = np.degrees(opk), (eo.time % WEEK_S)[:, None]
-    write_rows(eo, path, head, " ", "%.6f %.6f %.6f %.6f", *numbers, names=ids)
+    write_columns(eo, path, "image xyz opk tow", " ", head, ids)
 
 
 def photo_ids(images: Sequence[str]) -> tuple[str, ...]:
@@ -156,14 +143,5 @@ def _blocks(
 ) -> Iterable[str]:
     since = (1000.0 * (WEEK_S * eo.gps_week + eo.time)).round().astype("timedelta64[ms]")
     when = np.datetime_as_string(GPS_EPOCH + since, unit="s")
-    for first in range(0, len(ids), ROWS_AT_A_TIME):
-        chunk = slice(first, first + ROWS_AT_A_TIME)
-        rows = zip(
-            ids[chunk], eo.images[chunk], when[chunk].tolist(), table[chunk].tolist(), strict=True
-        )
-        yield "".join(
-            [
-                form % (photo, name, f"{t[11:]} {t[8:10]}/{t[5:7]}/{t[:4]}", *row)
-                for photo, name, t, row in rows
-            ]
-        )
+    for photo, name, t, row in zip(ids, eo.images, when.tolist(), table.tolist(), strict=True):
+        yield form % (photo, name, f"{t[11:]} {t[8:10]}/{t[5:7]}/{t[:4]}", *row)

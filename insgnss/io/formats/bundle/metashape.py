@@ -24,33 +24,19 @@ The offset stands in a text beside the csv. The format takes no
 correlations.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....base.files import atomic_write
 from ....base.output.staging import together
-from ....geodesy.rotation import CV_RUB, ypr_from_rotation
-from ....records import FramedOrientation
-from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import (
-    OPK,
-    YPR,
-    AngleSet,
-    angles_of,
-    check_frame,
-    comment_lines,
-    frame_attitude,
-    frame_words,
-    north_attitude,
-    one_line,
-    places_sigma,
-    write_rows,
-)
+from ....records import Array, FramedOrientation
+from ....records.cameras.mounting import metashape_offset
+from ....records.framed import GEOGRAPHIC
+from ..orientation.ascii_columns import write_columns
+from ..orientation.exported import check_frame, comment_lines, frame_words, one_line
 from ..text.text import Source
-
-Array = NDArray[np.float64]
 
 
 def write_metashape(eo: FramedOrientation, path: Source) -> None:
@@ -74,12 +60,12 @@ def write_metashape(eo: FramedOrientation, path: Source) -> None:
     DataError
         Pitch is +-90 deg.
     """
-    _write(eo, path, north_attitude(eo), YPR, ("Yaw", "Pitch", "Roll"))
+    _write(eo, path, "ypr", ("Yaw", "Pitch", "Roll"))
 
 
 def write_metashape_opk(eo: FramedOrientation, path: Source) -> None:
     """Write omega, phi, kappa in the axes of the CRS; digits and refusals as `write_metashape`."""
-    _write(eo, path, frame_attitude(eo), OPK, ("Omega", "Phi", "Kappa"))
+    _write(eo, path, "opk", ("Omega", "Phi", "Kappa"))
 
 
 def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
@@ -87,24 +73,19 @@ def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
 
     The offset stands in <name>_gps_ins_offset.txt, of a rig one for each camera.
     """
-    R, P = north_attitude(eo)
-    nominal = R @ CV_RUB @ _boresights(eo) @ CV_RUB
+    nominal = replace(eo, C_fc=eo.C_fc @ _boresights(eo))
     path = Path(path)
     with together():
-        _write(eo, path, (nominal, P), YPR, ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
+        _write(nominal, path, "ypr", ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
         atomic_write(path.with_name(f"{path.stem}_gps_ins_offset.txt"), _offset_text(eo))
-
-
-def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:
-    """Return yaw, pitch, roll (3,), rad, of the GPS/INS offset that stands for B and T (M.2)."""
-    G = CV_RUB @ camera_from_body
-    return ypr_from_rotation(G @ boresight @ G.T)
 
 
 def _offset_text(eo: FramedOrientation) -> str:
     offsets = []
     for name, boresight, T in _mountings(eo):
-        yaw, pitch, roll = np.degrees(offset_rotation(boresight, T))
+        _, offset = metashape_offset(None, boresight, T)
+        assert offset is not None
+        yaw, pitch, roll = np.degrees(offset)
         offsets.append(
             f"{f'{name}: ' if name else ''}X, Y, Z (m): 0, 0, 0\n"
             f"Yaw, Pitch, Roll (deg): {yaw:.6f}, {pitch:.6f}, {roll:.6f}\n"
@@ -139,19 +120,12 @@ def _boresights(eo: FramedOrientation) -> Array:
     return each[0] if eo.rig is None else np.asarray(np.stack(each)[eo.rig.number])
 
 
-def _write(
-    eo: FramedOrientation,
-    path: Source,
-    attitude: tuple[Array, Array],
-    angle_set: AngleSet,
-    names: tuple[str, ...],
-) -> None:
-    check_frame(eo, "metashape", GEOGRAPHIC, PROJECTED, TANGENT)
-    angles, sigma = angles_of(eo, *attitude, angle_set)
+def _write(eo: FramedOrientation, path: Source, angles: str, names: tuple[str, ...]) -> None:
+    """Write a reference with a group of angles, whose columns have these names."""
+    check_frame(eo, "metashape")
     position = ("X", "Y", "Z")
     if eo.frame.kind != GEOGRAPHIC:
         position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")
     columns = ("#Label", *position, *names, *(f"{name}_acc" for name in ("X", "Y", "Z", *names)))
-    form = ",".join(("%.6f",) * 3 + ("%.5f",) * 3 + ("%.6f",) * 3)
-    numbers = np.degrees(angles), places_sigma(eo), np.degrees(sigma)
-    write_rows(eo, path, ",".join(columns) + "\n", ",", form, *numbers)
+    head = ",".join(columns) + "\n"
+    write_columns(eo, path, f"image xyz {angles} s_xyz s_{angles}", ",", head)

@@ -17,28 +17,23 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.files import atomic_write
 from ....base.output.staging import together
 from ....records import FramedOrientation
 from ....records.block import Array
-from ....records.framed import GEOCENTRIC, TANGENT
+from ..orientation.ascii_columns import write_columns
 from ..orientation.exported import (
-    OPK,
     UnfitName,
-    angles_of,
     check_frame,
     check_names,
     check_only,
     comment_lines,
-    frame_attitude,
     position_sigma,
-    table_text,
     xml_text,
 )
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source
+from ..text.xml import read_xml
 
 XML = """<?xml version="1.0" ?>
 <ExportAPERO>
@@ -89,17 +84,13 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "micmac", TANGENT, GEOCENTRIC)
-    check_names(eo.images, None)
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + "\n"
+    check_frame(eo, "micmac")
     words = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
         " right-up-back to the frame",
     )
-    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo)])
-    atomic_write(path, table_text(f"#F=N X Y Z W P K Ix Iy Iz\n{words}", eo.images, form, table))
+    write_columns(eo, path, "image xyz opk s_xyz", " ", f"#F=N X Y Z W P K Ix Iy Iz\n{words}")
 
 
 def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
@@ -124,7 +115,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     InputError
         Names that make no file name.
     """
-    check_frame(eo, "micmac_xml", TANGENT, GEOCENTRIC)
+    check_frame(eo, "micmac_xml")
     check_names(eo.images, "/")
     unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
     if unfit is not None:
@@ -176,21 +167,21 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
     """
     files = sorted(Path(path).glob("Orientation-*.xml"))
     if not files:
-        raise InputError.at_line(path, None, "no Orientation-<image>.xml in it; give Ori-<name>")
+        raise InputError.in_file(path, "no Orientation-<image>.xml in it; give Ori-<name>")
     names, centres, matrices = [], [], []
     for file in files:
-        root = parse_xml(file, load_bytes(file).tobytes())
+        root = read_xml(file)
         outer = root.find(".//Externe")
         convention = None if outer is None else outer.findtext("KnownConv")
         if outer is None or convention not in (None, "eConvApero_DistM2C"):
             problem = f"convention {convention}; eConvApero_DistM2C, a matrix, is read"
-            raise InputError.at_line(file, None, problem)
+            raise InputError.in_file(file, problem)
         texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
         rows = [[finite(word) for word in (text or "").split()] for text in texts]
         for text, row in zip(texts, rows, strict=True):
             if len(row) != 3 or np.isnan(row).any():
                 problem = f"Centre and L1 to L3 are not three numbers each: {shown(text)}"
-                raise InputError.at_line(file, None, f"{problem}; {PLAIN}, or copy it again")
+                raise InputError.in_file(file, f"{problem}; {PLAIN}, or copy it again")
         values = np.array(rows)
         names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
         centres.append(values[0])

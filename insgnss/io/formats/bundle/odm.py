@@ -12,8 +12,8 @@ root mean square of the two horizontal standard deviations, and the vertical one
 
 from ....base.errors import UsageError
 from ....records import FramedOrientation
-from ....records.framed import GEOGRAPHIC, PROJECTED
-from ..orientation.exported import check_frame, comment_lines, plan_and_height_sigma, write_rows
+from ..orientation.ascii_columns import write_columns
+from ..orientation.exported import check_frame, comment_lines
 from ..text.text import Source
 
 
@@ -36,7 +36,7 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
     InputError
         Names with blanks.
     """
-    check_frame(eo, "odm", GEOGRAPHIC, PROJECTED)
+    check_frame(eo, "odm")
     code = "EPSG:4326" if eo.frame.crs == "EPSG:4979" else eo.frame.crs
     if not code.startswith("EPSG:"):
         raise UsageError(
@@ -48,4 +48,4 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
         " turns them"
     )
     head = f"{code}\n{comment_lines(eo, columns)}"
-    write_rows(eo, path, head, " ", "NaN NaN NaN %.5f %.5f", plan_and_height_sigma(eo))
+    write_columns(eo, path, "image xyz NaN NaN NaN s_plan", " ", head)

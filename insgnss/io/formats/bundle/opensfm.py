@@ -17,8 +17,8 @@ from ....base.errors import UsageError
 from ....base.files import atomic_writes
 from ....base.output.staging import destination
 from ....records import FramedOrientation
-from ....records.framed import TANGENT
-from ..orientation.exported import OPK, ROWS_AT_A_TIME, angles_of, check_frame, frame_attitude
+from ..orientation.ascii_columns import numbers_of
+from ..orientation.exported import check_frame, listed_rows
 from ..text.text import Source
 
 REFERENCE = "reference_lla.json"
@@ -44,7 +44,7 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "opensfm", TANGENT)
+    check_frame(eo, "opensfm")
     lat, lon, height = (float(x) for x in eo.frame.origin)
     reference = json.dumps(
         {
@@ -61,23 +61,16 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
             f"{present}: another reference stands there, and the angles are to hold in this"
             " export's; delete it or export elsewhere"
         )
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     # of position, of psi
     sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2))
-    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
-    table = np.hstack([position, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
+    table = np.hstack(
+        [numbers_of(eo, "llh"), sigma[:, :1], numbers_of(eo, "opk"), np.degrees(sigma[:, 1:])]
+    )
     atomic_writes({Path(path): _entries(eo.images, table), beside: reference})
 
 
 def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
     gps = '{"gps": {"latitude": %.10f, "longitude": %.10f, "altitude": %.4f, "dop": %.5f}'
     form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
-    yield "{\n"
-    for first in range(0, len(images), ROWS_AT_A_TIME):
-        chunk = slice(first, first + ROWS_AT_A_TIME)
-        text = [
-            form % (json.dumps(name), *values)
-            for name, values in zip(images[chunk], table[chunk].tolist(), strict=True)
-        ]
-        yield (",\n" if first else "") + ",\n".join(text)
-    yield "\n}\n"
+    rows = zip(map(json.dumps, images), table.tolist(), strict=True)
+    return listed_rows("{\n", (form % (name, *row) for name, row in rows), ",\n", "\n}\n")

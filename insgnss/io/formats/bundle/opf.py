@@ -35,15 +35,8 @@ from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....base.output.staging import together
 from ....records import Array, FramedOrientation, MapFrame
-from ....records.framed import PROJECTED
-from ..orientation.exported import (
-    OPK,
-    angles_of,
-    check_frame,
-    check_only,
-    frame_attitude,
-    position_sigma,
-)
+from ..orientation.ascii_columns import numbers_of
+from ..orientation.exported import check_frame, check_only, listed_rows, position_sigma
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
 from .camera import BROWN_NAMES, Camera, cameras_of
@@ -103,13 +96,13 @@ def write_opf(
         A frame that is not projected, whose CRS names northing first, or whose heights were scaled;
         a missing camera; a `path` with items of another project.
     """
-    check_frame(eo, "opf", PROJECTED)
+    check_frame(eo, "opf")
     definition, horizontal = crs_definition(eo.frame)
-    names, number = eo.cameras
+    of_cameras, number = eo.cameras
     sensors = [
         {"id": k, "name": name or "camera"} | _sensor(model, pixel_size_um, pixel_type, bands)
         for k, (model, name) in enumerate(
-            zip(cameras_of(camera, names, "opf"), names, strict=True), start=SENSOR
+            zip(cameras_of(camera, of_cameras, "opf"), of_cameras, strict=True), start=SENSOR
         )
     ]
     shift = (
@@ -117,7 +110,7 @@ def write_opf(
         if eo.images
         else np.zeros(3)
     )
-    opk, sigma_opk = (np.degrees(a) for a in angles_of(eo, *frame_attitude(eo), OPK))
+    angles = numbers_of(eo, "opk s_opk")
     ids = [(_uid("capture", name), _uid("camera", name)) for name in eo.images]
     uris = [f"{images.rstrip('/')}/{name}" if images else name for name in eo.images]
     cameras = (
@@ -125,14 +118,9 @@ def write_opf(
         for pair, uri in zip(ids, uris, strict=True)
     )
     directory = Path(path)
-    made = (
-        set(FILES.values())
-        if definition is not None
-        else {FILES["camera_list"], FILES["input_cameras"]}
-    )
-    check_only(
-        directory, {"project.opf", *made}, lambda file: file.endswith(OPF_FILES), "an OPF project"
-    )
+    names = list(FILES) if definition is not None else ["camera_list", "input_cameras"]
+    own = ("project.opf", *(FILES[name] for name in names))
+    check_only(directory, own, lambda file: file.endswith(OPF_FILES), "an OPF project")
     with together() as staging:
         into = staging.tree(directory)
 
@@ -141,7 +129,7 @@ def write_opf(
 
         item("camera_list", {}, {"cameras": cameras})
         sensor_ids = number + SENSOR
-        captures = _captures(eo, (ids, sensor_ids), opk, sigma_opk, horizontal, pixel_type)
+        captures = _captures(eo, (ids, sensor_ids), angles, horizontal, pixel_type)
         item("input_cameras", {"sensors": sensors}, {"captures": captures})
         if definition is not None:
             frame = {
@@ -153,12 +141,10 @@ def write_opf(
                 "crs": {"definition": definition},
             }
             item("scene_reference_frame", frame, {})
-            projected = _projected(eo, ids, eo.coordinates + shift, opk, sigma_opk)
+            projected = _projected(eo, ids, eo.coordinates + shift, angles)
             of_ids = {"sensors": [{"id": sensor["id"]} for sensor in sensors]}
             item("projected_input_cameras", of_ids, {"captures": projected})
-        atomic_write(
-            into / "project.opf", json.dumps(_project(eo, definition is not None), indent=1) + "\n"
-        )
+        atomic_write(into / "project.opf", json.dumps(_project(eo, names), indent=1) + "\n")
 
 
 def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
@@ -249,20 +235,14 @@ def _json(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> I
     start = {"format": FORMAT.format(name.replace("_", "-")), "version": "1.0", **head}
     yield json.dumps(start, indent=1).removesuffix("\n}")
     for key, items in lists.items():
-        yield f',\n "{key}": ['
-        between = "\n  "
-        for text in items:
-            yield between + text
-            between = ",\n  "
-        yield "\n ]"
+        yield from listed_rows(f',\n "{key}": [\n  ', items, ",\n  ", "\n ]")
     yield "\n}\n"
 
 
 def _captures(
     eo: FramedOrientation,
     numbered: tuple[list[tuple[int, int]], Any],
-    opk: Array,
-    sigma_opk: Array,
+    angles: Array,
     crs: str,
     pixel_type: str,
 ) -> Iterator[str]:
@@ -280,50 +260,34 @@ def _captures(
     form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,'
     form += f'"rig_model_source":"not_applicable","time":"%s",{geolocation},{turn},{full}}}'
     sigma = local_sigma(eo)[:, [1, 0, 2]]
-    table = np.column_stack(
-        [
-            np.degrees(eo.geodetic[:, :2]),
-            eo.geodetic[:, 2],
-            sigma,
-            opk,
-            sigma_opk,
-            eo.cov.reshape(-1, 36),
-        ]
-    )
+    table = np.hstack([numbers_of(eo, "llh"), sigma, angles, eo.cov.reshape(-1, 36)])
     for (capture, own), sensor, time, row in zip(*numbered, utc(eo), table.tolist(), strict=True):
         yield form % (capture, own, sensor, own, time, *row)
 
 
 def _projected(
-    eo: FramedOrientation, ids: list[tuple[int, int]], x: Array, opk: Array, sigma_opk: Array
+    eo: FramedOrientation, ids: list[tuple[int, int]], x: Array, angles: Array
 ) -> Iterator[str]:
     form = '{"id":%d,"geolocation":{"position":[%.4f,%.4f,%.4f],"sigmas":[%.5f,%.5f,%.5f]},'
     form += '"orientation":{"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}}'
-    table = np.column_stack([x, position_sigma(eo), opk, sigma_opk])
+    table = np.hstack([x, position_sigma(eo), angles])
     for (capture, _), row in zip(ids, table.tolist(), strict=True):
         yield form % (capture, *row)
 
 
-def _project(eo: FramedOrientation, whole: bool) -> dict[str, Any]:
+def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
     space = uuid.uuid5(
         uuid.NAMESPACE_URL, "insgnss:" + "\n".join([eo.frame.name, str(eo.gps_week), *eo.images])
     )
-    names = list(FILES) if whole else ["camera_list", "input_cameras"]
     ids = {name: str(uuid.uuid5(space, name)) for name in names}
-    left = (
-        []
-        if whole
-        else [
-            "projected cameras are left out, since OPF would take these heights to be above another"
-            " surface"
-        ]
-    )
+    more = "projected cameras are left out, since OPF would take these heights to be above another"
+    left_out = () if len(names) == len(FILES) else (f"{more} surface",)
     return {
         "format": FORMAT.format("project"),
         "version": "1.0",
         "id": str(space),
         "name": "exterior orientation",
-        "description": "; ".join(sentences(eo, *left)),
+        "description": "; ".join(sentences(eo, *left_out)),
         "generator": {"name": "insgnss", "version": __version__},
         "items": [
             {

@@ -11,22 +11,10 @@ Neither takes standard deviations of angles. The horizontal accuracy is the root
 axes. Where mapper expects accuracies behind angles is not documented, so they are not written.
 """
 
-import numpy as np
-
 from ....records import FramedOrientation
-from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import (
-    OPK,
-    YPR,
-    angles_of,
-    check_frame,
-    frame_attitude,
-    frame_words,
-    north_attitude,
-    one_line,
-    plan_and_height_sigma,
-    write_rows,
-)
+from ....records.framed import PROJECTED
+from ..orientation.ascii_columns import write_columns
+from ..orientation.exported import check_frame, frame_words, one_line
 from ..text.text import Source
 
 
@@ -51,17 +39,17 @@ def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
     DataError
         Pitch is +-90 deg.
     """
-    check_frame(eo, "pix4d_matic", GEOGRAPHIC, PROJECTED)
-    ypr, _ = angles_of(eo, *north_attitude(eo), YPR)
+    check_frame(eo, "pix4d_matic")
     names = ["easting", "northing"] if eo.frame.kind == PROJECTED else ["longitude", "latitude"]
-    if northing_first := eo.frame.northing_first:
+    plan = "x y"
+    if eo.frame.northing_first:
         names.reverse()
+        plan = "y x"
     head = (
         f"#imagename,{names[0]}"
         f" ({one_line(frame_words(eo))}),{names[1]},z,yaw,pitch,roll,accuracyHorz,accuracyVert\n"
     )
-    form, numbers = "%.6f,%.6f,%.6f,%.5f,%.5f", (np.degrees(ypr), plan_and_height_sigma(eo))
-    write_rows(eo, path, head, ",", form, *numbers, northing_first=northing_first)
+    write_columns(eo, path, f"image {plan} z ypr s_plan", ",", head)
 
 
 def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
@@ -69,6 +57,5 @@ def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
 
     The file has no accuracies and no header; digits and refusals are those of matic.
     """
-    check_frame(eo, "pix4d_mapper", PROJECTED, TANGENT)
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    write_rows(eo, path, "", ",", "%.6f,%.6f,%.6f", np.degrees(opk))
+    check_frame(eo, "pix4d_mapper")
+    write_columns(eo, path, "image xyz opk", ",")

@@ -10,19 +10,10 @@ another set of angles than everybody's (data_specs/realitycapture.md), so they a
 The log with accuracies has the standard deviations of the axes; correlations have no place.
 """
 
-import numpy as np
-
 from ....records import FramedOrientation
-from ....records.framed import GEOGRAPHIC, TANGENT
-from ..orientation.exported import (
-    YPR,
-    angles_of,
-    check_frame,
-    comment_lines,
-    north_attitude,
-    places_sigma,
-    write_rows,
-)
+from ....records.framed import GEOGRAPHIC
+from ..orientation.ascii_columns import write_columns
+from ..orientation.exported import check_frame, comment_lines
 from ..text.text import Source
 
 ANGLES = (
@@ -64,14 +55,12 @@ def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
 
 
 def _write(eo: FramedOrientation, path: Source, name: str, accuracies: bool) -> None:
-    check_frame(eo, name, GEOGRAPHIC, TANGENT)
-    ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)
-    geographic = eo.frame.kind == GEOGRAPHIC
-    form, numbers = "%.6f,%.6f,%.6f", [np.degrees(ypr)]
-    columns = f"#name,{'latitude,longitude' if geographic else 'x,y'},altitude,yaw,pitch,roll"
+    check_frame(eo, name)
+    plan, plan_header = (
+        ("y x", "latitude,longitude") if eo.frame.kind == GEOGRAPHIC else ("x y", "x,y")
+    )
+    columns, head = f"image {plan} z ypr", f"#name,{plan_header},altitude,yaw,pitch,roll"
     if accuracies:
-        numbers += [places_sigma(eo), np.degrees(sigma)]
-        form += ",%.5f" * 3 + ",%.6f" * 3
-        columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
-    head = comment_lines(eo, ANGLES) + columns + "\n"
-    write_rows(eo, path, head, ",", form, *numbers, northing_first=geographic)
+        columns += " s_xyz s_ypr"
+        head += ",accX,accY,accZ,accYaw,accPitch,accRoll"
+    write_columns(eo, path, columns, ",", f"{comment_lines(eo, ANGLES)}{head}\n")

@@ -22,7 +22,8 @@ from ....base.files import atomic_write
 from ....base.units import METRE
 from ....records import Array, FramedOrientation
 from ....records.framed import PROJECTED
-from ..orientation.exported import OPK, angles_of, check_frame, frame_attitude
+from ..orientation.ascii_columns import Conventions, numbers_of
+from ..orientation.exported import check_choice, check_frame, listed_rows
 from ..orientation.poses import local_covariance, sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -54,8 +55,7 @@ def write_geojson(
     UsageError
         Another dialect, or a frame that it cannot carry.
     """
-    if dialect not in DIALECTS:
-        raise UsageError(f"dialect {dialect!r} is none of {', '.join(DIALECTS)}")
+    check_choice("dialect", dialect, DIALECTS)
     if dialect == "orthority":
         check_frame(eo, "geojson of orthority", PROJECTED)
         if eo.frame.units != (METRE, METRE):
@@ -75,16 +75,8 @@ def write_geojson(
         urn = "urn:ogc:def:crs:" + eo.frame.datum.replace(":", "::")
         head["crs"] = {"type": "name", "properties": {"name": urn}}
     rows = _orthority(eo, camera) if dialect == "orthority" else _features(eo)
-    atomic_write(path, _collection(json.dumps(head).removesuffix("}"), rows))
-
-
-def _collection(head: str, rows: Iterator[str]) -> Iterator[str]:
-    yield f'{head}, "features": ['
-    between = "\n"
-    for row in rows:
-        yield between + row
-        between = ",\n"
-    yield "\n]}\n"
+    start = json.dumps(head).removesuffix("}") + ', "features": [\n'
+    atomic_write(path, listed_rows(start, rows, ",\n", "\n]}\n"))
 
 
 def _lon_lat_height(eo: FramedOrientation) -> Array:
@@ -97,7 +89,6 @@ POINT = '"geometry": {"type": "Point", "coordinates": [%.10f, %.10f, %.4f]}'
 
 def _features(eo: FramedOrientation) -> Iterator[str]:
     ypr, sigma_ypr = true_north_ypr(eo)
-    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
     P = local_covariance(eo)
     names = [
         f'"{name}": [%.6f, %.6f, %.6f]'
@@ -114,7 +105,7 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         + "]}}"
     )
     position = _lon_lat_height(eo)
-    angles = np.degrees(np.hstack([ypr, sigma_ypr, opk, sigma_opk]))
+    angles = np.hstack([np.degrees(np.hstack([ypr, sigma_ypr])), numbers_of(eo, "opk s_opk")])
     table = np.column_stack(
         [
             eo.time,
@@ -180,7 +171,7 @@ def _unless(point: Array, same: Array) -> Array:
 
 
 def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
+    opk = numbers_of(eo, "opk", Conventions(unit="rad"))
     own = json.dumps(camera).replace("%", "%%")
     form = (
         f'{{"type": "Feature", {POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'

@@ -13,7 +13,7 @@ in the description.
 import json
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +22,9 @@ from ....base.errors import UsageError
 from ....base.output.staging import destination, staged
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import (
-    OPK,
-    angles_of,
-    check_frame,
-    frame_attitude,
-    places,
-    position_sigma,
-)
+from ....records.framed import TANGENT
+from ..orientation.ascii_columns import numbers_of
+from ..orientation.exported import check_frame, places, position_sigma
 from ..orientation.poses import sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -81,11 +75,18 @@ class _Srs:
     number: int
     organization: str
     code: int
-    wkt1: str
     description: str
-    wkt2: str
+    wkt1: str = "undefined"
+    wkt2: str = "undefined"
 
 
+UNDEFINED_CARTESIAN = _Srs(
+    "Undefined Cartesian",
+    UNDEFINED_CARTESIAN_ID,
+    "NONE",
+    UNDEFINED_CARTESIAN_ID,
+    "undefined Cartesian",
+)
 GPS_EPOCH = "1980-01-06T00:00:00.000Z"  # of a file without images
 
 
@@ -99,7 +100,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
     UsageError
         A geocentric frame, or a path that does not end in .gpkg.
     """
-    check_frame(eo, "geopackage", PROJECTED, GEOGRAPHIC, TANGENT)
+    check_frame(eo, "geopackage")
     if not str(path).lower().endswith(".gpkg"):
         raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
     coordinates = places(eo)
@@ -135,29 +136,10 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     from pyproj import CRS
 
     wgs84 = CRS.from_epsg(4326)
-    required = [
-        _Srs(
-            "Undefined Cartesian",
-            UNDEFINED_CARTESIAN_ID,
-            "NONE",
-            UNDEFINED_CARTESIAN_ID,
-            "undefined",
-            "undefined Cartesian",
-            "undefined",
-        ),
-        _Srs(
-            "Undefined geographic", 0, "NONE", 0, "undefined", "undefined geographic", "undefined"
-        ),
-        _Srs(
-            "WGS 84",
-            4326,
-            "EPSG",
-            4326,
-            wgs84.to_wkt("WKT1_GDAL"),
-            "longitude, latitude",
-            wgs84.to_wkt(),
-        ),
-    ]
+    degrees = _Srs("Undefined geographic", 0, "NONE", 0, "undefined geographic")
+    wkt1, wkt2 = wgs84.to_wkt("WKT1_GDAL"), wgs84.to_wkt()
+    globe = _Srs("WGS 84", 4326, "EPSG", 4326, "longitude, latitude", wkt1, wkt2)
+    required = (UNDEFINED_CARTESIAN, degrees, globe)
     rows = {row.number: row for row in (*required, srs)}.values()
     fields = [
         (r.name, r.number, r.organization, r.code, r.wkt1, r.description, r.wkt2) for r in rows
@@ -192,15 +174,7 @@ def _srs(eo: FramedOrientation) -> _Srs:
 
     frame = eo.frame
     if frame.kind == TANGENT:
-        return _Srs(
-            "Undefined Cartesian",
-            UNDEFINED_CARTESIAN_ID,
-            "NONE",
-            UNDEFINED_CARTESIAN_ID,
-            "undefined",
-            frame.name,
-            "undefined",
-        )
+        return replace(UNDEFINED_CARTESIAN, description=frame.name)
     crs = CRS.from_user_input(frame.wkt or frame.crs)
     try:
         wkt1 = crs.to_wkt("WKT1_GDAL") or "undefined"
@@ -210,9 +184,8 @@ def _srs(eo: FramedOrientation) -> _Srs:
     single = authority == "EPSG" and code.isdigit() and not crs.is_compound
     number, organization = (int(code), "EPSG") if single else (FIRST_OWN_ID, "insgnss")
     heights = f"heights {frame.heights}" if frame.scaled_from_m is None else "scaled heights"
-    return _Srs(
-        crs.name, number, organization, number, wkt1, f"{frame.name}; {heights}", crs.to_wkt()
-    )
+    description = f"{frame.name}; {heights}"
+    return _Srs(crs.name, number, organization, number, description, wkt1, crs.to_wkt())
 
 
 def _header(srs: int, flags: int) -> np.ndarray:
@@ -245,10 +218,14 @@ def _line(coordinates: Array, srs: int) -> bytes:
 
 def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
     ypr, sigma_ypr = true_north_ypr(eo)
-    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
-    angles = np.degrees(np.hstack([ypr, sigma_ypr, opk, sigma_opk]))
-    reals = np.column_stack(
-        [angles, position_sigma(eo), quaternion_from_rotation(eo.C_fc), eo.geodetic[:, 2]]
+    reals = np.hstack(
+        [
+            np.degrees(np.hstack([ypr, sigma_ypr])),
+            numbers_of(eo, "opk s_opk"),
+            position_sigma(eo),
+            quaternion_from_rotation(eo.C_fc),
+            eo.geodetic[:, 2:],
+        ]
     )
     form = json.dumps([["%.9g"] * 6] * 6).replace('"', "")
     for geometry, name, when, tow, row, P in zip(

@@ -27,7 +27,7 @@ from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
 from ....geodesy.rotation import CV_RUB
 from ....records import Array, FramedOrientation
-from ..orientation.exported import check_characters, xml_text
+from ..orientation.exported import check_characters, check_choice, xml_text
 from ..orientation.poses import local_sigma, sea_level, sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -93,8 +93,7 @@ def write_kml(
     InputError
         `undulation_m` is no height of a geoid, or the ground is not below the images.
     """
-    if altitude not in MODES:
-        raise UsageError(f"kml: altitude {altitude!r} is none of {', '.join(MODES)}")
+    check_choice("kml: altitude", altitude, MODES)
     if altitude != "absolute" and undulation_m is not None:
         raise UsageError(f"kml: {altitude} altitudes need no geoid; leave it out")
     if (ground_m is not None) != (altitude == "relative"):

@@ -38,7 +38,7 @@ from ....base.inputs import opened
 from ....base.output.staging import together
 from ....geodesy.gpstime import calendar_from_gps
 from ....records import Array, FramedOrientation
-from ..orientation.exported import check_only, frame_words
+from ..orientation.exported import check_choice, check_only, frame_words
 from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
 from .exif import EXIF_VERSION, camera_maker, exif_version
@@ -174,8 +174,7 @@ def write_image_tags(
         ("gimbal", gimbal, GIMBALS),
         ("form", form, ("copies", "exiftool")),
     ):
-        if value not in accepted:
-            raise UsageError(f"{name} {value!r} is none of {', '.join(accepted)}")
+        check_choice(name, value, accepted)
     if rtk_flag is not None and rtk_flag not in RTK:
         raise UsageError(
             f"rtk_flag {rtk_flag!r} is none of {', '.join(f'{k} ({v})' for k, v in RTK.items())}"
@@ -341,8 +340,8 @@ def _reading(source: Path) -> Iterator[BinaryIO]:
         with opened(source) as stream:
             yield stream
     except OSError as error:
-        raise InputError.at_line(
-            source, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            source, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
 
 
@@ -366,8 +365,8 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
         yield from _from(stream, rest)
         return
     if read(0, 2) not in (b"II", b"MM"):
-        raise InputError.at_line(
-            source, None, "is neither JPEG nor TIFF; convert it, or export a table instead"
+        raise InputError.in_file(
+            source, "is neither JPEG nor TIFF; convert it, or export a table instead"
         )
     tiff = Tiff(read, size, who)
     xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, who))

@@ -1,6 +1,7 @@
-r"""The columns of a generic ASCII table of exterior orientations, and how they are computed.
+r"""The columns of text tables of exterior orientations, and how they are computed and written.
 
 Columns come in groups that are computed together; a template names single columns or whole groups.
+The tables of all programs are such templates.
 With X the axes of the camera, CV (right, down, viewing direction) or RUB (right, up, back), and f
 the frame,
 
@@ -19,27 +20,34 @@ left-hand axes: P becomes R^T P R. Standard deviations are those of E^-1 P E^-T;
 the names of the angles with s_ before.
 """
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....base.files import atomic_write
 from ....base.units import METRE, LengthUnit
 from ....geodesy.gpstime import WEEK_S
 from ....geodesy.rotation import CV_RUB, NED_ENU, quaternion_from_rotation
 from ....records import FramedOrientation
-from ....records.framed import GEOCENTRIC, GEOGRAPHIC
+from ....records.framed import GEOGRAPHIC, TANGENT
+from ..text.text import Source
 from .exported import (
     OPK,
     POK,
     RPY,
     YPR,
     AngleSet,
+    Placed,
     angles_of,
+    check_names,
     places,
     places_sigma,
     plan_and_height_sigma,
+    table_text,
 )
 
 Array = NDArray[np.float64]
@@ -47,6 +55,11 @@ Array = NDArray[np.float64]
 CAMERA_AXES = {"RUB": "x right, y up, z back", "CV": "x right, y down, z viewing direction"}
 DIRECTIONS = ("camera to frame", "frame to camera")
 NORTHS = ("true", "frame")
+ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}  # of a radian
+# of numbers by their kind: below any standard deviation of a survey (chosen)
+DECIMALS = {"degree": 10, "metre": 4, "sigma": 5, "angle": 6, "angle sigma": 6}
+DECIMALS |= {"matrix": 12, "second": 6, "whole": 0}
+NOT_GIVEN = "NaN"  # stands in the place of a column that a program expects
 # takes viewing direction, right, down into x, y, z of CV
 GIMBAL_CV: Array = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
@@ -85,7 +98,7 @@ class Group:
 
     columns: tuple[str, ...]
     kind: str
-    compute: Callable[[FramedOrientation, Conventions], Array]
+    compute: Callable[[Any, Conventions], Array]
 
 
 def in_camera_axes(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
@@ -199,6 +212,87 @@ def of_height(column: str) -> bool:
     return column in ("z", "sz", "h", "s_vertical")
 
 
-def has_plan(frame_kind: str) -> bool:
-    """Tell whether the frame has a horizontal and a vertical."""
-    return frame_kind != GEOCENTRIC
+def column_names(columns: str | Sequence[str]) -> list[str]:
+    """Return the single columns of a template."""
+    tokens = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
+    return [
+        name
+        for token in tokens
+        for name in (GROUPS[token].columns if token in GROUPS else (token,))
+    ]
+
+
+def usual(eo: Placed) -> Conventions:
+    """Return the conventions of the programs: true north, in a tangent plane that of its axes."""
+    return Conventions(north="frame" if eo.frame.kind == TANGENT else "true")
+
+
+def numbers_of(eo: Placed, columns: str | Sequence[str], how: Conventions | None = None) -> Array:
+    """Return the columns (n, k) of a template of numbers alone, in the units of a file."""
+    how = how or usual(eo)
+    names = column_names(columns)
+    blocks = {
+        name: GROUPS[name].compute(eo, how)
+        for name in dict.fromkeys(GROUP_OF[column] for column in names)
+    }
+    out = np.empty((len(eo.images), len(names)))
+    for k, column in enumerate(names):
+        group = GROUPS[GROUP_OF[column]]
+        unit = ANGLE_UNITS[how.unit] if group.kind.startswith("angle") else 1.0
+        out[:, k] = unit * blocks[GROUP_OF[column]][:, group.columns.index(column)]
+    return out
+
+
+def line_form(
+    eo: Placed,
+    columns: str | Sequence[str],
+    separator: str,
+    decimals: Mapping[str, int] = DECIMALS,
+) -> str:
+    """Return the % format of the columns of a template, text of images among them."""
+
+    def form(name: str) -> str:
+        if name == "image":
+            return "%s"
+        return name if name == NOT_GIVEN else f"%.{decimals[kind_of(name, eo.frame.kind)]}f"
+
+    return separator.join(map(form, column_names(columns)))
+
+
+def write_columns(
+    eo: Placed,
+    path: Source,
+    columns: str,
+    separator: str,
+    head: str = "",
+    images: Sequence[str] | None = None,
+) -> None:
+    """Write the table of a program: a line an image.
+
+    Parameters
+    ----------
+    eo : FramedOrientation or PlacedCameras
+        The images in their frame.
+    path : path
+        The file.
+    columns : str
+        The template, "image" first, with `NOT_GIVEN` for what stays open.
+    separator : str
+        Of the columns: a comma, or a blank.
+    head : str
+        What stands before.
+    images : sequence of str, optional
+        Identifiers in the place of the images' names.
+
+    Raises
+    ------
+    InputError
+        A name that the table would not give back.
+    DataError
+        An angle set that is singular.
+    """
+    images = eo.images if images is None else images
+    check_names(images, separator.strip() or None)
+    numbers = [name for name in column_names(columns) if name not in ("image", NOT_GIVEN)]
+    form = line_form(eo, columns, separator) + "\n"
+    atomic_write(path, table_text(head, images, form, numbers_of(eo, numbers)))

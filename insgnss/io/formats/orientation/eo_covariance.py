@@ -150,10 +150,10 @@ def _refusing(path: Source) -> Iterator[None]:
     try:
         yield
     except KeyError as error:
-        raise InputError.at_line(path, None, f"no {error.args[0]}; {AGAIN}") from None
+        raise InputError.in_file(path, f"no {error.args[0]}; {AGAIN}") from None
     except (TypeError, ValueError) as error:
         message = f"a value is not what the format asks for ({error}); {AGAIN}"
-        raise InputError.at_line(path, None, message) from None
+        raise InputError.in_file(path, message) from None
 
 
 def _rows_in_file(
@@ -172,7 +172,7 @@ def _foreign(path: Source, why: str) -> InputError:
         f"does not belong to this eo.json: {why}; take the two files of one run (`insgnss process`"
         " writes both), or remove this one"
     )
-    return InputError.at_line(path, None, message)
+    return InputError.in_file(path, message)
 
 
 def _refuse_other_covariances(
@@ -204,13 +204,13 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
             content = {name: file[name] for name in wanted}
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}; {AGAIN}"
-        raise InputError.at_line(path, None, why) from None
+        raise InputError.in_file(path, why) from None
     if str(content.get("format")) != FORMAT:
-        raise InputError.at_line(
-            path, None, f"is no covariance of strips; give the {FILE} of an output directory"
+        raise InputError.in_file(
+            path, f"is no covariance of strips; give the {FILE} of an output directory"
         )
     if (version := content.get("format_version")) != FORMAT_VERSION:
-        raise InputError.at_line(
-            path, None, f"format_version {version}, this version reads {FORMAT_VERSION}; {AGAIN}"
+        raise InputError.in_file(
+            path, f"format_version {version}, this version reads {FORMAT_VERSION}; {AGAIN}"
         )
     return content

@@ -248,22 +248,21 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             rig=_rig(path, content),
         )
     except KeyError as error:
-        raise InputError.at_line(path, None, f"no {error.args[0]}; export the file again") from None
+        raise InputError.in_file(path, f"no {error.args[0]}; export the file again") from None
     except (TypeError, ValueError) as error:
-        raise InputError.at_line(
-            path, None, f"a value is not what the format asks for ({error}); export the file again"
+        raise InputError.in_file(
+            path, f"a value is not what the format asks for ({error}); export the file again"
         ) from None
     if unsound := _unsound(eo):
-        raise InputError.at_line(path, None, f"{unsound}; the file was edited; export it again")
+        raise InputError.in_file(path, f"{unsound}; the file was edited; export it again")
     off = (
         np.abs(rotation_from_quaternion(quaternion) - eo.C_mc).max(axis=(1, 2), initial=0.0)
         > AGREEMENT
     )
     if off.any() or not is_rotation(eo.C_mc):
         name = eo.images[int(np.argmax(off))]
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"image {name}: C_mc and quaternion disagree, or C_mc is no rotation; the file was"
             " edited; export it again",
         )
@@ -298,7 +297,7 @@ def read_one_camera(path: Source, consumer: str) -> ExteriorOrientation:
         f"holds images of {len(names)} cameras ({', '.join(names)}), {consumer} takes those of one:"
         f" insgnss export {Path(path).name} eo_json --camera {names[0]}, and give what it writes"
     )
-    raise InputError.at_line(path, None, message)
+    raise InputError.in_file(path, message)
 
 
 def _images(path: Source, content: dict[str, Any]) -> tuple[tuple[str, ...], dict[str, Any], Array]:
@@ -436,26 +435,25 @@ def _content(path: Source) -> dict[str, Any]:
         if SMALL.search(text):  # orjson takes 1e-400 for zero
             content = parse_json(path, text.decode())
     except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            path, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
     except orjson.JSONDecodeError as error:
         if "UTF-8" in error.msg:
-            raise InputError.at_line(path, None, "is no UTF-8 text; is it an eo.json?") from None
+            raise InputError.in_file(path, "is no UTF-8 text; is it an eo.json?") from None
         if not text.lstrip().startswith(b"{"):
             advice = "give the eo.json of an output directory, or the directory"
-            raise InputError.at_line(path, None, f"is no eo.json; {advice}") from None
+            raise InputError.in_file(path, f"is no eo.json; {advice}") from None
         raise InputError.at_line(
             path, error.lineno, f"is no whole JSON: {error.msg}; export it again"
         ) from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError.at_line(
-            path, None, "is no master EO of insgnss; give the eo.json of an output directory"
+        raise InputError.in_file(
+            path, "is no master EO of insgnss; give the eo.json of an output directory"
         )
     if content.get("format_version") not in VERSIONS:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"format_version {content.get('format_version')!r}, this version reads"
             f" {FORMAT_VERSION} to {RIG_VERSION}; export it again",
         )

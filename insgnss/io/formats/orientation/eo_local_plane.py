@@ -14,17 +14,10 @@ from numpy.typing import NDArray
 from ....base import __version__
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records import FramedOrientation
-from ....records.framed import TANGENT
 from ..text.columns import Columns, TableOut, TableSpec
 from ..text.text import Source
-from .exported import (
-    OPK,
-    angles_of,
-    check_frame,
-    frame_attitude,
-    position_sigma,
-    quoted_names,
-)
+from .ascii_columns import numbers_of
+from .exported import check_frame, quoted_names
 
 Array = NDArray[np.float64]
 
@@ -82,10 +75,9 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "eo_local_plane", TANGENT)
+    check_frame(eo, "eo_local_plane")
     images = quoted_names(eo.images, None)
-    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
-    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo), np.degrees(sigma_opk)])
+    table = numbers_of(eo, "xyz opk s_xyz s_opk")
     OUT.write(path, table, images, comments=comments(eo))
 
 

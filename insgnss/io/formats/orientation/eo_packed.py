@@ -117,32 +117,32 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
     except OSError as error:
         why = "is missing" if isinstance(error, FileNotFoundError) else f"{error.strerror or error}"
         message = f"{why}, but the eo.json beside it has its numbers there; {AGAIN}"
-        raise InputError.at_line(path, None, message) from None
+        raise InputError.in_file(path, message) from None
     if hashlib.sha256(content).hexdigest() != digest:
         message = f"does not belong to the eo.json beside it, whose sha256 is another; {AGAIN}"
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     with (
         legible(path, f"is no whole numpy archive; {AGAIN}"),
         np.load(io.BytesIO(content), allow_pickle=False) as file,
     ):
         check_archive(path, file.zip)
         if "format" not in file.files or str(file["format"]) != FORMAT:
-            raise InputError.at_line(path, None, f"holds no numbers of images; {AGAIN}")
+            raise InputError.in_file(path, f"holds no numbers of images; {AGAIN}")
         arrays = {name: file[name] for name in (*ARRAYS, *OF_A_RIG) if name in file.files}
     for name, (shape, _) in (ARRAYS | OF_A_RIG).items():
         expected = (count - (name == "cross_cov6_next"), *shape)
         if name not in arrays and name not in (*OPTIONAL, *OF_A_RIG):
-            raise InputError.at_line(path, None, f"no {name}; {AGAIN}")
+            raise InputError.in_file(path, f"no {name}; {AGAIN}")
         if name in arrays and (arrays[name].shape != expected or arrays[name].dtype != np.float64):
             actual = f"{name}: {arrays[name].dtype} of shape {arrays[name].shape}"
-            raise InputError.at_line(path, None, f"{actual}, expected {expected}; {AGAIN}")
+            raise InputError.in_file(path, f"{actual}, expected {expected}; {AGAIN}")
         if name in arrays and not np.isfinite(arrays[name]).all():
-            raise InputError.at_line(path, None, f"{name}: a number is not finite; {AGAIN}")
+            raise InputError.in_file(path, f"{name}: a number is not finite; {AGAIN}")
     cov = np.empty((count, 6, 6))
     cov[:, UPPER[0], UPPER[1]] = cov[:, UPPER[1], UPPER[0]] = arrays["cov6_upper"]
     quaternion = arrays["quaternion_wxyz"]
     if count and not np.abs(np.linalg.norm(quaternion, axis=1) - 1.0).max() < 1e-9:
-        raise InputError.at_line(path, None, f"a quaternion is not of unit length; {AGAIN}")
+        raise InputError.in_file(path, f"a quaternion is not of unit length; {AGAIN}")
     pose = {
         "time": arrays["time_s"],
         "position_m": arrays["position_m"],

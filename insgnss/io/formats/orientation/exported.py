@@ -11,7 +11,7 @@ plane, whose axes have no true north but at its origin, from those of the plane.
 import html
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from ....base import __version__
 from ....base.errors import DataError, InputError, UsageError
-from ....base.files import atomic_write
 from ....base.output.staging import destination
 from ....base.units import METRE
 from ....geodesy.rotation import (
@@ -34,10 +33,10 @@ from ....geodesy.rotation import (
     ypr_from_rotation,
     ypr_jacobian,
 )
-from ....records import FramedOrientation
+from ....records import FramedOrientation, MapFrame
 from ....records.framed import GEOGRAPHIC, TANGENT
+from ..exports import EXPORTS
 from ..text.layout import NUMBER
-from ..text.text import Source
 
 Array = NDArray[np.float64]
 
@@ -49,6 +48,31 @@ CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r
 """What XML 1.0 does not have, tab, carriage return and delete."""
 SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
 ROWS_AT_A_TIME = 20_000  # rows formatted at once
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedCameras:
+    """Camera positions without attitude in a frame.
+
+    Parameters
+    ----------
+    images : tuple of str
+        Names.
+    frame : MapFrame
+        A projected CRS, or geographic coordinates of WGS84.
+    coordinates : ndarray, shape (n, 3)
+        Longitude, latitude, rad, or easting, northing, m; height, m.
+    cov : ndarray, shape (n, 3, 3)
+        Covariances in the frame's axes at the images, m^2.
+    """
+
+    images: tuple[str, ...]
+    frame: MapFrame
+    coordinates: Array
+    cov: Array
+
+
+Placed = FramedOrientation | PlacedCameras
 
 
 class UnfitName(InputError):
@@ -92,12 +116,19 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
     InputError
         The first such name.
     """
+    _refuse_unfit(names, lambda name: _unfit(name, separator), of)
+
+
+def _refuse_unfit(
+    names: Iterable[str],
+    unfit: Callable[[str], str],
+    of: str,
+    holder: str = "this format cannot hold",
+) -> None:
+    """Refuse the first name of which `unfit` says why the holder does not take it."""
     for name in names:
-        wrong = _unfit(name, separator)
-        if wrong:
-            raise UnfitName(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
-            )
+        if why := unfit(name):
+            raise UnfitName(f"{of} name {name!r} {why}, which {holder}; rename the {of}")
 
 
 def quoted_names(names: Sequence[str], separator: str | None, of: str = "image") -> tuple[str, ...]:
@@ -120,20 +151,19 @@ def quoted_names(names: Sequence[str], separator: str | None, of: str = "image")
         A name that is empty or has a line end; one that a spreadsheet takes for a formula, quoted
         or not, where it opens the table.
     """
+
+    def unfit(name: str) -> str:
+        if {"\n", "\r", "\0"} & set(name):
+            return "has a line end"
+        return (_control(name) or _formula(name, separator)) if name else "is empty"
+
+    _refuse_unfit(names, unfit, of, "no table holds")
     return tuple(
         '"' + name.replace('"', '""') + '"'
         if _unfit(name, separator) or name[0] in QUOTES or name[-1] in QUOTES
         else name
-        for name in _of_one_line(names, separator, of)
+        for name in names
     )
-
-
-def _of_one_line(names: Sequence[str], separator: str | None, of: str) -> Sequence[str]:
-    for name in names:
-        wrong = "has a line end" if {"\n", "\r", "\0"} & set(name) else "" if name else "is empty"
-        if wrong := wrong or _control(name) or _formula(name, separator):
-            raise UnfitName(f"{of} name {name!r} {wrong}, which no table holds; rename the {of}")
-    return names
 
 
 def _control(name: str) -> str:
@@ -164,11 +194,7 @@ def check_characters(names: Iterable[str], of: str = "image") -> None:
     InputError
         The first such name.
     """
-    for name in names:
-        if wrong := _control(name):
-            raise UnfitName(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
-            )
+    _refuse_unfit(names, _control, of)
 
 
 def xml_text(text: str, quotes: bool = False) -> str:
@@ -235,8 +261,15 @@ def check_only(
         )
 
 
+def check_choice(option: str, value: object, choices: Collection[str]) -> None:
+    """Refuse a value of an option that is none of its choices, with UsageError."""
+    if value not in choices:
+        raise UsageError(f"{option} {value!r} is none of {', '.join(choices)}")
+
+
 def check_frame(eo: FramedOrientation, form: str, *kinds: str) -> None:
-    """Refuse a frame whose kind is none of `kinds`, with UsageError."""
+    """Refuse a frame whose kind is none of `kinds`, by default those of the format."""
+    kinds = kinds or EXPORTS[form].frames
     if eo.frame.kind not in kinds:
         raise UsageError(
             f"{form} cannot carry a {eo.frame.kind} frame ({eo.frame.name}); it takes"
@@ -322,7 +355,7 @@ def north_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
     return eo.C_Ec @ CV_RUB, C_Ef @ eo.cov[:, 3:, 3:] @ eo.C_fE
 
 
-def places(eo: FramedOrientation) -> Array:
+def places(eo: Placed) -> Array:
     """Return coordinates (n, 3) as files have them.
 
     Longitude and latitude are in degrees, everything else in the unit of the CRS: m as a rule.
@@ -333,23 +366,17 @@ def places(eo: FramedOrientation) -> Array:
     return np.column_stack([np.degrees(eo.coordinates[:, :2]), height])
 
 
-def place_form(eo: FramedOrientation, separator: str) -> str:
-    """Return the % format of `places`: 10 decimals of a degree, 4 of a metre."""
-    first = "%.10f" if eo.frame.kind == GEOGRAPHIC else "%.4f"
-    return separator.join((first, first, "%.4f"))
-
-
-def position_sigma(eo: FramedOrientation) -> Array:
+def position_sigma(eo: Placed) -> Array:
     """Return standard deviations (n, 3), m, along the frame's axes."""
     return np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2)[:, :3])
 
 
-def places_sigma(eo: FramedOrientation) -> Array:
+def places_sigma(eo: Placed) -> Array:
     """Return standard deviations (n, 3) along the frame's axes, in the units of `places`."""
     return position_sigma(eo) / eo.frame.unit_m
 
 
-def plan_and_height_sigma(eo: FramedOrientation) -> Array:
+def plan_and_height_sigma(eo: Placed) -> Array:
     """Return horizontal and vertical standard deviations (n, 2), in the units of `places_sigma`.
 
     The horizontal one is the root mean square of both; not of a geocentric frame.
@@ -387,47 +414,14 @@ def table_text(
         )
 
 
-def write_rows(
-    eo: FramedOrientation,
-    path: Source,
-    head: str,
-    separator: str,
-    form: str,
-    *numbers: Array,
-    names: Sequence[str] | None = None,
-    northing_first: bool = False,
-) -> None:
-    """Write a line an image: its name, `places`, and further numbers.
-
-    Parameters
-    ----------
-    eo : FramedOrientation
-        The orientation in its frame.
-    path : path
-        The file.
-    head : str
-        What stands before.
-    separator : str
-        Of the columns: a comma, or a blank.
-    form : str
-        % format of the further columns.
-    *numbers : ndarray
-        (n, m) blocks of these.
-    names : sequence of str, optional
-        In the place of the images'.
-    northing_first : bool
-        Whether northing (latitude) stands before easting (longitude).
-
-    Raises
-    ------
-    InputError
-        A name that the table would not give back.
-    """
-    names = eo.images if names is None else names
-    check_names(names, separator.strip() or None)
-    position = places(eo)[:, [1, 0, 2] if northing_first else [0, 1, 2]]
-    form = separator.join(("%s", place_form(eo, separator), form)) + "\n"
-    atomic_write(path, table_text(head, names, form, np.hstack([position, *numbers])))
+def listed_rows(head: str, rows: Iterable[str], between: str, foot: str) -> Iterator[str]:
+    """Yield rows with `between` them, `head` before and `foot` behind."""
+    yield head
+    separator = ""
+    for row in rows:
+        yield separator + row
+        separator = between
+    yield foot
 
 
 def one_line(text: str) -> str:
@@ -435,7 +429,7 @@ def one_line(text: str) -> str:
     return " ".join(text.replace(",", " ").split())
 
 
-def frame_words(eo: FramedOrientation) -> str:
+def frame_words(eo: Placed) -> str:
     """Return frame and heights in words."""
     heights = f", heights {eo.frame.heights}" if eo.frame.heights else ""
     if eo.frame.scaled_from_m is not None:

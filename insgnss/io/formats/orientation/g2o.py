@@ -30,14 +30,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....geodesy.rotation import skew
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ....records.relative import GAP_S
 from ..text.text import Source, format_rows
-from .exported import check_frame, check_names, comment_lines
+from .exported import check_choice, check_frame, check_names, comment_lines
 from .poses import inverse_covariance, positive
 from .tum import wxyz_last
 
@@ -75,10 +73,9 @@ def write_g2o(
     DataError
         A pair whose covariance has no inverse.
     """
-    check_frame(eo, "g2o", TANGENT, PROJECTED, GEOCENTRIC)
+    check_frame(eo, "g2o")
     check_names(eo.images, "\n")
-    if rotation not in ROTATIONS:
-        raise UsageError(f"rotation {rotation!r} is none of {', '.join(ROTATIONS)}")
+    check_choice("rotation", rotation, ROTATIONS)
     first, second, cross = _edges(eo, positive(max_gap_s, "max_gap_s", "seconds"))
     measured, P = relative_pose(eo, (first, second), cross, ROTATIONS[rotation])
     named = zip(first, second, strict=True)

@@ -6,7 +6,7 @@ the reader refuses.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,11 +26,13 @@ from ....geodesy.rotation import (
     rotation_from_ypr,
 )
 from ....records import FramedOrientation
-from ....records.framed import GEOCENTRIC, KINDS, TANGENT
+from ....records.framed import GEOCENTRIC, KINDS
 from ..text.numbers import finite, whole_rows
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
+    ANGLE_UNITS,
     CAMERA_AXES,
+    DECIMALS,
     DIRECTIONS,
     GIMBAL_CV,
     GROUP_OF,
@@ -38,20 +40,30 @@ from .ascii_columns import (
     NORTHS,
     OF_NORTH,
     Conventions,
-    has_plan,
+    column_names,
     kind_of,
+    line_form,
+    numbers_of,
     of_height,
+    usual,
 )
 from .exported import comment_lines, quoted_names, table_text
 
 Array = NDArray[np.float64]
 
-ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}
 DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
 HEADERS = ("full", "names", "none")
 DEFAULT = "image xyz opk s_xyz s_opk"
+CHOICES: dict[str, Collection[str]] = {
+    "length_unit": LENGTH_UNITS,
+    "delimiter": DELIMITERS,
+    "header": HEADERS,
+    "unit": ANGLE_UNITS,
+    "camera_axes": CAMERA_AXES,
+    "attitude": DIRECTIONS,
+    "north": NORTHS,
+}
 MOST_DECIMALS = 12  # of a number: with three digits before the point all that a double holds
-FIXED = {"degree": 10, "matrix": 12, "second": 6, "whole": 0}
 
 
 def write_generic_ascii(
@@ -106,18 +118,22 @@ def write_generic_ascii(
     DataError
         An angle set that is singular.
     """
+    facing = north or usual(eo).north
+    _check_choices(
+        length_unit=length_unit or "m",
+        delimiter=delimiter,
+        header=header,
+        unit=unit,
+        camera_axes=camera_axes,
+        attitude=attitude,
+        north=facing,
+    )
     if length_unit is not None:
-        if length_unit not in LENGTH_UNITS:
-            raise UsageError(
-                f"generic_ascii: length_unit {length_unit!r} is unknown; it is one of"
-                f" {', '.join(LENGTH_UNITS)}"
-            )
         own = LENGTH_UNITS[length_unit]
         eo = replace(eo, frame=replace(eo.frame, units=(own, own)))
-    facing = north or ("frame" if eo.frame.kind == TANGENT else "true")
     how = Conventions(camera_axes, attitude, facing, unit, eo.frame.units)
-    names = _names(columns)
-    _check(eo, names, how, delimiter, header)
+    names = column_names(columns)
+    _check_columns(eo, names, how)
     for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
         if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
             raise UsageError(
@@ -127,47 +143,27 @@ def write_generic_ascii(
     separator = DELIMITERS[delimiter]
     between = None if delimiter == "blank" else separator
     images = quoted_names(eo.images, between)
-    decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}
+    decimals = DECIMALS | {"metre": decimals_m, "sigma": decimals_m + 1}
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
     )
-    image_column = names.index("image")
-    numbers = [name for name in names if name != "image"]
-    fields = [f"%.{decimals[kind_of(name, eo.frame.kind)]}f" for name in numbers]
-    table = np.column_stack(_values(eo, numbers, how)) if numbers else np.empty((len(eo.images), 0))
-    form = separator.join([*fields[:image_column], "%s", *fields[image_column:]]) + "\n"
-    atomic_write(
-        path,
-        table_text(_header(eo, names, how, separator, header), images, form, table, image_column),
-    )
+    table = numbers_of(eo, [name for name in names if name != "image"], how)
+    form = line_form(eo, names, separator, decimals) + "\n"
+    head = _header(eo, names, how, separator, header)
+    atomic_write(path, table_text(head, images, form, table, names.index("image")))
 
 
-def _names(columns: str | Sequence[str]) -> list[str]:
-    """Return the single columns of a template."""
-    tokens = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
-    return [
-        name
-        for token in tokens
-        for name in (GROUPS[token].columns if token in GROUPS else (token,))
-    ]
-
-
-def _check(
-    eo: FramedOrientation, names: list[str], how: Conventions, delimiter: str, header: str
-) -> None:
-    """Refuse a template that makes no table."""
-    for option, value, accepted in (
-        ("delimiter", delimiter, tuple(DELIMITERS)),
-        ("header", header, HEADERS),
-        ("unit", how.unit, tuple(ANGLE_UNITS)),
-        ("camera_axes", how.camera_axes, tuple(CAMERA_AXES)),
-        ("attitude", how.attitude, DIRECTIONS),
-        ("north", how.north, NORTHS),
-    ):
-        if value not in accepted:
+def _check_choices(**options: str) -> None:
+    """Refuse an option that is none of its choices."""
+    for option, value in options.items():
+        if value not in (accepted := CHOICES[option]):
             raise UsageError(
                 f"generic_ascii: {option} {value!r} is unknown; it is one of {', '.join(accepted)}"
             )
+
+
+def _check_columns(eo: FramedOrientation, names: list[str], how: Conventions) -> None:
+    """Refuse a template that makes no table."""
     unknown = [name for name in names if name != "image" and name not in GROUP_OF]
     if unknown:
         raise UsageError(
@@ -182,7 +178,7 @@ def _check(
             else "generic_ascii: the template has no column image"
         )
     plan = [name for name in names if name in GROUPS["s_plan"].columns]
-    if plan and not has_plan(eo.frame.kind):
+    if plan and eo.frame.kind == GEOCENTRIC:
         raise UsageError(
             f"generic_ascii: {plan[0]} has no meaning in a {GEOCENTRIC} frame; take s_xyz"
         )
@@ -196,20 +192,6 @@ def _check(
 
 def _is_of_north(name: str) -> bool:
     return name != "image" and GROUP_OF[name].removeprefix("s_") in OF_NORTH
-
-
-def _values(eo: FramedOrientation, numbers: list[str], how: Conventions) -> list[Array]:
-    """Return the columns (n,) in the units of the file."""
-    blocks = {
-        name: GROUPS[name].compute(eo, how)
-        for name in dict.fromkeys(GROUP_OF[column] for column in numbers)
-    }
-    out = []
-    for column in numbers:
-        group = GROUPS[GROUP_OF[column]]
-        values = blocks[GROUP_OF[column]][:, group.columns.index(column)]
-        out.append(values * ANGLE_UNITS[how.unit] if group.kind.startswith("angle") else values)
-    return out
 
 
 def _header(
@@ -333,19 +315,14 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
             " full header say their conventions"
         )
-        raise InputError.at_line(path, None, message) from None
+        raise InputError.in_file(path, message) from None
     except ValueError:
         message = f"length units {words['length units']!r} are unknown; export the table again"
-        raise InputError.at_line(path, None, message) from None
-    if (
-        how.unit not in ANGLE_UNITS
-        or axes not in CAMERA_AXES
-        or how.attitude not in DIRECTIONS
-        or how.north not in NORTHS
-        or kind not in KINDS
-    ):
-        raise InputError.at_line(
-            path, None, f"the header's conventions {kind!r}, {how} are unknown; export it again"
+        raise InputError.in_file(path, message) from None
+    stated = {"unit": how.unit, "camera_axes": axes, "attitude": how.attitude, "north": how.north}
+    if kind not in KINDS or any(stated[option] not in CHOICES[option] for option in stated):
+        raise InputError.in_file(
+            path, f"the header's conventions {kind!r}, {how} are unknown; export it again"
         )
     names = [field.lstrip("# ") for field in table.layout.header_fields or ()]
     strange = [name for name in names if name != "image" and name not in GROUP_OF]

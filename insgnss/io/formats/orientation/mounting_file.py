@@ -377,11 +377,11 @@ def read_mounting_file(
     path = Path(path)
     if not is_file(path):
         problem = "does not exist; give a mounting.toml of insgnss calibrate or insgnss adjust"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     root = read_toml(path, KEYS)
     root.check_keys()
     if not root.data:
-        raise InputError.at_line(path, None, "is empty; a table [mounting] is expected")
+        raise InputError.in_file(path, "is empty; a table [mounting] is expected")
     table, camera, made = (root.table(key) for key in ("mounting", "camera", "calibration"))
     given = _made(made) | _values(table, camera_from_body)
     if DELAY in camera.data:

@@ -66,7 +66,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
         cov = file["cov"].astype(np.float64, casting="safe")
     if cov.shape != (6 * len(names),) * 2 or not np.isfinite(cov).all():
         problem = f"cov of shape {cov.shape}, {(6 * len(names),) * 2} finite values are expected"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     row_by_name = {name: k for k, name in enumerate(names)}
     missing = next((name for name in images if name not in row_by_name), None)
     rows = np.array([row_by_name.get(name, 0) for name in images], dtype=np.int64)
@@ -78,9 +78,8 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
         if (apart > MATCHES).any():
             missing = images[int(np.argmax(apart))]
     if missing is not None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"does not belong to these poses: image {missing} is another, or not there; take both"
             " files of one run, or remove this one",
         )

@@ -10,13 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
-from ....records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ..text.text import Source, format_rows
-from .exported import check_frame, comment_lines
+from .exported import check_choice, check_frame, comment_lines
 from .poses import unix_seconds
 
 SCALES = {
@@ -42,9 +40,8 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
     UsageError
         A frame that is not Cartesian, or another scale.
     """
-    check_frame(eo, "tum", TANGENT, PROJECTED, GEOCENTRIC)
-    if time not in SCALES:
-        raise UsageError(f"time {time!r} is none of {', '.join(SCALES)}")
+    check_frame(eo, "tum")
+    check_choice("time", time, SCALES)
     seconds = eo.time if time == "tow" else unix_seconds(eo)
     order = np.argsort(seconds, kind="stable")
     table = np.column_stack([seconds, eo.coordinates, wxyz_last(eo.C_fc)])[order]

@@ -14,51 +14,10 @@ import numpy as np
 
 from ....base.errors import UsageError
 from ....base.files import atomic_write
-from ....records import Array
-from ..orientation.exported import check_names, table_text
+from ....records.framed import GEOGRAPHIC
+from ..orientation.ascii_columns import numbers_of, write_columns
+from ..orientation.exported import PlacedCameras
 from ..text.text import Source
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedCameras:
-    """Camera positions in the coordinates of one reference system.
-
-    Parameters
-    ----------
-    images : tuple of str
-        Names.
-    coordinates : ndarray, shape (n, 3)
-        Longitude, latitude in degrees, or easting, northing in m; height in m.
-    sigma : ndarray, shape (n, 3)
-        Standard deviations east, north, up, m.
-    crs : str
-        Name or code of a projected reference system; empty for geographic coordinates of WGS84.
-    heights : str
-        What heights are above.
-    northing_first : bool
-        Whether the reference system itself has northing, or latitude, first.
-    wkt : str
-        Well-known text of a projected reference system.
-    """
-
-    images: tuple[str, ...]
-    coordinates: Array
-    sigma: Array
-    crs: str
-    heights: str
-    northing_first: bool
-    wkt: str = ""
-
-    @property
-    def digits(self) -> str:
-        """The % format of a horizontal coordinate."""
-        return "%.4f" if self.crs else "%.10f"
-
-    @property
-    def plan_and_height(self) -> Array:
-        """(n, 2) standard deviations, horizontal as root mean square of both, and vertical, m."""
-        plan = np.sqrt(0.5 * (self.sigma[:, 0] ** 2 + self.sigma[:, 1] ** 2))
-        return np.column_stack([plan, self.sigma[:, 2]])
 
 
 def write_metashape_positions(cameras: PlacedCameras, path: Source) -> None:
@@ -69,13 +28,13 @@ def write_metashape_positions(cameras: PlacedCameras, path: Source) -> None:
     InputError
         Names with commas.
     """
-    check_names(cameras.images, ",")
-    name = cameras.crs.replace(",", ";")
-    first = (f"Easting ({name}; heights {cameras.heights})", "Northing", "Height")
-    head = ("#Label", *(first if cameras.crs else "XYZ"), "X_acc", "Y_acc", "Z_acc")
-    form = f"%s,{cameras.digits},{cameras.digits},%.4f" + ",%.5f" * 3 + "\n"
-    table = np.hstack([cameras.coordinates, cameras.sigma])
-    atomic_write(path, table_text(",".join(head) + "\n", cameras.images, form, table))
+    frame = cameras.frame
+    first = ("X", "Y", "Z")
+    if frame.kind != GEOGRAPHIC:
+        name = frame.name.replace(",", ";")
+        first = (f"Easting ({name}; heights {frame.heights})", "Northing", "Height")
+    head = ",".join(("#Label", *first, "X_acc", "Y_acc", "Z_acc")) + "\n"
+    write_columns(cameras, path, "image xyz s_xyz", ",", head)
 
 
 def write_pix4d_positions(cameras: PlacedCameras, path: Source) -> None:
@@ -86,11 +45,8 @@ def write_pix4d_positions(cameras: PlacedCameras, path: Source) -> None:
     InputError
         Names with commas.
     """
-    check_names(cameras.images, ",")
-    order = [1, 0, 2] if cameras.northing_first else [0, 1, 2]
-    form = f"%s,{cameras.digits},{cameras.digits},%.4f" + ",%.5f" * 2 + "\n"
-    table = np.hstack([cameras.coordinates[:, order], cameras.plan_and_height])
-    atomic_write(path, table_text("", cameras.images, form, table))
+    plan = "y x" if cameras.frame.northing_first else "x y"
+    write_columns(cameras, path, f"image {plan} z s_plan", ",")
 
 
 def write_odm_positions(cameras: PlacedCameras, path: Source) -> None:
@@ -103,16 +59,14 @@ def write_odm_positions(cameras: PlacedCameras, path: Source) -> None:
     InputError
         Names with blanks.
     """
-    check_names(cameras.images, None)
-    code = cameras.crs or "EPSG:4326"
+    code = "EPSG:4326" if cameras.frame.kind == GEOGRAPHIC else cameras.frame.name
     if not code.startswith("EPSG:"):
         raise UsageError(
             f"odm: {code} has no EPSG code, which the first line of geo.txt needs; export a CRS"
             " that has, or geographic"
         )
-    form = f"%s {cameras.digits} {cameras.digits} %.4f NaN NaN NaN %.5f %.5f\n"
-    table = np.hstack([cameras.coordinates, cameras.plan_and_height])
-    atomic_write(path, table_text(f"{code.split()[0]}\n", cameras.images, form, table))
+    columns = "image xyz NaN NaN NaN s_plan"
+    write_columns(cameras, path, columns, " ", f"{code.split()[0]}\n")
 
 
 def write_realitycapture_positions(cameras: PlacedCameras, path: Source) -> None:
@@ -123,13 +77,10 @@ def write_realitycapture_positions(cameras: PlacedCameras, path: Source) -> None
     InputError
         Names with commas.
     """
-    check_names(cameras.images, ",")
-    order = [0, 1, 2] if cameras.crs else [1, 0, 2]
-    first = "x,y" if cameras.crs else "latitude,longitude"
-    form = f"%s,{cameras.digits},{cameras.digits},%.4f" + ",%.5f" * 3 + "\n"
-    table = np.hstack([cameras.coordinates[:, order], cameras.sigma])
-    head = f"#name,{first},altitude,accX,accY,accZ\n"
-    atomic_write(path, table_text(head, cameras.images, form, table))
+    geographic = cameras.frame.kind == GEOGRAPHIC
+    plan, plan_header = ("y x", "latitude,longitude") if geographic else ("x y", "x,y")
+    head = f"#name,{plan_header},altitude,accX,accY,accZ\n"
+    write_columns(cameras, path, f"image {plan} z s_xyz", ",", head)
 
 
 def write_table_of_positions(cameras: PlacedCameras, path: Source) -> None:
@@ -140,13 +91,11 @@ def write_table_of_positions(cameras: PlacedCameras, path: Source) -> None:
     InputError
         Names with commas.
     """
-    check_names(cameras.images, ",")
-    first = "easting_m,northing_m" if cameras.crs else "longitude_deg,latitude_deg"
-    head = f"# {cameras.crs or 'geographic coordinates of WGS84'}; heights {cameras.heights}\n"
-    head += f"image,{first},height_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
-    form = f"%s,{cameras.digits},{cameras.digits},%.4f" + ",%.5f" * 3 + "\n"
-    table = np.hstack([cameras.coordinates, cameras.sigma])
-    atomic_write(path, table_text(head, cameras.images, form, table))
+    frame = cameras.frame
+    plan = "longitude_deg,latitude_deg" if frame.kind == GEOGRAPHIC else "easting_m,northing_m"
+    head = f"# {frame.name}; heights {frame.heights}\n"
+    head += f"image,{plan},height_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
+    write_columns(cameras, path, "image xyz s_xyz", ",", head)
 
 
 def write_geojson_positions(cameras: PlacedCameras, path: Source) -> None:
@@ -157,7 +106,7 @@ def write_geojson_positions(cameras: PlacedCameras, path: Source) -> None:
     UsageError
         Projected coordinates and heights above a geoid, which the format does not know.
     """
-    if cameras.crs or "ellipsoid" not in cameras.heights:
+    if cameras.frame.kind != GEOGRAPHIC or "ellipsoid" not in cameras.frame.heights:
         raise UsageError(
             "geojson: takes longitude, latitude and heights above the ellipsoid of WGS84; leave"
             " --crs and --geoid out"
@@ -168,7 +117,9 @@ def write_geojson_positions(cameras: PlacedCameras, path: Source) -> None:
             "geometry": {"type": "Point", "coordinates": np.round(x, 10).tolist()},
             "properties": {"image": image, "sigma_enu_m": np.round(sigma, 5).tolist()},
         }
-        for image, x, sigma in zip(cameras.images, cameras.coordinates, cameras.sigma, strict=True)
+        for image, x, sigma in zip(
+            cameras.images, numbers_of(cameras, "xyz"), numbers_of(cameras, "s_xyz"), strict=True
+        )
     ]
     atomic_write(path, json.dumps({"type": "FeatureCollection", "features": features}) + "\n")
 
@@ -197,7 +148,7 @@ POSITION_FORMATS: dict[str, PositionFormat] = {
     "metashape": PositionFormat(
         "metashape_positions.csv",
         write_metashape_positions,
-        "bundle.import_helpers:metashape_positions_script",
+        "bundle.import_helpers:metashape_script",
     ),
     "pix4d_matic": PositionFormat("pix4d_positions.csv", write_pix4d_positions),
     "pix4d_mapper": PositionFormat("pix4d_positions.csv", write_pix4d_positions),
@@ -205,7 +156,7 @@ POSITION_FORMATS: dict[str, PositionFormat] = {
     "realitycapture_accuracy": PositionFormat(
         "realitycapture_positions.csv",
         write_realitycapture_positions,
-        "bundle.import_helpers:flight_log_of_positions",
+        "bundle.import_helpers:flight_log_format",
     ),
     "generic_ascii": PositionFormat("positions.csv", write_table_of_positions),
     "geojson": PositionFormat("positions.geojson", write_geojson_positions),

@@ -17,17 +17,17 @@ import numpy as np
 
 from ....base.errors import InputError, UsageError, near
 from ....base.inputs import first_bytes
-from ....records.block import INTERIOR, Array, BrownCamera
+from ....records.block import Array, BrownCamera
 from ..blocks.camera_toml import read_camera_toml
 from ..blocks.colmap_model import brown_of
 from ..blocks.dbat import read_dbat_cameras
 from ..blocks.metashape_block import read_metashape_cameras
 from ..blocks.opensfm_model import read_opensfm_cameras
-from ..bundle.camera import Camera, camera_of
+from ..bundle.camera import brown_camera, camera_of, of_opencv
 from ..text.layout import decode, shown
 from ..text.numbers import finite, whole
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source, decoded
+from ..text.xml import read_xml
 
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
@@ -68,9 +68,9 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
     except InputError as error:  # of the camera itself, which knows no file
         if str(path) in str(error):
             raise
-        raise InputError.at_line(path, None, str(error)) from None
+        raise InputError.in_file(path, str(error)) from None
     if not cameras:
-        raise InputError.at_line(path, None, f"has no calibrated camera ({form}); export it again")
+        raise InputError.in_file(path, f"has no calibrated camera ({form}); export it again")
     return cameras
 
 
@@ -95,9 +95,8 @@ def read_camera(path: Source) -> BrownCamera:
     cameras = read_cameras(path)
     if len(cameras) > 1:
         names = ", ".join(shown(camera.name) for camera in cameras[:3])
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"has {len(cameras)} cameras ({names}), one is needed: write it by itself, insgnss"
             " camera --name",
         )
@@ -114,8 +113,8 @@ def recognised_camera(path: Path) -> str:
     for form, pattern in HEADS.items():
         if re.search(pattern, text, re.MULTILINE):
             return form
-    raise InputError.at_line(
-        path, None, f"no calibrated camera is known here; read are {', '.join(READERS)}"
+    raise InputError.in_file(
+        path, f"no calibrated camera is known here; read are {', '.join(READERS)}"
     )
 
 
@@ -127,13 +126,13 @@ def _opencv_camera(
     Those of a fisheye are k1 to k4.
     """
     if fisheye and D.size != 4:
-        raise InputError.at_line(
-            path, None, f"camera {name}: {D.size} coefficients; a fisheye has k1 to k4"
+        raise InputError.in_file(
+            path, f"camera {name}: {D.size} coefficients; a fisheye has k1 to k4"
         )
     rational = np.concatenate([D, np.zeros(max(0, 8 - D.size))])
     if np.any(rational[8:]):
-        raise InputError.at_line(
-            path, None, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
+        raise InputError.in_file(
+            path, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
         )
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_PX, CENTRE_PX)).tolist())]
     model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
@@ -144,25 +143,21 @@ def _opencv_camera(
 def _of_words(path: Path, name: str, text: str) -> BrownCamera:
     """Return a camera in COLMAP's notation."""
     try:
-        camera: Camera = camera_of(text, "camera")
+        camera = camera_of(text, "camera")
     except UsageError as error:
-        raise InputError.at_line(path, None, str(error).partition(";")[0]) from None
+        raise InputError.in_file(path, str(error).partition(";")[0]) from None
     return brown_of(path, name, camera)
 
 
 def _numbers(path: Path, text: str, key: str) -> Array:
     values = np.array([finite(word) for word in re.findall(NUMBER, text)])
     if not values.size or not np.isfinite(values).all():
-        raise InputError.at_line(path, None, f"{key} {shown(text)} has no numbers; export it again")
+        raise InputError.in_file(path, f"{key} {shown(text)} has no numbers; export it again")
     return values
 
 
-def _text(path: Path) -> str:
-    return decode(load_bytes(path).tobytes())
-
-
 def _opencv(path: Path) -> Cameras:
-    text = _text(path)
+    text = decoded(path)
     fisheye = re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text) is not None
 
     def block(key: str) -> str:
@@ -170,7 +165,7 @@ def _opencv(path: Path) -> Cameras:
         xml = re.search(rf"(?is)<{key}\b.*?<data>(.*?)</data>", text)
         match = yaml or xml
         if match is None:
-            raise InputError.at_line(path, None, f"no {key}; write it by cv::FileStorage")
+            raise InputError.in_file(path, f"no {key}; write it by cv::FileStorage")
         return match[1]
 
     def side(key: str) -> str | None:
@@ -181,13 +176,13 @@ def _opencv(path: Path) -> Cameras:
     D = _numbers(path, block("distortion_coefficients"), "distortion_coefficients")
     size = side("image_width"), side("image_height")
     if K.size != 9 or None in size:
-        raise InputError.at_line(path, None, "needs image_width, image_height and a matrix of 9")
+        raise InputError.in_file(path, "needs image_width, image_height and a matrix of 9")
     return (_opencv_camera(path, path.stem, size, K[[0, 4, 2, 5]], D, fisheye),)
 
 
 def _kalibr(path: Path) -> Cameras:
     cameras = []
-    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", _text(path)):
+    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decoded(path)):
         matches = {
             key: re.search(rf"(?m)^\s+{key}:((?:.*\n?)(?:\s+-.*\n?)*)", body)
             for key in ("camera_model", "distortion_model", "intrinsics", "resolution")
@@ -197,8 +192,8 @@ def _kalibr(path: Path) -> Cameras:
         distortion = value["distortion_model"]
         if value["camera_model"] != "pinhole" or distortion not in KALIBR:
             model = f"{value['camera_model']} {distortion}"
-            raise InputError.at_line(
-                path, None, f"camera {name}: {shown(model)}; read is pinhole {', '.join(KALIBR)}"
+            raise InputError.in_file(
+                path, f"camera {name}: {shown(model)}; read is pinhole {', '.join(KALIBR)}"
             )
         K = _numbers(path, value["intrinsics"], "intrinsics")
         size = tuple(re.findall(r"\d+", value["resolution"]))
@@ -206,60 +201,54 @@ def _kalibr(path: Path) -> Cameras:
         if distortion != "none" and coefficients:
             D = _numbers(path, coefficients[1], "distortion_coeffs")
         if K.size != 4 or len(size) != 2:
-            raise InputError.at_line(
-                path, None, f"camera {name}: needs 4 intrinsics and a resolution"
-            )
+            raise InputError.in_file(path, f"camera {name}: needs 4 intrinsics and a resolution")
         cameras.append(_opencv_camera(path, name, size, K, D, distortion == "equidistant"))
     return tuple(cameras)
 
 
 def _colmap(path: Path) -> Cameras:
-    rows = [row.split(maxsplit=1) for row in _text(path).splitlines() if row.strip()]
+    rows = [row.split(maxsplit=1) for row in decoded(path).splitlines() if row.strip()]
     return tuple(_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:])
 
 
 def _pix4d(path: Path) -> Cameras:
-    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", _text(path))[1:]
+    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", decoded(path))[1:]
     cameras = []
     for name, body in zip(sections[::2], sections[1::2], strict=True):
         value = {key: finite(word) for key, word in re.findall(r"(?m)^(\w\w?) (\S+)\s*$", body)}
         sensor = re.search(rf"sensor width of ({NUMBER})x({NUMBER})", body)
         if sensor is None or not {"F", "Px", "Py"} <= set(value):
-            raise InputError.at_line(
-                path, None, f"camera {name}: no F, Px, Py or sensor; copy again"
-            )
+            raise InputError.in_file(path, f"camera {name}: no F, Px, Py or sensor; copy again")
         width, height = _pix4d_size(path)
         per_mm = width / float(sensor[1])
         of = {key.lower(): value.get(key, 0.0) for key in ("K1", "K2", "K3")}
         of |= {"f": per_mm * value["F"], "cx": per_mm * value["Px"], "cy": per_mm * value["Py"]}
-        of |= {"p1": value.get("T2", 0.0), "p2": value.get("T1", 0.0)}
-        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
-        cameras.append(BrownCamera(name, width, height, interior))
+        of |= {"p1": value.get("T1", 0.0), "p2": value.get("T2", 0.0)}
+        cameras.append(brown_camera(name, width, height, of_opencv(of)))
     return tuple(cameras)
 
 
 def _pix4d_size(path: Path) -> tuple[int, int]:
     """Return the size of the images, which a .cam does not have: of the first image beside it."""
     for beside in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
-        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", _text(beside)):
+        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", decoded(beside)):
             return whole(match[1]), whole(match[2])
-    raise InputError.at_line(
+    raise InputError.in_file(
         path,
-        None,
         "has no size of images in pixels; copy <project>_calibrated_camera_parameters.txt there",
     )
 
 
 def _bentley(path: Path) -> Cameras:
     cameras: list[BrownCamera] = []
-    for group in parse_xml(path, load_bytes(path).tobytes()).iter("Photogroup"):
+    for group in read_xml(path).iter("Photogroup"):
         name = (group.findtext("Name") or f"camera {len(cameras) + 1}").strip()
 
         def value(key: str, default: float, group: object = group, name: str = name) -> float:
             text = group.findtext(key)  # type: ignore[attr-defined]
             number = default if text is None else finite(text)
             if not np.isfinite(number):
-                raise InputError.at_line(path, None, f"camera {name}: {key} {shown(text)}")
+                raise InputError.in_file(path, f"camera {name}: {key} {shown(text)}")
             return number
 
         width, height = value("ImageDimensions/Width", 0.0), value("ImageDimensions/Height", 0.0)
@@ -273,41 +262,39 @@ def _bentley(path: Path) -> Cameras:
         if unread or kind != PERSPECTIVE:
             unread = unread or f"CameraModelType {shown(kind)}"
             message = f"camera {name}: {unread} is not read; export the camera from another program"
-            raise InputError.at_line(path, None, message)
+            raise InputError.in_file(path, message)
         of = {
             key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")
         }
         of |= {"f": f, "cx": value("PrincipalPoint/x", 0.5 * width), "b2": value("Skew", 0.0)}
         of["cy"] = value("PrincipalPoint/y", 0.5 * height)
-        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
-        cameras.append(BrownCamera(name, int(width), int(height), interior))
+        cameras.append(brown_camera(name, width, height, of))
     return tuple(cameras)
 
 
 def _inpho(path: Path) -> Cameras:
     cameras: list[BrownCamera] = []
-    for body in re.findall(r"(?ms)^\s*\$CAMERA(?:_DEFINITION)?\s*$(.*?)^\s*\$END\s*$", _text(path)):
+    for body in re.findall(
+        r"(?ms)^\s*\$CAMERA(?:_DEFINITION)?\s*$(.*?)^\s*\$END\s*$", decoded(path)
+    ):
         lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
         name = lines.get("TYPE", lines.get("ID", "")).strip() or f"camera {len(cameras) + 1}"
         distortion = " ".join(lines.get(k, "") for k in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
         if any(finite(word) for word in re.findall(NUMBER, distortion)):
-            raise InputError.at_line(
-                path,
-                None,
-                f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML",
+            raise InputError.in_file(
+                path, f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML"
             )
         A = _numbers(path, lines.get("CCD_INTERIOR_ORIENTATION", ""), "CCD_INTERIOR_ORIENTATION")
         focal = _numbers(path, lines.get("FOCAL_LENGTH", ""), "FOCAL_LENGTH")[0]
         ppa = _numbers(path, lines.get("PRINCIPAL_POINT_PPA", "0 0"), "PRINCIPAL_POINT_PPA")
         if A.size != 6 or ppa.size < 2:
-            raise InputError.at_line(path, None, f"camera {shown(name)}: its matrix is not 2 x 3")
+            raise InputError.in_file(path, f"camera {shown(name)}: its matrix is not 2 x 3")
         A = A.reshape(2, 3)
         cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_PX
         of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}
         of["b1"] = abs(A[0, 0]) * focal - of["f"]
         size = [whole(lines.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS")]
-        interior = np.array([of.get(key, 0.0) for key in INTERIOR])
-        cameras.append(BrownCamera(name, size[0], size[1], interior))
+        cameras.append(brown_camera(name, size[0], size[1], of))
     return tuple(cameras)
 
 

@@ -57,8 +57,8 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
     try:
         crs = CRS.from_user_input(text)
     except CRSError:
-        raise InputError.at_line(
-            path, None, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
+        raise InputError.in_file(
+            path, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
         ) from None
     return kind_of_crs(crs)
 
@@ -170,6 +170,6 @@ def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, 
     if text.upper().startswith("ENU:"):
         origin = tuple(finite(word) for word in text[4:].split(","))
         if len(origin) not in (2, 3) or not abs(origin[0]) <= 90.0 or any(map(isnan, origin)):
-            raise InputError.at_line(path, None, f"{shown(text)} is not ENU:latitude,longitude")
+            raise InputError.in_file(path, f"{shown(text)} is not ENU:latitude,longitude")
         return TANGENT, "", (*origin, 0.0)[:3]
     return (*kind_of_wkt(text, path), ())

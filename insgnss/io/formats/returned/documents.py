@@ -21,14 +21,12 @@ from ....base.received.nesting import parse_json
 from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_vector
 from ....records.framed import TANGENT
-from ..text.layout import decode, shown
-from ..text.numbers import array_of
-from ..text.text import Source, load_bytes
+from ..text.numbers import vector_of
+from ..text.text import Source, decoded
 from .crs import kind_of_wkt
-from .poses import Array, ReturnedPoses, image_names
+from .poses import ReturnedPoses, image_names
 
 CALIBRATED = "calibrated_cameras.json"
-LARGEST = 1e12  # of a coordinate or an angle: far beyond any that is real
 
 
 def read_odm_shots(path: Source) -> ReturnedPoses:
@@ -53,8 +51,8 @@ def read_odm_shots(path: Source) -> ReturnedPoses:
     for shot in _list(path, _document(path), "features"):
         properties = _member(path, shot, "properties")
         names.append(str(properties.get("filename")))
-        places.append(_vector(path, _member(path, shot, "geometry"), "coordinates"))
-        turns.append(_vector(path, properties, "rotation"))
+        places.append(vector_of(path, _member(path, shot, "geometry"), "coordinates"))
+        turns.append(vector_of(path, properties, "rotation"))
     images = image_names(names, path)
     lon, lat, h = np.array(places).T
     lat, lon = np.radians(lat), np.radians(lon)
@@ -96,50 +94,41 @@ def read_opf(path: Source) -> ReturnedPoses:
     names, position, opk = [], [], []
     for camera in _list(file, _document(file), "cameras"):
         if camera.get("id") not in uris:
-            raise InputError.at_line(
-                file, None, f"camera {camera.get('id')} is not in camera_list.json; export again"
+            raise InputError.in_file(
+                file, f"camera {camera.get('id')} is not in camera_list.json; export again"
             )
         names.append(PurePosixPath(unquote(uris[camera["id"]])).name)
-        position.append(_vector(file, camera, "position"))
-        opk.append(_vector(file, camera, "orientation_deg"))
+        position.append(vector_of(file, camera, "position"))
+        opk.append(vector_of(file, camera, "orientation_deg"))
     images = image_names(names, file)
     frame = _document(scene)
     base = _member(scene, frame, "base_to_canonical")
-    x = (np.array(position) - _vector(scene, base, "shift")) / _vector(scene, base, "scale")
+    x = (np.array(position) - vector_of(scene, base, "shift")) / vector_of(scene, base, "scale")
     C = rotation_from_opk(np.radians(opk)) @ CV_RUB
     if base.get("swap_xy"):
-        raise InputError.at_line(
-            scene, None, "its CRS names northing first (swap_xy); export in its east-north sibling"
+        raise InputError.in_file(
+            scene, "its CRS names northing first (swap_xy); export in its east-north sibling"
         )
     crs = str(_member(scene, frame, "crs").get("definition"))
     return ReturnedPoses(images, x, C, *kind_of_wkt(crs, scene), angle_set="opk")
 
 
 def _document(path: Source) -> Mapping[str, Any]:
-    document = parse_json(path, decode(load_bytes(path).tobytes()))
+    document = parse_json(path, decoded(path))
     if not isinstance(document, Mapping):
-        raise InputError.at_line(path, None, "is no JSON object; export it again")
+        raise InputError.in_file(path, "is no JSON object; export it again")
     return document
 
 
 def _list(path: Source, document: Mapping[str, Any], key: str) -> Iterator[Mapping[str, Any]]:
     entries = document.get(key)
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
-        raise InputError.at_line(path, None, f"has no list {key!r} of objects; export it again")
+        raise InputError.in_file(path, f"has no list {key!r} of objects; export it again")
     yield from entries
 
 
 def _member(path: Source, document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     member = document.get(key)
     if not isinstance(member, Mapping):
-        raise InputError.at_line(path, None, f"{key} is missing or no object; export it again")
+        raise InputError.in_file(path, f"{key} is missing or no object; export it again")
     return member
-
-
-def _vector(path: Source, document: Mapping[str, Any], key: str) -> Array:
-    """Return the three finite numbers of a member."""
-    vector = array_of(document.get(key), (3,))
-    if vector is None or not (np.abs(vector) < LARGEST).all():
-        problem = f"{key} {shown(str(document.get(key)))} is not three numbers"
-        raise InputError.at_line(path, None, f"{problem}; export it again")
-    return vector

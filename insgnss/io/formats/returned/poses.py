@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ..blocks.measured_block import file_names
-from ..text.layout import decode, shown
-from ..text.text import Source, load_bytes, number
+from ..text.layout import shown
+from ..text.text import Source, number
 
 Array = NDArray[np.float64]
 
@@ -58,27 +58,6 @@ class ReturnedPoses:
     notes: tuple[str, ...] = ()
     cov_position: Array | None = None
     cov_attitude: Array | None = None
-
-
-def lines_of(path: Source) -> list[str]:
-    """Return the lines of a text file.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Returns
-    -------
-    list of str
-        Without line ends and byte order mark.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
-    return decode(load_bytes(path).tobytes()).splitlines()
 
 
 def numbers(words: Sequence[str], path: Source, line: int) -> list[float]:
@@ -132,8 +111,8 @@ def checked_rotations(R: Array, names: Sequence[str], path: Source) -> Array:
     off = np.where(np.linalg.det(R) > 0.0, off, np.inf)
     if (off > ROUND).any():
         k = int(np.argmax(off > ROUND))
-        raise InputError.at_line(
-            path, None, f"the matrix of image {shown(names[k])} is no rotation; export it again"
+        raise InputError.in_file(
+            path, f"the matrix of image {shown(names[k])} is no rotation; export it again"
         )
     return R
 
@@ -159,8 +138,8 @@ def image_names(names: Sequence[str], path: Source) -> tuple[str, ...]:
         None at all, or an image that is there twice.
     """
     if not names:
-        raise InputError.at_line(
-            path, None, "no image has a pose; align the images and export them again"
+        raise InputError.in_file(
+            path, "no image has a pose; align the images and export them again"
         )
     return file_names(names, path)
 

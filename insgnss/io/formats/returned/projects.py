@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from ....base.errors import InputError
+from ....base.files import lines_of
 from ....geodesy.rotation import (
     CV_RUB,
     rotation_from_opk,
@@ -28,10 +29,10 @@ from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source, load_bytes
-from ..text.xml import parse_xml
+from ..text.text import Source, decoded
+from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
-from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
+from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
 DIRECTIONS = {
     "RIGHT": (1.0, 0.0, 0.0),
@@ -60,15 +61,15 @@ def read_bentley(path: Source) -> ReturnedPoses:
     InputError
         Damaged XML, a pose without rotation or centre, or several reference systems.
     """
-    root = parse_xml(path, load_bytes(path).tobytes())
-    systems = {_text(srs, "Id"): _text(srs, "Definition") for srs in root.iter("SRS")}
+    root = read_xml(path)
+    systems = {text_of(srs.find("Id")): text_of(srs.find("Definition")) for srs in root.iter("SRS")}
     names, centre, C, used, left_out, imported = [], [], [], [], 0, 0
     for block in root.iter("Block"):
-        own = _text(block, "SRSId")
+        own = text_of(block.find("SRSId"))
         for group in block.iter("Photogroup"):
             Q = _camera_axes(group.findtext("CameraOrientation", "XRightYDown").strip(), path)
             for photo in group.iter("Photo"):
-                name = _text(photo, "ImagePath")
+                name = text_of(photo.find("ImagePath"))
                 pose, system = _pose(photo, own)
                 if pose is None:
                     left_out += 1
@@ -79,11 +80,11 @@ def read_bentley(path: Source) -> ReturnedPoses:
                 names.append(name)
                 if system and system not in systems:
                     problem = f"photograph {shown(name)}: SRSId {shown(system)} is no <SRS> of it"
-                    raise InputError.at_line(path, None, f"{problem}; export again")
+                    raise InputError.in_file(path, f"{problem}; export again")
                 used.append(systems.get(system, ""))
     if len(set(used)) > 1:
-        raise InputError.at_line(
-            path, None, f"its poses stand in {len(set(used))} reference systems; export one block"
+        raise InputError.in_file(
+            path, f"its poses stand in {len(set(used))} reference systems; export one block"
         )
     images = image_names(names, path)
     kind, crs, origin = kind_of_definition(used[0], path)
@@ -112,11 +113,7 @@ def _pose(photo: Element, system: str) -> tuple[Element | None, str]:
     metadata = pose.find("Metadata")
     if metadata is None or metadata.find("Center") is None:
         return None, system
-    return metadata, _text(metadata, "SRSId") or system
-
-
-def _text(element: Element, tag: str) -> str:
-    return (element.findtext(tag) or "").strip()
+    return metadata, text_of(metadata.find("SRSId")) or system
 
 
 def _number(element: Element, tag: str, name: str, path: Source) -> float:
@@ -124,7 +121,7 @@ def _number(element: Element, tag: str, name: str, path: Source) -> float:
     value = finite(text := element.findtext(tag))
     if np.isnan(value):
         problem = f"photograph {shown(name)}: {tag} {shown(text)} is no number"
-        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, or export again")
+        raise InputError.in_file(path, f"{problem}; {PLAIN}, or export again")
     return value
 
 
@@ -132,9 +129,8 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
     """Return the matrix (3, 3) of the frame to the camera, from itself or from its angles."""
     rotation = pose.find("Rotation")
     if rotation is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"photograph {shown(name)} has no rotation; export the project after its adjustment",
         )
     if rotation.find("M_00") is not None:
@@ -151,7 +147,7 @@ def _camera_axes(text: str, path: Source) -> Array:
     x, y = (np.array(DIRECTIONS.get(word, (0.0, 0.0, 0.0))) for word in (to_x, to_y))
     z = np.cross(x, y)
     if not z.any():
-        raise InputError.at_line(path, None, f"CameraOrientation {shown(text)} is unknown")
+        raise InputError.in_file(path, f"CameraOrientation {shown(text)} is unknown")
     return np.array([x, y, z])
 
 
@@ -173,7 +169,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     InputError
         A block that is not complete, or a matrix that is no rotation, with file and line.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     names, rows, matrices, left_out = [], [], [], 0
     photo: dict[str, tuple[int, str]] | None = None
     for line, text in enumerate(lines, start=1):
@@ -308,7 +304,7 @@ def read_colmap(path: Source) -> ReturnedPoses:
     named: list[str] = []
     rows: list[list[float]] = []
     poses_next = True
-    for line, text in enumerate(lines_of(file), start=1):
+    for line, text in enumerate(lines_of(decoded(file)), start=1):
         if text.startswith("#"):
             words = text.split()
             if words[1:2] == ["shift:"]:

@@ -21,13 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError
+from ....base.files import lines_of
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
 from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
 from ..text.layout import is_comment, shown, split_fields
-from ..text.text import Source
+from ..text.text import Source, decoded
 from .crs import kind_of_wkt
-from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
+from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
 OPK_COLUMNS = 7  # name, X, Y, Z and three angles
 IGN_HEADER = re.compile(r"\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b", re.IGNORECASE)
@@ -60,7 +61,7 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
         A line of another length, or a matrix that is not that of its angles, with file and line.
     """
     names, rows = [], []
-    for line, text in enumerate(lines_of(path), start=1):
+    for line, text in enumerate(lines_of(decoded(path)), start=1):
         if not text.strip() or text.startswith("#"):
             continue
         words = text.split("\t") if "\t" in text else text.split()
@@ -77,28 +78,30 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
             )
         names.append(words[0])
         rows.append(values[:6])
-    return _of_opk(path, names, np.reshape(rows, (-1, 6)))
+    return _of_angles(path, names, np.reshape(rows, (-1, 6)))
 
 
-def _of_opk(
+def _of_angles(
     path: Source,
     names: Sequence[str],
     table: Array,
     kind: str = "",
     crs: str = "",
     notes: tuple[str, ...] = (),
+    angle_set: str = "opk",
 ) -> ReturnedPoses:
-    """Return poses of a table (n, 6) of coordinates and omega, phi, kappa, deg."""
-    images = image_names(names, path)
-    opk = np.radians(table[:, 3:])
+    """Return poses of a table (n, 6) of coordinates and angles of a set, deg."""
+    angles = np.radians(table[:, 3:])
+    rotation = rotation_from_opk if angle_set == "opk" else rotation_from_ypr
     return ReturnedPoses(
-        images,
+        image_names(names, path),
         table[:, :3],
-        rotation_from_opk(opk) @ CV_RUB,
+        rotation(angles) @ CV_RUB,
         kind,
         crs,
-        angle_set="opk",
-        angles=opk,
+        true_north=angle_set == "ypr" and kind in ("", PROJECTED),
+        angle_set=angle_set,
+        angles=angles,
         notes=notes,
     )
 
@@ -121,11 +124,11 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     InputError
         No header or no angles, with file and line; a CRS that is unknown.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     wkt = lines[0].partition(":")[2].strip() if lines else ""
     head = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
     if head is None:
-        raise InputError.at_line(path, None, "has no header #Label; export the reference again")
+        raise InputError.in_file(path, "has no header #Label; export the reference again")
     delimiter = next((sign for sign in "\t,;" if sign in lines[head]), None)
     fields = [name.strip().lower().lstrip("# ") for name in split_fields(lines[head], delimiter)]
     fields = [name.partition("/")[0] for name in fields]
@@ -171,20 +174,8 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     notes = (f"{left_out} images without {values} pose are left out",) if left_out else ()
     if not estimated:
         notes = ("the file has reference values, none that the adjustment estimated", *notes)
-    if angles == "omega":
-        return _of_opk(path, names, table, kind, crs, notes)
-    ypr = np.radians(table[:, 3:])
-    return ReturnedPoses(
-        image_names(names, path),
-        table[:, :3],
-        rotation_from_ypr(ypr) @ CV_RUB,
-        kind,
-        crs,
-        true_north=kind in ("", PROJECTED),
-        angle_set="ypr",
-        angles=ypr,
-        notes=notes,
-    )
+    angle_set = "opk" if angles == "omega" else "ypr"
+    return _of_angles(path, names, table, kind, crs, notes, angle_set)
 
 
 def read_pix4d_external(path: Source) -> ReturnedPoses:
@@ -208,7 +199,7 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
     names, table = _name_xyz_opk(path, "imagename", OPK_COLUMNS)
     offset, kind, crs, notes = _beside_pix4d(path, EXTERNAL, table[:, :3])
     table[:, :3] += offset
-    return _of_opk(path, names, table, kind, crs, notes)
+    return _of_angles(path, names, table, kind, crs, notes)
 
 
 def read_ign_opk(path: Source) -> ReturnedPoses:
@@ -229,7 +220,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
     InputError
         A line of another length, or another unit of angles, with file and line.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     header = next((k for k, text in enumerate(lines) if IGN_HEADER.match(text)), 0)
     names, table = _name_xyz_opk(path, "nom", OPK_COLUMNS + 1, header)
     for line, text in enumerate(lines[:header], start=1):
@@ -241,7 +232,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
                     path, line, f"angles in {shown(unit.strip())}; grades, degres, radians are read"
                 )
             table[:, 3:] *= factor
-    return _of_opk(path, names, table)
+    return _of_angles(path, names, table)
 
 
 def _name_xyz_opk(
@@ -252,7 +243,7 @@ def _name_xyz_opk(
     The header, which may be missing, begins with `first`; lines before it are `skipped`.
     """
     names, rows = [], []
-    for line, text in enumerate(lines_of(path), start=1):
+    for line, text in enumerate(lines_of(decoded(path)), start=1):
         words = text.replace(",", " ").split()
         if line <= skipped or not words or words[0].lower() == first:
             continue
@@ -284,7 +275,7 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
     InputError
         A file that ends within an image, or a matrix that is no rotation, with file and line.
     """
-    lines = lines_of(path)
+    lines = lines_of(decoded(path))
     start = 1 + next((k for k, text in enumerate(lines) if text.startswith("camera model")), -1)
     rows = [(k + 1, text.split()) for k, text in enumerate(lines) if k >= start and text.strip()]
     names, centre, matrices = [], [], []
@@ -316,14 +307,14 @@ def _beside_pix4d(
     """Return offset (3,), kind and CRS of the files beside one of Pix4D, and what is missing."""
     file = Path(path)
     if file.stem.endswith("_wgs84"):
-        raise InputError.at_line(
-            path, None, f"is in degrees; give <project>{ending}.txt, which is in metres"
+        raise InputError.in_file(
+            path, f"is in degrees; give <project>{ending}.txt, which is in metres"
         )
     project = file.name.partition(ending)[0] if ending in file.name else ""
     offset, notes = np.zeros(3), []
     beside = file.with_name(f"{project}_offset.xyz")
     if project and beside.is_file():
-        words = " ".join(lines_of(beside)).split()
+        words = " ".join(lines_of(decoded(beside))).split()
         if len(words) != len(offset):
             raise InputError.at_line(
                 beside, 1, f"{len(words)} numbers, 3 must stand there; copy it again"
@@ -337,7 +328,7 @@ def _beside_pix4d(
     definition = file.with_name(f"{project}_wkt.prj")
     kind, crs = "", ""
     if project and definition.is_file():
-        kind, crs = kind_of_wkt(" ".join(lines_of(definition)).strip(), definition)
+        kind, crs = kind_of_wkt(" ".join(lines_of(decoded(definition))).strip(), definition)
     return offset, kind, crs, tuple(notes)
 
 
@@ -368,7 +359,7 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
     """
     rows = [
         (line, text.strip())
-        for line, text in enumerate(lines_of(path), start=1)
+        for line, text in enumerate(lines_of(decoded(path)), start=1)
         if text.strip() and not is_comment(text)
     ]
     crs = head_crs(path, rows[0]) if rows else ""

@@ -4,17 +4,20 @@ What stands where a number belongs and is none is refused by whoever reads it; n
 it. The rule is that of tables, `layout.float_of`; numpy would take texts and truth values as well.
 """
 
+from collections.abc import Mapping
 from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....base.errors import InputError
 from ....base.units import LARGEST_UNIT
-from .layout import float_of
+from .layout import float_of, shown
 from .order import Lines, refuse_rows
 from .text import Array
 
+LARGEST_COORDINATE = 1e12  # of a place (m) or a turn (rad): far beyond any that is real
 PLAIN = "write a plain decimal number, such as -1.5e-4"
 LARGEST_EXACT_INTEGER = 2**53  # whole numbers beyond it are not exact as a float
 
@@ -50,3 +53,13 @@ def array_of(value: Any, shape: tuple[int, ...]) -> Array | None:
     except (TypeError, ValueError, OverflowError):  # no list, rows of unequal length, 10^400
         return None
     return array if array.shape == shape and (np.abs(array) < LARGEST_UNIT).all() else None
+
+
+def vector_of(path: object, document: Mapping[str, Any], key: str, who: str = "") -> Array:
+    """Return the three numbers of a member of JSON; InputError says `who` has others."""
+    vector = array_of(document.get(key), (3,))
+    if vector is None or not (np.abs(vector) < LARGEST_COORDINATE).all():
+        problem = f"{who}{key} is not three numbers below {LARGEST_COORDINATE:g}"
+        text = shown(str(document.get(key)))
+        raise InputError.in_file(path, f"{problem}: {text}; export it again")
+    return vector

@@ -156,6 +156,11 @@ def data_lines(path: Source, text: str, first: int = 1) -> Iterator[tuple[FileLi
             yield FileLine(path, line), row
 
 
+def decoded(path: Source) -> str:
+    """Return the text of a file that is no table; InputError where it cannot be read."""
+    return decode(load_bytes(path).tobytes())
+
+
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     """Return the bytes of a text file with a newline behind them, and whether its last line ended.
 

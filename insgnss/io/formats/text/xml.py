@@ -14,6 +14,7 @@ from xml.parsers import expat
 from ....base.errors import InputError
 from ....base.received.nesting import DEEPEST_NESTING
 from ....base.unpacking import check_unpacked
+from .text import Source, load_bytes
 
 PARSED_AT_A_TIME = 1 << 20  # bytes that are parsed between two looks at the limits
 # or this part of those before: a mark that does not end is scanned anew with each piece
@@ -44,6 +45,16 @@ class _Prolog:
     def _declared(self, *_: object) -> None:
         self.line = self._parser.CurrentLineNumber
         raise StopIteration
+
+
+def read_xml(path: Source) -> Element:
+    """Return the root of an XML file, as `parse_xml` does."""
+    return parse_xml(path, load_bytes(path).tobytes())
+
+
+def text_of(element: Element | None) -> str:
+    """Return the text of an element, empty where it is missing."""
+    return "" if element is None or element.text is None else element.text.strip()
 
 
 def parse_xml(path: object, data: bytes | IO[bytes], packed: float = math.inf) -> Element:
