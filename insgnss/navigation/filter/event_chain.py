@@ -134,9 +134,7 @@ class EventTransitions:
         begin : int
             The first of them to be passed.
         """
-        h = history
-        records = (h.F, h.D, h.H, h.K, h.S, h.used)
-        event_transitions(event, *records, begin, self.product, self.begun, self.of_events)
+        event_transitions(event, history, begin, self.product, self.begun, self.of_events)
 
 
 @dataclass(frozen=True)

@@ -192,13 +192,13 @@ class Smoothed(NamedTuple):
         return cls(
             np.empty((m, n)),
             np.empty((m if full else 0, N_NAV * (N_NAV + 1) // 2)),
-            _numbered(m, rows),
+            numbered(m, rows),
             np.empty((rows.size, n * (n + 1) // 2)),
             np.zeros((read.begin.size - 1, N_NAV, N_NAV)),
             read,
             np.empty((read_rows, n)),
             np.empty((read_rows, n)),
-            _numbered(m, chosen),
+            numbered(m, chosen),
             np.zeros((chosen.size, n, n)),
             np.zeros((chosen.size, n)),
         )
@@ -262,8 +262,21 @@ class Smoothed(NamedTuple):
         ]
 
 
-def _numbered(m: int, rows: np.ndarray) -> np.ndarray:
-    """Return the number (m,) of each epoch among increasing rows, or ABSENT."""
+def numbered(m: int, rows: np.ndarray) -> np.ndarray:
+    """Return the number of each epoch among some of them.
+
+    Parameters
+    ----------
+    m : int
+        Epochs.
+    rows : ndarray
+        (k,) increasing epochs.
+
+    Returns
+    -------
+    ndarray
+        (m,) 0..k - 1, or ABSENT.
+    """
     out = np.full(m, ABSENT, dtype=np.int64)
     out[rows] = np.arange(rows.size)
     return out
