@@ -16,16 +16,21 @@ way, and that is in its time. Both return every state with its full covariance.
 """
 
 import argparse
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from common import Case, block_flight, median_cpu, one_thread
 from filterpy.kalman import KalmanFilter
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from linearised_interval import Interval, linearise_interval
+
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew
 from insgnss.navigation.align.initial import initial_state
 from insgnss.navigation.filter.blocks import BlockwisePasses
-from insgnss.navigation.filter.error_model import Interval, linearise_interval
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
 from insgnss.navigation.filter.solution import Solution, solve

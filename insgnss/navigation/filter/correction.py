@@ -141,16 +141,16 @@ def corrections(
 
     def forwards(b: int) -> tuple[FilterHistory, np.ndarray, int, int]:
         records, front, begin = again.records(b)
-        own = slot[front : front + len(records.m)]
+        events = slot[front : front + len(records.m)]
         d[0] = starts[b]
-        correct_forwards(records, own, information, begin, d, rows)
-        return records, own, front, begin
+        correct_forwards(records, events, information, begin, d, rows)
+        return records, events, front, begin
 
     starts = [start]
     for b in range(len(again.checkpoints)):
-        _, own, _, _ = forwards(b)
-        starts.append(d[own.size - 1].copy())
+        _, events, _, _ = forwards(b)
+        starts.append(d[events.size - 1].copy())
     for b in reversed(range(len(again.checkpoints))):
-        records, own, front, begin = forwards(b)
-        correct_backwards(records, own, information, begin, d, rows, r)
-        yield front + begin, front + own.size, d[begin : own.size]
+        records, events, front, begin = forwards(b)
+        correct_backwards(records, events, information, begin, d, rows, r)
+        yield front + begin, front + events.size, d[begin : events.size]

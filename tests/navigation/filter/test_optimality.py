@@ -11,20 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from batch_least_squares import Batch, batch
 from flown import NO_GATE, fly, passes_in_one, start_near
+from linearised_interval import linearise_interval
 
-from insgnss.flight.reference.linear import (
-    Batch,
-    GaussianStates,
-    LinearProblem,
-    batch,
-    filtered,
-    smoothed,
-)
+from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
 from insgnss.navigation.filter.correction import corrections
-from insgnss.navigation.filter.error_model import linearise_interval
 from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple

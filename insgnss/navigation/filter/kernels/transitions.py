@@ -7,30 +7,8 @@ import numpy as np
 from ....base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
 from .copies import copy_matrix
+from .prediction import predict_errors
 from .update import one_after_another, take_off, weigh
-
-
-@njit(cache=True)
-def predict_errors(F, D, M, top):
-    """Multiply errors by the transition in place: M <- Phi M, Phi = [F; 0 D].
-
-    Parameters
-    ----------
-    F : ndarray
-        (9, n) navigation rows of the transition matrix.
-    D : ndarray
-        (ns,) diagonal of the transition matrix behind them.
-    M : ndarray
-        (n, c) columns of errors, changed in place.
-    top : ndarray
-        (9, c) scratch.
-    """
-    np.dot(F, M, top)
-    copy_matrix(top, M)
-    for s in range(D.size):
-        if D[s] != 1.0:
-            for c in range(M.shape[1]):
-                M[IMU0 + s, c] *= D[s]
 
 
 @njit(cache=True, allocates=False)
@@ -48,10 +26,10 @@ def update_errors(H, K, S, used, M, rows):
     """
     for i in range(0, S.size, 3):
         if S[i] > 0.0:
-            h, gain, of = H[i : i + 3], K[i : i + 3], rows[i : i + 3]
-            weigh(M, h, used[i], of)
-            one_after_another(h, gain, used[i], of)
-            take_off(gain, of, M.shape[1], M)
+            h, gain, hM = H[i : i + 3], K[i : i + 3], rows[i : i + 3]
+            weigh(M, h, used[i], hM)
+            one_after_another(h, gain, used[i], hM)
+            take_off(gain, hM, M.shape[1], M)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -143,14 +121,14 @@ def correct_backwards(history, slot, information, begin, d, rows, r):
             for c in range(columns):
                 t[c] = -rows[e, i, c] / h.S[e, i]
             for k in range(r.shape[0]):
-                gain, of = h.K[e, i, k], r[k]
+                gain, row = h.K[e, i, k], r[k]
                 for c in range(columns):
-                    t[c] -= gain * of[c]
+                    t[c] -= gain * row[c]
             for k in range(h.used[i]):
-                weight, of = h.H[e, i, k], r[k]
+                weight, row = h.H[e, i, k], r[k]
                 if weight != 0.0:
                     for c in range(columns):
-                        of[c] += weight * t[c]
+                        row[c] += weight * t[c]
         if e > 0:
             np.dot(h.F[e].T, r[:N_NAV], added)
             copy_matrix(added[:N_NAV], r)
