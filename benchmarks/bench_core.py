@@ -10,12 +10,13 @@ The bar is alignment and solve together under 1 microsecond.
 
 import argparse
 
+import numpy as np
 from common import block_flight, median_cpu, one_thread
 
 from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.filter import make_history, run_filter
 from insgnss.navigation.filter.layout import FixErrors
-from insgnss.navigation.filter.smoother import run_smoother
 from insgnss.navigation.filter.solution import solve
 
 BAR_US = 1.0
@@ -33,13 +34,12 @@ def main() -> None:
     case = block_flight(options.minutes, fix_errors=fix_errors)
     problem, start = case.problem, initial_state(case.problem).start
     solution = solve(problem, start)
-    history = make_history(problem.epochs, problem.layout)
+    history, m = make_history(problem.epochs, problem.layout), problem.epochs.stop.size
+    passes = BlockwisePasses(problem, start, np.arange(m), 100, m)
 
-    def filter_and_smooth() -> (
-        None
-    ):  # the smoother overwrites what the filter stored, so it never runs alone
-        run_filter(problem, start, history)
-        run_smoother(problem.epochs, history)
+    def filter_and_smooth() -> None:
+        passes.filter()
+        passes.smooth()
 
     steps = {
         "increments": case.increments,

@@ -16,19 +16,23 @@ way, and that is in its time. Both return every state with its full covariance.
 """
 
 import argparse
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from common import Case, block_flight, median_cpu, one_thread
 from filterpy.kalman import KalmanFilter
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from linearised_interval import Interval, linearise_interval
+
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew
 from insgnss.navigation.align.initial import initial_state
-from insgnss.navigation.filter.error_model import Interval, linearise_interval
-from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S, make_history, run_filter
-from insgnss.navigation.filter.kernels.records import FilterHistory
+from insgnss.navigation.filter.blocks import BlockwisePasses
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
-from insgnss.navigation.filter.smoother import run_smoother
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.filter.strapdown import kernel_earth, kernel_intervals
 from insgnss.records import Array, Increments
@@ -56,17 +60,18 @@ def compare(
     name: str, problem: EstimationProblem, start: InitialState, stop: np.ndarray, repeats: int
 ) -> float:
     """Run and time both, filterpy with a step at each of `stop`; the greatest difference."""
-    history = make_history(problem.epochs, problem.layout)
+    m = problem.epochs.stop.size
+    passes = BlockwisePasses(problem, start, np.arange(m), 0, m)
     nominal, steps = linearised(problem, start, problem.inc.stop), linearised(problem, start, stop)
     nav, x = np.array([i.nav for i in nominal]), np.array([i.x for i in nominal])
-    own_mean, own_cov = insgnss_run(problem, start, nav, x, history)
+    own_mean, own_cov = insgnss_run(passes, nav, x)
     own_mean, own_cov = own_mean.copy(), own_cov.copy()
     mean, cov = filterpy_run(problem, start, steps, stop)
     at = np.searchsorted(stop, problem.inc.stop)
     sigma = np.sqrt(np.diagonal(cov[at], axis1=1, axis2=2))
     off_mean = np.abs((own_mean - mean[at]) / sigma).max()
     off_cov = np.abs((own_cov - cov[at]) / (sigma[:, :, None] * sigma[:, None, :])).max()
-    ours = median_cpu(lambda: insgnss_run(problem, start, nav, x, history), repeats)
+    ours = median_cpu(lambda: insgnss_run(passes, nav, x), repeats)
     theirs = median_cpu(lambda: filterpy_run(problem, start, steps, stop), max(repeats // 2, 1))
     samples, epochs = problem.inc.dt.size, problem.inc.stop.size
     print(
@@ -143,14 +148,12 @@ def linearised(problem: EstimationProblem, start: InitialState, stop: np.ndarray
     return out
 
 
-def insgnss_run(
-    problem: EstimationProblem, start: InitialState, nav: Array, x: Array, history: FilterHistory
-) -> tuple[Array, Array]:
+def insgnss_run(passes: BlockwisePasses, nav: Array, x: Array) -> tuple[Array, Array]:
     """Smoothed means and covariances about the given nominal."""
-    history.nav[:] = nav
-    history.x[:] = x
-    run_filter(problem, start, history, closed_loop=False)
-    smoothed = run_smoother(problem.epochs, history, separations=0)
+    passes.history.nav[:] = nav
+    passes.history.x[:] = x
+    passes.filter(closed_loop=False)
+    smoothed = passes.smooth()
     return smoothed.delta, smoothed.P
 
 

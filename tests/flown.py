@@ -12,10 +12,12 @@ from insgnss.geodesy.rotation import (
     rotation_from_vector,
     vector_from_rotation,
 )
+from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.epochs import make_epochs
 from insgnss.navigation.filter.filter import gate_from_sigma
 from insgnss.navigation.filter.layout import StateLayout, state_layout
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
+from insgnss.navigation.filter.smoother import EventRows
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.navigation.prepare.clock import cut_fixes
 from insgnss.navigation.prepare.increments import body_increments, merge_marks
@@ -131,3 +133,13 @@ def without_noise(flown: Flown, quantity: str = "mean_rate") -> Flown:
     imu = motion.imu(flown.sim.imu_options.rate_hz, quantity)
     inc = body_increments(imu, np.eye(3), flown.problem.inc.marks)
     return replace(flown, problem=replace(flown.problem, inc=inc))
+
+
+def passes_in_one(problem: EstimationProblem, start: InitialState) -> BlockwisePasses:
+    """Passes over one block that keep the whole covariance of every epoch, and of events what any
+    state reads; records of the epochs begin at row 1.
+    """
+    m = problem.epochs.stop.size
+    passes = BlockwisePasses(problem, start, np.arange(m), 100, m)
+    passes.read = EventRows.of(passes.read.begin.size - 1, np.arange(problem.layout.size))
+    return passes

@@ -15,7 +15,7 @@ Where to look
     a new option: one field in `config/` (`gnss_options.py`, `imu_options.py`, `filter_options.py`,
         `flight_file.py` there), of the camera `insgnss/io/options/camera_options.py`, of PPK
         `insgnss/gnss/ppk_options.py`; parser, messages and `data_specs/flight_file.md` follow
-    a further sensor: a kind in `sensors/`, one module each, its row of data_specs/measurement.md
+    a further sensor: a kind in `sensors/shipped.py`, and its row of data_specs/measurement.md
     keys shared by flight files: `config/keys/include.py`
     the 5-sigma gate: option `gnss.gate_sigma` in `config/gnss_options.py`
     `mounting.toml` in a flight: `remounted` in `config/load.py`; camera, lens and date against the

@@ -9,7 +9,7 @@ the two is a defect of one of them. It is some hundred times slower. Read it fro
 `strapdown`     the nonlinear equations of motion, integrated over one IMU sample
 `error_model`   their linear error model, and its transition and noise over an interval
 `measurements`  what each sensor would measure, and its derivative by central differences
-`linear`        Kalman filter, Rauch-Tung-Striebel smoother, batch least squares of a linear problem
+`linear`        Kalman filter and Rauch-Tung-Striebel smoother of a linear problem
 `twin`          the extended Kalman filter with feedback, and the smoother, put together from these
 `verify`        a part of a user's own flight by core and twin, and their difference in sigmas
 

@@ -1,4 +1,4 @@
-"""A linear estimation problem and its three textbook solutions.
+"""A linear estimation problem and its textbook solutions.
 
     error_0 ~ (mean, P),   error_k = Phi_k error_(k-1) + gap_k + noise Q_k          (T.20)
     z = H error_k + noise R   at each epoch k, any number of times                  (T.21)
@@ -10,13 +10,12 @@ smoother Rauch-Tung-Striebel, x_s = x + K (x_s' - Phi' x - gap'), by filterpy's 
          `KalmanFilter.rts_smoother`, whose Fs[k + 1] leads from epoch k to k + 1 (filterpy's
          *function* of that name takes Fs[k] and is wrong where Phi changes with time). It knows no
          gaps; with c_k = Phi_k c_(k-1) + gap_k taken off, the errors obey (T.20) without them
-batch    all epochs at once, without any recursion: the oracle of the other two
 
-All three give the same means and covariances, the first at the last epoch only.
+Both give the same mean and covariance at the last epoch.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter
 
 Measurement = tuple[Array, Array, Array]
-RANK = 1e-13  # eigenvalues of a correlation matrix below this share of the largest are rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,56 +117,3 @@ def _inverse(P: Array) -> Array:
     out = np.zeros_like(P)
     out[np.ix_(free, free)] = np.linalg.inv(P[np.ix_(free, free)] / scale) / scale
     return out
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Batch solution: mean (m, n) and factors (m, n, .), P_jk = free_j free_k' + seen_j seen_k'."""
-
-    mean: Array
-    free: Array
-    seen: Array
-
-    def covariance(self, j: int, k: int) -> Any:
-        """Return the covariance (n, n) of the error at epoch j with that at epoch k."""
-        return self.free[j] @ self.free[k].T + self.seen[j] @ self.seen[k].T
-
-
-def batch(problem: LinearProblem) -> Batch:
-    """Return the least-squares solution over all epochs at once; memory grows with their square.
-
-    Every error is mean + A w with independent w of unit variance (start and process noise), every
-    whitened measurement z = M w + unit noise. With M = U s V', w given z has the mean
-    V s / (1 + s^2) U' z and the covariance (1 - V V') + V V' / (1 + s^2), which needs no inverse of
-    the singular Q.
-    """
-    m, n = problem.gap.shape
-    roots = [_square_root(problem.P), *map(_square_root, problem.Q[1:])]
-    begin = np.concatenate([[0], np.cumsum([root.shape[1] for root in roots])])
-    A, mean = np.zeros((m, n, begin[-1])), np.zeros((m, n))
-    mean[0] = problem.mean
-    for k in range(m):
-        if k:
-            A[k] = problem.Phi[k] @ A[k - 1]
-            mean[k] = problem.Phi[k] @ mean[k - 1] + problem.gap[k]
-        A[k][:, begin[k] : begin[k + 1]] += roots[k]
-    rows, values = [], []
-    for k, measured in enumerate(problem.measured):
-        for H, z, R in measured:
-            L = np.linalg.cholesky(R)
-            rows.append(np.linalg.solve(L, H @ A[k]))
-            values.append(np.linalg.solve(L, z - H @ mean[k]))
-    U, s, Vt = np.linalg.svd(np.vstack(rows), full_matrices=False)
-    w = Vt.T @ (s / (1.0 + s**2) * (U.T @ np.concatenate(values)))
-    seen = A @ Vt.T
-    return Batch(mean + A @ w, A - seen @ Vt, seen / np.sqrt(1.0 + s**2))
-
-
-def _square_root(P: Array) -> Array:
-    """S with S S' = P for a semidefinite P."""
-    sigma = np.sqrt(np.diag(P))
-    sigma = np.where(sigma > 0.0, sigma, 1.0)
-    w, V = np.linalg.eigh(P / np.outer(sigma, sigma))
-    keep = w > RANK * w[-1]
-    root: Array = sigma[:, None] * V[:, keep] * np.sqrt(w[keep])
-    return root

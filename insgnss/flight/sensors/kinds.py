@@ -1,7 +1,7 @@
 """The kinds of tables [[measurement]], and the reading of their files.
 
-A kind is a `Kind`. Those that are shipped stand in `SHIPPED`; a package installed beside adds its
-own by an entry point of the group `insgnss.measurements`, whose name is the kind's.
+A kind is a `Kind`. Those that are shipped stand in `shipped.KINDS`; a package installed beside
+adds its own by an entry point of the group `insgnss.measurements`, whose name is the kind's.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,12 +17,13 @@ import numpy as np
 from ...base.errors import InputError, OptionError
 from ...base.units import DEG
 from ...geodesy.gpstime import WEEK_S
+from ...io.formats.names import TIME, Names
 from ...io.formats.text.columns import TableSpec
 from ...io.formats.text.order import Lines, put_in_order
 from ...io.options.schema import declared
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
-from .options import GROUP, SHIPPED, MeasurementInput
+from .options import GROUP, MeasurementInput
 
 EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
 EXACT_SCALE = 1e-4  # of such a scale factor
@@ -34,6 +35,9 @@ OF_SINGLE_KINDS = (
 
 LogRows = tuple[int, Array, Array, Lines, Array | None, tuple[Finding, ...]]
 """GPS week, times, values (k, c) and their lines in a log; sigmas, None without, and notes."""
+
+Modelled = tuple[Predict, tuple[OwnState, ...]]
+"""What a sensor's values follow from: their prediction, and the states that it has of its own."""
 
 TURN = 2.0 * np.pi  # rad, by which values of an angle are the same
 
@@ -63,10 +67,43 @@ class Kind:
     spec: TableSpec
     values: str
     unit: str
-    model: Callable[[MeasurementInput, tuple[str, ...]], tuple[Predict, tuple[OwnState, ...]]]
+    model: Callable[[MeasurementInput, tuple[str, ...]], Modelled]
     other_format: Callable[[Path], LogRows | None] = lambda path: None
     reads: tuple[str, ...] = ("offset_sigma_deg",)
     needs: tuple[str, ...] = ()
+
+
+def table_of(names: Names, unit: str, alone: str = "") -> tuple[TableSpec, str, str]:
+    """Return the table of values that have each a standard deviation, as `Kind` takes it.
+
+    Parameters
+    ----------
+    names : mapping
+        The names that a header may give each value and its "sigma_...", in the order of a file
+        without a header.
+    unit : str
+        Key of `units` that all of them have.
+    alone : str
+        The value that a file without a header may hold alone; a header may then lack any.
+
+    Returns
+    -------
+    tuple of TableSpec, str and str
+        `spec`, `values` and `unit` of the kind.
+    """
+    values = " ".join(name for name in names if f"sigma_{name}" in names)
+    layouts: list[str] = []
+    for held in filter(None, (alone, values)):
+        sigmas = " ".join(f"sigma_{name}" for name in held.split())
+        layouts += [f"tow {held}", f"tow {held} {sigmas}"]
+    spec = TableSpec(
+        {**TIME, **names},
+        required="tow" if alone else layouts[0],
+        layouts=tuple(layouts),
+        units={unit: f"{values} {sigmas}", "time": "tow"},
+        record="measurement",
+    )
+    return spec, values, unit
 
 
 @cache
@@ -78,7 +115,7 @@ def kinds() -> Mapping[str, Kind]:
     mapping of str to Kind
         An installed one cannot replace a shipped one.
     """
-    shipped = {name: import_module(f".{name}", __package__).KIND for name in SHIPPED}
+    shipped = import_module(".shipped", __package__).KINDS
     return {entry.name: entry.load() for entry in entry_points(group=GROUP)} | shipped
 
 

@@ -61,7 +61,7 @@ from .kernels.records import (
     SmootherState,
 )
 from .problem import EstimationProblem, InitialState
-from .smoother import EventRows, Smoothed, SmootherRoom, last_state
+from .smoother import EventRows, Smoothed, last_state
 
 EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
@@ -222,9 +222,9 @@ class BlockwisePasses:
         self.adjoints: list[SmootherState] = []
         self.transitions: EventTransitions | None = None
         self.closed_loop = True
-        self.read: EventRows | None = None
+        exposed = events_of(epochs)
+        self.read = EventRows.of(exposed.size)
         if problem.event_chain:
-            exposed = events_of(epochs)
             nodes = nodes_of(layout, epochs.time[exposed])
             self.read = EventRows.of(exposed.size, layout.read_of_events, nodes)
         self.row_sigma = np.empty((rows.size, layout.size))  # of the filter, at `rows`
@@ -292,10 +292,9 @@ class BlockwisePasses:
         Smoothed
             The smoothed errors.
         """
-        problem, history = self.problem, self.history
+        problem = self.problem
         m, n = problem.epochs.stop.size, problem.layout.size
-        events = history.cross.shape[0]
-        room = SmootherRoom.of(m, n, self.rows, events, self.read, self.separations, full)
+        smoothed = Smoothed.of(m, n, self.rows, self.read, self.separations, full)
         inputs = forward_inputs(problem, self.closed_loop)
         state, unset = last_state(n), last_state(n)
         self.adjoints = []
@@ -306,10 +305,10 @@ class BlockwisePasses:
                 self.held = b
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
-            own = room.piece(first - begin, last)
-            run_backward(epochs.event, records, full, state, begin, *own)
+            piece = smoothed.piece(first - begin, last)
+            run_backward(epochs.event, records, full, state, begin, piece)
         self.adjoints.reverse()
-        return room.smoothed()
+        return smoothed
 
     def _keep_sigma(self, P: Array, first: int, last: int) -> None:
         """Keep the filter's sigmas at the rows among epochs first..last - 1 with covariances P."""
@@ -330,9 +329,10 @@ class BlockwisePasses:
         EventChain or None
             None where it does not.
         """
-        if self.transitions is None or self.read is None:
+        if self.transitions is None:
             return None
-        return EventChain.of(self.problem.epochs, self.transitions, smoothed, self.read)
+        kept = smoothed.read, smoothed.event_filter, smoothed.event_gain
+        return EventChain(events_of(self.problem.epochs), self.transitions.of_events, *kept)
 
     def again(self) -> "BlockAgain":
         """Return what passes any block again, when the records are gone."""
@@ -447,10 +447,10 @@ class BlockAgain:
         """Return the triangles of increasing epochs of a block."""
         room, front, begin = self.records(b)
         count, n = room.m.shape
-        smoother = SmootherRoom.of(count, n, rows - front, 0, None, 0)
+        smoothed = Smoothed.of(count, n, rows - front, EventRows.of(0), 0)
         state, no_event = _copied(self.adjoints[b]), np.full(count, ABSENT, dtype=np.int64)
-        run_backward(no_event, room, True, state, begin, *smoother)
-        return smoother.kept
+        run_backward(no_event, room, True, state, begin, smoothed)
+        return smoothed.kept
 
 
 def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:

@@ -22,9 +22,7 @@ and backwards, from zero behind the last epoch, with the innovation nu = -h d of
     d_k = d + P r,    at event j r <- r + T_j' b_j,    at a measurement
     r <- r + h' (nu / S - k' r),    to the epoch before r <- Phi' r                           (B.13)
 
-Both go block by block, and each block is filtered again for either (`blocks.BlockAgain`). All
-measurements of an epoch are taken at once, U the product of its (1 - k h), N = sum of
-a' a / S with a = h times the product before it: d <- U d, and r <- U' r - N d.
+Both go block by block, and each block is filtered again for either (`blocks.BlockAgain`).
 
 Cucci, Rehak and Skaloud (2017) "Bundle adjustment with raw inertial observations in UAV
 applications", for what is gained; Bryson and Frazier (1963) for the form of the passes.
@@ -37,8 +35,10 @@ import numpy as np
 
 from ...records import Array
 from .blocks import BlockAgain
-from .codes import IMU, IMU0, N_NAV, NAV
+from .codes import N_NAV
 from .kernels.records import FilterHistory
+from .kernels.transitions import correct_backwards, correct_forwards
+from .smoother import numbered
 from .solution import Solution, moved_by, solve
 
 
@@ -135,79 +135,22 @@ def corrections(
         which the next block takes the place of; the last block comes first.
     """
     n, width = information.shape[1:]
-    at_event = dict(zip(epoch.tolist(), information, strict=True))
-    starts, room = [np.zeros((n, width))], np.empty((again.size + 1, n, width))
+    slot = numbered(again.problem.epochs.stop.size, epoch)
+    d, start = np.zeros((again.size + 1, n, width)), np.zeros((n, width))
+    rows, r = np.empty((again.size + 1, again.used.size, width)), np.zeros((n, width))
+
+    def forwards(b: int) -> tuple[FilterHistory, np.ndarray, int, int]:
+        records, front, begin = again.records(b)
+        events = slot[front : front + len(records.m)]
+        d[0] = starts[b]
+        correct_forwards(records, events, information, begin, d, rows)
+        return records, events, front, begin
+
+    starts = [start]
     for b in range(len(again.checkpoints)):
-        block = _Block(*again.records(b), at_event)
-        block.forwards(starts[b], room)
-        starts.append(room[len(block.update) - 1].copy())
-    r = np.zeros((n, width))
+        _, events, _, _ = forwards(b)
+        starts.append(d[events.size - 1].copy())
     for b in reversed(range(len(again.checkpoints))):
-        block = _Block(*again.records(b), at_event)
-        block.forwards(starts[b], room)
-        r = block.backwards(starts[b], room, r)
-        end = len(block.update)
-        yield block.front + block.begin, block.front + end, room[block.begin : end]
-
-
-class _Block:
-    """A block whose measurements at an epoch are one update d <- U d and one information N.
-
-    Parameters
-    ----------
-    records : FilterHistory
-        What the filter leaves of its epochs.
-    front : int
-        The epoch of the first row.
-    begin : int
-        The first row of the block's own.
-    at_event : dict
-        (n, w) information by epoch.
-    """
-
-    def __init__(
-        self, records: FilterHistory, front: int, begin: int, at_event: dict[int, Array]
-    ) -> None:
-        self.records, self.front, self.begin, self.at_event = records, front, begin, at_event
-        count, n = records.m.shape
-        self.update = np.tile(np.eye(n), (count, 1, 1))
-        self.normal = np.zeros((count, n, n))
-        for e in range(begin, count):
-            U = self.update[e]
-            for i in np.flatnonzero(records.S[e] > 0.0):
-                used = records.used[i]
-                row = records.H[e, i, :used] @ U[:used]
-                self.normal[e] += np.outer(row / records.S[e, i], row)
-                U -= np.outer(records.K[e, i], row)
-
-    def forwards(self, start: Array, d: Array) -> None:
-        """Fill in d of the epochs (B.12) from that before the block."""
-        for e in range(self.begin, len(self.update)):
-            predicted = self._predicted(e, start if e == self.begin else d[e - 1])
-            np.matmul(self.update[e], predicted, out=d[e])
-            if (information := self.at_event.get(self.front + e)) is not None:
-                d[e] += self.records.P[e] @ information
-
-    def backwards(self, start: Array, d: Array, r: Array) -> Array:
-        """Take d to the smoothed one in place (B.13); return r before the block."""
-        for e in reversed(range(self.begin, len(self.update))):
-            d[e] += self.records.P[e] @ r
-            if (information := self.at_event.get(self.front + e)) is not None:
-                r = r + information
-            predicted = self._predicted(e, start if e == self.begin else d[e - 1])
-            r = self.update[e].T @ r - self.normal[e] @ predicted
-            if self.front + e > 0:
-                of_navigation = self.records.F[e].T @ r[NAV]
-                r[IMU] *= self.records.D[e][:, None]
-                r[NAV] = of_navigation[NAV]
-                r[IMU] += of_navigation[IMU0:]
-        return r
-
-    def _predicted(self, e: int, d: Array) -> Array:
-        """Return Phi d of the epoch before."""
-        if self.front + e == 0:
-            return d
-        predicted = d.copy()
-        predicted[NAV] = self.records.F[e] @ d
-        predicted[IMU] *= self.records.D[e][:, None]
-        return predicted
+        records, events, front, begin = forwards(b)
+        correct_backwards(records, events, information, begin, d, rows, r)
+        yield front + begin, front + events.size, d[begin : events.size]

@@ -41,7 +41,7 @@ from .codes import N_NAV, POS
 from .kernels.records import Epochs, FilterHistory
 from .kernels.transitions import event_transitions
 from .layout import StateLayout
-from .smoother import EventRows, Smoothed
+from .smoother import EventRows
 
 SLOW_CORRELATION_S = 100.0  # correlation time; below, lines a turn apart share little
 # interval (s) of a random walk's nodes: the figures above were reached with it (chosen)
@@ -134,9 +134,7 @@ class EventTransitions:
         begin : int
             The first of them to be passed.
         """
-        h = history
-        records = (h.F, h.D, h.H, h.K, h.S, h.used)
-        event_transitions(event, *records, begin, self.product, self.begun, self.of_events)
+        event_transitions(event, history, begin, self.product, self.begun, self.of_events)
 
 
 @dataclass(frozen=True)
@@ -163,54 +161,6 @@ class EventChain:
     filtered: Array
     gain: Array
     shared: tuple[SharedError, ...] = ()
-
-    @classmethod
-    def of_passes(cls, epochs: Epochs, history: FilterHistory, smoothed: Smoothed) -> "EventChain":
-        """Return the chain of the last forward pass and its smoother.
-
-        Parameters
-        ----------
-        epochs : Epochs
-            The m epochs.
-        history : FilterHistory
-            What the forward pass left.
-        smoothed : Smoothed
-            What the full backward pass gave.
-
-        Returns
-        -------
-        EventChain
-            The chain, of all events of the epochs.
-        """
-        product = EventTransitions.before(history.cross.shape[0], history.m.shape[1])
-        product.through(epochs.event, history, 0)
-        every = EventRows.of(history.cross.shape[0], np.arange(history.m.shape[1]))
-        return cls.of(epochs, product, smoothed, every)
-
-    @classmethod
-    def of(
-        cls, epochs: Epochs, transitions: "EventTransitions", smoothed: Smoothed, read: EventRows
-    ) -> "EventChain":
-        """Return the chain of passes that went block by block.
-
-        Parameters
-        ----------
-        epochs : Epochs
-            The m epochs.
-        transitions : EventTransitions
-            Those of the last forward pass, at its end.
-        smoothed : Smoothed
-            What the full backward pass gave.
-        read : EventRows
-            The rows that it kept.
-
-        Returns
-        -------
-        EventChain
-            The chain, of all events of the epochs.
-        """
-        kept = smoothed.event_filter, smoothed.event_gain
-        return cls(events_of(epochs), transitions.of_events, read, *kept)
 
     def product(self, T: Array, rows: Array, events: np.ndarray | int) -> Array:
         """Return T_k P_k, or T_k times the transposed last factor of (B.8).

@@ -46,15 +46,13 @@ Bierman (1973) "Fixed interval smoothing with discrete measurements"; Fraser and
 the two-filter view.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ...records import Array
 from .codes import ABSENT, N_NAV, NAV
-from .kernels.backward import run_backward
-from .kernels.records import Epochs, FilterHistory, SmootherState
+from .kernels.records import SmootherState
 
 TINY = 1e-300  # keeps a division by zero away
 # relative eigenvalue of the information from which on a direction is determined
@@ -63,52 +61,7 @@ LEAST_EIGENVALUE = 1e-10
 MOST_UNDETERMINED_SHARE = 1e-6
 
 
-@dataclass(frozen=True)
-class Smoothed:
-    """What the backward pass gives at the m epochs.
-
-    Parameters
-    ----------
-    delta : Array
-        (m, n) smoothed error estimate about the nominal of the history.
-    nav_cov : Array
-        (m, 45) lower triangle of the smoothed covariance of the navigation errors, of a full run
-        only (else without rows).
-    rows : ndarray
-        (k,) the epochs of which the whole covariance is kept.
-    kept : Array
-        (k, n (n + 1) / 2) its lower triangle.
-    event_cross : Array
-        (events, 9, 9) covariance of the navigation errors of the event before with those of this
-        one (of the first: zero).
-    event_filter, event_gain : Array
-        (rows, n) of P_k of the filter and columns of the last factor of (B.8), by `EventRows`.
-    separation_epoch : ndarray
-        (s,) the epochs at which the forward/backward separation was worked out.
-    separation, separation_sigma : Array
-        (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN
-        where the later data do not determine it.
-    adjoint, information : Array
-        (s, n) lambda and (s, n, n) Lambda there, of the data behind the epoch.
-    """
-
-    delta: Array
-    nav_cov: Array
-    rows: np.ndarray
-    kept: Array
-    event_cross: Array
-    event_filter: Array
-    event_gain: Array
-    separation_epoch: np.ndarray
-    separation: Array
-    separation_sigma: Array
-    adjoint: Array
-    information: Array
-
-    @property
-    def P(self) -> Array | None:
-        """Smoothed covariance (k, n, n) at `rows`; None after a run without covariances."""
-        return unpacked(self.kept) if self.rows.size else None
+NO_STATES = np.zeros(0, dtype=np.int64)  # where the covariance between events is not wanted
 
 
 class EventRows(NamedTuple):
@@ -132,7 +85,7 @@ class EventRows(NamedTuple):
     def of(
         cls,
         events: int,
-        common: np.ndarray,
+        common: np.ndarray = NO_STATES,
         nodes: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> "EventRows":
         """Return rows of some states at all events, and of others at a few.
@@ -142,7 +95,7 @@ class EventRows(NamedTuple):
         events : int
             Camera events.
         common : ndarray
-            States that are kept at all of them.
+            States that are kept at all of them; none where it is left out.
         nodes : tuple of ndarray, optional
             (c,) event and (c,) state of what is kept besides.
 
@@ -159,20 +112,33 @@ class EventRows(NamedTuple):
         return cls(begin, state[order], common.size)
 
 
-NO_ROWS = np.zeros(0, dtype=np.int64)  # where no chain of events is wanted
-
-
-class SmootherRoom(NamedTuple):
-    """What `kernels.backward.run_backward` fills, in the order of its parameters.
+class Smoothed(NamedTuple):
+    """What the backward pass gives at the m epochs: room that `kernels.backward` fills in place.
 
     Parameters
     ----------
-    delta, nav_cov, slot, kept, event_cross : ndarray
-        As there.
-    event_begin, event_state, event_filter, event_gain, keep : ndarray
-        As there.
-    information, adjoint : ndarray
-        Its `keep_information` and `keep_adjoint`.
+    delta : Array
+        (m, n) smoothed error estimate about the nominal of the history.
+    nav_cov : Array
+        (m, 45) lower triangle of the smoothed covariance of the navigation errors, row by row, of a
+        full run only (else without rows).
+    slot : ndarray
+        (m,) the slot that takes the whole covariance of an epoch, or ABSENT.
+    kept : Array
+        (slots, n (n + 1) / 2) its lower triangle, row by row.
+    event_cross : Array
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one (of the first: zero).
+    read : EventRows
+        The rows of the following.
+    event_filter, event_gain : Array
+        (rows, n) of the covariance P_k of the filter, post, and columns of what later data make of
+        it on its right, 1 - Lambda P or P^-1 P_s, the last factor of (B.8).
+    keep : ndarray
+        (m,) the slot that takes lambda and Lambda of the epoch, where the forward/backward
+        separation is wanted, or ABSENT.
+    information, adjoint : Array
+        (slots, n, n) Lambda and (slots, n) lambda there, of the data behind the epoch.
     """
 
     delta: Array
@@ -180,8 +146,7 @@ class SmootherRoom(NamedTuple):
     slot: np.ndarray
     kept: Array
     event_cross: Array
-    event_begin: np.ndarray
-    event_state: np.ndarray
+    read: EventRows
     event_filter: Array
     event_gain: Array
     keep: np.ndarray
@@ -194,11 +159,10 @@ class SmootherRoom(NamedTuple):
         m: int,
         n: int,
         rows: np.ndarray,
-        events: int,
-        read: EventRows | None = None,
-        separations: int | np.ndarray = 100,
+        read: EventRows,
+        separations: int | np.ndarray,
         full: bool = True,
-    ) -> "SmootherRoom":
+    ) -> "Smoothed":
         """Return room for m epochs of n states.
 
         Parameters
@@ -207,10 +171,8 @@ class SmootherRoom(NamedTuple):
             Epochs and states.
         rows : ndarray
             (k,) epochs of which the whole covariance is wanted.
-        events : int
-            Camera events.
-        read : EventRows, optional
-            What the covariance between any two of them takes (B.8), where it is wanted.
+        read : EventRows
+            What the covariance between any two camera events takes (B.8).
         separations : int or ndarray
             Number of epochs at which the forward/backward separation is worked out, or which.
         full : bool
@@ -218,32 +180,45 @@ class SmootherRoom(NamedTuple):
 
         Returns
         -------
-        SmootherRoom
+        Smoothed
             Arrays.
         """
-        rows = rows if full else rows[:0]
         chosen = np.zeros(0, dtype=np.int64)
         if full and isinstance(separations, np.ndarray):
             chosen = separations
         elif full and separations:
             chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
-        states = NO_ROWS if read is None or not full else read.state
+        rows, read_rows = (rows, read.state.size) if full else (rows[:0], 0)
         return cls(
             np.empty((m, n)),
             np.empty((m if full else 0, N_NAV * (N_NAV + 1) // 2)),
-            _numbered(m, rows),
+            numbered(m, rows),
             np.empty((rows.size, n * (n + 1) // 2)),
-            np.zeros((events, N_NAV, N_NAV)),
-            NO_ROWS if read is None else read.begin,
-            states,
-            np.empty((states.size, n)),
-            np.empty((states.size, n)),
-            _numbered(m, chosen),
+            np.zeros((read.begin.size - 1, N_NAV, N_NAV)),
+            read,
+            np.empty((read_rows, n)),
+            np.empty((read_rows, n)),
+            numbered(m, chosen),
             np.zeros((chosen.size, n, n)),
             np.zeros((chosen.size, n)),
         )
 
-    def piece(self, first: int, last: int) -> "SmootherRoom":
+    @property
+    def rows(self) -> np.ndarray:
+        """The epochs (k,) of which the whole covariance is kept."""
+        return np.flatnonzero(self.slot != ABSENT)
+
+    @property
+    def P(self) -> Array | None:
+        """Smoothed covariance (k, n, n) at `rows`; None after a run without covariances."""
+        return unpacked(self.kept) if self.rows.size else None
+
+    @property
+    def separation_epoch(self) -> np.ndarray:
+        """The epochs (s,) at which the forward/backward separation was worked out."""
+        return np.flatnonzero(self.keep != ABSENT)
+
+    def piece(self, first: int, last: int) -> "Smoothed":
         """Return the room of some consecutive epochs.
 
         Parameters
@@ -253,7 +228,7 @@ class SmootherRoom(NamedTuple):
 
         Returns
         -------
-        SmootherRoom
+        Smoothed
             Views; what is not by epochs is the whole.
         """
         own = slice(first, last)
@@ -264,27 +239,44 @@ class SmootherRoom(NamedTuple):
             keep=self.keep[own],
         )
 
-    def smoothed(self) -> Smoothed:
-        """Return what the pass has filled in."""
-        separation, sigma = _separation(self.information, self.adjoint)
-        return Smoothed(
-            self.delta,
-            self.nav_cov,
-            np.flatnonzero(self.slot != ABSENT),
-            self.kept,
-            self.event_cross,
-            self.event_filter,
-            self.event_gain,
-            np.flatnonzero(self.keep != ABSENT),
-            separation,
-            sigma,
-            self.adjoint,
-            self.information,
+    def separations(self) -> tuple[Array, Array]:
+        """Return backward minus forward of the navigation states, and its standard deviation.
+
+        Returns
+        -------
+        separation, sigma : Array
+            (s, 9) at `separation_epoch`; NaN where the later data do not determine it.
+        """
+        scale = np.sqrt(np.maximum(np.diagonal(self.information, axis1=1, axis2=2), TINY))
+        w, V = np.linalg.eigh(self.information / (scale[:, :, None] * scale[:, None, :]))
+        observable = w > LEAST_EIGENVALUE
+        inverse_w = np.where(observable, 1.0 / np.where(observable, w, 1.0), 0.0)
+        inverse = (V * inverse_w[:, None, :]) @ np.swapaxes(V, -1, -2)
+        value = np.einsum("sij,sj->si", inverse, self.adjoint / scale) / scale
+        sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0)) / scale
+        determined = (
+            np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < MOST_UNDETERMINED_SHARE
         )
+        return np.where(determined, value, np.nan)[:, NAV], np.where(determined, sigma, np.nan)[
+            :, NAV
+        ]
 
 
-def _numbered(m: int, rows: np.ndarray) -> np.ndarray:
-    """Return the number (m,) of each epoch among increasing rows, or ABSENT."""
+def numbered(m: int, rows: np.ndarray) -> np.ndarray:
+    """Return the number of each epoch among some of them.
+
+    Parameters
+    ----------
+    m : int
+        Epochs.
+    rows : ndarray
+        (k,) increasing epochs.
+
+    Returns
+    -------
+    ndarray
+        (m,) 0..k - 1, or ABSENT.
+    """
     out = np.full(m, ABSENT, dtype=np.int64)
     out[rows] = np.arange(rows.size)
     return out
@@ -314,51 +306,6 @@ def last_state(n: int) -> SmootherState:
         np.zeros((N_NAV, n)),
         np.zeros(ns),
     )
-
-
-def run_smoother(
-    epochs: Epochs, history: FilterHistory, full: bool = True, separations: int = 100
-) -> Smoothed:
-    """Run the backward pass over a flight whose records are all kept.
-
-    Parameters
-    ----------
-    epochs : Epochs
-        The m epochs.
-    history : FilterHistory
-        What the forward pass left.
-    full : bool
-        Whether covariances, of all states at all epochs, cross-covariances of events and
-        separations are wanted.
-    separations : int
-        Number of epochs at which the forward/backward separation is worked out.
-
-    Returns
-    -------
-    Smoothed
-        The smoothed errors.
-    """
-    m, n = history.m.shape
-    events = history.cross.shape[0]
-    read = EventRows.of(events, np.arange(n))
-    room = SmootherRoom.of(m, n, np.arange(m), events, read, separations, full)
-    run_backward(epochs.event, history, full, last_state(n), 0, *room)
-    return room.smoothed()
-
-
-def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
-    """Return backward minus forward of the navigation states (s, 9), its sigma; NaN if unknown."""
-    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), TINY))
-    w, V = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
-    observable = w > LEAST_EIGENVALUE
-    inverse_w = np.where(observable, 1.0 / np.where(observable, w, 1.0), 0.0)
-    inverse = (V * inverse_w[:, None, :]) @ np.swapaxes(V, -1, -2)
-    value = np.einsum("sij,sj->si", inverse, adjoint / scale) / scale
-    sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0)) / scale
-    determined = (
-        np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < MOST_UNDETERMINED_SHARE
-    )
-    return np.where(determined, value, np.nan)[:, NAV], np.where(determined, sigma, np.nan)[:, NAV]
 
 
 def unpacked(triangle: Array) -> Array:

@@ -29,10 +29,9 @@ from ..filter.kernels.error_model import (
     add_bias_step,
     add_gap_noise,
     linearise,
-    predict_covariance,
-    propagate_mean,
 )
 from ..filter.kernels.measurements import measured_triple
+from ..filter.kernels.prediction import predict_covariance, propagate_mean
 from ..filter.kernels.records import make_interval_work, make_triple
 from ..filter.kernels.update import (
     cholesky,

@@ -8,9 +8,9 @@ the same length that has its samples, the bridge is compared with what the senso
     d = (x[j] + x[j + k]) L / 2  -  sum of the increments from j to j + k                      (G.1)
 
 and the mean square of d, channel by channel, is the variance that the filter adds
-(`navigation.filter.error_model`, E.8). A standing vehicle is bridged to the noise of its sensors, a
-turning one to degrees. Longer gaps divide the recording into segments that are aligned, filtered
-and smoothed each on its own.
+(`navigation.filter.kernels.error_model`, E.8). A standing vehicle is bridged to the noise of its
+sensors, a turning one to degrees. Longer gaps divide the recording into segments that are aligned,
+filtered and smoothed each on its own.
 """
 
 import numpy as np

@@ -4,9 +4,10 @@ nothing of navigation.
 
 import numpy as np
 import pytest
+from batch_least_squares import batch
 from posed import cross_covariance
 
-from insgnss.flight.reference.linear import LinearProblem, batch, filtered, smoothed
+from insgnss.flight.reference.linear import LinearProblem, filtered, smoothed
 
 EPOCHS, STATES = 12, 3
 

@@ -5,13 +5,13 @@ neither the core nor itself.
 from dataclasses import replace
 
 import numpy as np
+from batch_least_squares import batch
 from filterpy.common import van_loan_discretization
 from flown import fly, without_noise
 from numpy.testing import assert_allclose
 from posed import Pose, posed
 
 from insgnss.flight.reference.error_model import continuous, earth_rate, influence, propagate
-from insgnss.flight.reference.linear import batch
 from insgnss.flight.reference.strapdown import State, rotation
 from insgnss.flight.reference.twin import run_forward, solve_twin
 from insgnss.navigation.filter.layout import FixErrors

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from filterpy.common import van_loan_discretization
 from flown import Flown, fly, moved
+from linearised_interval import Interval, linearise_interval
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew, vector_from_rotation
 from insgnss.navigation.filter.codes import BIAS, DRIFT, NAV, POS, PSI, VEL
-from insgnss.navigation.filter.error_model import Interval, linearise_interval
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.records import IntegrationIntervals
 from insgnss.navigation.filter.kernels.update import state_difference

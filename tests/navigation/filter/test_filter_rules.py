@@ -21,7 +21,12 @@ from insgnss.navigation.filter.dense import _give_back, _missed
 from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, with_nhc, with_zupt
 from insgnss.navigation.filter.event_chain import _whitened, nodes_of
 from insgnss.navigation.filter.event_clock import _means
-from insgnss.navigation.filter.filter import measured_slots, outages, refuse_divergence
+from insgnss.navigation.filter.filter import (
+    history_room,
+    measured_slots,
+    outages,
+    refuse_divergence,
+)
 from insgnss.navigation.filter.kernels.transitions import event_transitions
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.smoother import diagonal, unpacked
@@ -186,7 +191,9 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
     event = np.full(m, ABSENT)
     event[[1, 4, 6]] = [0, 1, 2]
     M, begun, out = np.eye(n), np.zeros(1, dtype=np.int64), np.zeros((3, n, n))
-    event_transitions(event, F, D, H, K, S, np.full(6, width), 0, M, begun, out)
+    slot, used = np.array([0, 3]), np.full(6, width)
+    room = history_room(m, n, m, slot, used, np.full(m, ABSENT), 0, 3)
+    event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, M, begun, out)
     expected, product = [], None
     for e in range(m):
         if product is not None:

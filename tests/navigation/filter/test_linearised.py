@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from batch_least_squares import batch
 from flown import NO_GATE, Flown, error_of, fly, start_near
 from scipy.stats import chi2
 
 import insgnss
 import insgnss.flight.config.imu_options  # registers the kind of option "axes"
 from insgnss.base.errors import DataError, InputError
-from insgnss.flight.reference.linear import batch
 from insgnss.flight.reference.twin import solve_twin
 from insgnss.flight.reference.verify import differences
 from insgnss.flight.sensors.kinds import kinds

@@ -11,28 +11,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from flown import NO_GATE, fly, start_near
+from batch_least_squares import Batch, batch
+from flown import NO_GATE, fly, passes_in_one, start_near
+from linearised_interval import linearise_interval
 
-from insgnss.flight.reference.linear import (
-    Batch,
-    GaussianStates,
-    LinearProblem,
-    batch,
-    filtered,
-    smoothed,
-)
+from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
 from insgnss.navigation.filter.correction import corrections
-from insgnss.navigation.filter.error_model import linearise_interval
 from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
-from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S, make_history, run_filter
+from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
 from insgnss.navigation.filter.kernels.update import state_difference
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
-from insgnss.navigation.filter.smoother import Smoothed, run_smoother
+from insgnss.navigation.filter.smoother import Smoothed
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.filter.strapdown import kernel_earth, kernel_intervals
 from insgnss.navigation.noise_model.model import load_noise_model
@@ -153,13 +147,15 @@ def case() -> Case:
         start, mean=0.3 * np.sqrt(np.diag(start.P)) * np.cos(np.arange(start.mean.size))
     )
     first = solve(problem, start, "off")
-    history = make_history(problem.epochs, problem.layout)
+    passes = passes_in_one(problem, start)
+    history = passes.history
     history.nav[:], history.x[:] = first.nav, first.x
-    run_filter(problem, start, history, closed_loop=False)
+    passes.filter(closed_loop=False)
     linear = in_matrices(problem, start, history.nav, history.x)
-    mean, P = history.m.copy(), history.P.copy()
-    both = run_smoother(problem.epochs, history)
-    chain = EventChain.of_passes(problem.epochs, history, both)
+    mean, P = history.m[1:].copy(), history.P[1:].copy()
+    both = passes.smooth()
+    chain = passes.chain(both)
+    assert chain is not None
     nominal = first.nav, first.x
     return Case(problem, start, nominal, mean, P, both, linear, events, chain)
 

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from flown import NO_GATE, error_of, fly, start_near
+from flown import NO_GATE, error_of, fly, passes_in_one, start_near
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import DataError
 from insgnss.navigation.filter.codes import ABSENT, COVARIANCE_RESET, POSITION
-from insgnss.navigation.filter.event_chain import EventChain
 from insgnss.navigation.filter.filter import make_history, run_filter
-from insgnss.navigation.filter.smoother import run_smoother
 from insgnss.navigation.filter.solution import refuse_negative_variances, solve
 from insgnss.simulation.scenario import GnssOptions
 
@@ -31,11 +29,12 @@ def flown():
 def smoothed(flown):
     """Start, forward pass, the same with what the smoother made of it."""
     start = start_near(flown, WIDE)
-    forward, history = (make_history(flown.problem.epochs, flown.problem.layout) for _ in range(2))
-    for each in (forward, history):
-        run_filter(flown.problem, start, each)
-    full = run_smoother(flown.problem.epochs, history)
-    return forward, full, EventChain.of_passes(flown.problem.epochs, history, full)
+    forward = make_history(flown.problem.epochs, flown.problem.layout)
+    run_filter(flown.problem, start, forward)
+    passes = passes_in_one(flown.problem, start)
+    passes.filter()
+    full = passes.smooth()
+    return forward, full, passes.chain(full)
 
 
 def solved(A, B):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import NO_GATE, Flown, error_of, fly, moved, start_near
+from flown import NO_GATE, Flown, error_of, fly, moved, passes_in_one, start_near
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import DataError
@@ -20,7 +20,6 @@ from insgnss.navigation.filter.filter import gate_from_sigma, make_history, run_
 from insgnss.navigation.filter.kernels.error_model import add_gap_noise, channel_columns
 from insgnss.navigation.filter.kernels.records import make_integrals
 from insgnss.navigation.filter.kernels.update import feed_back, reset_covariance
-from insgnss.navigation.filter.smoother import run_smoother
 from insgnss.navigation.filter.solution import Solution, solve, trajectory
 
 WIDE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([2.0, 2.0, 20.0])])
@@ -84,12 +83,11 @@ def test_a_good_start_needs_one_pass(flown):
 
 def test_means_alone_are_those_of_the_full_smoother(flown):
     """Oracle: the same recursion without covariances must not move a digit."""
-    history = make_history(flown.problem.epochs, flown.problem.layout)
-    run_filter(flown.problem, start_near(flown, ALIGNED), history)
-    means = run_smoother(flown.problem.epochs, history, full=False)
-    full = run_smoother(flown.problem.epochs, history)
+    passes = passes_in_one(flown.problem, start_near(flown, ALIGNED))
+    passes.filter()
+    means, full = passes.smooth(full=False), passes.smooth()
     assert means.P is None
-    assert means.separation.size == 0
+    assert means.separation_epoch.size == 0
     assert_array_equal(means.delta, full.delta)
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flown import NO_GATE, Flown, fly, start_near
+from linearised_interval import linearise_interval
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import UsageError
-from insgnss.navigation.filter.error_model import linearise_interval
 from insgnss.navigation.filter.filter import (
     INCREMENT_BLOCK_S,
     gate_from_sigma,

@@ -1,19 +1,19 @@
 """Numba kernels of the navigation core.
 
 Mathematics, with the numbers of the equations that the kernels quote: `navigation.filter.strapdown`
-(S), `navigation.filter.error_model` (E), `navigation.filter.filter` (K),
-`navigation.filter.smoother` (B).
+(S), `error_model` here (E), `navigation.filter.filter` (K), `navigation.filter.smoother` (B).
 
 ============== ===================================================================
 records        what kernels take and fill: intervals, epochs, models, scratch
 strapdown      the nominal state from one epoch to the next
 error_model    transition and process noise of the errors over the same interval
+prediction     covariance, mean and columns of errors over the same interval
 measurements   innovation and derivative of each kind of measured triple
 update         innovation gate, update with three scalars, covariance reset, feedback
 forward        the filter over all epochs
 backward       the smoother over all epochs
 outage         the smoothed covariance between fixes that are far apart
-transitions    of all errors from each camera event to the next
+transitions    errors between camera events, and from information about them to all epochs
 copies         of vectors and matrices, element by element
 blas           what multiplies matrices, without the package around it
 ============== ===================================================================

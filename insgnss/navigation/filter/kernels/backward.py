@@ -12,25 +12,7 @@ CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digi
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def run_backward(
-    event,
-    history,
-    full,
-    state,
-    begin,
-    delta,
-    nav_cov,
-    slot,
-    kept,
-    event_cross,
-    event_begin,
-    event_state,
-    event_filter,
-    event_gain,
-    keep,
-    keep_information,
-    keep_adjoint,
-):
+def run_backward(event, history, full, state, begin, out):
     """Run the modified Bryson-Frazier smoother (B.1-B.8) from the last epoch to the first.
 
     Of most epochs the navigation block of the covariance is all that anybody asks for, a quarter of
@@ -49,33 +31,14 @@ def run_backward(
         epoch before `begin`.
     begin : int
         The epoch to end with, as of `run_forward`.
-    delta : ndarray
-        (m, n) smoothed errors of the nominal, filled in place.
-    nav_cov : ndarray
-        (m, 45) lower triangle of the smoothed covariance of the navigation errors, row by row,
-        filled in place with `full`.
-    slot : ndarray
-        (m,) the slot that takes the whole covariance of an epoch, or ABSENT.
-    kept : ndarray
-        (slots, n (n + 1) / 2) its lower triangle, row by row, filled in place with `full`.
-    event_cross : ndarray
-        (events, 9, 9) covariance of the navigation errors of the event before with those of this
-        one, filled in place with `full`.
-    event_begin, event_state : ndarray
-        (events + 1,) the first row of each event in the following, and (rows,) the state of each
-        row; without rows where nobody asks for them.
-    event_filter, event_gain : ndarray
-        (rows, n) rows of the covariance of the filter, post, and columns of what later data make of
-        it on its right, 1 - Lambda P or P^-1 P_s (B.8), filled in place with `full`.
-    keep : ndarray
-        (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
-    keep_information, keep_adjoint : ndarray
-        (slots, n, n) Lambda and (slots, n) lambda, filled in place.
+    out : Smoothed
+        What it gives (`navigation.filter.smoother`), filled in place; covariances, and what is made
+        of them, with `full`.
     """
     nz, n = history.H.shape[1], history.m.shape[1]
     ns = n - N_NAV
     lam, Lam, smoothed_later = state.adjoint, state.information, state.later
-    chained = event_state.size > 0
+    chained = out.read.state.size > 0
     new = np.zeros(n)
     A, B, smoothed, gain = (
         np.zeros((n, n)),
@@ -88,10 +51,10 @@ def run_backward(
     g = np.zeros((3, n))
     for e in range(event.size - 1, begin - 1, -1):
         P = history.P[e]
-        if keep[e] != ABSENT:
-            copy_matrix(Lam, keep_information[keep[e]])
-            copy_vector(lam, keep_adjoint[keep[e]])
-        estimate = delta[e]
+        if out.keep[e] != ABSENT:
+            copy_matrix(Lam, out.information[out.keep[e]])
+            copy_vector(lam, out.adjoint[out.keep[e]])
+        estimate = out.delta[e]
         copy_vector(history.m[e], estimate)
         for c in range(n):  # P is symmetric
             t, row = lam[c], P[c]
@@ -106,7 +69,7 @@ def run_backward(
                 for c in range(N_NAV):
                     nav[r, c] = P[r, c] - 0.5 * (BN[r, c] + BN[c, r])
                 cancelled = cancelled or (within and not nav[r, r] > CANCELLED * P[r, r])
-            whole = slot[e] != ABSENT or outage != ABSENT or cancelled
+            whole = out.slot[e] != ABSENT or outage != ABSENT or cancelled
             if whole or (chained and j != ABSENT):
                 np.dot(Lam, P, A)
             if whole:
@@ -120,34 +83,34 @@ def run_backward(
                 np.dot(AN, cross.T, BN)
                 for r in range(N_NAV):
                     for c in range(N_NAV):
-                        event_cross[j, r, c] = cross[r, c] - BN[c, r]
+                        out.event_cross[j, r, c] = cross[r, c] - BN[c, r]
                 if chained:
-                    for t in range(event_begin[j], event_begin[j + 1]):
-                        s = event_state[t]
-                        copy_vector(P[s], event_filter[t])
+                    for t in range(out.read.begin[j], out.read.begin[j + 1]):
+                        s = out.read.state[t]
+                        copy_vector(P[s], out.event_filter[t])
                         for r in range(n):
-                            event_gain[t, r] = -A[r, s]
-                        event_gain[t, s] += 1.0
+                            out.event_gain[t, r] = -A[r, s]
+                        out.event_gain[t, s] += 1.0
             if cancelled:
                 F, D, W, Qbb = state.F, state.D, state.W, state.Qbb
                 if smooth_across(P, F, D, W, Qbb, smoothed_later, smoothed):
                     copy_matrix(smoothed[:N_NAV, :N_NAV], nav)
                     if j != ABSENT and gain_within(P, smoothed, gain):
                         np.dot(history.cross[j], gain, M)
-                        copy_matrix(M[:, :N_NAV], event_cross[j])
+                        copy_matrix(M[:, :N_NAV], out.event_cross[j])
                         if chained:
-                            for t in range(event_begin[j], event_begin[j + 1]):
-                                copy_vector(gain[:, event_state[t]], event_gain[t])
+                            for t in range(out.read.begin[j], out.read.begin[j + 1]):
+                                copy_vector(gain[:, out.read.state[t]], out.event_gain[t])
             t = 0
             for r in range(N_NAV):
                 for c in range(r + 1):
-                    nav_cov[e, t] = nav[r, c]
+                    out.nav_cov[e, t] = nav[r, c]
                     t += 1
-            if slot[e] != ABSENT:
+            if out.slot[e] != ABSENT:
                 t = 0
                 for r in range(n):
                     for c in range(r + 1):
-                        kept[slot[e], t] = smoothed[r, c]
+                        out.kept[out.slot[e], t] = smoothed[r, c]
                         t += 1
             state.within[0] = outage != ABSENT
             if outage != ABSENT:

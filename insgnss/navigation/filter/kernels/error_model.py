@@ -1,4 +1,45 @@
-"""The error model (E): transition and process noise over an interval between epochs."""
+"""The linear model of the errors between two epochs: transition and process noise.
+
+Errors are truth minus estimate, attitude ``C(true) = exp([psi x]) C(estimate)`` in the axes of l.
+With a = C_lb f, the channel errors db_g and db_a (sums of IMU error states) and white noise w:
+
+    dp' = dv                                                                                  (E.1)
+    dv' = -[a x] psi - C_lb (db_a + w_a) + G dp - 2 [Omega x] dv                              (E.2)
+    psi' = -[Omega x] psi - C_lb (db_g + w_g)                                                 (E.3)
+
+G = diag(-g/R, -g/R, 2 g/R) is the gravity gradient. The epoch's interval is cut into blocks of at
+most `block` seconds. Over a block of length B the samples give S_C, the integral of C_lb, s1, that
+of a, and s2, that of s1. The block's transition is
+
+    psi <- psi - B Omega x psi
+    v   <- v - s1 x psi + B (G p - 2 Omega x v)
+    p   <- p + B v - s2 x psi                                                                 (E.4)
+
+and a unit constant error of gyro axis i (column e of S_C) and of accelerometer axis i adds
+
+    psi: -e,  v: s1 x e / 2,  p: B s1 x e / 6          and          v: -e,  p: -B e / 2       (E.5)
+
+times the mean of the state over the block, (1 - exp(-beta B)) / (beta B). What (E.4, E.5) leave out
+within one block is a relative 1e-2 of terms that are themselves small; across blocks the
+composition is exact. The joint covariance of the navigation errors with the IMU states driven since
+the last epoch, W = [Q_nn Q_nb] and the diagonal Q_bb, goes along:
+
+    W <- Phi W Phi' + block noise
+    Q_bb <- d^2 Q_bb + drive (1 - d^2) / (2 beta),   d = exp(-beta B)                         (E.6)
+    block noise: white noise integrated once (psi, v), twice (p of accelerometers, v of gyros),
+    three times (p of gyros); driving noise q of a state with column c: c c' q B/3 on Q_nn, c q B/2
+    on
+    Q_nb                                                                                      (E.7)
+
+An interval of length B that the IMU did not see, bridged by increments of variance q in channel i
+with column c_i of (E.5), adds
+
+    c_i c_i' q / B^2  on Q_nn                                                                 (E.8)
+
+At an epoch before which the constant bias of channel i may step, with variance v_i,
+
+    v_i  on Q_bb of that bias                                                                 (E.9)
+"""
 
 import numpy as np
 
@@ -454,72 +495,3 @@ def add_bias_step(Qbb, model, variance):
     for s in range(Qbb.size):
         if model.factor[s] == BIAS and model.beta[s] == 0.0:
             Qbb[s] += variance[model.channel[s]]
-
-
-@njit(cache=True)
-def predict_covariance(P, F, D, W, Qbb, X, nine):
-    """Predict the covariance in place: P <- Phi P Phi' + Q, Phi = [F; 0 D] and Q = [W; Q_bb].
-
-    Parameters
-    ----------
-    P : ndarray
-        (n, n) covariance of the errors, changed in place.
-    F : ndarray
-        (9, n) navigation rows of the transition matrix.
-    D : ndarray
-        (ns,) diagonal of the transition matrix behind them.
-    W : ndarray
-        (9, n) process noise [Q_nn Q_nb].
-    Qbb : ndarray
-        (ns,) diagonal of the process noise of the states behind those of navigation.
-    X : ndarray
-        (9, n) scratch.
-    nine : ndarray
-        (9, 9) scratch.
-    """
-    n = P.shape[0]
-    np.dot(F, P, X)
-    np.dot(X, F.T, nine)
-    for r in range(N_NAV):
-        for c in range(r, N_NAV):
-            t = nine[r, c] + W[r, c]
-            P[r, c] = t
-            P[c, r] = t
-    for r in range(N_NAV):
-        for c in range(N_NAV, n):
-            t = X[r, c] * D[c - IMU0] + W[r, c]
-            P[r, c] = t
-            P[c, r] = t
-    for s in range(D.size):
-        d, row = D[s], P[IMU0 + s, IMU0:]
-        for k in range(D.size):
-            row[k] *= d * D[k]
-        row[s] += Qbb[s]
-
-
-@njit(cache=True, allocates=False)
-def propagate_mean(F, D, m, gap, scratch):
-    """Predict the error estimate in place: m <- Phi m + gap, Phi = [F; 0 D].
-
-    Parameters
-    ----------
-    F : ndarray
-        (9, n) navigation rows of the transition matrix.
-    D : ndarray
-        (ns,) diagonal of the transition matrix behind them.
-    m : ndarray
-        (n,) estimate of the errors about the nominal, changed in place.
-    gap : ndarray
-        (n,) propagated nominal minus the nominal at the next epoch, about which m then counts.
-    scratch : ndarray
-        (n,) scratch.
-    """
-    for r in range(N_NAV):
-        t = gap[r]
-        for c in range(m.size):
-            t += F[r, c] * m[c]
-        scratch[r] = t
-    for s in range(D.size):
-        scratch[IMU0 + s] = gap[IMU0 + s] + D[s] * m[IMU0 + s]
-    for c in range(m.size):
-        m[c] = scratch[c]

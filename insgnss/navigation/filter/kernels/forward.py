@@ -22,11 +22,10 @@ from .error_model import (
     add_bias_step,
     add_gap_noise,
     linearise,
-    predict_covariance,
-    propagate_mean,
     set_decay,
 )
 from .measurements import measured_triple
+from .prediction import predict_covariance, propagate_mean
 from .records import make_interval_work, make_triple
 from .update import (
     cholesky,
