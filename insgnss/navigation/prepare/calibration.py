@@ -27,6 +27,7 @@ from ...base.errors import InputError
 from ...base.files import atomic_write
 from ...base.tables import Table, read_toml
 from ...base.units import format_quantity, parse_quantity
+from ...base.wording import toml
 from ...records import Array, ImuSamples, Question
 from .gaps import LEAST_GAP_INTERVALS, nominal_interval
 
@@ -273,7 +274,7 @@ def write_calibration(
     """
     lines = [f"# {remark}" for remark in remarks]
     lines += [
-        f"{key} = {_quoted(getattr(calibration, key))}"
+        f"{key} = {toml(getattr(calibration, key))}"
         for key in ("name", "source")
         if getattr(calibration, key)
     ]
@@ -303,9 +304,4 @@ def _response_lines(values: Array, suffix: str) -> list[str]:
 
 
 def _line(key: str, values: Array, unit: str) -> str:
-    return f"{key} = [{', '.join(_quoted(format_quantity(float(v), unit)) for v in values)}]"
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else " " for c in escaped) + '"'
+    return f"{key} = {toml([format_quantity(float(v), unit) for v in values])}"
