@@ -29,7 +29,7 @@ from ...base.tables import Table, read_toml
 from ...base.units import format_quantity, parse_quantity
 from ...base.wording import toml
 from ...records import Array, ImuSamples, Question
-from .gaps import LEAST_GAP_INTERVALS, nominal_interval
+from .gaps import sample_lengths
 
 OFF_IDENTITY = 0.1  # of the matrix from identity: no calibration, but other units or axes
 LOWER = ((1, 0), (2, 0), (2, 1))  # cells of N for three misalignments: N_yx, N_zx, N_zy
@@ -111,13 +111,7 @@ class ImuCalibration:
 
     def apply(self, imu: ImuSamples) -> ImuSamples:
         """Return calibrated samples in the same quantity (C.2), with a note of what was applied."""
-        dt: Array | float = 1.0
-        if imu.quantity == "increments":
-            nominal = nominal_interval(imu.time)
-            step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-            dt = np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)[
-                :, None
-            ]  # an increment after a gap is over one interval
+        dt = sample_lengths(imu.time)[:, None] if imu.quantity == "increments" else 1.0
         note = Question("IMU calibration", "").ok(
             f"{self.name or 'calibration'} applied: {self.summary()}"
         )

@@ -44,6 +44,13 @@ def mean_interval(time: Array) -> float:
     return float(np.mean(step[step <= max(PAUSE_S, 3.0 * nominal_interval(time))]))
 
 
+def sample_lengths(time: Array) -> Array:
+    """Return the time that each sample integrates, (n,) s; after a gap it is the nominal one."""
+    nominal = nominal_interval(time)
+    step = np.diff(time, prepend=time[0] - nominal)
+    return np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)
+
+
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
     """Find every interval longer than `LEAST_GAP_INTERVALS` nominal ones.
 

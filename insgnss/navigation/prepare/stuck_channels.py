@@ -12,6 +12,7 @@ a person to look at.
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...records import Array, ImuSamples, Question
 from .gaps import nominal_interval
@@ -25,6 +26,12 @@ DEAD_BAND, DEAD_BAND_SHARE = 0.05, 0.01  # rad/s; share of the samples
 MOVES = 0.3  # share of the samples at which another channel of the triad changes
 MOST_PROBED = 200_000  # samples that show how often a value repeats (chosen)
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z")
+
+
+def run_edges(column: np.ndarray) -> NDArray[np.int64]:
+    """Return where each run of equal values begins, and the number of values at the end."""
+    changes = np.flatnonzero(column[1:] != column[:-1]) + 1
+    return np.concatenate([[0], changes, [column.size]])
 
 
 def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
