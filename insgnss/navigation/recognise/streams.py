@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...base.findings.remedies import Step
 from ...records import Array, Finding, GnssFixes, Question
+from ...records.interpolation import columns_at
 from ...records.qualities import Quality
 from ..prepare.fix_path import north_east
 
@@ -95,5 +96,4 @@ def _off(
     time: Array, values: Array, path: NDArray[np.bool_], rows: NDArray[np.intp], sign: float
 ) -> Array:
     """`values` (n, 3) of the rows plus `sign` times those of the path there."""
-    there = [np.interp(time[rows], time[path], values[path, c]) for c in range(3)]
-    return np.asarray(values[rows] + sign * np.column_stack(there))
+    return np.asarray(values[rows] + sign * columns_at(time[rows], time[path], values[path]))
