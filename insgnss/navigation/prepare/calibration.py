@@ -130,11 +130,9 @@ class ImuCalibration:
             off = triad.response - np.diag(np.diag(triad.response))
             bias = np.abs(triad.bias).max()
             text = f"{np.degrees(bias):.3f} deg/s" if sensor == "gyro" else f"{bias:.3f} m/s^2"
-            parts.append(
-                f"{sensor} bias to {text}, scale to {1e6 * np.abs(triad.scale_factor).max():.0f}"
-                " ppm, misalignment to "
-            )
-            parts[-1] += f"{1e3 * np.abs(off).max():.2f} mrad"
+            ppm, mrad = 1e6 * np.abs(triad.scale_factor).max(), 1e3 * np.abs(off).max()
+            scale = f"scale to {ppm:.0f} ppm, misalignment to {mrad:.2f} mrad"
+            parts.append(f"{sensor} bias to {text}, {scale}")
         return "; ".join(parts)
 
 
@@ -185,16 +183,10 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
         triads[sensor] = _triad(table, sensor)
         if fault := _implausible(sensor, triads[sensor]):
             key, _, why = fault.partition(": ")
-            raise table.error(
-                next((k for k in (key, "scale_factor", "misalignment") if k in table.data), key),
-                why,
-            )
-    return ImuCalibration(
-        triads["gyro"],
-        triads["accel"],
-        top.text("name", Path(path).stem),
-        top.text("source", "not stated"),
-    )
+            keys = (key, "scale_factor", "misalignment")
+            raise table.error(next((k for k in keys if k in table.data), key), why)
+    name, source = top.text("name", Path(path).stem), top.text("source", "not stated")
+    return ImuCalibration(triads["gyro"], triads["accel"], name, source)
 
 
 def _triad(table: Table, sensor: str) -> TriadCalibration:
@@ -285,11 +277,8 @@ def write_calibration(
 
 
 def _response_lines(values: Array, suffix: str) -> list[str]:
-    cells = (
-        LOWER
-        if not any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
-        else OFF_DIAGONAL
-    )
+    above = any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
+    cells = OFF_DIAGONAL if above else LOWER
     off = np.array([values[cell] for cell in cells])
     return [
         _line(f"scale_factor{suffix}", np.diag(values), "ppm"),
