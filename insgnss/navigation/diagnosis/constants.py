@@ -184,17 +184,11 @@ class ConstantsEvidence:
             of_imu = own[~self.of_fixes[own]]
             if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
                 continue
-            hypotheses.append(
-                Hypothesis(
-                    suspected,
-                    float(evidence[k, factor]),
-                    tuple(self.states[state] for state in own),
-                    estimate[case, own] * self.wide[own],
-                    np.sqrt(cov[case, own, own]) * self.wide[own],
-                    PRIOR_FACTORS[factor],
-                    float(wide_evidence[k]),
-                )
-            )
+            states, wide = tuple(self.states[state] for state in own), self.wide[own]
+            estimates = estimate[case, own] * wide, np.sqrt(cov[case, own, own]) * wide
+            strength = PRIOR_FACTORS[factor], float(wide_evidence[k])
+            one = Hypothesis(suspected, float(evidence[k, factor]), states, *estimates, *strength)
+            hypotheses.append(one)
         return tuple(sorted(hypotheses, key=lambda one: -one.evidence))
 
     def strongest(self) -> Hypothesis | None:

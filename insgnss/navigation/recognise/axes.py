@@ -95,14 +95,8 @@ def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose
     fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_COURSE_MS
     course_rate = np.where(fast, np.angle(v2 * np.conj(v1)) / (0.5 * width), np.nan)
     v = 0.5 * (v1 + v2)
-    return Pose(
-        instants + fit.theta[0],
-        C_ns,
-        fit.yaw_sigma[window],
-        np.column_stack([v.real, v.imag]),
-        course_rate,
-        width,
-    )
+    time, velocity = instants + fit.theta[0], np.column_stack([v.real, v.imag])
+    return Pose(time, C_ns, fit.yaw_sigma[window], velocity, course_rate, width)
 
 
 def _velocity(
@@ -210,9 +204,8 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
         N = (A.conj().T * weight) @ A + prior
         c, wind = np.linalg.solve(N, (A.conj().T * weight) @ v)
         rest = np.abs(v - c * h - wind)
-        scale = max(
-            1.2 * float(np.median(rest[heading_known])) if heading_known.any() else scale, GUST_MS
-        )
+        if heading_known.any():
+            scale = max(1.2 * float(np.median(rest[heading_known])), GUST_MS)
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
     along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)

@@ -114,22 +114,9 @@ def scan_lags(
     X = propagated.S if of_positions else propagated.V
     dX = propagated.V if of_positions else propagated.force
     out = np.zeros((lags.size, acc.window.max(initial=0) + 1, 16))
-    scan(
-        acc.nodes,
-        acc.coef,
-        acc.z,
-        acc.weight,
-        acc.window,
-        lags,
-        X,
-        dX,
-        grid.broken,
-        grid.start,
-        grid.step,
-        np.empty(3),
-        np.empty(3),
-        out,
-    )
+    rows = acc.nodes, acc.coef, acc.z, acc.weight, acc.window
+    steps, scratch = (grid.broken, grid.start, grid.step), (np.empty(3), np.empty(3))
+    scan(*rows, lags, X, dX, *steps, *scratch, out)
     M, z = out[..., :9].reshape(*out.shape[:2], 3, 3), out[..., 11:14]
     zz, aa, weight, count = (out[..., k] for k in (9, 10, 14, 15))
     use = count >= LEAST_WINDOW_ROWS
@@ -139,9 +126,8 @@ def scan_lags(
     whole = np.where(use, zz - np.sum(z**2, axis=2) / np.maximum(weight, 1e-300), 0.0).sum(axis=1)
     covered = np.where(use, weight, 0.0).sum(axis=1)
     spacing = float(np.median(np.diff(acc.time))) if acc.time.size > 1 else 1.0
-    samples = np.maximum(
-        3.0 * covered * min(spacing / acc.span_s, 1.0) - 4.0 * use.sum(axis=1), 0.0
-    )
+    independent = 3.0 * covered * min(spacing / acc.span_s, 1.0)
+    samples = np.maximum(independent - 4.0 * use.sum(axis=1), 0.0)
     score, up, down = (
         np.where(covered > 0.5 * acc.weight.sum(), 1.0 - x / np.maximum(whole, 1e-300), -np.inf)
         for x in left
@@ -269,11 +255,8 @@ class _Model:
 
 def _about_window_mean(x: Array, window: NDArray[np.int64]) -> Array:
     n = np.bincount(window)
-    mean = (
-        np.column_stack([np.bincount(window, x[:, c]) for c in range(x.shape[1])])
-        / np.maximum(n, 1)[:, None]
-    )
-    return x - mean[window]
+    sums = np.column_stack([np.bincount(window, column) for column in x.T])
+    return x - (sums / np.maximum(n, 1)[:, None])[window]
 
 
 def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows: int) -> Array:

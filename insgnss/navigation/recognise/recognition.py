@@ -174,24 +174,14 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     gnss = replace(gnss, time=gnss.time + shift)
     relation = relate(grid, gnss, sound, force, reach)
     if relation is None:
-        return _abstained(
-            force,
-            per_sample,
-            "too few fixes or readings in common with GNSS, or gyros that show nothing",
-        )
+        why = "too few fixes or readings in common with GNSS, or gyros that show nothing"
+        return _abstained(force, per_sample, why)
     if relation.fit is None:
         why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
         return _abstained(force, per_sample, why, _scores(relation))
     mirror = _mirrored(relation, grid, gnss, sound, force, reach)
-    return _recognised(
-        relation,
-        force,
-        grid.interval,
-        imu.gps_week or gnss.gps_week,
-        poses(relation, gnss, sound),
-        shift,
-        mirror,
-    )
+    week, pose = imu.gps_week or gnss.gps_week, poses(relation, gnss, sound)
+    return _recognised(relation, force, grid.interval, week, pose, shift, mirror)
 
 
 def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
@@ -251,9 +241,8 @@ def _recognised(
 ) -> Recognition:
     """All answers, each at most as sure as the findings that it is based on."""
     of_unit, triads = of_gyro(relation, force, interval)
-    trusted = min(
-        force.of_unit.confidence or MOST_CONFIDENCE, of_unit.confidence, triads.confidence
-    )
+    of_force_unit = force.of_unit.confidence or MOST_CONFIDENCE
+    trusted = min(of_force_unit, of_unit.confidence, triads.confidence)
     clock = of_clock(relation, week, trusted, shift)
     sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirror)
     vertical = down(pose)
@@ -262,44 +251,36 @@ def _recognised(
     assert relation.fit is not None
     moved = propulsion(pose.time, pose.C_ns, relation.fit.felt, ahead.direction.axis)
     of_ahead = of_forward(ahead, moved, of_down.confidence)
-    C_b_imu = np.array(
-        [ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis]
-    )
+    right = np.cross(vertical.axis, ahead.direction.axis)
+    C_b_imu = np.array([ahead.direction.axis, right, vertical.axis])
     axes = axes_words(C_b_imu) if of_ahead.confidence and triads.found == "aligned" else None
     evidence = f"{of_down.evidence}; {of_ahead.evidence}"
     of_axes = answer("axes", axes or "", of_ahead.confidence if axes else 0.0, evidence)
     unit_is_known = of_unit.confidence > 0.0
     per_sample = interval if force.quantity == "increments" else 1.0
-    factor = relation.factors[relation.best]
+    factor, unit = 1.0, _plain_gyro_unit(force)
+    if unit_is_known:
+        factor = relation.factors[relation.best] * per_sample
+        unit = gyro_unit(relation.factors[relation.best], force.quantity, interval)
+    of_axis = of_force, of_down, of_ahead, of_axes
+    of_clocks = clock.of_offset, clock.of_scale
+    findings = force.of_quantity, force.of_unit, of_unit, triads, *of_axis, *of_clocks
+    motion = _motion(relation, pose, C_b_imu if axes else np.eye(3))
+    tried = clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirror))
     return Recognition(
         force.quantity,
-        gyro_unit(factor, force.quantity, interval) if unit_is_known else _plain_gyro_unit(force),
+        unit,
         force.unit,
-        factor * per_sample if unit_is_known else 1.0,
+        factor,
         force.factor * per_sample,
-        (
-            force.of_quantity,
-            force.of_unit,
-            of_unit,
-            triads,
-            of_force,
-            of_down,
-            of_ahead,
-            of_axes,
-            clock.of_offset,
-            clock.of_scale,
-        ),
-        _scores(relation)
-        | _motion(relation, pose, C_b_imu if axes else np.eye(3))
-        | _orientations(vertical, ahead),
+        findings,
+        _scores(relation) | motion | _orientations(vertical, ahead),
         axes,
         sign if of_force.confidence else 1,
         clock.offset_s,
         clock.sigma_s,
         clock.scale,
-        clock.of_offset.confidence > 0.0
-        and bool(np.isfinite(mirror))
-        and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
+        tried and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
     )
 
 

@@ -226,13 +226,9 @@ class _Track:
         nominal = nominal_interval(imu.time)
         if imu.quantity == "instant_rate":
             step = np.diff(imu.time)
-            return cls(
-                imu.time,
-                rates,
-                np.diff(rates, axis=0) / step[:, None],
-                step > LEAST_GAP_INTERVALS * nominal,
-                True,
-            )
+            chord = np.diff(rates, axis=0) / step[:, None]
+            broken = step > LEAST_GAP_INTERVALS * nominal
+            return cls(imu.time, rates, chord, broken, True)
         time = np.concatenate([[imu.time[0] - nominal], imu.time])
         value = np.empty((time.size, 6))
         running_sum(time, rates, value)
