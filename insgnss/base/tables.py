@@ -21,7 +21,7 @@ from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST_NESTING, too_deep
 from .received.trusted import trusting
-from .units import LARGEST_UNIT, is_number, spells_zero
+from .units import LARGEST_UNIT, is_number, parse_quantity, spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -132,11 +132,15 @@ class Table:
 
     def tables(self, key: str) -> "list[Table]":
         """Return an array of sub-tables ([[name]]), keys checked, empty where it is absent."""
-        items = self.value(key, list, [])
+        items = self.data.get(key, [])
         name = self.full(key)
-        if not all(isinstance(item, dict) for item in items):
+        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
             raise self.error(key, f"{reprlib.repr(items)}, expected [[{name}]] tables")
-        subs = [Table(self.path, self.lines, self.keys, name, item, self.sources) for item in items]
+        source = self.source(key)
+        subs = [
+            Table(source.path, _lines_of_entry(source.lines, name, k), self.keys, name, item)
+            for k, item in enumerate(items)
+        ]
         for sub in subs:
             sub.check_keys()
         return subs
@@ -154,6 +158,13 @@ class Table:
             got = _TYPE_NAMES.get(type(value), "a date or time")
             raise self.error(key, f"{reprlib.repr(value)} is {got}, expected {_TYPE_NAMES[kind]}")
         return value
+
+    def quantity(self, key: str, dimension: str) -> float:
+        """Return a number with its unit in SI, of the dimension of a unit such as "deg/s"."""
+        try:
+            return parse_quantity(self.data.get(key), dimension)
+        except InputError as error:
+            raise self.error(key, str(error)) from None
 
     def text(self, key: str, default: Any = ...) -> Any:
         """A text that is not empty."""
@@ -257,6 +268,11 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
         raise InputError.at_line(
             path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
+    return table_of_text(path, text, keys)
+
+
+def table_of_text(path: Path, text: str, keys: Mapping[str, tuple[str, ...]]) -> Table:
+    """Return the text of a file as `read_toml` returns the file."""
     return Table(path, _key_lines(text), keys, "", parse_toml(path, text))
 
 
@@ -315,14 +331,31 @@ def line_of_key(path: Path, key: str) -> int | None:
 def _key_lines(text: str) -> dict[str, int]:
     """Line, counted from 1, of every table header and of every key that begins a line.
 
-    The keys are dotted names.
+    The keys are dotted names; entries of an array of tables are numbered from 0.
     """
     lines: dict[str, int] = {}
+    entries: dict[str, int] = {}
     table = ""
     for number, line in enumerate(lines_of(text), 1):
-        if header := re.match(r"\s*\[\[?([\w.\- ]+)\]\]?\s*(#.*)?$", line):
-            table = header[1].replace(" ", "")
+        if header := re.match(r"\s*(\[\[?)([\w.\- ]+)\]\]?\s*(#.*)?$", line):
+            table = header[2].replace(" ", "")
             lines.setdefault(table, number)
+            array = table if header[1] == "[[" else table.rpartition(".")[0]
+            if header[1] == "[[":
+                entries[array] = entries.get(array, -1) + 1
+            if array in entries:
+                table = f"{array}.{entries[array]}{table.removeprefix(array)}"
+                lines.setdefault(table, number)
         elif key := re.match(r"""\s*["']?([\w.\-]+)["']?\s*=""", line):
             lines.setdefault(".".join(filter(None, (table, key[1]))), number)
     return lines
+
+
+def _lines_of_entry(lines: Mapping[str, int], name: str, entry: int) -> dict[str, int]:
+    """Return the lines of a file with one entry of the array `name` in the place of the array."""
+    numbered = f"{name}.{entry}"
+    others = {key: line for key, line in lines.items() if not key.startswith(f"{name}.")}
+    own = {
+        key.removeprefix(numbered): line for key, line in lines.items() if key.startswith(numbered)
+    }
+    return others | {name + key: line for key, line in own.items() if key[:1] in ("", ".")}

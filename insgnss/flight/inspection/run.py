@@ -63,7 +63,7 @@ class Inspection(InspectionData, Charted):
 
     def charts(self) -> "tuple[Chart, ...]":
         """Return what was recognised as charts; none without a receiver."""
-        from ...navigation.recognise.axes import axes_words
+        from ...navigation.prepare.axes import axes_words
         from ...report.figures.recognition import recognition_charts
 
         recognition = self.recognition

@@ -94,27 +94,21 @@ def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
     """
     ep = problem.epochs
     with_position = np.flatnonzero(ep.has_position)
+    time = ep.time[with_position]
     windows: list[np.ndarray] = []
     for length in WINDOWS_S:
-        begin = ep.time[with_position[0]] if with_position.size else 0.0
+        begin = time[0] if time.size else 0.0
         scored = []
-        while with_position.size and begin < ep.time[with_position[-1]]:
-            lo, hi = np.searchsorted(ep.time[with_position], [begin, begin + length + 1e-6])
+        while time.size and begin < time[-1]:
+            lo, hi = np.searchsorted(time, [begin, begin + length + 1e-6])
             if hi - lo >= 5:
-                scored.append(
-                    (
-                        _unsteadiness(
-                            ep.time[with_position[lo:hi]], ep.position[with_position[lo:hi]]
-                        ),
-                        with_position[lo:hi],
-                    )
-                )
+                window = with_position[lo:hi]
+                scored.append((_unsteadiness(time[lo:hi], ep.position[window]), window))
             begin += 0.5 * length
         median = np.median([score for score, _ in scored]) if scored else 0.0
         early = [window for score, window in scored if score > median][:1]
-        windows += [
-            window for _, window in sorted(scored, key=lambda s: -s[0])[:CANDIDATES]
-        ] + early
+        liveliest = sorted(scored, key=lambda one: -one[0])[:CANDIDATES]
+        windows += [window for _, window in liveliest] + early
     return windows
 
 
@@ -212,6 +206,5 @@ def _attitude_cov(
 def _gravity(problem: EstimationProblem, position: Array) -> Array:
     """Return gravity (3,) in l at a point, m/s^2."""
     lat, _, height = problem.frame.geodetic_from_position(position)
-    return problem.frame.C_ln_at(position) @ np.array(
-        [0.0, 0.0, float(normal_gravity(lat, height))]
-    )
+    down = np.array([0.0, 0.0, float(normal_gravity(lat, height))])
+    return problem.frame.C_ln_at(position) @ down

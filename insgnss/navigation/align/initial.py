@@ -118,11 +118,8 @@ def initial_state(problem: EstimationProblem) -> Alignment:
         nav, x, P = _run_back(problem, first, nav, x, P)
     att = WIDEN**2 * P[PSI, PSI] + np.diag(FLOOR_RAD**2)
     shrink = np.minimum(1.0, CEILING_RAD / np.sqrt(np.diag(att)))
-    return Alignment(
-        _start(problem, nav, att * np.outer(shrink, shrink), x),
-        (solution.time[0], solution.time[-1]),
-        heading_sigma,
-    )
+    start = _start(problem, nav, att * np.outer(shrink, shrink), x)
+    return Alignment(start, (solution.time[0], solution.time[-1]), heading_sigma)
 
 
 def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> InitialState:
@@ -145,7 +142,7 @@ def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> Init
     C_lb = problem.frame.C_ln_at(problem.epochs.position[0]) @ rotation_from_rpy(rpy)
     # roll and pitch sigmas are about body axes turned by the heading; the larger one serves both
     tilt = float(np.max(np.asarray(sigma)[:2]))
-    nav = _nav(problem, 0, C_lb, _first_velocity(problem))
+    nav = _nav(problem, C_lb, _first_velocity(problem))
     return _start(problem, nav, np.diag([tilt**2, tilt**2, float(sigma[2]) ** 2]))
 
 
@@ -230,24 +227,15 @@ def _candidates(
     """
     if standing is not None and standing.knows_heading:
         window = sub_problem(problem, standing.first, standing.last)
-        sigma = (
-            np.array([standing.tilt_sigma, standing.tilt_sigma, standing.heading_sigma])
-            + 0.1 * FLOOR_RAD
-        )
-        yield (
-            standing.first,
-            window,
-            _start(window, _nav(window, 0, standing.C_lb, np.zeros(3)), np.diag(sigma**2)),
-        )
+        tilt_sigma, heading_sigma = standing.tilt_sigma, standing.heading_sigma
+        sigma = np.array([tilt_sigma, tilt_sigma, heading_sigma]) + 0.1 * FLOOR_RAD
+        nav = _nav(window, standing.C_lb, np.zeros(3))
+        yield standing.first, window, _start(window, nav, np.diag(sigma**2))
     for coarse in sorted(coarse_attitudes(problem)[:MOST_COARSE_ATTITUDES], key=lambda c: c.first):
-        last = int(
-            np.searchsorted(
-                problem.epochs.time, problem.epochs.time[coarse.first] + ALIGNMENT_WINDOW_S
-            )
-        )
-        window = sub_problem(
-            problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1))
-        )
+        time = problem.epochs.time
+        last = int(np.searchsorted(time, time[coarse.first] + ALIGNMENT_WINDOW_S))
+        last = max(coarse.last, min(last, time.size - 1))
+        window = sub_problem(problem, coarse.first, last)
         yield coarse.first, window, _coarse_start(window, coarse)
 
 
@@ -258,12 +246,12 @@ def _coarse_start(window: EstimationProblem, coarse: CoarseAttitude) -> InitialS
     """
     tilt = np.clip(np.sqrt(np.diag(coarse.cov)[:2]) + FLOOR_RAD[:2], None, np.radians(30.0))
     att = np.diag([*tilt, np.pi]) ** 2
-    return _start(window, _nav(window, 0, coarse.C_lb, coarse.velocity), att)
+    return _start(window, _nav(window, coarse.C_lb, coarse.velocity), att)
 
 
-def _nav(problem: EstimationProblem, epoch: int, C_lb: Array, velocity: Array) -> Array:
-    """Return the state (10,) at an epoch with a fix: the IMU where the antenna's fix puts it."""
-    position = problem.epochs.position[epoch] - C_lb @ problem.antenna_lever_b
+def _nav(problem: EstimationProblem, C_lb: Array, velocity: Array) -> Array:
+    """Return the state (10,) at the first epoch, a fix: the IMU where the antenna's fix puts it."""
+    position = problem.epochs.position[0] - C_lb @ problem.antenna_lever_b
     return np.concatenate([position, velocity, quaternion_from_rotation(C_lb)])
 
 

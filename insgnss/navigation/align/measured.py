@@ -15,6 +15,7 @@ from ...geodesy.rotation import (
     rotation_from_vector,
 )
 from ...records import Array
+from ...records.interpolation import columns_at
 from ..filter.codes import QUAT, VEL
 from ..filter.linearised import prediction
 from ..filter.problem import EstimationProblem, InitialState, MeasuredRows
@@ -101,6 +102,4 @@ def _motion_of_fixes(problem: EstimationProblem, last: int) -> Array:
     fix = np.flatnonzero(epochs.has_position)
     position = epochs.position[fix]
     velocity = np.gradient(position, epochs.time[fix], axis=0)
-    columns = np.hstack([position, velocity]).T
-    time = epochs.time[:last]
-    return np.stack([np.interp(time, epochs.time[fix], column) for column in columns], axis=-1)
+    return columns_at(epochs.time[:last], epochs.time[fix], np.hstack([position, velocity]))

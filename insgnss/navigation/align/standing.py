@@ -83,28 +83,15 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     if stationary.size < 2:
         return None
     apart = np.flatnonzero(np.diff(ep.time[stationary]) > 2.0)
-    begin, end = (
-        stationary[np.concatenate([[0], apart + 1])],
-        stationary[np.concatenate([apart, [stationary.size - 1]])],
-    )
+    begin = stationary[np.concatenate([[0], apart + 1])]
+    end = stationary[np.concatenate([apart, [stationary.size - 1]])]
     with_fix = np.flatnonzero(ep.has_position)
     begin = with_fix[np.minimum(np.searchsorted(with_fix, begin), with_fix.size - 1)]
     k = int(np.argmax(ep.time[end] - ep.time[begin]))
-    last = (
-        int(
-            np.searchsorted(
-                ep.time,
-                min(ep.time[end[k]], ep.time[begin[k]] + LONGEST_GYROCOMPASS_S),
-                side="right",
-            )
-        )
-        - 1
-    )
-    return (
-        (int(begin[k]), last)
-        if ep.time[last] - ep.time[begin[k]] >= SHORTEST_GYROCOMPASS_S
-        else None
-    )
+    begin_s = ep.time[begin[k]]
+    end_s = min(ep.time[end[k]], begin_s + LONGEST_GYROCOMPASS_S)
+    last = int(np.searchsorted(ep.time, end_s, side="right")) - 1
+    return (int(begin[k]), last) if ep.time[last] - begin_s >= SHORTEST_GYROCOMPASS_S else None
 
 
 def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:

@@ -121,23 +121,13 @@ def turn_on_bias(
             " or after landing"
         )
     C = np.asarray(C_b_imu, dtype=np.float64)
-    gyro, gyro_noise = _mean(
-        periods.gyro_mean @ C.T,
-        periods.gyro_std @ np.abs(C).T,
-        periods.samples,
-        LEAST_SIGMA["gyro"],
-    )
-    accel, accel_noise = _mean(
-        periods.accel_mean @ C.T,
-        periods.accel_std @ np.abs(C).T,
-        periods.samples,
-        LEAST_SIGMA["accel"],
-    )
-    each = periods.accel_mean @ C.T
+    rates, each = periods.gyro_mean @ C.T, periods.accel_mean @ C.T
+    of_gyro, of_accel = periods.gyro_std @ np.abs(C).T, periods.accel_std @ np.abs(C).T
+    gyro, gyro_noise = _mean(rates, of_gyro, periods.samples, LEAST_SIGMA["gyro"])
+    accel, accel_noise = _mean(each, of_accel, periods.samples, LEAST_SIGMA["accel"])
     u = accel / np.linalg.norm(accel)
-    apart = float(
-        np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max())
-    )
+    cosine = np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)
+    apart = float(np.degrees(np.arccos(cosine).max()))
     if apart > ONE_ATTITUDE_DEG:
         raise DataError(
             f"stationary periods tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against"

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
-from ...base.units import MILLI_G
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting
@@ -33,10 +32,9 @@ from ...records.states import (
 from ..filter.codes import POS
 from ..filter.layout import FixErrors
 from ..filter.solution import Solution
-from .candidates import GYRO_DELAY, LOAD_BIAS, RECEIVER_DYNAMICS
 from .constants import STRONG, ConstantsEvidence, Hypothesis
 from .estimated import rms_speed
-from .evidence import NO_CLAIMS, DynamicsTrial, FixClaims
+from .evidence import NO_CLAIMS, FixClaims
 
 if TYPE_CHECKING:
     from .variances import VarianceHypothesis
@@ -66,7 +64,7 @@ def advice(
     suspected: Hypothesis,
     rivals: Sequence[Hypothesis] = (),
     exposures: bool = False,
-    delays: Sequence[DynamicsTrial] = (),
+    delays: Sequence[str] = (),
 ) -> list[Finding]:
     """Say which constants contradict the flight file, and what would put them right.
 
@@ -83,8 +81,8 @@ def advice(
     exposures : bool
         Whether there are any: their place depends on that of the IMU in the mounting, of which a
         lever arm tells as much as of the antenna's.
-    delays : sequence of DynamicsTrial
-        Delays of sensors that the flight does not tell apart from it.
+    delays : sequence of str
+        Delays of sensors that the flight does not tell apart from it, in words.
 
     Returns
     -------
@@ -100,9 +98,8 @@ def advice(
     speed = rms_speed(solution)
     minutes = float(solution.time[-1] - solution.time[0]) / 60.0
     names = [" and ".join(map(str, rival.groups)) for rival in rivals]
-    names += [dynamics_sentence(one) for one in delays]
-    either = f"; this flight does not tell it from {' or '.join(names)}"
-    by = f", log evidence {suspected.evidence:.0f}{either if names else ''}"
+    either = f"; this flight does not tell it from {' or '.join([*names, *delays])}"
+    by = f", log evidence {suspected.evidence:.0f}{either if names or delays else ''}"
     beyond_chance = suspected.wide_evidence >= BY_CHANCE
     checks: list[tuple[float, Finding]] = []
     lever = [values.get(state) for state in OF_LEVER_ARM]
@@ -175,12 +172,12 @@ def unseen(
     if LEVER_ARM not in (*constants.requested, *constants.exact):
         for state in OF_LEVER_ARM:
             size = SEEN * alone.get(state, np.inf)
-            text = f"{state} below {_millimetres(size)} mm"
+            text = f"{state} below {millimetres(size)} mm"
             errors.append((size, text, "the lever arm moves the positions by as much"))
     if TIME_OFFSET.group not in constants.requested:
         offset = SEEN * alone.get(TIME_OFFSET, np.inf)
         text = f"{TIME_OFFSET} below {1e3 * offset:.2g} ms"
-        along = f"the offset moves them by up to {_millimetres(offset * speed)} mm along track"
+        along = f"the offset moves them by up to {millimetres(offset * speed)} mm along track"
         shared = "the offset moves no image, whose exposures have the same clock"
         errors.append((0.0, text, shared) if events_with_fixes else (offset * speed, text, along))
     if not errors:
@@ -199,7 +196,7 @@ def unseen(
     )
 
 
-def _millimetres(metres: float) -> str:
+def millimetres(metres: float) -> str:
     """Return a length in millimetres, three digits at most."""
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
@@ -239,61 +236,6 @@ def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIM
     return Question("IMU noise", "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, {evidence}; solved with it",
         "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors",
-    )
-
-
-def dynamics_sentence(trial: DynamicsTrial) -> str:
-    """Describe the delay of a sensor."""
-    value, sigma = float(trial.value[0]), float(trial.sigma[0])
-    if trial.dynamics.name == LOAD_BIAS:
-        biases = ", ".join(
-            f"{axis} {value / MILLI_G:+.1f} +- {sigma / MILLI_G:.1f}"
-            for axis, value, sigma in zip("xyz", trial.value, trial.sigma, strict=True)
-        )
-        return f"accelerometer biases that grow with the load factor, by {biases} mg a g"
-    if trial.dynamics.name == GYRO_DELAY:
-        side = "later" if value > 0.0 else "earlier"
-        return f"gyros {1e3 * abs(value):.1f} +- {1e3 * sigma:.1f} ms {side} than accelerometers"
-    hertz = 0.5 / np.pi / max(value, 1e-6) ** 0.5
-    return (
-        f"a tracking loop of the receiver of {hertz:.1f} Hz, which lags by {_millimetres(value)} +-"
-        f" {_millimetres(sigma)} mm at 1 m/s^2"
-    )
-
-
-DYNAMICS_ADVICE = {  # what is expected, and what to do
-    GYRO_DELAY: (
-        "gyros and accelerometers of one instant",
-        "give both the same filter in the IMU's settings, or move the gyro columns of the file",
-    ),
-    RECEIVER_DYNAMICS: (
-        "fixes that do not lag",
-        "set the receiver to high dynamics, without smoothing of carrier or positions",
-    ),
-    LOAD_BIAS: (
-        "biases that do not depend on the load factor",
-        "mount the IMU softer: vibration that grows in turns shifts the accelerometers",
-    ),
-}
-
-
-def dynamics_check(trial: DynamicsTrial) -> Finding:
-    """Say that a sensor has errors that follow the motion.
-
-    Parameters
-    ----------
-    trial : DynamicsTrial
-        The errors, without which the flight was solved.
-
-    Returns
-    -------
-    Finding
-        A note: what the sensor measured has been corrected.
-    """
-    expected, remedy = DYNAMICS_ADVICE[trial.dynamics.name]
-    return Question(trial.dynamics.name, expected).note(
-        f"{dynamics_sentence(trial)}, log evidence {trial.evidence:.0f}; corrected in the result",
-        remedy,
     )
 
 

@@ -8,15 +8,6 @@ explain each other's share:
                                       changes of speed
     GNSS errors themselves            white, k times the sigma of each fix, and a Gauss-Markov
                                       process, c times it, with correlation time T
-
-A sensor that shows the motion late, or worse in turns, looks like a wrong lever arm or clock. That
-is no state: what it measured is corrected (`SensorDynamics`) and the flight solved again.
-
-    gyros later than accelerometers by d    the rotation is taken d later
-    a receiver's tracking loop of natural   fixes lag by a / w^2, a the antenna's acceleration: in
-    frequency w                             a coordinated turn a lever arm g / w^2 too low
-    a bias b of the accelerometers at a     vibration rectification: b (|f| / g - 1), which acts in
-    g of load more                          turns alone, as a lever arm does
 """
 
 from collections.abc import Callable, Sequence
@@ -24,10 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...base.units import MILLI_G, STANDARD_GRAVITY
-from ...geodesy.rotation import rotation_from_quaternion
-from ...records import Array
-from ...records.interpolation import columns_at
 from ...records.states import (
     CLOCK_RATE,
     LEVER_ARM,
@@ -37,14 +24,12 @@ from ...records.states import (
     TIME_OFFSET,
     State,
 )
-from ..filter.codes import NAV, QUAT, VEL
+from ..filter.codes import NAV, NO_CONSTRAINT
 from ..filter.layout import FixErrors, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
-from ..filter.solution import Solution
 from ..noise_model.model import AxisNoise, NoiseModel
 
 CLOCK_RATE_SIGMA = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
-LOAD_S = 0.25  # s on either side, over which the load factor is a mean: longer than vibration lasts
 WHITER = 1.6  # factor of the white share, each time that the filter loses fixes with a candidate
 
 # k, c, T (s) from which the search for the time-correlated error starts
@@ -232,12 +217,28 @@ def with_time_correlated_error(
     )
 
 
-def with_larger_white_share(errors: FixErrors) -> FixErrors:
-    """Raise the white share of the fixes' errors by `WHITER`, which heavy tails call for."""
+def with_larger_white_share(
+    errors: FixErrors, factor: float = WHITER, of_velocities: float = 1.0
+) -> FixErrors:
+    """Raise the white share of the fixes' errors, by `WHITER` as heavy tails call for.
+
+    Parameters
+    ----------
+    errors : FixErrors
+        The errors of the fixes.
+    factor, of_velocities : float
+        Of the white shares of positions and of velocities.
+
+    Returns
+    -------
+    FixErrors
+        The same errors with these shares.
+    """
     return replace(
         errors,
-        white_scale=tuple(WHITER * k for k in errors.white_scale),
-        unfixed_white_scale=WHITER * errors.unfixed_white_scale,
+        white_scale=tuple(factor * k for k in errors.white_scale),
+        unfixed_white_scale=factor * errors.unfixed_white_scale,
+        velocity_white_scale=of_velocities * errors.velocity_white_scale,
     )
 
 
@@ -285,29 +286,30 @@ def with_layout(
 
 
 def widened(
-    problem: EstimationProblem, start: InitialState, before: StateLayout
+    problem: EstimationProblem, start: InitialState, layout: StateLayout
 ) -> tuple[EstimationProblem, InitialState]:
-    """Give states whose a-priori sigma has grown since another layout that sigma at the start.
+    """Pose the same problem with the states of another layout, some with larger a-priori sigmas.
 
     Parameters
     ----------
     problem, start : EstimationProblem, InitialState
-        The problem and its initial state, in which such states still have their earlier sigma.
-    before : StateLayout
-        The layout in which the start was found.
+        The problem and its initial state.
+    layout : StateLayout
+        The states that it is to have.
 
     Returns
     -------
     tuple of EstimationProblem and InitialState
-        The problem, and the start with these states as they are a priori.
+        As `with_layout` gives them, with the states whose sigma has grown as they are a priori.
     """
+    before = problem.layout
     sigma = dict(zip(before.states, before.sigma0.tolist(), strict=True))
-    layout = problem.layout
     grown = [
         s
         for s, state in enumerate(layout.states)
         if layout.beta[s] == 0.0 and layout.sigma0[s] > sigma.get(state, np.inf)
     ]
+    problem, start = with_layout(problem, start, layout)
     return problem, with_a_priori(start, layout, grown)
 
 
@@ -337,122 +339,10 @@ def with_a_priori(start: InitialState, layout: StateLayout, states: Sequence[int
     return InitialState(start.nav, x, mean, P)
 
 
-def with_earlier_gyros(
-    problem: EstimationProblem, solution: Solution, late_s: Array
-) -> EstimationProblem:
-    """Return the problem whose gyros, which are late, are at the stamps of the accelerometers.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    solution : Solution
-        Its solution, of which nothing is needed.
-    late_s : ndarray
-        (1,) their delay, s.
-
-    Returns
-    -------
-    EstimationProblem
-        The problem with other angle increments and rates.
-    """
-    inc, time = problem.inc, problem.epochs.time
-    nodes = np.concatenate([[0.0], np.cumsum(inc.dt)])
-    ends = 1.0 / inc.dt[[0, -1], None] * inc.dtheta[[0, -1]]  # held for a second beyond
-    steps = np.concatenate([ends[:1], inc.dtheta, ends[1:]])
-    extended = np.concatenate([[-1.0], nodes, [nodes[-1] + 1.0]])
-    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    shifted = columns_at(nodes + late_s, extended, angle)
-    rate = columns_at(time + late_s, time, inc.rate)
-    inc = replace(inc, dtheta=np.diff(shifted, axis=0), rate=rate)
-    return replace(problem, inc=inc, epochs=problem.epochs._replace(rate=rate))
-
-
-def with_followed_fixes(
-    problem: EstimationProblem, solution: Solution, lag_s2: Array
-) -> EstimationProblem:
-    """Return the problem whose fixes do not lag behind the antenna.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    solution : Solution
-        Its solution, which gives the acceleration of the antenna.
-    lag_s2 : ndarray
-        (1,) what they lag by at 1 m/s^2, m: 1 / w^2 of the receiver's tracking loop, s^2.
-
-    Returns
-    -------
-    EstimationProblem
-        The problem with other positions.
-    """
-    epochs, fixes = problem.epochs, np.flatnonzero(problem.epochs.has_position)
-    nav, time = solution.nav[fixes], problem.epochs.time[fixes]
-    arm = rotation_from_quaternion(nav[:, QUAT]) @ problem.antenna_lever_b
-    velocity = nav[:, VEL] + np.gradient(arm, time, axis=0)
-    position = epochs.position.copy()
-    position[fixes] += lag_s2 * np.gradient(velocity, time, axis=0)
-    return replace(problem, epochs=epochs._replace(position=position))
-
-
-def without_load_bias(
-    problem: EstimationProblem, solution: Solution, bias: Array
-) -> EstimationProblem:
-    """Return the problem whose accelerometers have no bias that grows with the load factor.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    solution : Solution
-        Its solution, of which nothing is needed.
-    bias : ndarray
-        (3,) the bias at 2 g less that at 1 g, m/s^2.
-
-    Returns
-    -------
-    EstimationProblem
-        The problem with other velocity increments.
-    """
-    inc = problem.inc
-    nodes = np.concatenate([[0.0], np.cumsum(inc.dt)])
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(inc.dvel, axis=0)])
-    ends = np.clip([nodes[:-1] - LOAD_S, nodes[1:] + LOAD_S], 0.0, nodes[-1])
-    before, after = (columns_at(end, nodes, sums) for end in ends)
-    load = np.linalg.norm(after - before, axis=1) / (ends[1] - ends[0]) / STANDARD_GRAVITY - 1.0
-    dvel = inc.dvel - np.outer(load * inc.dt, bias)
-    return replace(problem, inc=replace(inc, dvel=dvel))
-
-
-@dataclass(frozen=True)
-class SensorDynamics:
-    """Errors of a sensor that follow the motion, by a few parameters.
-
-    Parameters
-    ----------
-    name : str
-        That of its check.
-    trial : tuple of float
-        Of each parameter the size by which it is tried.
-    prior, least : float
-        The a-priori sigma of each, and the smallest that exists.
-    corrected : callable
-        Returns the problem without it.
-    """
-
-    name: str
-    trial: tuple[float, ...]
-    prior: float
-    least: float
-    corrected: Callable[[EstimationProblem, Solution, Array], EstimationProblem]
-
-
-GYRO_DELAY, RECEIVER_DYNAMICS, LOAD_BIAS = "gyro delay", "receiver dynamics", "load-dependent bias"
-# a-priori sigmas: filters of MEMS gyros delay by 1 to 10 ms (s); receivers that smooth have loops
-# of 1 Hz and more (s^2); rectification makes some milli-g in a turn of 1.2 g (m/s^2 a g)
-DYNAMICS = (
-    SensorDynamics(GYRO_DELAY, (2e-3,), 5e-3, -np.inf, with_earlier_gyros),
-    SensorDynamics(RECEIVER_DYNAMICS, (3e-3,), 0.025, 0.0, with_followed_fixes),
-    SensorDynamics(LOAD_BIAS, (5.0 * MILLI_G,) * 3, 20.0 * MILLI_G, -np.inf, without_load_bias),
-)
+def without_other_aiding(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem without barometer and constraints of the motion, which may not hold."""
+    epochs = problem.epochs._replace(
+        barometer_variance=np.zeros_like(problem.epochs.barometer_variance),
+        constraint=np.full_like(problem.epochs.constraint, NO_CONSTRAINT),
+    )
+    return replace(problem, epochs=epochs)

@@ -43,22 +43,20 @@ from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
 from ...records.interpolation import columns_at
 from ..filter.codes import (
-    COVARIANCE_RESET,
     N_CHANNELS,
     N_NAV,
     NHC,
-    NO_CONSTRAINT,
     POS,
-    POSITION,
     QUAT,
     VEL,
 )
 from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
+from ..prepare.gaps import LEAST_GAP_INTERVALS
 from .advice import NEGLIGIBLE_M
-from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, with_layout
-from .estimated import rms_speed
+from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
+from .estimated import fix_counts, rms_speed
 from .evidence import follows, misfit
 from .sensitivity import Constants, Sensitivity
 
@@ -66,7 +64,6 @@ STEP = "clock step"
 INSTANTS = 48  # of a pass, at which a step is looked for
 REFINEMENTS = 3  # of which each looks at the neighbourhood of the best of the one before
 INTERVALS_AROUND = 2  # intervals on either side that are looked at again
-LACKING = 1.5  # nominal intervals, beyond which one is a gap (`navigation.prepare.gaps`)
 GAPS = 16  # of the IMU, the longest, that may be a step of its clock
 REFINED = 3  # times that the size is estimated with the fixes moved
 # log evidence of a step beyond what was adopted without it. Of rates and offsets that are none the
@@ -142,7 +139,7 @@ def find_clock_step(
     # fixes that were withheld for standing apart may do so by the step alone
     every = problem.epochs._replace(withheld=np.zeros_like(problem.epochs.withheld))
     problem = replace(problem, epochs=every)
-    posed = widened(*with_layout(problem, start, layout), problem.layout)
+    posed = widened(problem, start, layout)
     try:
         candidate = _strongest(*posed)
         if candidate is None:
@@ -152,7 +149,7 @@ def find_clock_step(
         solution = solve(stepped, posed[1], second_pass, progress)
     except DataError:
         return None
-    if (solution.verdict[:, POSITION] == COVARIANCE_RESET).any():
+    if fix_counts(solution.verdict)[2]:
         return None  # positions jump as well, or instead
     gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(solution))
     if not follows(solution) or gained < SHOWN or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M:
@@ -295,10 +292,8 @@ def _bridged(problem: EstimationProblem, since: float, lost_s: float) -> Estimat
     k = int(np.argmin(np.abs(old - since)))
 
     one = inc.nominal_s
-    begin, end = (
-        max(old[k] - BRIDGED_AROUND_S, one),
-        min(old[k] + BRIDGED_AROUND_S, old[-1] - lost_s - one),
-    )
+    begin = max(old[k] - BRIDGED_AROUND_S, one)
+    end = min(old[k] + BRIDGED_AROUND_S, old[-1] - lost_s - one)
     around = np.arange(begin, end, 0.25 * lost_s)
     edges = [columns_at(around + after, old, sums) for after in (-one, 0.0, lost_s, lost_s + one)]
     first, within, last = np.diff(edges, axis=0)
@@ -335,52 +330,47 @@ def step_check(step: ClockStep) -> Finding:
         A contradiction: one time scale holds for a whole flight.
     """
     speed = rms_speed(step.solution)
-    beyond = (
-        "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond any rate"
-    )
-    whose = ""
-    if step.of_imu:
-        whose = "; the IMU's stamps have a gap as long there, so its clock it is"
+    moves = f"{abs(step.size) * speed:.2f} m at {speed:.1f} m/s"
+    if not np.isinf(step.evidence):
+        moves += f", log evidence {step.evidence:.0f} beyond any rate"
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
-    if step.of_imu:
-        mended = f"add {to_imu} from there on, and to events of its clock"
-    else:
-        mended = (
+    whose, mended = (
+        "",
+        (
             f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
             f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
-        )
+        ),
+    )
+    if step.of_imu:
+        whose = "; the IMU's stamps have a gap as long there, so its clock it is"
+        mended = f"add {to_imu} from there on, and to events of its clock"
     parts = (
-        ""
-        if step.missing
-        else f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
+        f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
-    moves = f"{abs(step.size) * speed:.2f} m at {speed:.1f} m/s{beyond}"
     sentence = (
         f"from {step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +- {step.sigma:.4f} s"
         f" more than before, {moves}{whose}"
     )
     if step.missing:
+        parts = ""
         about = "about " if step.sigma > 0.5 * step.solution.problem.inc.nominal_s else ""
         sentence = (
             f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost"
             f" shortly before {step.after:.2f} s and the stamps count on without them: from there"
             f" on they are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
-    return Question(
-        STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m"
-    ).contradiction(sentence, Step(f"{mended}: solved so, the flight follows its fixes{parts}"))
+    ask = Question(STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m")
+    advice = Step(f"{mended}: solved so, the flight follows its fixes{parts}")
+    return ask.contradiction(sentence, advice)
 
 
 def _fixes_alone(problem: EstimationProblem) -> EstimationProblem:
     """Return the problem with its gate open and the measurements of the fixes alone."""
     epochs = problem.epochs
     if (epochs.constraint == NHC).any() or (epochs.barometer_variance > 0.0).any():
-        epochs = epochs._replace(
-            barometer_variance=np.zeros_like(epochs.barometer_variance),
-            constraint=np.full_like(epochs.constraint, NO_CONSTRAINT),
-        )
-    return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=np.inf)
+        problem = without_other_aiding(problem)
+    return replace(problem, gate=np.inf, huber_threshold=np.inf)
 
 
 def _scanned(
@@ -399,7 +389,7 @@ def _scanned(
 def _gaps(problem: EstimationProblem) -> list[_Lapse]:
     """Return the longest bridged gaps of the IMU, `GAPS` at most."""
     stop, dt = problem.epochs.stop, problem.inc.dt
-    longer = LACKING * problem.inc.nominal_s
+    longer = LEAST_GAP_INTERVALS * problem.inc.nominal_s
     rows = np.flatnonzero((problem.epochs.gap > 0.0).any(axis=1))
     gaps = []
     for epochs in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):

@@ -57,12 +57,13 @@ from ...records.states import (
     State,
 )
 from ...records.verdicts import Estimate
-from ..filter.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_MEASURED, POSITION
+from ..filter.codes import NAV, NHC, POSITION
 from ..filter.filter import make_history, run_filter
 from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution
-from .candidates import FAR, with_a_priori, with_layout
+from .candidates import FAR, with_a_priori, with_layout, without_other_aiding
+from .estimated import fix_counts
 from .sensitivity import LONGEST_INTERVAL_S, Constants, Sensitivity
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
@@ -183,17 +184,11 @@ class ConstantsEvidence:
             of_imu = own[~self.of_fixes[own]]
             if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
                 continue
-            hypotheses.append(
-                Hypothesis(
-                    suspected,
-                    float(evidence[k, factor]),
-                    tuple(self.states[state] for state in own),
-                    estimate[case, own] * self.wide[own],
-                    np.sqrt(cov[case, own, own]) * self.wide[own],
-                    PRIOR_FACTORS[factor],
-                    float(wide_evidence[k]),
-                )
-            )
+            states, wide = tuple(self.states[state] for state in own), self.wide[own]
+            estimates = estimate[case, own] * wide, np.sqrt(cov[case, own, own]) * wide
+            strength = PRIOR_FACTORS[factor], float(wide_evidence[k])
+            one = Hypothesis(suspected, float(evidence[k, factor]), states, *estimates, *strength)
+            hypotheses.append(one)
         return tuple(sorted(hypotheses, key=lambda one: -one.evidence))
 
     def strongest(self) -> Hypothesis | None:
@@ -452,10 +447,10 @@ def settled_evidence(
     problem = solution.problem
     if followed is None or followed.problem is not problem:
         return None
-    verdict, limit = solution.verdict[:, POSITION], min(problem.gate, problem.huber_threshold)
+    limit = min(problem.gate, problem.huber_threshold)
     beyond = np.count_nonzero(solution.nis[:, POSITION] > limit)
-    offered = np.count_nonzero(verdict != NOT_MEASURED)
-    if beyond > REJECTED_WITH_CONSTANTS * offered or (verdict == COVARIANCE_RESET).any():
+    offered, _, resets = fix_counts(solution.verdict)
+    if beyond > REJECTED_WITH_CONSTANTS * offered or resets:
         return None
     constants, data = followed.constants, followed.of_the_data()
     sigmas = constants.wide, constants.stated
@@ -480,9 +475,5 @@ def _open(problem: EstimationProblem) -> EstimationProblem:
     A barometer and other sensors, whose own errors may be large, and constraints of the motion,
     which may not hold, have no say.
     """
-    problem = problem.without_measurements
-    epochs = problem.epochs._replace(
-        barometer_variance=np.zeros_like(problem.epochs.barometer_variance),
-        constraint=np.full_like(problem.epochs.constraint, NO_CONSTRAINT),
-    )
-    return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
+    problem = without_other_aiding(problem.without_measurements)
+    return replace(problem, gate=np.inf, huber_threshold=problem.gate)

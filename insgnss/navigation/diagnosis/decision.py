@@ -3,7 +3,7 @@
 `diagnose` looks at a solution; a problem that has none is looked at in `failure`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,18 +12,11 @@ from ...base.beside import Beside
 from ...records import Finding
 from ...records.states import CLOCK_RATE, TIME_OFFSET, State
 from ...records.verdicts import Estimate
-from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import SLOW
 from ..filter.problem import InitialState
 from ..filter.solution import Solution
-from .advice import advice, dynamics_check, message, unseen, variance_check
-from .candidates import (
-    DYNAMICS,
-    FAR,
-    ErrorModel,
-    with_constants,
-    with_larger_white_share,
-)
+from .advice import advice, message, unseen, variance_check
+from .candidates import FAR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
     OTHERS,
@@ -39,18 +32,17 @@ from .drift import (
     least_misfit,
     slow_bias_candidate,
 )
-from .estimated import constant
+from .estimated import constant, fix_counts
 from .evidence import (
     FEWEST_FIXES,
-    DynamicsTrial,
     ErrorModelSearch,
     Posed,
-    dynamics_trial,
     follows,
     loses_fixes,
     misfit,
 )
 from .sensitivity import Sensitivity
+from .sensor_dynamics import DYNAMICS, DynamicsTrial, dynamics_trial
 from .time_correlated import is_suspicious, time_correlated_error
 from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
@@ -115,10 +107,10 @@ def diagnose(
     Diagnosis
         The solution itself where its innovations are as they should be.
     """
-    if np.count_nonzero(solution.verdict[:, POSITION] != NOT_MEASURED) < FEWEST_FIXES:
+    if fix_counts(solution.verdict)[0] < FEWEST_FIXES:
         return Diagnosis(solution)
     posed = solution.problem, start
-    here = _State(solution, ErrorModel(search.requested_errors))
+    here = _State(solution, search.requested_model)
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
@@ -155,6 +147,22 @@ class _State:
     posed: Posed | None = None
     variances: VarianceSearch | None = None
 
+    def tried(
+        self,
+        names: Iterable[State | str],
+        checks: Sequence[Finding] = (),
+        sentence: str = "",
+        adopted: tuple[Solution, ErrorModel] | None = None,
+        posed: Posed | None = None,
+        variances: VarianceSearch | None = None,
+    ) -> "_State":
+        """Return the state after something was tried: what it says, and what is adopted with it."""
+        sentence = sentence or "; ".join(f"{check.name}: {check.found}" for check in checks)
+        if adopted is None:
+            adopted, posed, variances = (self.solution, self.model), self.posed, self.variances
+        every, history = (*self.checks, *checks), (*self.history, sentence)
+        return _State(*adopted, every, history, self.attempted | set(names), posed, variances)
+
 
 Candidate = tuple[float, Callable[[], _State | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
@@ -169,7 +177,7 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Finding
     attempted = not here.attempted.isdisjoint((*OF_CLOCK, *LATE_SENSORS))
     if not requested and not attempted and _resets(here.solution) == 0:
         return None
-    models = dict.fromkeys((ErrorModel(search.requested_errors), here.model))
+    models = dict.fromkeys((search.requested_model, here.model))
     steps = (step_under(search, posed, model, here.solution) for model in models)
     return next((step for step in steps if step is not None), None)
 
@@ -205,43 +213,40 @@ def _next(
 ) -> _State | None:
     """Return the state after the winner has been adopted; None where nothing gains."""
     suspected = None if constants is None else constants.strongest()
-    correlates = search.time_correlated and "time-correlated" not in here.attempted
-    suspicious = _looked_at(search, here) if correlates else None
+    suspicious: Beside[bool] | None = None
+    if search.time_correlated and "time-correlated" not in here.attempted:
+        fixes, of_fixes = here.model.fixes, search.of_fixes(here.model)
+        # beside the search for variances
+        suspicious = Beside(lambda: is_suspicious(here.solution, of_fixes, fixes))
     variances = here.variances or VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
     slow = _slow_bias(search, posed, here, variances)
-    remedied = delay = None
-    if (
-        constants is not None
-        and suspected is not None
-        and not here.attempted & set(suspected.groups)
-    ):
+    of_delay: Candidate | None = None
+    of_constants: Candidate | None = None
+    if constants and suspected and not here.attempted & set(suspected.groups):
         evidence = _of_lost_fixes(search, posed, here, suspected)
         delays = _delays(search, posed, here, evidence - OTHERS)
         delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
+        remedied = None
         if delay is None:
             remedied = _with_constants(search, posed, here, constants, suspected, delays)
+        else:
+            corrected = _corrected(here, delay)
+            of_delay = delay.evidence, lambda: corrected
         left = 0.0
         if promising and remedied is not None:
             after = VarianceSearch(remedied.solution, search.progress)
             left, remedied = after.left(OF_IMU), replace(remedied, variances=after)
-        if left > suspected.evidence:
-            remedied = None  # a remedy that leaves more than it explains is none
-        elif (
-            left < LEAST_PROMISE
-            and remedied is not None
-            and (slow is None or slow[0] < suspected.evidence)
-        ):
-            return _as_allowed(here, remedied, constants, suspected)
-    candidates = [slow, _variance(search, posed, here, variances) if promising else None]
-    if delay is not None:
-        corrected = _corrected(here, delay)
-        candidates.append((delay.evidence, lambda: corrected))
+        # a remedy that leaves more than it explains is none
+        if remedied is not None and left <= suspected.evidence:
+            allowed = _as_allowed(here, remedied, constants, suspected)
+            if left < LEAST_PROMISE and (slow is None or slow[0] < suspected.evidence):
+                return allowed
+            of_constants = suspected.evidence, lambda: allowed
+    candidates = [slow, _variance(search, posed, here, variances) if promising else None, of_delay]
     if suspicious is not None:
         candidates.append(_time_correlated(search, posed, here, variances, suspicious))
-    if constants is not None and suspected is not None and remedied is not None:
-        allowed = _as_allowed(here, remedied, constants, suspected)
-        candidates.append((suspected.evidence, lambda: allowed))
+    candidates.append(of_constants)
     ranked = sorted(filter(None, candidates), key=lambda one: -one[0])
     return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
 
@@ -272,10 +277,8 @@ def _delays(
 
 def _corrected(state: _State, delay: DynamicsTrial) -> _State:
     """Return the state without the delay of a sensor."""
-    check = dynamics_check(delay)
-    history = (*state.history, f"{check.name}: {check.found}")
-    attempted, checks = state.attempted | {delay.dynamics.name}, (*state.checks, check)
-    return _State(delay.solution, state.model, checks, history, attempted, delay.posed)
+    adopted = delay.solution, state.model
+    return state.tried([delay.dynamics.name], [delay.check()], adopted=adopted, posed=delay.posed)
 
 
 def _with_constants(
@@ -299,11 +302,11 @@ def _with_constants(
     if gain < EXPLAINED_SHARE * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     solved = as_solved(suspected, solution)
-    checks = advice(search.mounting, solution, solved, rivals, search.exposures, delays)
+    sentences = [one.sentence for one in delays]
+    checks = advice(search.mounting, solution, solved, rivals, search.exposures, sentences)
     which = ", ".join(map(str, suspected.groups))
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
-    attempted = here.attempted | set(suspected.groups)
-    return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
+    return here.tried(suspected.groups, checks, sentence, (solution, model))
 
 
 def _as_allowed(
@@ -318,9 +321,8 @@ def _as_allowed(
         f" {', '.join(names)}"
     )
     new = remedied.checks[len(here.checks) :]
-    checks = (*here.checks, *(check for check in new if check.name in constants.exact))
-    history = (*here.history, sentence)
-    return replace(here, checks=checks, history=history, attempted=remedied.attempted)
+    checks = [check for check in new if check.name in constants.exact]
+    return here.tried(suspected.groups, checks, sentence)
 
 
 def _variance(
@@ -343,10 +345,8 @@ def _variance(
         if after.left() > winner.evidence:
             return None
         check = variance_check(winner, search.claims)
-        history = (*here.history, f"{check.name}: {check.found}")
-        attempted = here.attempted | {winner.family}
-        checks = (*here.checks, check)
-        return _State(solution, model, checks, history, attempted, variances=after)
+        adopted = solution, model
+        return here.tried([winner.family], [check], adopted=adopted, variances=after)
 
     return winner.evidence, adopt
 
@@ -377,18 +377,10 @@ def _slow_bias(
             return None
         if best in beside:
             best = replace(best, evidence=0.5 * gain)
-        check = best.check(solution)
-        history = (*state.history, f"{check.name}: {check.found}")
-        attempted, checks = state.attempted | {best.kind}, (*state.checks, check)
-        return _State(solution, best.model, checks, history, attempted, again)
+        adopted = solution, best.model
+        return state.tried([best.kind], [best.check(solution)], adopted=adopted, posed=again)
 
     return max(one.evidence for one in suspects), adopt
-
-
-def _looked_at(search: ErrorModelSearch, here: _State) -> "Beside[bool]":
-    """Begin to look whether the innovations are coloured, beside the search for variances."""
-    fixes, layout_factory = here.model.fixes, search.of_fixes(here.model)
-    return Beside(lambda: is_suspicious(here.solution, layout_factory, fixes))
 
 
 def _time_correlated(
@@ -439,7 +431,7 @@ def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State
 
 def _resets(solution: Solution) -> int:
     """Return how often the covariance was reset after rejected fixes."""
-    return int(np.count_nonzero(solution.verdict[:, POSITION] == COVARIANCE_RESET))
+    return fix_counts(solution.verdict)[2]
 
 
 def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
@@ -473,7 +465,7 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
     none has less than half of the gain in `misfit`, which charges each lost fix, what is lost are
     jumps of the fixes themselves: then the largest share is taken that keeps most of the gain.
     """
-    before, attempted = misfit(here.solution), here.attempted | {"time-correlated"}
+    before, name = misfit(here.solution), "time-correlated"
     most, keeps_most, adopted = 0.0, None, None
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
@@ -488,9 +480,9 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
         model = replace(model, fixes=with_larger_white_share(model.fixes))
     else:
         sentence = f"{message(model.fixes)}; given up, the filter loses fixes with it"
-        return replace(here, history=(*here.history, sentence), attempted=attempted)
+        return here.tried([name], (), sentence)
     if adopted is None:
         sentence = f"{message(model.fixes)}; given up, it explains the whole flight no better"
-        return replace(here, history=(*here.history, sentence), attempted=attempted)
-    history = (*here.history, message(adopted[0].fixes))
-    return _State(adopted[1], adopted[0], here.checks, history, attempted)
+        return here.tried([name], (), sentence)
+    model, solution = adopted
+    return here.tried([name], (), message(model.fixes), (solution, model))

@@ -45,7 +45,7 @@ from ..filter.codes import BIAS, IMU0, VEL
 from ..filter.layout import SLOW, SLOW_BIAS, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .candidates import ErrorModel, widened, with_layout
+from .candidates import ErrorModel, widened
 from .constants import TAKEN
 from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
@@ -64,6 +64,7 @@ STATES = ("position", "velocity", "attitude")
 PRIOR = np.array([SLOW_BIAS[sensor] for sensor, _ in CHANNELS])  # sigma of a step, by channel
 # log evidence from which a step is suspected: a recorded walk without one shows 9
 LEAST_STEP_EVIDENCE = 20.0
+AS_MODELLED = "biases that change no more than the noise model says"
 STEP = "bias step"  # of what is attempted, beside `SLOW`
 AS_PROBABLE = 5.0  # log evidence below the best instant, down to which an epoch shares the step
 AT_REST_MPS = 0.5  # smoothed speed, below which a vehicle has not taken off (chosen)
@@ -180,7 +181,7 @@ class SlowBiasCandidate:
         if not warms_up:
             course = "changes its temperature: its biases drift linearly"
             remedy = "let the IMU warm up before take-off, and keep sun and wind off it"
-        return Question("IMU warm-up", "biases that change no more than the noise model says").note(
+        return Question("IMU warm-up", AS_MODELLED).note(
             f"the IMU {course} by up to {gyro} and {accel} in the flight, log evidence"
             f" {self.evidence:.0f}; estimated, and the sigmas of the images allow for it",
             remedy,
@@ -271,9 +272,7 @@ class BiasStepCandidate(SlowBiasCandidate):
         elif not moves[:first].any() or (moves[near].any() and not moves[: np.argmax(near)].any()):
             when = " (when the motors start)"
             remedy = "mount the IMU softer, or let the motors run before the rest"
-        return Question(
-            "IMU bias step", "biases that change no more than the noise model says"
-        ).note(
+        return Question("IMU bias step", AS_MODELLED).note(
             f"the biases step by about {gyro:.0f} deg/h and {accel:.1f} mg at TOW {time:.1f} s"
             f"{when}, log evidence {self.evidence:.0f}; estimated, and the sigmas of the images"
             " allow for it",
@@ -374,7 +373,7 @@ def bias_step_candidate(
     chosen = solution.separation_epoch
     around = np.arange(chosen[max(k - 1, 0)], chosen[min(k + 1, chosen.size - 1)] + 1)
     layout = solution.problem.layout
-    _, start = widened(*with_layout(*posed, layout), posed[0].layout)
+    _, start = widened(*posed, layout)
     try:
         closer = solve(solution.problem, start, "off", separations=around, about=solution)
     except DataError:

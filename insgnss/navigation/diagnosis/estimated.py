@@ -11,7 +11,7 @@ import numpy as np
 
 from ...records import Array, Estimate, TimeCorrelatedError
 from ...records.states import State
-from ..filter.codes import BIAS, DRIFT, NAV, VEL
+from ..filter.codes import BIAS, COVARIANCE_RESET, DRIFT, NAV, NOT_MEASURED, POSITION, REJECTED, VEL
 from ..filter.solution import Solution
 
 
@@ -138,6 +138,25 @@ def time_correlated_errors(solution: Solution) -> tuple[TimeCorrelatedError, ...
             TimeCorrelatedError(float(1.0 / layout.beta[first]), int(rows.sum()), *triples)
         )
     return tuple(errors)
+
+
+def fix_counts(verdict: np.ndarray) -> tuple[int, int, int]:
+    """Return how many fixes a filter was offered and rejected, and how often it was reset.
+
+    Parameters
+    ----------
+    verdict : ndarray
+        (m, kinds) the verdicts of a solution or of a filter's history.
+
+    Returns
+    -------
+    tuple of int
+        Positions that were measured, that were rejected, and covariance resets after such ones.
+    """
+    of_positions = verdict[:, POSITION]
+    kinds = of_positions != NOT_MEASURED, of_positions == REJECTED, of_positions == COVARIANCE_RESET
+    offered, rejected, resets = (int(np.count_nonzero(kind)) for kind in kinds)
+    return offered, rejected, resets
 
 
 def rms_speed(solution: Solution) -> float:

@@ -12,17 +12,15 @@ most; the decision compares `misfit`, the same of the whole flight.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
-from ...records import Array
 from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
-from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
+from ..filter.codes import NOT_MEASURED, POSITION, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
@@ -31,12 +29,11 @@ from ..innovations.pieces import sub_solution
 from .candidates import (
     ErrorModel,
     LayoutFactory,
-    SensorDynamics,
     widened,
     with_every_constant,
-    with_layout,
 )
 from .constants import ConstantsEvidence, constants_evidence, followed_constants
+from .estimated import fix_counts
 from .sensitivity import Sensitivity
 
 WINDOW_FIXES = 900  # of the window over which candidates are compared
@@ -128,6 +125,11 @@ class ErrorModelSearch:
     claims: FixClaims = NO_CLAIMS
 
     @property
+    def requested_model(self) -> ErrorModel:
+        """What is estimated of the errors of fixes and IMU as the flight file has it."""
+        return ErrorModel(self.requested_errors)
+
+    @property
     def exact(self) -> tuple[str, ...]:
         """Groups of constants that the flight file states as exact."""
         of_arm = self.mounting.antenna_sigma_m == 0.0 and LEVER_ARM not in self.requested
@@ -153,12 +155,12 @@ class ErrorModelSearch:
         """
         if np.count_nonzero(problem.epochs.has_position) < FEWEST_FIXES:
             return None
-        wide = self.layout(with_every_constant(ErrorModel(self.requested_errors)))
+        wide = self.layout(with_every_constant(self.requested_model))
         return followed_constants(problem, wide)
 
     def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
         """Solve again with another error model; None where there is no solution."""
-        again = widened(*with_layout(*posed, self.layout(model)), posed[0].layout)
+        again = widened(*posed, self.layout(model))
         try:
             return solve(*again, self.second_pass, self.progress)
         except DataError:
@@ -258,95 +260,6 @@ def misfit(solution: Solution) -> float:
     return float(np.sum(size + 2.0 * log_sigma))
 
 
-@dataclass(frozen=True)
-class DynamicsTrial:
-    """A flight that was solved again without the delay of a sensor.
-
-    Parameters
-    ----------
-    dynamics : SensorDynamics
-        Which delay.
-    value, sigma : ndarray
-        Its parameters, and how well the flight tells them.
-    evidence : float
-        Logarithm, against none.
-    posed : tuple of EstimationProblem and InitialState
-        The problem without it.
-    solution : Solution
-        The solution of it.
-    """
-
-    dynamics: SensorDynamics
-    value: Array
-    sigma: Array
-    evidence: float
-    posed: Posed
-    solution: Solution
-
-
-def dynamics_trial(
-    search: ErrorModelSearch,
-    posed: Posed,
-    model: ErrorModel,
-    solution: Solution,
-    dynamics: SensorDynamics,
-) -> DynamicsTrial | None:
-    """Look for the delay of a sensor that explains the innovations best.
-
-    `misfit` is quadratic in it: solutions on either side give its minimum, with an open gate.
-
-    Parameters
-    ----------
-    search : ErrorModelSearch
-        How candidates are solved.
-    posed : tuple of EstimationProblem and InitialState
-        The problem and its initial state.
-    model : ErrorModel
-        What is estimated already.
-    solution : Solution
-        The solution with this model.
-    dynamics : SensorDynamics
-        The delay.
-
-    Returns
-    -------
-    DynamicsTrial or None
-        None where there is none of its sign, or no solution.
-    """
-    search.progress(f"{dynamics.name}, as a rival of what is suspected")
-    problem, start = posed
-    quick = replace(search, second_pass="off", progress=lambda _: None)
-    opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
-
-    def cost(value: Array) -> float:
-        one = quick.solved((dynamics.corrected(opened, solution, value), start), model)
-        size = np.inf if one is None else misfit(one)
-        return size if np.isfinite(size) else np.nan
-
-    steps = np.diag(dynamics.trial)
-    same, more, less = (
-        cost(0.0 * steps[0]),
-        *(np.array([cost(sign * step) for step in steps]) for sign in (1.0, -1.0)),
-    )
-    hessian = np.diag(more + less - 2.0 * same)
-    for i, j in combinations(range(len(steps)), 2):
-        hessian[i, j] = hessian[j, i] = cost(steps[i] + steps[j]) - more[i] - more[j] + same
-    if not np.isfinite(hessian).all() or np.linalg.eigvalsh(hessian)[0] <= 0.0:
-        return None
-    cov = 2.0 * steps @ np.linalg.inv(hessian) @ steps
-    value = -0.25 * cov @ ((more - less) / dynamics.trial)
-    if (value < dynamics.least).any():
-        return None
-    corrected = dynamics.corrected(problem, solution, value), start
-    again = search.solved(corrected, model)
-    if again is None:
-        return None
-    gain = 0.5 * (misfit(solution) - misfit(again))
-    charge = np.linalg.slogdet(np.eye(value.size) + dynamics.prior**2 * np.linalg.inv(cov))[1]
-    sigma, evidence = np.sqrt(np.diag(cov)), gain - 0.5 * float(charge)
-    return DynamicsTrial(dynamics, value, sigma, evidence, corrected, again)
-
-
 def loses_fixes(solution: Solution, before: Solution) -> bool:
     """Tell whether a solution makes less use of the fixes than another one did.
 
@@ -361,13 +274,9 @@ def loses_fixes(solution: Solution, before: Solution) -> bool:
         Whether it rejects a hundredth (`MORE_LOST`) of the fixes more, or has more covariance
         resets after rejected fixes (`navigation.filter.filter`, K.7).
     """
-    count = [
-        [np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, COVARIANCE_RESET)]
-        for s in (solution, before)
-    ]
-    (rejected, resets), (rejected_before, resets_before) = count
-    offered = np.count_nonzero(before.verdict[:, POSITION] != NOT_MEASURED)
-    return bool(rejected > rejected_before + MORE_LOST * offered or resets > resets_before)
+    offered, rejected_before, resets_before = fix_counts(before.verdict)
+    _, rejected, resets = fix_counts(solution.verdict)
+    return rejected > rejected_before + MORE_LOST * offered or resets > resets_before
 
 
 def follows(solution: Solution) -> bool:
@@ -384,8 +293,6 @@ def follows(solution: Solution) -> bool:
         Whether it rejects few (`MOST_LOST`), and the mean NIS of the others is near its expectation
         (`MOST_NIS`).
     """
-    verdict = solution.verdict[:, POSITION]
-    rejected = np.count_nonzero(verdict == REJECTED)
-    used = solution.nis[verdict == USED, POSITION]
-    few = rejected <= MOST_LOST * np.count_nonzero(verdict != NOT_MEASURED)
-    return bool(few and np.mean(used) / 3.0 < MOST_NIS)
+    offered, rejected, _ = fix_counts(solution.verdict)
+    used = solution.nis[solution.verdict[:, POSITION] == USED, POSITION]
+    return bool(rejected <= MOST_LOST * offered and np.mean(used) / 3.0 < MOST_NIS)

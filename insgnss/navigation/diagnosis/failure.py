@@ -11,7 +11,7 @@ from ...records.states import OF_FIXES
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .advice import advice, variance_check
-from .candidates import ErrorModel, widened, with_constants, with_layout
+from .candidates import widened, with_constants
 from .constants import STRONG, Hypothesis
 from .decision import OF_CLOCK, ROUNDS, as_solved, step_under, together
 from .drift import bias_step_candidate, courses_beside, least_misfit, slow_bias_candidate
@@ -53,14 +53,12 @@ def explain_failure(
     if _biases_step(replace(search, align=align), problem, start, suspected.evidence):
         return None
     quiet = replace(search, second_pass="off", progress=lambda _: None)
-    model = ErrorModel(search.requested_errors)
-    model = with_constants(model, suspected.groups, suspected.factor)
+    model = with_constants(search.requested_model, suspected.groups, suspected.factor)
     candidate = quiet.solved((problem, start), model)
     if candidate is not None and not follows(candidate):
         candidate = None
     if not set(OF_CLOCK).isdisjoint(suspected.groups):
-        own = ErrorModel(search.requested_errors)
-        step = step_under(search, (problem, start), own, candidate)
+        step = step_under(search, (problem, start), search.requested_model, candidate)
         if step is not None:
             return step
     if candidate is None:
@@ -78,8 +76,7 @@ def _biases_step(
         shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
     except DataError:
         return False
-    model = ErrorModel(search.requested_errors)
-    step = bias_step_candidate(search, model, (problem, start), shown)
+    step = bias_step_candidate(search, search.requested_model, (problem, start), shown)
     if step is None or step.evidence <= evidence:
         return False
     stepped = step.solved(search)
@@ -110,7 +107,7 @@ def rescue(
     calibrated = _with_errors_of_imu(search, problem, start)
     if calibrated is not None or not search.variances:
         return calibrated
-    model = ErrorModel(search.requested_errors)
+    model = search.requested_model
     try:
         shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
         for _ in range(ROUNDS):
@@ -135,8 +132,9 @@ def rescue(
             solution = search.solved((problem, start), model)
             if solution is not None and follows(solution):
                 return solution, (check,)
-            again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
-            shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress)
+            problem_again, start_again = widened(problem, start, search.layout(model))
+            opened = replace(problem_again, gate=np.inf)
+            shown = solve(opened, start_again, "off", search.progress)
     except DataError:
         return None
     return None
@@ -151,9 +149,9 @@ def _with_errors_of_imu(
     if shown is None or not set(OF_FIXES).isdisjoint(shown[0].groups):
         return None
     suspected, rivals = shown
-    model = with_constants(ErrorModel(search.requested_errors), together(suspected, rivals))
+    model = with_constants(search.requested_model, together(suspected, rivals))
     search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
-    posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
+    posed = widened(open_gate, start, search.layout(model))
     try:
         first = solve(*posed, search.second_pass, search.progress, separations=0)
         gated = replace(posed[0], gate=problem.gate)
@@ -169,7 +167,7 @@ def _shown_by(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
 ) -> tuple[Hypothesis, list[Hypothesis]] | None:
     """Return the constants that a problem shows to be wrong, and their rivals; None without."""
-    constants = search.constants(problem, start, ErrorModel(search.requested_errors))
+    constants = search.constants(problem, start, search.requested_model)
     suspected = None if constants is None else constants.strongest()
     if constants is None or suspected is None or suspected.wide_evidence < STRONG:
         return None

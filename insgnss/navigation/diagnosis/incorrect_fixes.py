@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.wording import some
 from ...records import Array, Finding, Question
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
 from ..filter.event_chain import SharedError
@@ -34,6 +35,7 @@ from ..filter.filter import make_history, run_filter
 from ..filter.kernels.records import Epochs, FilterHistory
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution
+from .estimated import fix_counts
 
 LONGEST_SPELL_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
 MOST_WITHHELD = 0.3  # share of the fixes
@@ -104,10 +106,8 @@ def withhold_incorrect_fixes(
 
 def _follows(problem: EstimationProblem, history: FilterHistory) -> bool:
     """Tell whether a filter follows the fixes that are not withheld."""
-    verdict = history.verdict[~problem.epochs.withheld, POSITION]
-    rejected = np.count_nonzero(verdict == REJECTED)
-    few = rejected <= REJECTED_BESIDE_SPELLS * np.count_nonzero(verdict != NOT_MEASURED)
-    return bool(few and not np.any(verdict == COVARIANCE_RESET))
+    offered, rejected, resets = fix_counts(history.verdict[~problem.epochs.withheld])
+    return rejected <= REJECTED_BESIDE_SPELLS * offered and not resets
 
 
 def _withheld(
@@ -123,9 +123,9 @@ def _withheld(
     if all(_within_claims(ep, spell) for spell in spells):
         return None
     share = np.count_nonzero(withheld & ep.has_position) / np.count_nonzero(ep.has_position)
-    return (
-        replace(problem, epochs=ep._replace(withheld=withheld)) if share <= MOST_WITHHELD else None
-    )
+    if share > MOST_WITHHELD:
+        return None
+    return replace(problem, epochs=ep._replace(withheld=withheld))
 
 
 def _within_claims(epochs: Epochs, spell: Spell) -> bool:
@@ -288,12 +288,11 @@ def incorrect_check(
         A note.
     """
     time = problem.inc.marks
-    listed = "; ".join(
+    each = (
         f"{time[s.first]:.1f} to {time[s.last]:.1f} s by"
         f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
-        for s in spells[:5]
+        for s in spells
     )
-    more = f" and {len(spells) - 5} more" if len(spells) > 5 else ""
     done = (
         "they are left out"
         if withheld
@@ -301,7 +300,7 @@ def incorrect_check(
     )
     return Question("incorrect fixes", "one level throughout").note(
         "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
-        f" {listed}{more}; {done}",
+        f" {some(each, 5, '; ')}; {done}",
         "see the quality of the PPK solution there",
     )
 

@@ -17,7 +17,6 @@ import numpy as np
 from ...base.errors import DataError
 from ...records import Finding
 from ...records.verdicts import Estimate
-from ..filter.codes import COVARIANCE_RESET, POSITION
 from ..filter.filter import gate_from_sigma
 from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
@@ -27,7 +26,7 @@ from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
 from .decision import diagnose
 from .drift import hidden_drift
-from .estimated import constant
+from .estimated import constant, fix_counts
 from .evidence import ErrorModelSearch
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
@@ -127,7 +126,7 @@ class Case:
         """Whether the filter has no solution, or its covariance was reset after rejected fixes."""
         if self.solution is None:
             return self.start is not None
-        return bool(np.any(self.solution.verdict[:, POSITION] == COVARIANCE_RESET))
+        return fix_counts(self.solution.verdict)[2] > 0
 
 
 @dataclass(frozen=True)

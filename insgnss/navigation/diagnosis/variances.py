@@ -50,7 +50,12 @@ from ..innovations.likelihood import (
     linear_segment,
 )
 from ..innovations.search import Search
-from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
+from .candidates import (
+    ErrorModel,
+    LayoutFactory,
+    with_larger_white_share,
+    with_time_correlated_error,
+)
 from .evidence import liveliest_part
 
 BIAS_NOISE = "IMU bias noise"
@@ -276,26 +281,13 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
         The model; None where fixes are better than they claim, which their user may have reasons
         for.
     """
-    factors = suspected.factors
+    larger = [max(1.0, suspected.factors.get(name, 1.0)) for name in FAMILIES[suspected.family]]
     if suspected.family == "GNSS sigmas":
-        k, of_velocity = factors["fixes.position"], factors.get("fixes.velocity", 1.0)
-        if max(k, of_velocity) <= 1.0:
+        if max(larger) <= 1.0:
             return None
-        k, of_velocity = max(k, 1.0), max(of_velocity, 1.0)
-        fixes = model.fixes
-        return replace(
-            model,
-            fixes=replace(
-                fixes,
-                white_scale=tuple(k * x for x in fixes.white_scale),
-                unfixed_white_scale=k * fixes.unfixed_white_scale,
-                velocity_white_scale=of_velocity * fixes.velocity_white_scale,
-            ),
-        )
-    white = suspected.family == "IMU white noise"
-    kind = "white_noise" if white else "driving_noise"
-    present = model.imu.white_noise if white else model.imu.driving_noise
-    gyro, accel = (max(1.0, factors.get(f"{triad}.{kind}", 1.0)) for triad in ("gyro", "accel"))
-    pair = (gyro * present[0], accel * present[1])
-    imu = replace(model.imu, white_noise=pair) if white else replace(model.imu, driving_noise=pair)
-    return replace(model, imu=imu)
+        return replace(model, fixes=with_larger_white_share(model.fixes, *larger))
+    if suspected.family == BIAS_NOISE:
+        gyro, accel = np.multiply(model.imu.driving_noise, larger).tolist()
+        return replace(model, imu=replace(model.imu, driving_noise=(gyro, accel)))
+    gyro, accel = np.multiply(model.imu.white_noise, larger).tolist()
+    return replace(model, imu=replace(model.imu, white_noise=(gyro, accel)))

@@ -10,41 +10,27 @@ from ...base.errors import InputError, UsageError
 
 GAUSS_MARKOV = "gauss_markov"
 
-# unit of each quantity: the dimension that a file's value must have, and the unit in which one is
-# written
-NOISE_UNITS: dict[str, dict[str, str]] = {
-    "gyro": {
-        "turn_on_bias": "deg/h",
-        "white_noise": "deg/h/sqrt(Hz)",
-        "quantization": "urad",
-        "random_walk": "deg/s^2/sqrt(Hz)",
-        "drift": "deg/h/s",
-        "scale_factor": "ppm",
-        "misalignment": "mrad",
-        "driving_noise": "deg/s^2/sqrt(Hz)",
-        "sigma": "deg/h",
-    },
-    "accel": {
-        "turn_on_bias": "mg",
-        "white_noise": "ug/sqrt(Hz)",
-        "quantization": "m/s",
-        "random_walk": "ug/s/sqrt(Hz)",
-        "drift": "ug/s",
-        "scale_factor": "ppm",
-        "misalignment": "mrad",
-        "driving_noise": "ug/s/sqrt(Hz)",
-        "sigma": "ug",
-    },
+# of a gyroscope and of an accelerometer: the dimension that a file's value must have, and the unit
+# in which one is written
+_UNITS = {
+    "turn_on_bias": ("deg/h", "mg"),
+    "white_noise": ("deg/h/sqrt(Hz)", "ug/sqrt(Hz)"),
+    "quantization": ("urad", "m/s"),
+    "random_walk": ("deg/s^2/sqrt(Hz)", "ug/s/sqrt(Hz)"),
+    "drift": ("deg/h/s", "ug/s"),
+    "scale_factor": ("ppm", "ppm"),
+    "misalignment": ("mrad", "mrad"),
 }
-QUANTITIES = (
-    "turn_on_bias",
-    "white_noise",
-    "quantization",
-    "random_walk",
-    "drift",
-    "scale_factor",
-    "misalignment",
-)
+_GM_UNITS = {
+    "correlation_time": ("s", "s"),
+    "driving_noise": ("deg/s^2/sqrt(Hz)", "ug/s/sqrt(Hz)"),
+    "sigma": ("deg/h", "ug"),
+}
+NOISE_UNITS: dict[str, dict[str, str]] = {
+    sensor: {name: units[k] for name, units in (_UNITS | _GM_UNITS).items()}
+    for k, sensor in enumerate(("gyro", "accel"))
+}
+QUANTITIES = tuple(_UNITS)
 GM_KEYS = ("correlation_time", "driving_noise")
 
 

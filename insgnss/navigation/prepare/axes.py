@@ -77,6 +77,11 @@ def parse_axes(words: str) -> Array:
     return C_b_imu
 
 
+def axes_words(C_b_imu: Array) -> str:
+    """Return the words that `parse_axes` takes into a signed permutation (3, 3)."""
+    return " ".join(map(_word, C_b_imu.T))
+
+
 def _word(direction: Array) -> str:
     """Word for a unit vector along a body axis."""
     line = int(np.argmax(np.abs(direction)))

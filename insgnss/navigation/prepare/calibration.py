@@ -27,8 +27,9 @@ from ...base.errors import InputError
 from ...base.files import atomic_write
 from ...base.tables import Table, read_toml
 from ...base.units import format_quantity, parse_quantity
+from ...base.wording import toml
 from ...records import Array, ImuSamples, Question
-from .gaps import LEAST_GAP_INTERVALS, nominal_interval
+from .gaps import sample_lengths
 
 OFF_IDENTITY = 0.1  # of the matrix from identity: no calibration, but other units or axes
 LOWER = ((1, 0), (2, 0), (2, 1))  # cells of N for three misalignments: N_yx, N_zx, N_zy
@@ -110,13 +111,7 @@ class ImuCalibration:
 
     def apply(self, imu: ImuSamples) -> ImuSamples:
         """Return calibrated samples in the same quantity (C.2), with a note of what was applied."""
-        dt: Array | float = 1.0
-        if imu.quantity == "increments":
-            nominal = nominal_interval(imu.time)
-            step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-            dt = np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)[
-                :, None
-            ]  # an increment after a gap is over one interval
+        dt = sample_lengths(imu.time)[:, None] if imu.quantity == "increments" else 1.0
         note = Question("IMU calibration", "").ok(
             f"{self.name or 'calibration'} applied: {self.summary()}"
         )
@@ -135,11 +130,9 @@ class ImuCalibration:
             off = triad.response - np.diag(np.diag(triad.response))
             bias = np.abs(triad.bias).max()
             text = f"{np.degrees(bias):.3f} deg/s" if sensor == "gyro" else f"{bias:.3f} m/s^2"
-            parts.append(
-                f"{sensor} bias to {text}, scale to {1e6 * np.abs(triad.scale_factor).max():.0f}"
-                " ppm, misalignment to "
-            )
-            parts[-1] += f"{1e3 * np.abs(off).max():.2f} mrad"
+            ppm, mrad = 1e6 * np.abs(triad.scale_factor).max(), 1e3 * np.abs(off).max()
+            scale = f"scale to {ppm:.0f} ppm, misalignment to {mrad:.2f} mrad"
+            parts.append(f"{sensor} bias to {text}, {scale}")
         return "; ".join(parts)
 
 
@@ -190,16 +183,10 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
         triads[sensor] = _triad(table, sensor)
         if fault := _implausible(sensor, triads[sensor]):
             key, _, why = fault.partition(": ")
-            raise table.error(
-                next((k for k in (key, "scale_factor", "misalignment") if k in table.data), key),
-                why,
-            )
-    return ImuCalibration(
-        triads["gyro"],
-        triads["accel"],
-        top.text("name", Path(path).stem),
-        top.text("source", "not stated"),
-    )
+            keys = (key, "scale_factor", "misalignment")
+            raise table.error(next((k for k in keys if k in table.data), key), why)
+    name, source = top.text("name", Path(path).stem), top.text("source", "not stated")
+    return ImuCalibration(triads["gyro"], triads["accel"], name, source)
 
 
 def _triad(table: Table, sensor: str) -> TriadCalibration:
@@ -273,7 +260,7 @@ def write_calibration(
     """
     lines = [f"# {remark}" for remark in remarks]
     lines += [
-        f"{key} = {_quoted(getattr(calibration, key))}"
+        f"{key} = {toml(getattr(calibration, key))}"
         for key in ("name", "source")
         if getattr(calibration, key)
     ]
@@ -290,11 +277,8 @@ def write_calibration(
 
 
 def _response_lines(values: Array, suffix: str) -> list[str]:
-    cells = (
-        LOWER
-        if not any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
-        else OFF_DIAGONAL
-    )
+    above = any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
+    cells = OFF_DIAGONAL if above else LOWER
     off = np.array([values[cell] for cell in cells])
     return [
         _line(f"scale_factor{suffix}", np.diag(values), "ppm"),
@@ -303,9 +287,4 @@ def _response_lines(values: Array, suffix: str) -> list[str]:
 
 
 def _line(key: str, values: Array, unit: str) -> str:
-    return f"{key} = [{', '.join(_quoted(format_quantity(float(v), unit)) for v in values)}]"
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else " " for c in escaped) + '"'
+    return f"{key} = {toml([format_quantity(float(v), unit) for v in values])}"

@@ -1,7 +1,5 @@
 """One clock for all sensors: seconds of one GPS week, and the span that IMU and GNSS share."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...base.errors import DataError, InputError
@@ -106,6 +104,4 @@ def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:
     first, last = np.searchsorted(imu.time, [lo, hi])
     if last - first < 2:
         return imu
-    return replace(
-        imu, time=imu.time[first:last], gyro=imu.gyro[first:last], accel=imu.accel[first:last]
-    )
+    return imu[int(first) : int(last)]

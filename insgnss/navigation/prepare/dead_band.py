@@ -22,7 +22,7 @@ import numpy as np
 
 from ...records import Array, ImuSamples
 from .gaps import nominal_interval
-from .stuck_channels import MOST_PROBED
+from .stuck_channels import MOST_PROBED, run_edges
 
 LEAST_SHARE_OF_ONE_VALUE = 0.1  # share of the samples that show one number
 # of the white noise's power at low frequencies, from which on the band's error counts
@@ -97,7 +97,7 @@ def dead_band_of(column: Array, interval_s: float) -> DeadBand | None:
     if share < LEAST_SHARE_OF_ONE_VALUE or values.size < 2:
         return None
     half_width = float(np.abs(values[values != usual] - usual).min())
-    edges = np.flatnonzero(np.concatenate([[True], inside[1:] != inside[:-1], [True]]))
+    edges = run_edges(inside)
     lengths = np.diff(edges)[inside[edges[:-1]]] * interval_s
     lengths = np.minimum(lengths, LONGEST_RUN_S)
     return DeadBand(half_width, share, float(np.sum(lengths**2) / np.sum(lengths)))

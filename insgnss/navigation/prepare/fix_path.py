@@ -12,8 +12,32 @@ FASTEST_DRONE_MS = 50.0  # of a drone; a single gross fix makes no longer way th
 OUTLYING_SIGMAS, LEAST_DETOUR_M = 8.0, 0.05
 # m/s^2 by which a velocity may change between fixes: no drone or car makes more than 1 g for long
 STEEPEST_MS2 = 10.0
+BESIDE_S = 1.0  # s to a fix on either side: the IMU carries the position from one to the other
 # steps between fixes, whose median velocity a jump between two of them is compared with
 STEPS_AROUND_JUMP = 5
+
+
+def between_fixes(
+    time: Array, path: Array
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the fix of a path before and after each instant, and whether both are near it.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,), s
+    path : ndarray, shape (m,), s
+        Times of the fixes.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n,)
+        Indices of the fixes, and where both are within `BESIDE_S`.
+    """
+    after = np.searchsorted(path, time)
+    inside = (after > 0) & (after < path.size)
+    before, after = np.maximum(after - 1, 0), np.minimum(after, path.size - 1)
+    near = (time - path[before] < BESIDE_S) & (path[after] - time < BESIDE_S)
+    return before, after, inside & near
 
 
 def north_east(gnss: GnssFixes) -> Array:

@@ -44,6 +44,13 @@ def mean_interval(time: Array) -> float:
     return float(np.mean(step[step <= max(PAUSE_S, 3.0 * nominal_interval(time))]))
 
 
+def sample_lengths(time: Array) -> Array:
+    """Return the time that each sample integrates, (n,) s; after a gap it is the nominal one."""
+    nominal = nominal_interval(time)
+    step = np.diff(time, prepend=time[0] - nominal)
+    return np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)
+
+
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
     """Find every interval longer than `LEAST_GAP_INTERVALS` nominal ones.
 
@@ -138,9 +145,8 @@ class _Seen:
         k = max(round(length / self.nominal), 2)
         key = (k, int((t - self.time[0]) / NEIGHBOURHOOD_S))
         if key not in self._known:
-            first, last = np.searchsorted(
-                self.time, [t - NEIGHBOURHOOD_S, t + length + NEIGHBOURHOOD_S]
-            )
+            around = [t - NEIGHBOURHOOD_S, t + length + NEIGHBOURHOOD_S]
+            first, last = np.searchsorted(self.time, around)
             near = self._misses(k, int(first), int(last))
             if near.shape[0] < LEAST_COMPARISONS:
                 near = self._misses(k, 0, self.time.size)
@@ -155,12 +161,7 @@ class _Seen:
 
     def _misses(self, k: int, first: int, last: int) -> Array:
         j = np.arange(first, max(last - k, first), max(1, k // 4), dtype=np.int64)
-        j = j[
-            np.abs(
-                self.time[np.minimum(j + k, self.time.size - 1)] - self.time[j] - k * self.nominal
-            )
-            < 0.6 * self.nominal
-        ]
-        return 0.5 * (self.rate[j] + self.rate[j + k]) * (k * self.nominal) - (
-            self.sum[j + k] - self.sum[j]
-        )
+        length = self.time[np.minimum(j + k, self.time.size - 1)] - self.time[j]
+        j = j[np.abs(length - k * self.nominal) < 0.6 * self.nominal]
+        bridge = 0.5 * (self.rate[j] + self.rate[j + k]) * (k * self.nominal)
+        return bridge - (self.sum[j + k] - self.sum[j])

@@ -189,10 +189,8 @@ def prepared(devices: Sequence[Device], gnss: GnssFixes, week: int) -> PreparedI
             [device.lever_m for device in devices],
             [device.white_noise for device in devices],
         )
-        imu, C_b_imu, weight, checks = (
-            *(combined.samples, np.eye(3)),
-            *(combined.weight, combined.checks),
-        )
+        imu, C_b_imu = combined.samples, np.eye(3)
+        weight, checks = combined.weight, combined.checks
     stationary = stationary_periods(imu, gnss)
     first_fix, end_fix = (np.searchsorted(gnss.time, stationary.time[:, k]) for k in (0, 1))
     stationary = stationary.where(end_fix > first_fix)

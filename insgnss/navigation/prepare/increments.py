@@ -101,19 +101,9 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
     stop, rate = np.empty(marks.size, dtype=np.int64), np.empty((marks.size, 3))
     snapped = _snap_to_samples(marks, imu.time)
     samples = (imu.time, imu.gyro, imu.accel, QUANTITIES.index(imu.quantity))
-    n = build_segments(
-        *samples,
-        np.ascontiguousarray(C_b_imu),
-        nominal,
-        LEAST_GAP_INTERVALS * nominal,
-        snapped,
-        dt,
-        dtheta,
-        dvel,
-        stop,
-        rate,
-        np.empty((10, 6)),
-    )
+    C, bridge = np.ascontiguousarray(C_b_imu), LEAST_GAP_INTERVALS * nominal
+    out = dt, dtheta, dvel, stop, rate, np.empty((10, 6))
+    n = build_segments(*samples, C, nominal, bridge, snapped, *out)
     bridged = bridged_variance(imu, C_b_imu, gaps, snapped) if gaps else None
     return Increments(
         dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps), bridged

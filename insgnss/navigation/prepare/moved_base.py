@@ -82,15 +82,17 @@ class MovedBase:
                     f"was solved with the base at {stated}, {distance:.1f} m from the old position"
                     f" of gnss.moved_base (limit {SAME_M:g} m); give that as the old one",
                 )
-        lat, lon, height = self._moved(fixes)
+        ecef = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+        lat, lon, height = self._moved(ecef)
         base = None if fixes.base_ecef is None else _ecef(self.new)
         return replace(fixes, lat=lat, lon=lon, height=height, base_ecef=base)
 
     def positions(self, positions: CameraPositions) -> CameraPositions:
         """Return camera positions moved by (MB.1), with covariances by (MB.2)."""
-        lat, lon, height = self._moved(positions)
+        ecef = geodetic_to_ecef(positions.lat, positions.lon, positions.height)
+        lat, lon, height = self._moved(ecef)
         C_en = rotation_en(lat, lon)
-        cov = positions.cov_ned + C_en.swapaxes(1, 2) @ self._covariance(positions) @ C_en
+        cov = positions.cov_ned + C_en.swapaxes(1, 2) @ self._covariance(ecef) @ C_en
         return replace(positions, lat=lat, lon=lon, height=height, cov_ned=cov)
 
     def orientation(self, eo: ExteriorOrientation) -> ExteriorOrientation:
@@ -98,7 +100,8 @@ class MovedBase:
         plane = TangentPlane(*eo.origin)
         lat, lon, height = plane.geodetic_from_position(eo.position_m)
         added = np.zeros((6, 6))
-        added[:3, :3] = plane.C_em.T @ self._covariance(_Places(lat, lon, height)) @ plane.C_em
+        ecef = geodetic_to_ecef(lat, lon, height)
+        added[:3, :3] = plane.C_em.T @ self._covariance(ecef) @ plane.C_em
         rig = eo.rig
         if rig is not None and rig.cross is not None:
             rig = replace(rig, cross=rig.cross + added)
@@ -111,21 +114,20 @@ class MovedBase:
             history=(*eo.history, self.sentence),
         )
 
-    def _moved(self, places: "GnssFixes | CameraPositions") -> tuple[Array, Array, Array]:
-        """Latitude, longitude, height (n,) of places moved by (MB.1)."""
-        self._farthest(places)
-        moved = geodetic_to_ecef(places.lat, places.lon, places.height) + self.shift
-        lat, lon, height = ecef_to_geodetic(moved)
+    def _moved(self, ecef: Array) -> tuple[Array, Array, Array]:
+        """Latitude, longitude, height (n,) of places (n, 3), ECEF, m, moved by (MB.1)."""
+        self._farthest(ecef)
+        lat, lon, height = ecef_to_geodetic(ecef + self.shift)
         return lat, lon, height
 
-    def _covariance(self, places: "CameraPositions | _Places") -> Array:
+    def _covariance(self, ecef: Array) -> Array:
         """What (MB.2) adds (3, 3), ECEF, m^2, for the farthest of places."""
         lat, lon = np.radians(self.new[:2])
         C_en = rotation_en(lat, lon)
-        scaled = float(np.linalg.norm(self.shift)) * self._farthest(places) / SATELLITES_M
+        scaled = float(np.linalg.norm(self.shift)) * self._farthest(ecef) / SATELLITES_M
         return np.asarray(C_en @ np.diag(np.square(self.sigma_m)) @ C_en.T + scaled**2 * np.eye(3))
 
-    def _farthest(self, places: "GnssFixes | CameraPositions | _Places") -> float:
+    def _farthest(self, ecef: Array) -> float:
         """The largest distance of places from the base, m.
 
         Raises
@@ -133,7 +135,6 @@ class MovedBase:
         InputError
             One that no base reaches.
         """
-        ecef = geodetic_to_ecef(places.lat, places.lon, places.height)
         farthest = float(np.linalg.norm(ecef - _ecef(self.old), axis=1).max(initial=0.0))
         if farthest > FARTHEST_M:
             raise InputError(
@@ -141,15 +142,6 @@ class MovedBase:
                 f" {1e-3 * FARTHEST_M:.0f} km); check latitude and longitude of the base"
             )
         return farthest
-
-
-@dataclass(frozen=True)
-class _Places:
-    """Latitudes, longitudes, rad, and heights, m (n,)."""
-
-    lat: Array
-    lon: Array
-    height: Array
 
 
 def _ecef(position: Position) -> Array:

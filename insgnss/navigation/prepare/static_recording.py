@@ -19,15 +19,17 @@ variance shows the sensor's noise any more.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
 from ...base.units import STANDARD_GRAVITY
+from ...base.wording import some
 from ...geodesy.earth import EARTH_RATE
 from ...records import Array, Finding, ImuSamples, Question
+from ...records.interpolation import columns_at
 from ...records.variances import MAD_TO_SIGMA
 from .gaps import LEAST_GAP_INTERVALS, find_gaps, mean_interval, nominal_interval
 from .stationarity import (
@@ -250,8 +252,7 @@ def _places(time: Array, nominal: float) -> NDArray[np.int64]:
 def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) -> Array:
     """(n, 3) on the grid, in rates."""
     if filled:
-        grid = np.arange(cells[-1] + 1)
-        values = np.column_stack([np.interp(grid, cells, column) for column in values.T])
+        values = columns_at(np.arange(float(cells[-1] + 1)), cells.astype(np.float64), values)
     return values if scale == 1.0 else values * scale
 
 
@@ -319,17 +320,11 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Finding:
     finding = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
     if whole and not NORM_LOW < force < NORM_HIGH:
         factors = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
-        near = [
-            unit
-            for unit, factor in factors.items()
-            if abs(force * factor / STANDARD_GRAVITY - 1.0) < UNIT_TOLERANCE
-        ]
         one = f"{STANDARD_GRAVITY / max(force, 1e-12):.4g} m/s^2"
-        advice = (
-            f"the values look like {near[0]}: give --accel-unit {near[0]}"
-            if near
-            else f"if these are counts, --accel-unit {one!r}"
-        )
+        advice = f"if these are counts, --accel-unit {one!r}"
+        for unit, factor in factors.items():
+            if abs(force * factor / STANDARD_GRAVITY - 1.0) < UNIT_TOLERANCE:
+                advice = f"the values look like {unit}: give --accel-unit {unit}"
         return ask.contradiction(finding, f"{advice}; gravity must be in them")
     if rate > MAX_BIAS:
         return ask.contradiction(
@@ -391,37 +386,28 @@ def _at_rest(
     length = len(gyro) / rate
     periods = stationary_periods(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
     share = float(np.sum(periods.time[:, 1] - periods.time[:, 0]) / length)
-    name, expected = "motion", f"at rest for {REST_SHARE:.0%} of the time and more"
+    ask = Question("motion", f"at rest for {REST_SHARE:.0%} of the time and more")
     if share < REST_SHARE:
         scatter = ", ".join(
             f"{x.std(axis=0).max():.2g} {unit}" for x, unit in ((gyro, "rad/s"), (accel, "m/s^2"))
         )
-        unit = (
-            ", and the rates look like deg/s: --gyro-unit deg/s"
-            if gyro.std(axis=0).max() > MAX_GYRO and accel.std(axis=0).max() < MAX_ACCEL
-            else ""
-        )
+        in_degrees = gyro.std(axis=0).max() > MAX_GYRO and accel.std(axis=0).max() < MAX_ACCEL
+        unit = ", and the rates look like deg/s: --gyro-unit deg/s" if in_degrees else ""
         advice = (
             "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one"
             " out with --skip and --keep; if it was at rest, check the units: it scatters by"
             f" {scatter}{unit}"
         )
-        return (), Question(name, expected).contradiction(
-            f"at rest for {share:.0%} of the time{_longest(periods, begin)}", advice
-        )
+        finding = f"at rest for {share:.0%} of the time{_longest(periods, begin)}"
+        return (), ask.contradiction(finding, advice)
     disturbances = _disturbances(np.column_stack(columns), begin, rate)
     if not disturbances:
-        return (), Question(name, expected).ok("at rest throughout")
-    more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
-    how = "disturbed" if disturbances[0].sigmas > STRONG_SIGMAS else "slightly disturbed"
-    advice = (
-        "leave the recording out, or cut it with --skip and --keep"
-        if disturbances[0].sigmas > STRONG_SIGMAS
-        else ""
-    )
-    return disturbances, Question(name, "nothing but noise").note(
-        f"{how}: {'; '.join(map(str, disturbances[:3]))}{more}", advice
-    )
+        return (), ask.ok("at rest throughout")
+    how, advice = "slightly disturbed", ""
+    if disturbances[0].sigmas > STRONG_SIGMAS:
+        how, advice = "disturbed", "leave the recording out, or cut it with --skip and --keep"
+    finding = f"{how}: {some(disturbances, 3, '; ')}"
+    return disturbances, replace(ask, expected="nothing but noise").note(finding, advice)
 
 
 def _longest(periods: StationaryPeriods, begin: float) -> str:
@@ -455,16 +441,9 @@ def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...
         channel = int(np.argmax(run_scores.max(axis=(0, 1))))
         quick = bool(run_scores[:2].max() > DISTURBED_SIGMAS)
         lo, hi = _quick_span(run_scores[:2], run[0]) if quick else (run[0], run[-1] + 1)
-        kind = "shaken" if quick else "step"
-        disturbances.append(
-            Disturbance(
-                begin + lo * size / rate,
-                (hi - lo) * size / rate,
-                CHANNELS[channel],
-                kind,
-                float(run_scores.max()),
-            )
-        )
+        first_s, length_s = begin + lo * size / rate, (hi - lo) * size / rate
+        kind, sigmas = "shaken" if quick else "step", float(run_scores.max())
+        disturbances.append(Disturbance(first_s, length_s, CHANNELS[channel], kind, sigmas))
     return tuple(sorted(disturbances, key=lambda d: -d.sigmas))
 
 

@@ -160,10 +160,8 @@ def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> Statio
     time = periods.time
     stands = _seen_by_gnss(gnss, time[:, 0], time[:, 1]) != MOVING
     if stands.any():
-        usual = np.median(
-            np.repeat(periods.gyro_mean[stands], periods.samples[stands] // 50 + 1, axis=0),
-            axis=0,
-        )
+        often = periods.samples[stands] // 50 + 1
+        usual = np.median(np.repeat(periods.gyro_mean[stands], often, axis=0), axis=0)
         stands &= np.abs(periods.gyro_mean - usual).max(axis=1) < BIAS_SPREAD
     return periods.where(stands)
 
@@ -203,9 +201,8 @@ def _quiet(
 ) -> NDArray[np.bool_]:
     """Which windows are stationary, of those `allowed`."""
     n, mean, variance = sums.over(lo, hi)
-    slow = (
-        sums.between_blocks(lo, hi) - variance * ((WINDOW_BLOCKS - 1) / np.maximum(n, 1.0))[:, None]
-    )
+    white = variance * ((WINDOW_BLOCKS - 1) / np.maximum(n, 1.0))[:, None]
+    slow = sums.between_blocks(lo, hi) - white
     gyro, accel = variance[:, :3].mean(axis=1), variance[:, 3:].mean(axis=1)
     norm = np.linalg.norm(mean[:, 3:], axis=1)
     candidate = (
@@ -215,9 +212,8 @@ def _quiet(
         & (norm > NORM_LOW)
         & (norm < NORM_HIGH)
     )
-    candidate &= (slow[:, :3].mean(axis=1) < MAX_SLOW_GYRO**2) & (
-        slow[:, 3:].mean(axis=1) < MAX_SLOW_ACCEL**2
-    )
+    candidate &= slow[:, :3].mean(axis=1) < MAX_SLOW_GYRO**2
+    candidate &= slow[:, 3:].mean(axis=1) < MAX_SLOW_ACCEL**2
     candidate &= np.abs(mean[:, :3]).max(axis=1) < MAX_BIAS
     if not candidate.any():
         return candidate
@@ -242,13 +238,10 @@ def _runs(quiet: NDArray[np.bool_], sums: _Sums) -> NDArray[np.int64]:
     np.add.at(covered, np.flatnonzero(quiet), 1.0)
     np.add.at(covered, np.flatnonzero(quiet) + WINDOW_BLOCKS, -1.0)
     inside = np.concatenate([[False], np.cumsum(covered)[:-1] > 0.5, [False]])
-    edges = np.flatnonzero(np.diff(inside.astype(np.int8))).reshape(-1, 2) + [
-        EDGE_BLOCKS,
-        -EDGE_BLOCKS,
-    ]
-    return np.asarray(
-        edges[(edges[:, 1] - edges[:, 0]) * sums.length >= MIN_LENGTH_S - 1e-9], dtype=np.int64
-    )
+    edges = np.flatnonzero(np.diff(inside.astype(np.int8))).reshape(-1, 2)
+    edges += [EDGE_BLOCKS, -EDGE_BLOCKS]
+    long = (edges[:, 1] - edges[:, 0]) * sums.length >= MIN_LENGTH_S - 1e-9
+    return np.asarray(edges[long], dtype=np.int64)
 
 
 def _periods_of(sums: _Sums, runs: NDArray[np.int64]) -> StationaryPeriods:
@@ -271,27 +264,17 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
     sigma = np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2))
     length = (end - begin)[:, None]
     moved = columns_at(end, gnss.time, position) - columns_at(begin, gnss.time, position)
-    speeds = [
-        (
-            moved / length,
-            np.hypot(columns_at(begin, gnss.time, sigma), columns_at(end, gnss.time, sigma))
-            / length,
-        )
-    ]
+    sigmas = columns_at(begin, gnss.time, sigma), columns_at(end, gnss.time, sigma)
+    speeds = [(moved / length, np.hypot(*sigmas) / length)]
     if gnss.velocity_ned is not None and gnss.velocity_cov_ned is not None:
         sigma_v = np.sqrt(np.diagonal(gnss.velocity_cov_ned, axis1=1, axis2=2))
         middle = 0.5 * (begin + end)
-        speeds.append(
-            (
-                columns_at(middle, gnss.time, gnss.velocity_ned),
-                columns_at(middle, gnss.time, sigma_v),
-            )
-        )
+        velocity = columns_at(middle, gnss.time, gnss.velocity_ned)
+        speeds.append((velocity, columns_at(middle, gnss.time, sigma_v)))
     covered = _covered(gnss.time, begin, end)
     for speed, deviation in speeds:
-        seen[covered & (seen == UNKNOWN) & (GNSS_SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = (
-            CONFIRMED
-        )
+        useful = GNSS_SIGMAS * deviation.max(axis=1) < USEFUL_MS
+        seen[covered & (seen == UNKNOWN) & useful] = CONFIRMED
         seen[covered & (np.abs(speed) > GNSS_SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
     return seen
 

@@ -12,6 +12,7 @@ a person to look at.
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...records import Array, ImuSamples, Question
 from .gaps import nominal_interval
@@ -25,6 +26,12 @@ DEAD_BAND, DEAD_BAND_SHARE = 0.05, 0.01  # rad/s; share of the samples
 MOVES = 0.3  # share of the samples at which another channel of the triad changes
 MOST_PROBED = 200_000  # samples that show how often a value repeats (chosen)
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z")
+
+
+def run_edges(column: np.ndarray) -> NDArray[np.int64]:
+    """Return where each run of equal values begins, and the number of values at the end."""
+    changes = np.flatnonzero(column[1:] != column[:-1]) + 1
+    return np.concatenate([[0], changes, [column.size]])
 
 
 def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
@@ -74,24 +81,18 @@ def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
     dt = nominal_interval(imu.time)
     drop = np.zeros(imu.time.size, dtype=np.bool_)
     runs = []
-    for triad, offset in ((imu.gyro, 0), (imu.accel, 3)):
-        for c in range(3):
-            for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
-                others = np.delete(triad[first : last + 1], c, axis=1)
-                moves = np.mean(np.diff(others, axis=0) != 0.0, axis=0).max()
-                length = imu.time[last] - imu.time[first]
-                if (
-                    moves > MOVES
-                    and length <= longest_s
-                    and not (offset == 0 and dead_band(imu, c, first, last))
-                ):
-                    drop[first + 1 : last + 1] = True
-                    runs.append(
-                        f"{CHANNELS[offset + c]} from {imu.time[first]:.2f} s for {length:.2f} s"
-                    )
+    for channel, name in enumerate(CHANNELS):
+        triad, c = (imu.gyro if channel < 3 else imu.accel), channel % 3
+        for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
+            others = np.delete(triad[first : last + 1], c, axis=1)
+            moves = np.mean(np.diff(others, axis=0) != 0.0, axis=0).max()
+            length = imu.time[last] - imu.time[first]
+            idle = channel < 3 and dead_band(imu, c, first, last)
+            if moves > MOVES and length <= longest_s and not idle:
+                drop[first + 1 : last + 1] = True
+                runs.append(f"{name} from {imu.time[first]:.2f} s for {length:.2f} s")
     if not runs:
         return imu
-    keep = ~drop
     finding = (
         f"{int(drop.sum())} samples left out where a channel is stuck:"
         f" {', '.join(runs[:5])}{', ...' if runs[5:] else ''}"
@@ -99,13 +100,7 @@ def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
     note = Question("IMU rows", "every channel renewed with every sample").note(
         finding, "look at the sensor's connection and logger"
     )
-    return replace(
-        imu,
-        time=imu.time[keep],
-        gyro=imu.gyro[keep],
-        accel=imu.accel[keep],
-        notes=(*imu.notes, note),
-    )
+    return replace(imu[~drop], notes=(*imu.notes, note))
 
 
 def dead_band(imu: ImuSamples, channel: int, first: int, last: int) -> bool:
@@ -113,10 +108,8 @@ def dead_band(imu: ImuSamples, channel: int, first: int, last: int) -> bool:
 
     That is so where it reads zero often, or while none of the gyros turns.
     """
-    column, per_second = (
-        imu.gyro[:, channel],
-        1.0 / nominal_interval(imu.time) if imu.quantity == "increments" else 1.0,
-    )
+    column = imu.gyro[:, channel]
+    per_second = 1.0 / nominal_interval(imu.time) if imu.quantity == "increments" else 1.0
     if column[first] != 0.0:
         return False
     often = (np.count_nonzero(column == 0.0) - (last - first + 1)) > DEAD_BAND_SHARE * column.size

@@ -26,20 +26,12 @@ MOUNT_RAD = np.radians(8.0)
 CRAB_RAD = np.radians(5.0)
 MOVING_SPEED_SHARE = 0.3  # of the speed that is exceeded a tenth of the time
 WIND_ITERATIONS = 5  # of the weighted fit of wind and axis (chosen)
-WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
 def imu_word(direction: Array) -> str:
     """Signed letter of the IMU's axis along a direction (3,) in its axes, "-z" for one."""
     k = int(np.argmax(np.abs(direction)))
     return ("+" if direction[k] > 0 else "-") + "xyz"[k]
-
-
-def axes_words(C_b_imu: Array) -> str:
-    """Return the words of `axes` for a signed permutation (3, 3)."""
-    return " ".join(
-        WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0.0)] for column in C_b_imu.T
-    )
 
 
 def scores(towards: Array, ahead: Array) -> Array:
@@ -103,14 +95,8 @@ def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose
     fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_COURSE_MS
     course_rate = np.where(fast, np.angle(v2 * np.conj(v1)) / (0.5 * width), np.nan)
     v = 0.5 * (v1 + v2)
-    return Pose(
-        instants + fit.theta[0],
-        C_ns,
-        fit.yaw_sigma[window],
-        np.column_stack([v.real, v.imag]),
-        course_rate,
-        width,
-    )
+    time, velocity = instants + fit.theta[0], np.column_stack([v.real, v.imag])
+    return Pose(time, C_ns, fit.yaw_sigma[window], velocity, course_rate, width)
 
 
 def _velocity(
@@ -122,14 +108,10 @@ def _velocity(
         v = gnss.velocity_ned[sound, :2] @ np.array([1.0, 1j])
         return np.asarray(np.interp(instants, t, v), dtype=np.complex128)
     p = north_east(gnss)[sound] @ np.array([1.0, 1j])
-    before, after = (
-        np.clip(instants - 0.5 * width, t[0], t[-1]),
-        np.clip(instants + 0.5 * width, t[0], t[-1]),
-    )
-    return np.asarray(
-        (np.interp(after, t, p) - np.interp(before, t, p)) / np.maximum(after - before, 1e-3),
-        dtype=np.complex128,
-    )
+    before = np.clip(instants - 0.5 * width, t[0], t[-1])
+    after = np.clip(instants + 0.5 * width, t[0], t[-1])
+    moved = np.interp(after, t, p) - np.interp(before, t, p)
+    return np.asarray(moved / np.maximum(after - before, 1e-3), dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +138,7 @@ class Direction:
     @property
     def word(self) -> str:
         """The axis in words, such as "-y"."""
-        k = int(np.argmax(np.abs(self.axis)))
-        return ("+" if self.axis[k] > 0 else "-") + "xyz"[k]
+        return imu_word(self.axis)
 
 
 def _direction(vector: Array, sigma: float) -> Direction:
@@ -215,19 +196,16 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     share = min(1.0, spacing / INDEPENDENT_CRAB_S)
     moving = np.abs(v) > MOVING_SPEED_SHARE * np.quantile(np.abs(v), 0.9)
     heading_known = moving & (pose.yaw_sigma < 0.5)
-    rest, scale = (
-        np.zeros(v.size),
-        max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS),
-    )
+    rest = np.zeros(v.size)
+    scale = max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS)
     for _ in range(WIND_ITERATIONS):
         variance = scale**2 + (np.abs(v) * pose.yaw_sigma) ** 2
         weight = share * moving * level / variance / (1.0 + rest**2 / variance)
         N = (A.conj().T * weight) @ A + prior
         c, wind = np.linalg.solve(N, (A.conj().T * weight) @ v)
         rest = np.abs(v - c * h - wind)
-        scale = max(
-            1.2 * float(np.median(rest[heading_known])) if heading_known.any() else scale, GUST_MS
-        )
+        if heading_known.any():
+            scale = max(1.2 * float(np.median(rest[heading_known])), GUST_MS)
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
     along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)

@@ -17,17 +17,18 @@ import numpy as np
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
+from ..prepare.axes import axes_words
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.gaps import find_gaps, nominal_interval
-from .axes import axes_words, imu_word
+from .axes import imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise
 from .relation import MAX_LAG_S
 from .turns import OF_TURNS
 from .units import ACCEL_UNITS, GYRO_UNITS
 
-INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
-SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
+INCREMENT_UNITS = {"gyro": {"rad": 1.0, "deg": np.pi / 180.0}, "accel": {"m/s": 1.0}}
+RATE_UNITS = {"gyro": GYRO_UNITS, "accel": ACCEL_UNITS}
 REPORTED_OFFSET_S = 0.02  # a time offset that is reported
 # a time offset that stops the job; below it the filter copes, and a note reports it
 OFFSET_LIMIT_S = 0.5
@@ -98,38 +99,20 @@ def _compare_units(
         "recognised units", f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}"
     )
     sensors = (
-        (
-            "gyro",
-            recognition.finding("gyro unit"),
-            recognition.gyro_factor,
-            GYRO_UNITS | INCREMENT_UNITS,
-            gyro_unit,
-        ),
-        (
-            "accel",
-            recognition.finding("accelerometer unit"),
-            recognition.accel_factor,
-            ACCEL_UNITS | INCREMENT_UNITS,
-            accel_unit,
-        ),
+        ("gyro", recognition.finding("gyro unit"), recognition.gyro_factor, gyro_unit),
+        ("accel", recognition.finding("accelerometer unit"), recognition.accel_factor, accel_unit),
     )
     wrong_quantity = (quantity == "increments") != (recognition.quantity == "increments")
     remedies: list[Remedy] = []
     sure, evidence = 1.0, []
-    for sensor, finding, factor, units, claimed in sensors:
+    for sensor, finding, factor, claimed in sensors:
         evidence.append(f"{finding.name} {finding.found}: {finding.evidence}")
         if not finding.confidence or (abs(np.log(factor)) < 1e-6 and not wrong_quantity):
             continue
+        units = RATE_UNITS[sensor] | INCREMENT_UNITS[sensor]
         true = factor * units[claimed]
-        of_quantity = INCREMENT_UNITS if recognition.quantity == "increments" else units
-        unit = next(
-            (
-                u
-                for u, f in of_quantity.items()
-                if abs(np.log(true / f)) < 1e-6 and u in SENSOR_UNITS[sensor]
-            ),
-            None,
-        )
+        of_quantity = INCREMENT_UNITS[sensor] if recognition.quantity == "increments" else units
+        unit = next((u for u, f in of_quantity.items() if abs(np.log(true / f)) < 1e-6), None)
         key = f"imu.units {sensor}"
         off = Step(f"the numbers are off by {factor:.4g}, check {{{key}}}")
         remedies.append(Step("the numbers look like {}", SetKey(key, unit)) if unit else off)

@@ -80,16 +80,16 @@ class Scan:
         """Return the logarithm of the likelihood of the best lag against no relation at all."""
         return self.against(0.0)
 
-    def against(self, other: float) -> float:
-        """Return the logarithm of the likelihood of the best lag against a fit of score `other`."""
-        index = self.best
-        if not self.score[index] > max(other, 0.0):
+    def against(self, other: float, score: float | None = None) -> float:
+        """Return the logarithm of the likelihood of the best lag against a fit of score `other`.
+
+        Its own score is another one where only one sign of the force is allowed.
+        """
+        score = float(self.score[self.best]) if score is None else score
+        if not score > max(other, 0.0):
             return 0.0
-        return float(
-            0.5
-            * self.samples[index]
-            * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[index], 1e-6))
-        )
+        ratio = (1.0 - max(other, -1.0)) / max(1.0 - score, 1e-6)
+        return float(0.5 * self.samples[self.best] * np.log(ratio))
 
 
 def scan_lags(
@@ -110,35 +110,15 @@ def scan_lags(
     Scan
     """
     grid = propagated.grid
-    X, dX = (
-        (propagated.S, propagated.V) if acc.kind == "position" else (propagated.V, propagated.force)
-    )
+    of_positions = acc.kind == "position"
+    X = propagated.S if of_positions else propagated.V
+    dX = propagated.V if of_positions else propagated.force
     out = np.zeros((lags.size, acc.window.max(initial=0) + 1, 16))
-    scan(
-        acc.nodes,
-        acc.coef,
-        acc.z,
-        acc.weight,
-        acc.window,
-        lags,
-        X,
-        dX,
-        grid.broken,
-        grid.start,
-        grid.step,
-        np.empty(3),
-        np.empty(3),
-        out,
-    )
-    M, zz, aa, z, weight, count = (
-        out[..., :9],
-        out[..., 9],
-        out[..., 10],
-        out[..., 11:14],
-        out[..., 14],
-        out[..., 15],
-    )
-    M = M.reshape(*M.shape[:2], 3, 3)
+    rows = acc.nodes, acc.coef, acc.z, acc.weight, acc.window
+    steps, scratch = (grid.broken, grid.start, grid.step), (np.empty(3), np.empty(3))
+    scan(*rows, lags, X, dX, *steps, *scratch, out)
+    M, z = out[..., :9].reshape(*out.shape[:2], 3, 3), out[..., 11:14]
+    zz, aa, weight, count = (out[..., k] for k in (9, 10, 14, 15))
     use = count >= LEAST_WINDOW_ROWS
     larger, least = _singular_values(M)
     sums = (larger + np.abs(least), larger + least, larger - least)
@@ -146,9 +126,8 @@ def scan_lags(
     whole = np.where(use, zz - np.sum(z**2, axis=2) / np.maximum(weight, 1e-300), 0.0).sum(axis=1)
     covered = np.where(use, weight, 0.0).sum(axis=1)
     spacing = float(np.median(np.diff(acc.time))) if acc.time.size > 1 else 1.0
-    samples = np.maximum(
-        3.0 * covered * min(spacing / acc.span_s, 1.0) - 4.0 * use.sum(axis=1), 0.0
-    )
+    independent = 3.0 * covered * min(spacing / acc.span_s, 1.0)
+    samples = np.maximum(independent - 4.0 * use.sum(axis=1), 0.0)
     score, up, down = (
         np.where(covered > 0.5 * acc.weight.sum(), 1.0 - x / np.maximum(whole, 1e-300), -np.inf)
         for x in left
@@ -238,10 +217,8 @@ class _Model:
 
     def inside(self, lag: float) -> NDArray[np.bool_]:
         grid = self.propagated.grid
-        first, last = (
-            self.acc.nodes[:, 0] + lag - grid.start,
-            self.acc.nodes[:, 2] + lag - grid.start,
-        )
+        first = self.acc.nodes[:, 0] + lag - grid.start
+        last = self.acc.nodes[:, 2] + lag - grid.start
         inside = (first >= 0.0) & (last <= grid.step * (grid.broken.size - 1))
         i, j = (
             np.clip((x / grid.step).astype(np.int64), 0, grid.broken.size - 2)
@@ -262,13 +239,11 @@ class _Model:
         a, da, D = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3, 3))
         cell = (nodes + (lag - grid.start)) / grid.step
         differences(cell, coef, self.X, self.dX, self.E, grid.step, a, da, D)
-        middle = np.rint((0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start) / grid.step).astype(
-            np.int64
-        )
+        instants = 0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start
+        middle = np.rint(instants / grid.step).astype(np.int64)
         turn = _about_window_mean(self.propagated.turned[middle], window)
-        drift = _about_window_mean(self.propagated.drifted[middle].reshape(-1, 9), window).reshape(
-            -1, 3, 3
-        )
+        drifted = self.propagated.drifted[middle].reshape(-1, 9)
+        drift = _about_window_mean(drifted, window).reshape(-1, 3, 3)
         a, da = self.sign * a, self.sign * da
         turned = turn * theta[SCALE_OF_FORCE] + drift @ theta[GYRO_BIAS]
         R = rotation_from_vector(turned)
@@ -280,11 +255,8 @@ class _Model:
 
 def _about_window_mean(x: Array, window: NDArray[np.int64]) -> Array:
     n = np.bincount(window)
-    mean = (
-        np.column_stack([np.bincount(window, x[:, c]) for c in range(x.shape[1])])
-        / np.maximum(n, 1)[:, None]
-    )
-    return x - mean[window]
+    sums = np.column_stack([np.bincount(window, column) for column in x.T])
+    return x - (sums / np.maximum(n, 1)[:, None])[window]
 
 
 def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows: int) -> Array:
@@ -329,12 +301,10 @@ def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) 
         felt = np.einsum("nij,nj->ni", C[window], u)
         r = z - felt
         robust = acc.weight[use]
-        sigma = MAD_TO_SIGMA * np.sqrt(
-            np.array([_weighted_median(r[:, c] ** 2, robust) for c in range(3)])
-        )
-        sigma = np.maximum(
-            np.array([*(2 * [np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2))]), sigma[2]]), 1e-3
-        )
+        medians = [_weighted_median(column**2, robust) for column in r.T]
+        north, east, down = MAD_TO_SIGMA * np.sqrt(np.array(medians))
+        level = np.sqrt(0.5 * (north**2 + east**2))
+        sigma = np.maximum(np.array([level, level, down]), 1e-3)
         robust = robust * (FREEDOM + 3.0) / (FREEDOM + np.sum((r / sigma) ** 2, axis=1) * robust)
         step, psi, H, g, yaw = _solve(J, C, felt, r, robust, sigma, window, theta)
         theta = theta + step

@@ -10,10 +10,12 @@ from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import curvature_radii
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question
+from ...records.interpolation import columns_at
 from ...records.verdicts import CHECKS
+from ..prepare.axes import axes_words
 from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LEAST_GAP_INTERVALS, find_gaps, mean_interval, nominal_interval
-from ..prepare.stuck_channels import STUCK_S, constant_runs, dead_band
+from ..prepare.stuck_channels import CHANNELS, STUCK_S, constant_runs, dead_band
 from .positions import check_velocity
 from .propulsion import propulsion
 from .streams import check_classes
@@ -37,7 +39,6 @@ SPEED_S = 2.0  # over which the speed is taken
 GRAVITY_RATIO = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
 # of the samples: more readings beyond any sensor are no spikes, but another unit or column
 MOST_IMPLAUSIBLE_SHARE = 0.01
-_WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
 def check_recording(
@@ -133,7 +134,7 @@ def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array)
         turned = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ C_b_imu
         advice = Step(
             f"{{imu.axes}} looks turned by {90 * quarter} deg about the vertical; if the drone"
-            f" flies nose first it is {_axes_words(turned)!r}"
+            f" flies nose first it is {axes_words(turned)!r}"
         )
         return ask.contradiction(finding, advice)
     return ask.note(finding, when=abs(median) > 30.0)
@@ -167,10 +168,9 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Finding:
 
 def _silent(imu: ImuSamples, dt: float) -> Finding:
     """Check for channels that repeat one value for longer than `STUCK_S`."""
-    names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
     limit = max(int(STUCK_S / dt), 10)
     dead, band, how = [], [], ""
-    for c, (name, column) in enumerate(zip(names, [*imu.gyro.T, *imu.accel.T], strict=True)):
+    for c, (name, column) in enumerate(zip(CHANNELS, [*imu.gyro.T, *imu.accel.T], strict=True)):
         runs = constant_runs(column, limit + 1)
         if not runs:
             continue
@@ -245,12 +245,7 @@ def _load(time: Array, rate: Array, gnss: GnssFixes) -> Array:
     if sound.sum() < 2:
         return np.ones(time.size)
     ahead, behind = (
-        np.column_stack(
-            [
-                np.interp(time + shift, gnss.time[sound], column)
-                for column in north_east(gnss)[sound].T
-            ]
-        )
+        columns_at(time + shift, gnss.time[sound], north_east(gnss)[sound])
         for shift in (0.5 * SPEED_S, -0.5 * SPEED_S)
     )
     across = np.linalg.norm(rate, axis=1) * np.linalg.norm(ahead - behind, axis=1) / SPEED_S
@@ -308,7 +303,7 @@ def _down_axis(force: Array, C_b_imu: Array) -> Finding:
     if angle > 60.0:
         in_imu = C_b_imu.T @ up
         axis = int(np.argmax(np.abs(in_imu)))
-        sense, called = ("down", "up")[int(in_imu[axis] > 0)], _axes_words(C_b_imu).split()[axis]
+        sense, called = ("down", "up")[int(in_imu[axis] > 0)], axes_words(C_b_imu).split()[axis]
         advice = Step(
             f"the IMU's {'xyz'[axis]} axis points {sense}, {{imu.axes}} calls it {called!r};"
             " correct {imu.axes}"
@@ -317,23 +312,16 @@ def _down_axis(force: Array, C_b_imu: Array) -> Finding:
     return ask.note(finding, when=angle > 30.0)
 
 
-def _axes_words(C_b_imu: Array) -> str:
-    """The words of `axes.parse_axes` for a signed permutation."""
-    return " ".join(
-        _WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0)] for column in C_b_imu.T
-    )
-
-
 def _gnss_rate(gnss: GnssFixes) -> Finding:
-    step = np.diff(gnss.time)
+    ask, step = Question("GNSS rate", "no interval over 1.5 nominal ones"), np.diff(gnss.time)
     if not step.size:
-        return Question("GNSS rate", "no interval over 1.5 nominal ones").note("a single fix")
+        return ask.note("a single fix")
     nominal = float(np.median(step))
     gaps = step > LEAST_GAP_INTERVALS * nominal
     finding = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
         finding += f", longest {step.max():.1f} s"
-    return Question("GNSS rate", "no interval over 1.5 nominal ones").note(finding, when=gaps.any())
+    return ask.note(finding, when=gaps.any())
 
 
 def _gnss_speed(gnss: GnssFixes) -> Finding:
@@ -379,13 +367,9 @@ def _gnss_position(gnss: GnssFixes) -> Finding:
         return ask.contradiction(
             finding + outlying, Step("check {gnss.columns} and the unit of the heights, which is m")
         )
-    columns = (("latitude", gnss.lat), ("longitude", gnss.lon), ("height", gnss.height))
-    constant = [
-        coordinate
-        for coordinate, column in columns
-        if gnss.time.size > 10 and np.ptp(column) == 0.0
-    ]
-    if constant:
+    columns = {"latitude": gnss.lat, "longitude": gnss.lon, "height": gnss.height}
+    constant = [name for name, column in columns.items() if np.ptp(column) == 0.0]
+    if constant and gnss.time.size > 10:
         coordinate = " and ".join(constant)
         finding += f", {coordinate} the same in all {gnss.time.size} fixes"
         advice = Step(f"{coordinate} must change; check {{gnss.columns}}")
@@ -398,24 +382,22 @@ def _gnss_position(gnss: GnssFixes) -> Finding:
 
 def _origin_distance(gnss: GnssFixes, origin: Array) -> Finding:
     ask = Question("tangent plane origin", f"within {FARTHEST_ORIGIN_M / 1e3:.0f} km of the flight")
-    M, N = curvature_radii(origin[0])
-    north, east = (gnss.lat[0] - origin[0]) * M, (gnss.lon[0] - origin[1]) * N * np.cos(origin[0])
-    distance = float(np.hypot(north, east))
+    distance = _metres_from(origin, gnss.lat[0], gnss.lon[0])
     finding = (
         f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg,"
         f" {distance / 1e3:.1f} km from the origin"
     )
     if distance > FARTHEST_ORIGIN_M:
-        swapped = (
-            np.hypot(
-                (gnss.lon[0] - origin[0]) * M, (gnss.lat[0] - origin[1]) * N * np.cos(origin[0])
-            )
-            < FARTHEST_ORIGIN_M
-        )
-        advice = Step(
-            "latitude and longitude look exchanged; correct {gnss.columns} or tangent_plane.origin"
-            if swapped
-            else "correct tangent_plane.origin or the GNSS columns"
-        )
+        advice = Step("correct tangent_plane.origin or the GNSS columns")
+        if _metres_from(origin, gnss.lon[0], gnss.lat[0]) < FARTHEST_ORIGIN_M:
+            exchanged = "latitude and longitude look exchanged"
+            advice = Step(f"{exchanged}; correct {{gnss.columns}} or tangent_plane.origin")
         return ask.contradiction(finding, advice)
     return ask.ok(finding)
+
+
+def _metres_from(origin: Array, lat: float, lon: float) -> float:
+    """Return how far a place lies from the origin of a tangent plane, horizontally, m."""
+    M, N = curvature_radii(origin[0])
+    north, east = (lat - origin[0]) * M, (lon - origin[1]) * N * np.cos(origin[0])
+    return float(np.hypot(north, east))

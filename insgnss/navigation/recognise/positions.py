@@ -54,15 +54,16 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         A contradiction names the misreading; a note says that nothing explains the difference.
     """
     expected = f"displacements are the velocity times the time, within {AGREE:.0%} in the median"
+    ask = Question(NAME, expected)
     assert gnss.velocity_ned is not None
     assert gnss.velocity_cov_ned is not None
     pairs = _pairs(gnss.time)
     if pairs is None:
-        return Question(NAME, expected).ok("too few fixes to compare displacements with")
+        return ask.ok("too few fixes to compare displacements with")
     mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
     rows = _fast(mean[:, :2], LEAST_SPEED_MPS)
     if rows.sum() < LEAST_DISPLACEMENTS:
-        return Question(NAME, expected).ok(f"never faster than {LEAST_SPEED_MPS:g} m/s for long")
+        return ask.ok(f"never faster than {LEAST_SPEED_MPS:g} m/s for long")
     moved = _displaced(gnss, pairs)
     off = _off(moved[rows, :2], mean[rows, :2])
     finding = f"displacements are {off:.0%} off the velocities in the median"
@@ -77,11 +78,11 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         )
         if explanation is not None:
             close = [ways[int(one.statement)][0] for one in (explanation.best, *explanation.alike)]
-            return Question(NAME, expected).contradiction(finding, joined(close))
+            return ask.contradiction(finding, joined(close))
         advice = Step(
             "one of them is wrong: check {gnss.columns} and their units, or leave velocities out"
         )
-        return Question(NAME, expected).note(finding, advice)
+        return ask.note(finding, advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
     climbs = _fast(mean[:, 2:], CLIMB_MPS)
     if measured and climbs.sum() >= LEAST_DISPLACEMENTS:
@@ -91,8 +92,8 @@ def check_velocity(gnss: GnssFixes) -> Finding:
             advice = Step(
                 "it is of the other sense: in {gnss.columns} call it vu instead of vd, or vd of vu"
             )
-            return Question(NAME, expected).contradiction(finding, advice)
-    return Question(NAME, expected).ok(finding)
+            return ask.contradiction(finding, advice)
+    return ask.ok(finding)
 
 
 def _misreadings(
@@ -145,9 +146,8 @@ def _pairs(time: Array) -> Pairs | None:
 def _mean_velocity(time: Array, velocity: Array, pairs: Pairs) -> Array:
     """Mean velocity (m, 3) between the rows of each pair."""
     step = np.diff(time)[:, None]
-    way = np.concatenate(
-        [np.zeros((1, 3)), np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]), axis=0)]
-    )
+    along = 0.5 * step * (velocity[1:] + velocity[:-1])
+    way = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
     first, last = pairs
     return np.asarray((way[last] - way[first]) / (time[last] - time[first])[:, None])
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from ...base.findings.remedies import Step
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
+from ..prepare.axes import axes_words
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
-from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
+from .axes import Direction, Forward, Pose, down, forward, poses, scores
 from .findings import MOST_CONFIDENCE, answer, unknown
 from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, relate
@@ -59,6 +60,10 @@ class Recognition:
         Factors by which the numbers must be multiplied to be rad/s and m/s^2, of increments rad and
         m/s. Numbers that a claim has converted wrongly have factors that belong to no unit; the
         name of the unit is empty then.
+    findings : tuple of Finding
+        One for each property, in the order in which `_recognised` lists them.
+    curves : dict of str to ndarray
+        Arrays for a picture (`recognise` lists them).
     axes : str or None
         Body directions of the IMU's x, y and z in the words of `axes`; None where the data do not
         determine them.
@@ -72,10 +77,6 @@ class Recognition:
         "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the date (18 s
         without a week) within half a second, "other" where it is larger than half a second
         otherwise.
-    findings : tuple of Finding
-        One for each property, in the order in which `_recognised` lists them.
-    curves : dict of str to ndarray
-        Arrays for a picture (`recognise` lists them).
     exchanged : bool
         Whether latitude and longitude are; the sign of the force and the axes are then abstained
         from.
@@ -89,13 +90,13 @@ class Recognition:
     accel_unit: str
     gyro_factor: float
     accel_factor: float
-    axes: str | None
-    accel_sign: int
-    time_offset_s: float
-    time_offset_sigma_s: float
-    time_scale: str
     findings: tuple[Finding, ...]
     curves: dict[str, Array]
+    axes: str | None = None
+    accel_sign: int = 1
+    time_offset_s: float = 0.0
+    time_offset_sigma_s: float = np.inf
+    time_scale: str = "same"
     exchanged: bool = False
     exchanges: "tuple[Exchange, ...]" = ()
 
@@ -173,24 +174,14 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     gnss = replace(gnss, time=gnss.time + shift)
     relation = relate(grid, gnss, sound, force, reach)
     if relation is None:
-        return _abstained(
-            force,
-            per_sample,
-            "too few fixes or readings in common with GNSS, or gyros that show nothing",
-        )
+        why = "too few fixes or readings in common with GNSS, or gyros that show nothing"
+        return _abstained(force, per_sample, why)
     if relation.fit is None:
         why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
         return _abstained(force, per_sample, why, _scores(relation))
     mirror = _mirrored(relation, grid, gnss, sound, force, reach)
-    return _recognised(
-        relation,
-        force,
-        grid.interval,
-        imu.gps_week or gnss.gps_week,
-        poses(relation, gnss, sound),
-        shift,
-        mirror,
-    )
+    week, pose = imu.gps_week or gnss.gps_week, poses(relation, gnss, sound)
+    return _recognised(relation, force, grid.interval, week, pose, shift, mirror)
 
 
 def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
@@ -250,9 +241,8 @@ def _recognised(
 ) -> Recognition:
     """All answers, each at most as sure as the findings that it is based on."""
     of_unit, triads = of_gyro(relation, force, interval)
-    trusted = min(
-        force.of_unit.confidence or MOST_CONFIDENCE, of_unit.confidence, triads.confidence
-    )
+    of_force_unit = force.of_unit.confidence or MOST_CONFIDENCE
+    trusted = min(of_force_unit, of_unit.confidence, triads.confidence)
     clock = of_clock(relation, week, trusted, shift)
     sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirror)
     vertical = down(pose)
@@ -261,46 +251,36 @@ def _recognised(
     assert relation.fit is not None
     moved = propulsion(pose.time, pose.C_ns, relation.fit.felt, ahead.direction.axis)
     of_ahead = of_forward(ahead, moved, of_down.confidence)
-    C_b_imu = np.array(
-        [ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis]
-    )
+    right = np.cross(vertical.axis, ahead.direction.axis)
+    C_b_imu = np.array([ahead.direction.axis, right, vertical.axis])
     axes = axes_words(C_b_imu) if of_ahead.confidence and triads.found == "aligned" else None
     evidence = f"{of_down.evidence}; {of_ahead.evidence}"
     of_axes = answer("axes", axes or "", of_ahead.confidence if axes else 0.0, evidence)
-    unit_is_known, per_sample = (
-        of_unit.confidence > 0.0,
-        interval if force.quantity == "increments" else 1.0,
-    )
-    factor = relation.factors[relation.best]
+    unit_is_known = of_unit.confidence > 0.0
+    per_sample = interval if force.quantity == "increments" else 1.0
+    factor, unit = 1.0, _plain_gyro_unit(force)
+    if unit_is_known:
+        factor = relation.factors[relation.best] * per_sample
+        unit = gyro_unit(relation.factors[relation.best], force.quantity, interval)
+    of_axis = of_force, of_down, of_ahead, of_axes
+    of_clocks = clock.of_offset, clock.of_scale
+    findings = force.of_quantity, force.of_unit, of_unit, triads, *of_axis, *of_clocks
+    motion = _motion(relation, pose, C_b_imu if axes else np.eye(3))
+    tried = clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirror))
     return Recognition(
         force.quantity,
-        gyro_unit(factor, force.quantity, interval) if unit_is_known else _plain_gyro_unit(force),
+        unit,
         force.unit,
-        factor * per_sample if unit_is_known else 1.0,
+        factor,
         force.factor * per_sample,
+        findings,
+        _scores(relation) | motion | _orientations(vertical, ahead),
         axes,
         sign if of_force.confidence else 1,
         clock.offset_s,
         clock.sigma_s,
         clock.scale,
-        (
-            force.of_quantity,
-            force.of_unit,
-            of_unit,
-            triads,
-            of_force,
-            of_down,
-            of_ahead,
-            of_axes,
-            clock.of_offset,
-            clock.of_scale,
-        ),
-        _scores(relation)
-        | _motion(relation, pose, C_b_imu if axes else np.eye(3))
-        | _orientations(vertical, ahead),
-        clock.of_offset.confidence > 0.0
-        and bool(np.isfinite(mirror))
-        and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
+        tried and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
     )
 
 
@@ -314,22 +294,9 @@ def _abstained(
     """What is left where GNSS does not help: the unit of the accelerometers."""
     of_motion = (unknown(name, why) for name in OF_MOTION)
     findings = (force.of_quantity, force.of_unit, *of_motion)
-    plain = _plain_gyro_unit(force)
-    factor = force.factor * per_sample
-    return Recognition(
-        force.quantity,
-        plain,
-        force.unit,
-        1.0,
-        factor,
-        None,
-        1,
-        0.0,
-        np.inf,
-        "same",
-        findings,
-        curves or {},
-    )
+    units = _plain_gyro_unit(force), force.unit
+    factors = 1.0, force.factor * per_sample
+    return Recognition(force.quantity, *units, *factors, findings, curves or {})
 
 
 def _scores(relation: Relation) -> dict[str, Array]:
@@ -355,13 +322,10 @@ def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
     assert fit is not None
     C_bn = C_b_imu @ np.swapaxes(pose.C_ns, 1, 2)
     reach = max(1, round(0.25 * pose.width / moved.grid.step))
-    first, last = (
-        np.maximum(fit.middle - reach, 0),
-        np.minimum(fit.middle + reach, moved.C.shape[0] - 1),
-    )
-    change = (moved.turned[last] - moved.turned[first]) / (moved.grid.step * (last - first))[
-        :, None
-    ]
+    first = np.maximum(fit.middle - reach, 0)
+    last = np.minimum(fit.middle + reach, moved.C.shape[0] - 1)
+    length = moved.grid.step * (last - first)
+    change = (moved.turned[last] - moved.turned[first]) / length[:, None]
     rate = np.einsum("nij,nkj,nk->ni", pose.C_ns, moved.C[fit.middle], change)[:, 2]
     return {
         "time": pose.time,

@@ -104,12 +104,7 @@ def relate(
         return None
     factors = gyro_factors(grid, force.quantity)
     halves = HALVES_S if reach <= MAX_LAG_S else HALVES_S[1:]
-    candidates = [
-        accelerations(gnss, sound, kind, half)
-        for kind in _kinds(gnss)
-        for half in _halves(gnss, halves)
-    ]
-    candidates = [acc for acc in candidates if acc.time.size >= LEAST_ACCELERATIONS]
+    candidates = _differences(gnss, sound, halves)
     if not factors or not candidates:
         return None
     triads = np.eye(3)
@@ -127,9 +122,8 @@ def relate(
         triads = turned
         grid = replace(grid, dtheta=grid.dtheta @ triads.T)
         chosen, best = _try_factors(grid, factors, force, candidates, reach)
-    rival = _top(
-        _scan(propagate_force(grid, -factors[best], force.factor), chosen[best].acc, 0.0, reach)
-    )
+    reverse = propagate_force(grid, -factors[best], force.factor)
+    rival = _top(_scan(reverse, chosen[best].acc, 0.0, reach))
     moved = propagate_force(grid, factors[best], force.factor)
     best_fit, acc, sigma = _refine(grid, gnss, sound, moved, chosen[best])
     return Relation(tuple(factors), tuple(chosen), best, triads, rival, moved, best_fit, acc, sigma)
@@ -182,6 +176,18 @@ def _top(scan: Scan) -> float:
     return float(scan.score[scan.best])
 
 
+def _differences(
+    gnss: GnssFixes, sound: NDArray[np.bool_], wanted: tuple[float, ...], dense: bool = False
+) -> list[Accelerations]:
+    """Accelerations of all kinds over the wanted lengths, s, where they are enough."""
+    every = [
+        accelerations(gnss, sound, kind, half, dense)
+        for kind in _kinds(gnss)
+        for half in _halves(gnss, wanted)
+    ]
+    return [acc for acc in every if acc.time.size >= LEAST_ACCELERATIONS]
+
+
 def _kinds(gnss: GnssFixes) -> list[Kind]:
     return ["position"] if gnss.velocity_ned is None else ["velocity", "position"]
 
@@ -216,24 +222,15 @@ def _refine(
     if scan.gain() == 0.0:
         return None, scan.acc, np.inf
     lag, reach = float(scan.lags[scan.best]), 2.0 * scan.acc.span_s
-    candidates = [
-        accelerations(gnss, sound, kind, half, dense=True)
-        for kind in _kinds(gnss)
-        for half in _halves(gnss, FINE_HALVES_S)
-    ]
-    near = [
-        _scan(moved, acc, lag, reach) for acc in candidates if acc.time.size >= LEAST_ACCELERATIONS
-    ]
+    candidates = _differences(gnss, sound, FINE_HALVES_S, dense=True)
+    near = [_scan(moved, acc, lag, reach) for acc in candidates]
     most = max((s.gain() for s in near), default=0.0)
     near = [s for s in near if s.gain() > LEAST_GAIN_SHARE * most]
-    fits = [
-        (
-            fit(moved, s.acc, float(s.lags[s.best]), 1 if s.up[s.best] >= s.down[s.best] else -1),
-            s.acc,
-        )
-        for s in near
-    ]
-    worth = [(candidate, acc) for candidate, acc in fits if candidate is not None]
+    worth = []
+    for s in near:
+        sign = 1 if s.up[s.best] >= s.down[s.best] else -1
+        if (fitted := fit(moved, s.acc, float(s.lags[s.best]), sign)) is not None:
+            worth.append((fitted, s.acc))
     if not worth:
         return None, scan.acc, np.inf
     best, acc = min(worth, key=lambda f: f[0].lag_sigma)

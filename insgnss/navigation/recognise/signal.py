@@ -15,6 +15,7 @@ from ...geodesy.earth import normal_gravity
 from ...records import Array, GnssFixes, ImuSamples
 from ..prepare.fix_path import north_east
 from ..prepare.gaps import nominal_interval
+from ..prepare.stuck_channels import run_edges
 from ._kernels import propagate
 
 # a drone turns some degrees in it at most; finer than any lag that is looked for
@@ -110,10 +111,7 @@ def dead_channel(imu: ImuSamples) -> str:
     if not np.any(sparse[1:] == sparse[:-1]):
         return ""
     for sensor, values in (("gyro", imu.gyro), ("accelerometer", imu.accel)):
-        edges = [
-            np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1, [column.size]])
-            for column in values.T
-        ]
+        edges = [run_edges(column) for column in values.T]
         for c, changes in enumerate(edges):
             k = int(np.argmax(np.diff(changes)))
             first, last = changes[k], changes[k + 1]
@@ -163,12 +161,8 @@ class PropagatedForce:
     @cached_property
     def drifted(self) -> Array:
         """Integral of C, shape (n, 3, 3), s: the rotation that a gyro bias makes."""
-        return np.concatenate(
-            [
-                np.zeros((1, 3, 3)),
-                np.cumsum(0.5 * self.grid.step * (self.C[1:] + self.C[:-1]), axis=0),
-            ]
-        )
+        turn = 0.5 * self.grid.step * (self.C[1:] + self.C[:-1])
+        return np.concatenate([np.zeros((1, 3, 3)), np.cumsum(turn, axis=0)])
 
 
 def propagate_force(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> PropagatedForce:
@@ -267,11 +261,8 @@ def accelerations(
         z = c1[:, None] * (p[begin] - p[middle]) + c3[:, None] * (p[end] - p[middle]) - gravity
     variance = cov[:, 0, 0] + cov[:, 1, 1]
     worst = np.maximum(np.maximum(variance[begin], variance[middle]), variance[end])
-    floor = (
-        2.0
-        * (UNSEEN_MS2 * (half_s if kind == "velocity" else half_s**2)) ** 2
-        / (2.0 if kind == "velocity" else 6.0)
-    )
+    unseen, terms = (half_s, 2.0) if kind == "velocity" else (half_s**2, 6.0)
+    floor = 2.0 * (UNSEEN_MS2 * unseen) ** 2 / terms
     weight = np.minimum(1.0, (np.median(variance) + floor) / (worst + floor))
     nodes = np.column_stack([t1, t2, t3])
     window = ((t1 - t[0]) / FORCE_WINDOW_S).astype(np.int64)
@@ -285,23 +276,19 @@ def _most_moved(acc: Accelerations, every: int) -> Accelerations:
     rows = np.arange(0, acc.window.size, every)
     first = np.unique(acc.window[rows], return_index=True)[1]
     pieces = np.split(rows, first[1:])
-    change = [
-        (
-            np.median(np.abs(acc.z[piece, :2] - np.median(acc.z[piece, :2], axis=0)))
-            if piece.size >= LEAST_WINDOW_ROWS
-            else -1.0
-        )
-        for piece in pieces
-    ]
+    change = np.full(len(pieces), -1.0)
+    for k, piece in enumerate(pieces):
+        if piece.size >= LEAST_WINDOW_ROWS:
+            level = acc.z[piece, :2]
+            change[k] = np.median(np.abs(level - np.median(level, axis=0)))
     kept: list[NDArray[np.int64]] = []
     for k in np.argsort(change)[::-1]:
         if change[k] >= 0.0 and sum(piece.size for piece in kept) < MOST_FITTED_ROWS:
             kept.append(pieces[k])
     rows = np.sort(np.concatenate(kept)) if kept else rows[:0]
     window = np.unique(acc.window[rows], return_inverse=True)[1]
-    return Accelerations(
-        acc.kind, acc.span_s, acc.nodes[rows], acc.coef[rows], acc.z[rows], acc.weight[rows], window
-    )
+    nodes, coef, z, weight = acc.nodes[rows], acc.coef[rows], acc.z[rows], acc.weight[rows]
+    return Accelerations(acc.kind, acc.span_s, nodes, coef, z, weight, window)
 
 
 def _nearest(t: Array, wanted: Array) -> NDArray[np.int64]:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from ...base.findings.remedies import Step
 from ...records import Array, Finding, GnssFixes, Question
+from ...records.interpolation import columns_at
 from ...records.qualities import Quality
-from ..prepare.fix_path import north_east
+from ..prepare.fix_path import between_fixes, north_east
 
 NAME = "GNSS quality"
-# of a quality, with fixes of the other on both sides within this
-LEAST_FIXES_OF_QUALITY, BESIDE_S = 20, 1.0
+# of a quality, with fixes of the other on both sides within `fix_path.BESIDE_S`
+LEAST_FIXES_OF_QUALITY = 20
 # standard deviations that rows of a quality are off in the median, horizontally or vertically: the
 # draft of a flight file gives them larger ones from the first on, a run is stopped from the second
 NOTED_SIGMAS, STOPPED = 3.0, 5.0
@@ -37,11 +38,12 @@ def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], floa
     codes, counts = np.unique(gnss.quality, return_counts=True)
     usual = int(codes[np.argmax(counts)])
     path = gnss.quality == usual
+    *_, beside = between_fixes(gnss.time, gnss.time[path])
     position = np.column_stack([north_east(gnss), -gnss.height])
     variance = np.diagonal(gnss.cov_ned, axis1=1, axis2=2)
     apart = {}
     for code in (int(c) for c in codes if c != usual):
-        rows = np.flatnonzero((gnss.quality == code) & _beside(gnss.time, gnss.time[path]))
+        rows = np.flatnonzero((gnss.quality == code) & beside)
         if rows.size < LEAST_FIXES_OF_QUALITY:
             continue
         off, expected = (
@@ -83,17 +85,8 @@ def _ratio(off: Array, variance: Array) -> float:
     return float(np.median(np.sqrt(np.sum(off**2, axis=1) / np.sum(variance, axis=1))))
 
 
-def _beside(time: Array, path: Array) -> Array:
-    """Whether there are fixes of the path within `BESIDE_S` on both sides."""
-    k = np.searchsorted(path, time)
-    inside = (k > 0) & (k < path.size)
-    k = np.clip(k, 1, path.size - 1)
-    return np.asarray(inside & (time - path[k - 1] < BESIDE_S) & (path[k] - time < BESIDE_S))
-
-
 def _off(
     time: Array, values: Array, path: NDArray[np.bool_], rows: NDArray[np.intp], sign: float
 ) -> Array:
     """`values` (n, 3) of the rows plus `sign` times those of the path there."""
-    there = [np.interp(time[rows], time[path], values[path, c]) for c in range(3)]
-    return np.asarray(values[rows] + sign * np.column_stack(there))
+    return np.asarray(values[rows] + sign * columns_at(time[rows], time[path], values[path]))

@@ -100,10 +100,10 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
         return ask.ok(finding)
     rate, moving = _course_rate(gnss, grid, width)
-    here, shifted = (
-        _turning(events.time, grid, rate, moving),
-        {s: _turning(events.time + s, grid, rate, moving) for s in (LEAP_NOW_S, -LEAP_NOW_S)},
+    here, *others = (
+        _turning(events.time + s, grid, rate, moving) for s in (0.0, LEAP_NOW_S, -LEAP_NOW_S)
     )
+    shifted = dict(zip((LEAP_NOW_S, -LEAP_NOW_S), others, strict=True))
     best = min(shifted, key=lambda s: shifted[s])
     straighter = np.isfinite(here) and here > TURNING_RATE and here > STRAIGHTER * shifted[best]
     if straighter and not _by_chance(events.time, shifted[best], grid, rate, moving):
@@ -174,11 +174,9 @@ def _cells(time: Array, grid: Array, moving: np.ndarray) -> tuple[np.ndarray, np
 
 def _width(gnss: GnssFixes, grid: Array) -> int:
     """Number of steps to smooth over."""
-    return (
-        round(max(SMOOTHED_TURNS_S, 4.0 * float(np.median(np.diff(gnss.time)))) / TURN_GRID_S)
-        if gnss.time.size > 1
-        else grid.size
-    )
+    if gnss.time.size < 2:
+        return grid.size
+    return round(max(SMOOTHED_TURNS_S, 4.0 * float(np.median(np.diff(gnss.time)))) / TURN_GRID_S)
 
 
 def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, SetKey]:
@@ -239,10 +237,7 @@ def check_turns(
     -------
     Finding
     """
-    ask = Question(
-        OF_TURNS,
-        f"ratio {RATE_RATIO[0]:g} to {RATE_RATIO[1]:g} at no lag",
-    )
+    ask = Question(OF_TURNS, f"ratio {RATE_RATIO[0]:g} to {RATE_RATIO[1]:g} at no lag")
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), TURN_GRID_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
@@ -317,10 +312,8 @@ def _judge_turns(
     least_lag : s, the shortest lag that fixes so far apart can show; 1 - r^2 is what a correlation
     r leaves.
     """
-    offset, shift = (
-        f"IMU time is about {lag:+.1f} s off GNSS time",
-        f"add {lag:+.1f} s to {{gnss.time_offset_s}} or {-lag:+.1f} s to {{imu.time_offset_s}}",
-    )
+    offset = f"IMU time is about {lag:+.1f} s off GNSS time"
+    shift = f"add {lag:+.1f} s to {{gnss.time_offset_s}} or {-lag:+.1f} s to {{imu.time_offset_s}}"
     if (
         abs(best) > LEAST_TURN_CORRELATION
         and abs(lag) > max(1.0, least_lag)
@@ -328,11 +321,8 @@ def _judge_turns(
     ):
         if abs(lag) > MAX_LAG_S - 2.0 * TURN_GRID_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS, True
-        hint = (
-            "GPS against UTC (18 s)"
-            if LIKE_LEAP_S[0] <= abs(lag) <= LIKE_LEAP_S[1]
-            else "a wrong clock"
-        )
+        like_leap = LIKE_LEAP_S[0] <= abs(lag) <= LIKE_LEAP_S[1]
+        hint = "GPS against UTC (18 s)" if like_leap else "a wrong clock"
         return "contradiction", Step(f"{offset}: {hint}; {shift}"), True
     if abs(best) < UNLIKE:
         return "contradiction", STRANGERS, True
@@ -375,10 +365,8 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
     velocity = np.gradient(position, grid, axis=0)
     acceleration = np.gradient(velocity, grid, axis=0)
     speed2 = np.sum(velocity**2, axis=1)
-    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(
-        speed2, 1e-3
-    )
-    rate = _smooth(rate, width)
+    across = velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]
+    rate = _smooth(across / np.maximum(speed2, 1e-3), width)
     noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
     slow = max(1.0, 3.0 * noise / (width * TURN_GRID_S))
     moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999

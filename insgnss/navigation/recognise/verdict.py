@@ -10,7 +10,7 @@ import numpy as np
 
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, LEAP_NOW_S, WEEK_S, leap_seconds
 from ...records import Array, Finding
-from .axes import Direction, Forward
+from .axes import Direction, Forward, imu_word
 from .findings import MOST_CONFIDENCE, answer, unknown
 from .fit import CAUTION
 from .propulsion import Propulsion
@@ -81,11 +81,7 @@ def triads_words(triads: Array) -> str:
     """Return "aligned", or which signed gyro readings turn about the accelerometers' axes."""
     if np.array_equal(triads, np.eye(3)):
         return "aligned"
-    return "gyro " + " ".join(
-        ("+" if row[k] > 0.0 else "-") + "xyz"[k]
-        for row in triads
-        for k in [int(np.argmax(np.abs(row)))]
-    )
+    return "gyro " + " ".join(map(imu_word, triads))
 
 
 def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Finding]:
@@ -109,16 +105,8 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
     up, down = float(scan.up[index]), float(scan.down[index])
     sign = 1 if up >= down else -1
     this, other = max(up, down), min(up, down)
-    ratio = (
-        0.5 * scan.samples[index] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6))
-        if this > 0.0
-        else 0.0
-    )
-    sure = (
-        min(odds(CAUTION * float(ratio)), also)
-        if relation.fit is None or relation.fit.sign == sign
-        else 0.0
-    )
+    agrees = relation.fit is None or relation.fit.sign == sign
+    sure = min(odds(CAUTION * scan.against(other, this)), also) if agrees else 0.0
     evidence = f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse"
     if np.isfinite(mirrored):
         evidence += (
@@ -203,9 +191,10 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
     """
     scan, fit = relation.scan, relation.fit
     lag = float(scan.lags[scan.best])
-    far = scan.score[np.abs(scan.lags - lag) > max(SAME_LAG_S, 2.0 * scan.acc.span_s)]
-    sure = min(odds(scan.margin(max(SAME_LAG_S, 2.0 * scan.acc.span_s))), also)
-    if 1.0 - far.max(initial=0.0) < RIVAL_MISFIT_RATIO * (1.0 - scan.score[scan.best]):
+    apart_s = max(SAME_LAG_S, 2.0 * scan.acc.span_s)
+    rival = scan.score[np.abs(scan.lags - lag) > apart_s].max(initial=0.0)
+    sure = min(odds(scan.margin(apart_s)), also)
+    if 1.0 - rival < RIVAL_MISFIT_RATIO * (1.0 - scan.score[scan.best]):
         sure = 0.0
     if (
         fit is None
@@ -215,7 +204,7 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
     ):
         why = (
             f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s,"
-            f" {_percent(far.max(initial=0.0))} far from it"
+            f" {_percent(rival)} far from it"
         )
         return Clock(0.0, np.inf, "same", unknown("time offset", why), unknown("time scale", why))
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
@@ -227,11 +216,8 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
     )
     evidence = (
         f"add {offset:+.3f} s (sigma {sigma:.3f} s) to the GNSS stamps; explained"
-        f" {_percent(scan.score[scan.best])} there, "
-    )
-    evidence += (
-        f"{_percent(far.max(initial=0.0))} at best over"
-        f" {max(SAME_LAG_S, 2.0 * scan.acc.span_s):.1f} s away"
+        f" {_percent(scan.score[scan.best])} there, {_percent(rival)} at best over"
+        f" {apart_s:.1f} s away"
     )
     whole = f"offset {offset:+.3f} s; leap seconds {leap:.0f}"
     if scale in ("GNSS in UTC", "IMU in UTC"):

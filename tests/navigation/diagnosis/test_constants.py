@@ -15,7 +15,6 @@ from insgnss.navigation.diagnosis.candidates import (
     widened,
     with_constants,
     with_every_constant,
-    with_layout,
 )
 from insgnss.navigation.diagnosis.constants import (
     STRONG,
@@ -264,7 +263,7 @@ def test_one_axis_that_is_wrong_is_estimated_alone(clean, row, column, axis):
     tilt = [
         np.sqrt(np.median(solve(*wider, "off", separations=0).nav_covariance()[:, 6, 6]))
         for one in (NOTHING, model)
-        for wider in [widened(*with_layout(problem, start, layout(one)), problem.layout)]
+        for wider in [widened(problem, start, layout(one))]
     ]
     assert tilt[1] < 1.5 * tilt[0]
 

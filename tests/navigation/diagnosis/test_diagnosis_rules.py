@@ -520,7 +520,6 @@ def test_when_a_clock_steps(monkeypatch, changes, found) -> None:
     )
     shown = SimpleNamespace(since=3.2, lapse=None, loses_samples=False)
     candidate = shown if changes.get("candidate", True) else None
-    monkeypatch.setattr(clock_step, "with_layout", lambda problem, start, layout: (problem, start))
     monkeypatch.setattr(clock_step, "widened", lambda problem, start, layout: (problem, start))
     monkeypatch.setattr(clock_step, "replace", lambda problem, **changes: problem)
     monkeypatch.setattr(clock_step, "_strongest", lambda *_: candidate)
@@ -610,7 +609,7 @@ def test_when_a_step_of_a_clock_is_looked_for(
 ) -> None:
     """Oracle: by hand: where an offset or a rate is adopted or requested, or fixes were lost."""
     monkeypatch.setattr(decision, "step_under", lambda search, posed, model, against: "step")
-    search = SimpleNamespace(requested=requested, requested_errors=FixErrors())
+    search = SimpleNamespace(requested=requested, requested_model=decision.ErrorModel(FixErrors()))
     here = SimpleNamespace(
         attempted=frozenset(attempted),
         model=decision.ErrorModel(FixErrors()),
@@ -629,7 +628,7 @@ def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
         return here if len(rounds) < 9 else None
 
     search = SimpleNamespace(
-        requested_errors=FixErrors(),
+        requested_model=decision.ErrorModel(FixErrors()),
         progress=lambda _: None,
         requested=(),
         exact=(),

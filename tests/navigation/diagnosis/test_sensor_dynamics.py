@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.navigation.diagnosis.candidates import (
+from insgnss.navigation.diagnosis.sensor_dynamics import (
     with_earlier_gyros,
     with_followed_fixes,
     without_load_bias,

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.geodesy.rotation import right_angle_rotations, rotation_from_vector
-from insgnss.navigation.prepare.axes import parse_axes
+from insgnss.navigation.prepare.axes import axes_words, parse_axes
 from insgnss.navigation.prepare.fix_path import jumps, liveliest, sound_fixes
 from insgnss.navigation.recognise._kernels import interpolate
-from insgnss.navigation.recognise.axes import Pose, axes_words, down, forward, scores
+from insgnss.navigation.recognise.axes import Pose, down, forward, scores
 from insgnss.navigation.recognise.signal import (
     accelerations,
     dead_channel,

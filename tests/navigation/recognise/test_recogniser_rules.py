@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import linregress, norm
 
 from insgnss.geodesy.rotation import rotation_from_rpy
+from insgnss.navigation.prepare.fix_path import between_fixes
 from insgnss.navigation.recognise import plausibility, turns
 from insgnss.navigation.recognise.axes import Forward, Pose, _direction, down, forward
 from insgnss.navigation.recognise.claims import _compare_clock
@@ -16,7 +17,7 @@ from insgnss.navigation.recognise.fit import Scan
 from insgnss.navigation.recognise.propulsion import Propulsion, propulsion
 from insgnss.navigation.recognise.recognition import _abstained, _clocks, _mirrored
 from insgnss.navigation.recognise.relation import _halves, _scan, _usual_rate
-from insgnss.navigation.recognise.streams import _beside, check_classes
+from insgnss.navigation.recognise.streams import check_classes
 from insgnss.navigation.recognise.units import _nearest, force_unit, unknown_force
 from insgnss.navigation.recognise.verdict import (
     exchange_odds,
@@ -406,7 +407,7 @@ def test_who_stands_beside_a_path() -> None:
     """Oracle: by hand: a fix of the path within a second on both sides."""
     path = np.array([0.0, 1.0, 2.5, 10.0])
     time = np.array([-0.5, 0.5, 1.2, 1.6, 2.4, 9.5])
-    assert _beside(time, path).tolist() == [False, True, False, True, False, False]
+    assert between_fixes(time, path)[2].tolist() == [False, True, False, True, False, False]
 
 
 @pytest.mark.parametrize(

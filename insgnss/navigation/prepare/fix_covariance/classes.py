@@ -187,36 +187,25 @@ def calibrate(
     """
     quality = np.zeros(fixes.time.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     fixed = quality == 1
-    apart = (
-        np.zeros(fixes.time.size, dtype=np.bool_)
-        if separation is None
-        else separation.beyond(model.gate)
-    )
-    doubtful = (
-        np.zeros((fixes.time.size, 3))
-        if separation is None
-        else np.where(apart[:, None], separation.ned, 0.0)
-    )
-    kind = classes(fixes.time, np.where(fixed & apart, FLOAT_QUALITY, quality), satellites, model)
+
+    def classes_without(incorrect: NDArray[np.bool_]) -> Index:
+        as_float = np.where(fixed & incorrect, FLOAT_QUALITY, quality)
+        return classes(fixes.time, as_float, satellites, model)
+
+    apart, doubtful = np.zeros(fixes.time.size, dtype=np.bool_), np.zeros((fixes.time.size, 3))
+    if separation is not None:
+        apart = separation.beyond(model.gate)
+        doubtful[apart] = separation.ned[apart]
+    kind = classes_without(apart)
     off, outlier = outliers(
         fixes, kind == FIXED, scaled(fixes.cov_ned, kind, distance_m, model), model
     )
     if outlier.any():
         doubtful[outlier] = off[outlier]
-        kind = classes(
-            fixes.time,
-            np.where(fixed & (apart | outlier), FLOAT_QUALITY, quality),
-            satellites,
-            model,
-        )
+        kind = classes_without(apart | outlier)
     supported = confirmed(fixes.time, kind == FIXED, separation, apart, model)
     if (island := (kind == FIXED) & ~supported).any():
-        kind = classes(
-            fixes.time,
-            np.where(fixed & (apart | outlier | island), FLOAT_QUALITY, quality),
-            satellites,
-            model,
-        )
+        kind = classes_without(apart | outlier | island)
     rejected = fixed & (kind != FIXED)
     if separation is not None:
         separated = rejected & ~outlier & np.isfinite(separation.ned).all(axis=1)
@@ -226,15 +215,8 @@ def calibrate(
         scaled(fixes.cov_ned, kind, distance_m, model) + doubtful[:, :, None] * doubtful[:, None, :]
     )
     trusted = None if fixes.quality is None else np.where(rejected, FLOAT_QUALITY, quality)
-    return (
-        replace(
-            fixes,
-            cov_ned=cov,
-            quality=trusted,
-            notes=(*fixes.notes, _note(fixed, rejected, apart, outlier, island, kind, model)),
-        ),
-        kind,
-    )
+    note = _note(fixed, rejected, apart, outlier, island, kind, model)
+    return replace(fixes, cov_ned=cov, quality=trusted, notes=(*fixes.notes, note)), kind
 
 
 def outliers(
@@ -267,10 +249,8 @@ def outliers(
     rows = np.flatnonzero(validated)
     if rows.size < 3:
         return off, worst > 0.0
-    t, position = (
-        fixes.time[rows],
-        geodetic_to_ecef(fixes.lat[rows], fixes.lon[rows], fixes.height[rows]),
-    )
+    t = fixes.time[rows]
+    position = geodetic_to_ecef(fixes.lat[rows], fixes.lon[rows], fixes.height[rows])
     before, after = (t[1:-1] - t[:-2])[:, None], (t[2:] - t[1:-1])[:, None]
     share = before / (before + after)
     middle = rows[1:-1]
@@ -432,11 +412,9 @@ def forward_backward(time: Array, forward: GnssFixes, backward: GnssFixes) -> Se
 
 
 def _fixed(fixes: GnssFixes, rows: Index) -> NDArray[np.bool_]:
-    return (
-        np.zeros(rows.size, dtype=np.bool_)
-        if fixes.quality is None
-        else np.asarray(fixes.quality[rows] == 1)
-    )
+    if fixes.quality is None:
+        return np.zeros(rows.size, dtype=np.bool_)
+    return np.asarray(fixes.quality[rows] == 1)
 
 
 def _rows_at(time: Array, of: Array) -> Index:
@@ -458,10 +436,8 @@ def _reach(time: Array, support_s: float) -> float:
 def _support(time: Array, which: NDArray[np.bool_], reach: float) -> tuple[Index, Array]:
     """Number (n,) of `which`, and their share (n,), among the epochs within `reach` s of each."""
     count = np.concatenate([[0], np.cumsum(which)])
-    first, after = (
-        np.searchsorted(time, time - reach),
-        np.searchsorted(time, time + reach, side="right"),
-    )
+    first = np.searchsorted(time, time - reach)
+    after = np.searchsorted(time, time + reach, side="right")
     supporting = count[after] - count[first]
     return supporting, np.asarray(supporting / (after - first))
 
@@ -475,10 +451,9 @@ def _note(
     kind: Index,
     model: CalibrationNumbers,
 ) -> Finding:
-    finding, expected = (
-        f"{int(fixed.sum() - rejected.sum())} of {int(fixed.sum())} fixed epochs are validated",
-        "fixed epochs that others confirm",
-    )
+    ask = Question("GNSS covariance", "fixed epochs that others confirm")
+    validated = int(fixed.sum() - rejected.sum())
+    finding = f"{validated} of {int(fixed.sum())} fixed epochs are validated"
     counts = {
         "because forward and backward runs contradict each other": rejected & apart,
         "because they are outliers from the path": rejected & outlier & ~apart,
@@ -489,25 +464,18 @@ def _note(
         ),
     }
     reasons = ", ".join(f"{int(which.sum())} {why}" for why, which in counts.items() if which.any())
-    finding += f"; not {reasons}" if reasons else ""
-    advice = (
-        ["those not validated are taken as float, with standard deviations that suit"]
-        if reasons
-        else []
-    )
+    advice = []
+    if reasons:
+        finding += f"; not {reasons}"
+        advice.append("those not validated are taken as float, with standard deviations that suit")
     if of_them := int((kind == DEGRADED).sum()):
         finding += (
             f"; {of_them} of the validated are degraded: of the epochs within {model.degraded_s:g}"
-            " s"
-            " fewer than "
+            f" s fewer than {100 * model.degraded_share:g} % are fixed"
         )
-        finding += f"{100 * model.degraded_share:g} % are fixed"
         advice.append(
             "the degraded have standard deviations of centimetres, for reflections that nothing"
             " else shows"
         )
-    if not advice:
-        return Question("GNSS covariance", expected).ok(finding)
-    return Question("GNSS covariance", expected).note(
-        finding, f"{'; '.join(advice)}; look at the figure of satellites and ratio"
-    )
+    remedy = f"{'; '.join(advice)}; look at the figure of satellites and ratio"
+    return ask.note(finding, remedy, when=advice)

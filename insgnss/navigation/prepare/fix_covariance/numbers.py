@@ -6,32 +6,22 @@ from dataclasses import dataclass, field
 
 Triple = tuple[float, float, float]
 
-CLASSES = ("fixed", "degraded", "float", "isolated", "unsupported", "sbas", "dgps", "single", "ppp")
 GATE_3_SIGMA = 14.16
 """Chi-square of 3 degrees of freedom at 0.9973."""
 
-_SCALE: dict[str, Triple] = {
-    "fixed": (0.75, 0.75, 0.75),
-    "degraded": (4.0, 4.0, 4.0),
-    "float": (3.0, 3.0, 3.0),
-    "isolated": (30.0, 30.0, 30.0),
-    "unsupported": (30.0, 30.0, 30.0),
-    "sbas": (5.0, 5.0, 5.0),
-    "dgps": (5.0, 5.0, 5.0),
-    "single": (5.0, 5.0, 5.0),
-    "ppp": (3.0, 3.0, 3.0),
+# scale factors and floors, m, of each class
+_OF_CLASS: dict[str, tuple[Triple, Triple]] = {
+    "fixed": ((0.75, 0.75, 0.75), (0.001, 0.001, 0.001)),
+    "degraded": ((4.0, 4.0, 4.0), (0.025, 0.025, 0.04)),
+    "float": ((3.0, 3.0, 3.0), (0.3, 0.3, 0.6)),
+    "isolated": ((30.0, 30.0, 30.0), (0.3, 0.3, 0.6)),
+    "unsupported": ((30.0, 30.0, 30.0), (15.0, 15.0, 15.0)),
+    "sbas": ((5.0, 5.0, 5.0), (1.0, 1.0, 2.0)),
+    "dgps": ((5.0, 5.0, 5.0), (1.0, 1.0, 2.0)),
+    "single": ((5.0, 5.0, 5.0), (2.0, 2.0, 4.0)),
+    "ppp": ((3.0, 3.0, 3.0), (0.05, 0.05, 0.1)),
 }
-_FLOOR_M: dict[str, Triple] = {
-    "fixed": (0.001, 0.001, 0.001),
-    "degraded": (0.025, 0.025, 0.04),
-    "float": (0.3, 0.3, 0.6),
-    "isolated": (0.3, 0.3, 0.6),
-    "unsupported": (15.0, 15.0, 15.0),
-    "sbas": (1.0, 1.0, 2.0),
-    "dgps": (1.0, 1.0, 2.0),
-    "single": (2.0, 2.0, 4.0),
-    "ppp": (0.05, 0.05, 0.1),
-}
+CLASSES = tuple(_OF_CLASS)
 QUALITY_SIGMA_M: dict[str, Triple] = {
     "float": (0.3, 0.3, 0.6),
     "sbas": (0.3, 0.3, 0.6),
@@ -84,6 +74,10 @@ def largest_usual_scale(source_format: str) -> float:
     return max(1.0, math.exp(mean + WIDTHS * width))
 
 
+def _by_class(column: int) -> dict[str, Triple]:
+    return {name: numbers[column] for name, numbers in _OF_CLASS.items()}
+
+
 @dataclass(frozen=True)
 class CalibrationNumbers:
     """Numbers of (V.1) to (V.6) of `classes`, measured as said there.
@@ -92,8 +86,8 @@ class CalibrationNumbers:
     (`gnss.covariance_model`), which have these values by default. Triples are north, east, down.
     """
 
-    scale: Mapping[str, Triple] = field(default_factory=lambda: dict(_SCALE))
-    floor_m: Mapping[str, Triple] = field(default_factory=lambda: dict(_FLOOR_M))
+    scale: Mapping[str, Triple] = field(default_factory=lambda: _by_class(0))
+    floor_m: Mapping[str, Triple] = field(default_factory=lambda: _by_class(1))
     ppm: Triple = (1.0, 1.0, 1.0)
     acceleration_mps2: Triple = (20.0, 20.0, 10.0)
     least_satellites: int = 6

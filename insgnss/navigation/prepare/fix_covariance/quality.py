@@ -18,9 +18,9 @@ from dataclasses import replace
 import numpy as np
 
 from ....records import GnssFixes, Question
+from ..fix_path import between_fixes
 
 WORTHLESS = 5.0  # times the horizontal sigma of the fixes on both sides
-BESIDE_S = 1.0  # within which these stand: the IMU carries the position from one to the other
 
 
 def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> GnssFixes:
@@ -76,16 +76,9 @@ def without_worthless(gnss: GnssFixes) -> GnssFixes:
     codes, counts = np.unique(gnss.quality, return_counts=True)
     usual = np.flatnonzero(gnss.quality == codes[np.argmax(counts)])
     sigma = np.sqrt(np.trace(gnss.cov_ned[:, :2, :2], axis1=1, axis2=2))
-    after = np.searchsorted(gnss.time[usual], gnss.time)
-    inside = (after > 0) & (after < usual.size)
-    before, after = usual[np.maximum(after - 1, 0)], usual[np.minimum(after, usual.size - 1)]
-    worthless = (
-        inside
-        & (gnss.quality < gnss.quality[usual[0]])
-        & (gnss.time - gnss.time[before] < BESIDE_S)
-        & (gnss.time[after] - gnss.time < BESIDE_S)
-        & (sigma > WORTHLESS * np.maximum(sigma[before], sigma[after]))
-    )
+    before, after, beside = between_fixes(gnss.time, gnss.time[usual])
+    around = np.maximum(sigma[usual[before]], sigma[usual[after]])
+    worthless = beside & (gnss.quality < gnss.quality[usual[0]]) & (sigma > WORTHLESS * around)
     if not worthless.any():
         return gnss
     kinds = ", ".join(

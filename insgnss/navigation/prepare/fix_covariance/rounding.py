@@ -18,6 +18,7 @@ import numpy as np
 from ....geodesy.earth import curvature_radii
 from ....records import Array, GnssFixes, Question
 from ....records.variances import decimal_step
+from ..stuck_channels import run_edges
 
 PROBED = 2000  # positions that show the step
 LARGEST_M, SMALLEST_STEP_M = 20.0, 1e-4  # of a step that is looked for
@@ -54,7 +55,8 @@ def with_rounding(gnss: GnssFixes) -> GnssFixes:
         if step**2 / 12.0 > COUNTS**2 * np.median(variance[:, k]):
             steps[k] = step
             most = max(1.0, MOST_M**2 / (step**2 / 12.0))
-            more[:, k] = step**2 / 12.0 * np.minimum(_run_lengths(column), most)
+            lengths = np.diff(run_edges(column))
+            more[:, k] = step**2 / 12.0 * np.minimum(np.repeat(lengths, lengths), most)
     if not any(steps):
         return gnss
     shown = " / ".join(f"{100.0 * step:.2g}" for step in steps)
@@ -85,10 +87,3 @@ def rounding_step(column: Array, metres: float) -> float:
     """
     probed = column[np.linspace(0, column.size - 1, PROBED).astype(np.int64)]
     return decimal_step(probed, LARGEST_M / metres, SMALLEST_STEP_M / metres, EXACT_M / metres)
-
-
-def _run_lengths(column: Array) -> Array:
-    """(n,) how many equal values follow each other where each one stands."""
-    first = np.flatnonzero(np.concatenate([[True], np.diff(column) != 0.0]))
-    length = np.diff(np.concatenate([first, [column.size]]))
-    return np.asarray(np.repeat(length, length), dtype=np.float64)

@@ -39,9 +39,9 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError
 from ....base.findings.remedies import Step
 from ....records import Array, Finding, ImuSamples, Quantity, Question
-from ..gaps import LEAST_GAP_INTERVALS, nominal_interval
+from ..gaps import LEAST_GAP_INTERVALS, nominal_interval, sample_lengths
 from ._kernels import interpolate, running_sum
-from .parity import Parity, parity_of
+from .parity import parity_check
 
 MOST_LACKING = 0.1  # share of the samples
 SLOPE_S = 0.02  # of the line whose slope is alpha (s): longer ones lose quick turns (chosen)
@@ -65,31 +65,15 @@ class CombinedImu:
     ----------
     samples : ImuSamples
         In body axes, at the first IMU's position and stamps.
-    names : tuple of str
-        Names of the m IMUs, in their order.
-    offset_s : ndarray, shape (m,), s
-        Time offset added to the stamps of each.
-    offset_sigma_s : ndarray, shape (m,), s
-        Its standard deviation; NaN where the rates do not show it.
-    gyro_noise : float, rad/s/sqrt(Hz)
-        Root density of the result for white noise (K.2).
-    accel_noise : float, m/s^2/sqrt(Hz)
     weight : ndarray, shape (m, 2)
         Shares of each in gyro and accelerometer, of sum 1: a process of density q_j in IMU j
         becomes sqrt(sum (weight q_j)^2).
-    parity : Parity
     checks : tuple of Finding
         Of clocks, gaps and parity.
     """
 
     samples: ImuSamples
-    names: tuple[str, ...]
-    offset_s: Array
-    offset_sigma_s: Array
-    gyro_noise: float
-    accel_noise: float
     weight: Array
-    parity: Parity
     checks: tuple[Finding, ...]
 
 
@@ -129,19 +113,15 @@ def combine(
         _Track.of(imu, _body_rates(imu, np.asarray(C, dtype=np.float64)))
         for imu, C in zip(imus, C_b_imu, strict=True)
     ]
-    stack, there = (
-        np.empty((len(imus), base.time.size, 6)),
-        np.ones((len(imus), base.time.size), dtype=bool),
-    )
+    stack = np.empty((len(imus), base.time.size, 6))
+    there = np.ones(stack.shape[:2], dtype=bool)
     stack[0] = _body_rates(base, np.asarray(C_b_imu[0], dtype=np.float64))
-    offset, offset_sigma, checks = np.zeros(len(imus)), np.full(len(imus), np.nan), []
-    offset_sigma[0], angles = 0.0, tracks[0].angles()
+    checks, angles = [], tracks[0].angles()
     for j in range(1, len(imus)):
-        offset[j], offset_sigma[j], check = _offset(
-            angles, tracks[j].angles(), max(sigma[0][0], sigma[j][0]), names[j]
-        )
+        noise = max(sigma[0][0], sigma[j][0])
+        offset, check = _offset(angles, tracks[j].angles(), noise, names[j])
         checks.append(check)
-        stack[j], there[j] = tracks[j].over(base, offset[j])
+        stack[j], there[j] = tracks[j].over(base, offset)
         if not there[j].all():
             finding = (
                 f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; only the others are"
@@ -153,16 +133,15 @@ def combine(
             )
             overlap = Question("IMU overlap", "all IMUs over the whole recording")
             checks.append(overlap.against(finding, advice, np.mean(~there[j]) >= MOST_LACKING))
-    weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
-    parity = parity_of(stack, there, base.time, np.array(sigma, dtype=np.float64), imus, names)
+    sigmas = np.array(sigma, dtype=np.float64)
+    checks.append(parity_check(stack, there, base.time, sigmas, imus, names))
+    weight = 1.0 / np.square(sigmas)
     gyro, accel = (
         _weighted(stack[:, :, axes], there, weight[:, k])
         for k, axes in enumerate((slice(0, 3), slice(3, 6)))
     )
-    total = weight.sum(axis=0)
-    noise = 1.0 / np.sqrt(total)
     quantity: Quantity = "instant_rate" if base.quantity == "instant_rate" else "mean_rate"
     source = " + ".join(imu.source or "IMU" for imu in imus)
     samples = replace(
@@ -173,18 +152,7 @@ def combine(
         source=source,
         notes=tuple(n for imu in imus for n in imu.notes),
     )
-    checks.append(parity.check)
-    return CombinedImu(
-        samples,
-        names,
-        offset,
-        offset_sigma,
-        float(noise[0]),
-        float(noise[1]),
-        weight / total,
-        parity,
-        tuple(checks),
-    )
+    return CombinedImu(samples, weight / weight.sum(axis=0), tuple(checks))
 
 
 def _checked(
@@ -234,12 +202,8 @@ def _checked(
 
 def _body_rates(imu: ImuSamples, C_b_imu: Array) -> Array:
     """(n, 6) rates in body axes."""
-    per_s = 1.0
-    if imu.quantity == "increments":
-        nominal = nominal_interval(imu.time)
-        step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-        per_s = 1.0 / np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)[:, None]  # type: ignore[assignment]
-    return np.hstack([imu.gyro @ C_b_imu.T, imu.accel @ C_b_imu.T]) * per_s
+    rates = np.hstack([imu.gyro @ C_b_imu.T, imu.accel @ C_b_imu.T])
+    return rates / sample_lengths(imu.time)[:, None] if imu.quantity == "increments" else rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,13 +226,9 @@ class _Track:
         nominal = nominal_interval(imu.time)
         if imu.quantity == "instant_rate":
             step = np.diff(imu.time)
-            return cls(
-                imu.time,
-                rates,
-                np.diff(rates, axis=0) / step[:, None],
-                step > LEAST_GAP_INTERVALS * nominal,
-                True,
-            )
+            chord = np.diff(rates, axis=0) / step[:, None]
+            broken = step > LEAST_GAP_INTERVALS * nominal
+            return cls(imu.time, rates, chord, broken, True)
         time = np.concatenate([[imu.time[0] - nominal], imu.time])
         value = np.empty((time.size, 6))
         running_sum(time, rates, value)
@@ -282,10 +242,8 @@ class _Track:
 
     def angles(self) -> "_Track":
         """Running sums of the angular rates alone, (k, 3) rad."""
-        value, chord = (
-            np.ascontiguousarray(self.value[:, :3]),
-            np.ascontiguousarray(self.chord[:, :3]),
-        )
+        value = np.ascontiguousarray(self.value[:, :3])
+        chord = np.ascontiguousarray(self.chord[:, :3])
         if self.instant:
             chord = 0.5 * (value[1:] + value[:-1])
             value = np.empty_like(value)
@@ -297,19 +255,11 @@ class _Track:
 
         `offset` s is added to this track's stamps.
         """
-        end = base.time - offset
-        nominal = nominal_interval(base.time)
-        step = np.diff(base.time, prepend=base.time[0] - nominal)
-        begin = (
-            end
-            if self.instant
-            else end - np.where(step > LEAST_GAP_INTERVALS * nominal, nominal, step)
-        )
-        rates = (
-            self.values_at(end)
-            if self.instant
-            else (self.values_at(end) - self.values_at(begin)) / (end - begin)[:, None]
-        )
+        begin = end = base.time - offset
+        rates = self.values_at(end)
+        if not self.instant:
+            begin = end - sample_lengths(base.time)
+            rates = (rates - self.values_at(begin)) / (end - begin)[:, None]
         breaks = np.concatenate([[0], np.cumsum(self.broken)])
         slack = 1e-6
         lo = np.clip(np.searchsorted(self.time, begin + slack) - 1, 0, self.time.size - 1)
@@ -318,11 +268,10 @@ class _Track:
         return rates, inside & (breaks[hi] == breaks[lo])
 
 
-def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Finding]:
-    """Time offset to add to the stamps of `other`, its standard deviation, and the check (K.3).
+def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, Finding]:
+    """Time offset to add to the stamps of `other`, 0 where the rates show none; the check (K.3).
 
-    first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both. The standard
-    deviation is NaN where the rates do not show the offset.
+    first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both.
     """
     ask = Question("IMU clocks", "stamps of one clock, to 1 ms")
     grid = np.arange(
@@ -333,13 +282,13 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         LEAST_RMS_RATE**2, 10.0 * noise**2 / SMOOTHED_RATES_S
     ):
         finding = f"{name}: the body hardly turns; taken as one clock with the first"
-        return 0.0, np.nan, ask.ok(finding)
+        return 0.0, ask.ok(finding)
     tau, alike = _coarse_offset(a, b)
     if alike < LEAST_RATE_CORRELATION:
         finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
         ask = replace(ask, expected=f"{LEAST_RATE_CORRELATION} and more of one body")
         advice = Step("check {imu.further}: file, axes and clock")
-        return 0.0, np.nan, ask.contradiction(finding, advice)
+        return 0.0, ask.contradiction(finding, advice)
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
     inside = slice(
         *np.searchsorted(
@@ -362,7 +311,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         f" {'added' if applied else 'would fit, not added'} to its stamps"
     )
     check = ask.note(finding, when=applied and abs(tau) > 1e-3)
-    return (tau if applied else 0.0), sigma, check
+    return (tau if applied else 0.0), check
 
 
 def _grid_rates(angles: _Track, grid: Array) -> Array:
@@ -392,9 +341,8 @@ def _coarse_offset(a: Array, b: Array) -> tuple[float, float]:
     k = int(np.clip(np.argmax(value), 1, lag.size - 2))
     left, middle, right = value[k - 1 : k + 2]
     bend = left - 2.0 * middle + right
-    return float(COARSE_S * (lag[k] + (0.5 * (left - right) / bend if bend < 0.0 else 0.0))), float(
-        middle
-    )
+    between = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
+    return float(COARSE_S * (lag[k] + between)), float(middle)
 
 
 def _slope(rate: Array, time: Array) -> Array:

@@ -23,15 +23,16 @@ name, and processing each alone may show which.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....records import Array, Finding, ImuSamples, Question
+from ....records.interpolation import columns_at
 from ....records.variances import MAD_TO_SIGMA
 from ..gaps import nominal_interval
+from ..stuck_channels import run_edges
 
 PARITY_BLOCK_S = 0.1  # over which a difference is averaged (s): vibration is quicker
 WINDOW_BLOCKS = 10  # blocks of a window: with three axes (J.1) has the n = 30 values of its limit
@@ -55,46 +56,14 @@ NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, 
 PARITY = Question("IMU parity", "all pairs agree within their noise")
 
 
-@dataclass(frozen=True, eq=False)
-class Parity:
-    """Agreement of m IMUs.
-
-    Parameters
-    ----------
-    pairs : tuple of tuple of int
-        The p pairs of indices.
-    time : ndarray, shape (w,), s
-        Middles of the windows.
-    gyro, accel : ndarray, shape (p, w)
-        q of (J.1); NaN without data.
-    contradicts : ndarray of bool, shape (p, w)
-        The windows in which a pair contradicts.
-    matrix : ndarray, shape (p, 2, 3, 3)
-        Difference of response, gyro and accelerometer.
-    faulty : int or None
-        Index of the faulty IMU; None where none is named.
-    check : Finding
-        The verdict.
-    """
-
-    pairs: tuple[tuple[int, int], ...]
-    time: Array
-    gyro: Array
-    accel: Array
-    contradicts: NDArray[np.bool_]
-    matrix: Array
-    faulty: int | None
-    check: Finding
-
-
-def parity_of(
+def parity_check(
     stack: Array,
     there: NDArray[np.bool_],
     time: Array,
     sigma: Array,
     imus: Sequence[ImuSamples],
     names: Sequence[str],
-) -> Parity:
+) -> Finding:
     """Compare readings of several IMUs in body axes at one position and on one time base.
 
     Parameters
@@ -111,15 +80,14 @@ def parity_of(
 
     Returns
     -------
-    Parity
+    Finding
+        A contradiction where a pair contradicts; it names the faulty IMU where one is known.
     """
     m = len(stack)
     starts = _block_starts(time)
-    bell = 1.0 - np.cos(
-        2.0
-        * np.pi
-        * ((time - time[0]) / PARITY_BLOCK_S + 0.5 * nominal_interval(time) / PARITY_BLOCK_S)
-    )
+    nominal = nominal_interval(time)
+    phase = (time - time[0]) / PARITY_BLOCK_S + 0.5 * nominal / PARITY_BLOCK_S
+    bell = 1.0 - np.cos(2.0 * np.pi * phase)
     total = np.add.reduceat(bell, starts)
     mean = (
         np.stack([np.add.reduceat(bell[:, None] * x, starts, axis=0) for x in stack])
@@ -127,48 +95,35 @@ def parity_of(
     )
     full = np.stack([np.add.reduceat((~x).astype(np.int64), starts) == 0 for x in there])
     # of a plain mean as noisy
-    duration = total**2 / np.add.reduceat(bell**2, starts) * nominal_interval(time)
+    duration = total**2 / np.add.reduceat(bell**2, starts) * nominal
     pairs = tuple(combinations(range(m), 2))
     results = [_pair(mean, full[i] & full[j], duration, sigma, i, j) for i, j in pairs]
+    ratio, matrix = (np.stack(each) for each in zip(*results, strict=True))
     level = np.array(
         [
-            [max(1.0, float(np.nanmedian(q))) if np.isfinite(q).any() else 1.0 for q in r.ratio]
-            for r in results
+            [max(1.0, float(np.nanmedian(q))) if np.isfinite(q).any() else 1.0 for q in of_pair]
+            for of_pair in ratio
         ]
     )
-    ratio = np.stack([r.ratio for r in results])
     with np.errstate(invalid="ignore"):
         contradicts = (ratio > LIMIT * level[:, :, None]).any(axis=1)
-    matrix = np.stack([r.matrix for r in results])
-    scale, turned = (
-        0.5 * (matrix + np.swapaxes(matrix, 2, 3)),
-        np.linalg.norm(0.5 * (matrix - np.swapaxes(matrix, 2, 3)), axis=(2, 3)) / ROOT2,
-    )
+    mirrored = np.swapaxes(matrix, 2, 3)
+    scale = 0.5 * (matrix + mirrored)
+    turned = np.linalg.norm(0.5 * (matrix - mirrored), axis=(2, 3)) / ROOT2
     always = (
         (level > LEVEL_LIMIT).any(axis=1)
         | (np.abs(scale).max(axis=(1, 2, 3)) > MATRIX_LIMIT)
         | (turned.max(axis=1) > TURN_LIMIT)
     )
     contradicts |= always[:, None] & np.isfinite(ratio).any(axis=1)
-    middle = (
-        time[starts[: contradicts.shape[1] * WINDOW_BLOCKS : WINDOW_BLOCKS]]
-        + 0.5 * WINDOW_BLOCKS * PARITY_BLOCK_S
-    )
-    faulty, check = None, _agreement(level, turned[:, 0], pairs, names)
-    if not np.isfinite(ratio).any():
-        check = PARITY.note("less than two seconds in common")
     if (contradicts.sum(axis=1) >= WINDOWS).any():
         faulty, why = _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma)
-        check = _fault(contradicts, middle, faulty, why, names)
-    return Parity(pairs, middle, ratio[:, 0], ratio[:, 1], contradicts, matrix, faulty, check)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Comparison of two IMUs: ratio (2, w), q of (J.1) of both triads, and matrix (2, 3, 3)."""
-
-    ratio: Array
-    matrix: Array
+        windows = starts[: contradicts.shape[1] * WINDOW_BLOCKS : WINDOW_BLOCKS]
+        middle = time[windows] + 0.5 * WINDOW_BLOCKS * PARITY_BLOCK_S
+        return _fault(contradicts, middle, faulty, why, names)
+    if not np.isfinite(ratio).any():
+        return PARITY.note("less than two seconds in common")
+    return _agreement(level, turned[:, 0], pairs, names)
 
 
 def _block_starts(time: Array) -> NDArray[np.int64]:
@@ -180,17 +135,18 @@ def _block_starts(time: Array) -> NDArray[np.int64]:
 
 def _pair(
     mean: Array, full: NDArray[np.bool_], duration: Array, sigma: Array, i: int, j: int
-) -> _Pair:
-    """Comparison of IMUs i and j; mean (m, b, 6) over blocks, full (b,), duration (b,) s."""
+) -> tuple[Array, Array]:
+    """Compare IMUs i and j: q of (J.1), (2, w), of gyros and accelerometers, and matrix (2, 3, 3).
+
+    mean (m, b, 6) is over blocks, full (b,), duration (b,) s.
+    """
     windows = max(1, len(full) // WINDOW_BLOCKS)
     ratio, matrix = np.full((2, windows), np.nan), np.zeros((2, 3, 3))
     if full.sum() < 2 * WINDOW_BLOCKS:
-        return _Pair(ratio, matrix)
+        return ratio, matrix
     for k, axes in enumerate((slice(0, 3), slice(3, 6))):
-        d, signal = (
-            mean[j, full, axes] - mean[i, full, axes],
-            0.5 * (mean[j, full, axes] + mean[i, full, axes]),
-        )
+        one, other = mean[i, full, axes], mean[j, full, axes]
+        d, signal = other - one, 0.5 * (other + one)
         d, signal = d - _slow(d), signal - _slow(signal)
         noise = np.asarray((sigma[i, k] ** 2 + sigma[j, k] ** 2) / duration[full], dtype=np.float64)
         matrix[k] = _robust_matrix(d, signal, noise)
@@ -201,7 +157,7 @@ def _pair(
         grid = square[: windows * WINDOW_BLOCKS].reshape(windows, -1)
         enough = np.isfinite(grid).sum(axis=1) >= WINDOW_BLOCKS // 2
         ratio[k, enough] = np.nanmean(grid[enough], axis=1)
-    return _Pair(ratio, matrix)
+    return ratio, matrix
 
 
 def _robust_matrix(d: Array, signal: Array, noise: Array) -> Array:
@@ -231,7 +187,7 @@ def _slow(x: Array) -> Array:
     span = 2 * (reach // WINDOW_BLOCKS) + 1
     padded = np.pad(medians, ((span // 2, span // 2), (0, 0)), mode="edge")
     smooth = [np.convolve(column, np.full(span, 1.0 / span), mode="valid") for column in padded.T]
-    return np.stack([np.interp(np.arange(len(x)), centres, column) for column in smooth], axis=1)
+    return columns_at(np.arange(float(len(x))), centres, np.stack(smooth, axis=1))
 
 
 def _agreement(
@@ -275,13 +231,8 @@ def _vote(
     if votes[first] > 0.5 * bad.sum() or (
         votes[first] >= WINDOWS and votes[first] > 3 * np.delete(votes, first).max()
     ):
-        return (
-            first,
-            (
-                f"every pair with it contradicts and those without it agree, in {votes[first]} of"
-                f" {bad.sum()} seconds"
-            ),
-        )
+        why = "every pair with it contradicts and those without it agree"
+        return first, f"{why}, in {votes[first]} of {bad.sum()} seconds"
     return None, "no single one explains all: " + ", ".join(
         f"{name} {n} of {bad.sum()} seconds" for name, n in zip(names, votes, strict=True)
     )
@@ -297,22 +248,16 @@ def _self_evident(imus: Sequence[ImuSamples], sigma: Array) -> tuple[int | None,
     stuck = [_stuck_samples(x) * dt for x, dt in zip(readings, steps, strict=True)]
     j = int(np.argmax(stuck))
     if stuck[j] > max(STUCK_TOTAL_S, STUCK_RATIO * stuck[1 - j]):
-        return (
-            j,
-            (
-                f"an axis of it repeats one value for {stuck[j]:.1f} s, none of the other's for"
-                f" more than {stuck[1 - j]:.2f} s"
-            ),
+        return j, (
+            f"an axis of it repeats one value for {stuck[j]:.1f} s, none of the other's for"
+            f" more than {stuck[1 - j]:.2f} s"
         )
     spikes = [_spikes(x) for x in readings]
     j = int(np.argmax(spikes))
     if spikes[j] >= SPIKES and spikes[j] > 10 * spikes[1 - j]:
-        return (
-            j,
-            (
-                f"{spikes[j]} of its samples are outliers against their neighbours,"
-                f" {spikes[1 - j]} of the other's"
-            ),
+        return j, (
+            f"{spikes[j]} of its samples are outliers against their neighbours,"
+            f" {spikes[1 - j]} of the other's"
         )
     stated = [np.repeat(2.0 * s**2 / dt, 3) for s, dt in zip(sigma, steps, strict=True)]
     noise = [
@@ -321,31 +266,17 @@ def _self_evident(imus: Sequence[ImuSamples], sigma: Array) -> tuple[int | None,
     ]
     j = int(np.argmax(noise))
     if noise[j] > NOISE_RATIO * max(1.0, noise[1 - j]):
-        return (
-            j,
-            (
-                f"its noise is {np.sqrt(noise[j]):.1f} times the stated one, the other's"
-                f" {np.sqrt(noise[1 - j]):.1f} times"
-            ),
-        )
-    return (
-        None,
-        (
-            "neither shows a fault of its own; a third IMU, or the misfit of each alone with GNSS,"
-            " would show it"
-        ),
+        noisier, other = np.sqrt(noise[j]), np.sqrt(noise[1 - j])
+        return j, f"its noise is {noisier:.1f} times the stated one, the other's {other:.1f} times"
+    return None, (
+        "neither shows a fault of its own; a third IMU, or the misfit of each alone with GNSS,"
+        " would show it"
     )
 
 
 def _stuck_samples(x: Array) -> int:
     """Longest run of one value in any axis."""
-    longest = 0
-    for column in x.T:
-        change = np.flatnonzero(np.diff(column) != 0.0)
-        longest = max(
-            longest, int(np.diff(np.concatenate([[-1], change, [column.size - 1]])).max())
-        )
-    return longest
+    return max(int(np.diff(run_edges(column)).max()) for column in x.T)
 
 
 def _spikes(x: Array) -> int:
@@ -370,6 +301,4 @@ def _fault(
     )
     who = f"one of {', '.join(names)} is faulty" if faulty is None else f"{names[faulty]} is faulty"
     advice = "process each alone and compare" if faulty is None else f"leave {names[faulty]} out"
-    return Question("IMU parity", "all pairs agree within their noise").contradiction(
-        f"{who}: {why}; {span}", advice
-    )
+    return PARITY.contradiction(f"{who}: {why}; {span}", advice)
