@@ -74,17 +74,6 @@ class RejectedControl:
     w: float
     off_m: Array
 
-    def __str__(self) -> str:
-        """Return a sentence for people."""
-        deviation = ", ".join(
-            f"{axis} {value:+.3f}" for axis, value in zip("XYZ", self.off_m, strict=True)
-        )
-        return (
-            f"{self.name} {self.point}: {deviation} m off the block (w {self.w:.1f}, limit"
-            f" {LIMIT_W:g}); left out; check its coordinates and where it was measured in the"
-            " images"
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Cleaned:

@@ -44,7 +44,7 @@ from .figures import figures_of
 from .inputs import Inputs, calibrated, ground_in_plane
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .page import ground_of, input_paths
-from .solve import Solved, plainly, set_up
+from .solve import Solved, set_up
 
 DOCUMENT, PAGE = "plan.json", "plan.html"
 SEED = 14  # of the tie points drawn, so that a plan gives the same numbers again (any)
@@ -231,7 +231,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     )
     progress(f"adjusting {len(union.block.observations)} planned image observations")
     control = control_of(inputs)
-    solved = plainly(inputs, control, _precision(inputs, control))
+    none = np.zeros(0, dtype=np.int64)
+    solved = Solved(inputs, control, _precision(inputs, control), {}, none, (), 0)
     figures = figures_of(solved)
     figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
     best = None
