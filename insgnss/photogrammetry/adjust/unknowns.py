@@ -27,7 +27,6 @@ from .ordering import arranged
 
 Key = tuple[str, int]
 POSE, CAMERA, POINT = "pose", "camera", "point"
-_DIMENSIONS = {POSE: 6, CAMERA: len(INTERIOR), POINT: 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,24 +201,20 @@ class Layout:
         return keys
 
 
-def dimension(key: Key, blocks: Mapping[Key, Array]) -> int:
-    """Return how many parameters a block has: the columns of a group's Jacobian for it.
+def size_of(value: Array) -> int:
+    """Return how many parameters the value of a block has.
 
     Parameters
     ----------
-    key : tuple
-        The block.
-    blocks : mapping
-        Values of the blocks that groups bring.
+    value : ndarray
+        A vector, or a rotation matrix.
 
     Returns
     -------
     int
-        The number.
+        Three of a rotation.
     """
-    if key[0] in _DIMENSIONS:
-        return _DIMENSIONS[key[0]]
-    return 3 if blocks[key].ndim == 2 else blocks[key].size
+    return 3 if value.ndim == 2 else value.size
 
 
 def layout_of(
@@ -247,8 +242,8 @@ def layout_of(
     held = [~free[:, columns].ravel()]
     position = 6 * n + columns.size * c
     first = {}
-    for key in blocks:
-        length = dimension(key, blocks)
+    for key, value in blocks.items():
+        length = size_of(value)
         first[key] = (position, length)
         position += length
         held.append(np.zeros(length, dtype=bool))
