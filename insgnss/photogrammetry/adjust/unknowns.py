@@ -102,6 +102,38 @@ class Unknowns:
         """
         return tuple(c.with_(v) for c, v in zip(cameras, self.interior, strict=True))
 
+    def residuals(self, rays: collinearity.Rays) -> Array:
+        """Return the residuals of image observations.
+
+        Parameters
+        ----------
+        rays : Rays
+            The observations.
+
+        Returns
+        -------
+        ndarray, (n, 2)
+            Observed - computed, pixels; NaN of points that cannot be seen.
+        """
+        e = np.empty_like(rays.uv)
+        collinearity.residuals(rays, self.kernel_values(), e)
+        return e
+
+    def completed(self, first: "Unknowns") -> "Unknowns":
+        """Return the values with first ones of points that did not take part.
+
+        Parameters
+        ----------
+        first : Unknowns
+            Has them.
+
+        Returns
+        -------
+        Unknowns
+            The same otherwise.
+        """
+        return self.with_points(np.where(np.isnan(self.point), first.point, self.point))
+
     def with_points(self, point: Array) -> "Unknowns":
         """Return the values with other object points.
 

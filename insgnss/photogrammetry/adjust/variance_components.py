@@ -82,8 +82,7 @@ def reweighted(
     for _ in range(MOST_REWEIGHTINGS):
         current = with_factors(problem, product)
         result = adjusted(current, values)
-        point = np.where(np.isnan(result.values.point), values.point, result.values.point)
-        values = result.values.with_points(point)
+        values = result.values.completed(values)
         precision = precision_of(result, 1.0)
         components = precision.components()
         if trusted is None:  # by their redundancy with the stated weights

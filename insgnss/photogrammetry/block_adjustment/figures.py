@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base import __version__
 from ...base.files import picked
@@ -242,7 +241,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
 def _control(solved: Solved) -> list[dict[str, Any]]:
     problem = solved.result.problem
     names = problem.block.points
-    rays = _rays(solved)
+    rays = solved.result.problem.seen
     out = []
     for test in solved.precision.groups:
         if test.name != GROUND:
@@ -266,7 +265,7 @@ def _control(solved: Solved) -> list[dict[str, Any]]:
 def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
     """Check points: surveyed - adjusted, with the standard deviation of this difference."""
     block, point = solved.result.problem.block, solved.result.values.point
-    rays = _rays(solved)
+    rays = solved.result.problem.seen
     out: list[dict[str, Any]] = [
         {"point": block.points[row], "images": int(rays[row])} for row in block.check.point
     ]
@@ -294,13 +293,6 @@ def _statistics(checks: CheckPoints) -> dict[str, list[float] | None]:
         "rms_m": np.sqrt((d**2).mean(axis=0)).tolist(),
         "largest_m": largest.tolist(),
     }
-
-
-def _rays(solved: Solved) -> NDArray[np.int64]:
-    """Return how many images see each point, of observations that take part."""
-    problem = solved.result.problem
-    point = np.repeat(np.arange(len(problem.block.points)), np.diff(problem.rays.start))
-    return np.bincount(point[problem.rays.active], minlength=len(problem.block.points))
 
 
 def _images(solved: Solved) -> list[dict[str, Any]]:

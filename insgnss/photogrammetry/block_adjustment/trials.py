@@ -30,7 +30,7 @@ from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.precision import image_components
 from ..adjust.shutter import readout_gain
-from ..adjust.unknowns import CAMERA, POINT, POSE, Key, Unknowns
+from ..adjust.unknowns import CAMERA, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images, stated_lever_arm
 from .check_points import check_points
@@ -474,9 +474,4 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
 
 def _without_rays(problem: Problem) -> list[int]:
     """Return the object points with ground control of which no image observation takes part."""
-    active = np.add.reduceat(
-        np.append(problem.rays.active, False).astype(np.int64), problem.rays.start[:-1]
-    )
-    active[np.diff(problem.rays.start) == 0] = 0
-    points = {row for group in problem.groups for name, row in group.keys if name == POINT}
-    return [row for row in sorted(points) if active[row] == 0]
+    return [int(row) for row in np.flatnonzero(problem.observed & (problem.seen == 0))]
