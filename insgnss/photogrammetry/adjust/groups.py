@@ -58,7 +58,7 @@ class ObservationGroup(Protocol):
         """
 
 
-def refuse_other_shapes(group: ObservationGroup, shapes: Mapping[str, tuple[int, ...]]) -> None:
+def refuse_other_shapes(group: object, shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Refuse a group one of whose arrays has another shape than expected, by its field."""
     for name, shape in shapes.items():
         if (got := getattr(group, name).shape) != shape:
@@ -66,7 +66,7 @@ def refuse_other_shapes(group: ObservationGroup, shapes: Mapping[str, tuple[int,
 
 
 def refuse_other_parameters(
-    group: ObservationGroup, parameters: Mapping[str, int], known: Sequence[str]
+    group: object, parameters: Mapping[str, int], known: Sequence[str]
 ) -> None:
     """Refuse a group with a parameter that its equations do not have."""
     if unknown := set(parameters) - set(known):

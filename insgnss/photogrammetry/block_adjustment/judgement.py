@@ -17,16 +17,16 @@ from ...flight.config.block_file import GROUPS
 from ...records.states import State
 from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
-from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.aerial import BORESIGHT
 from ..adjust.outliers import LIMIT_W
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import DATUM
+from .parameters import BY_NAME
 from .pattern import Pattern, patterns
 from .solve import GROUND, Solved
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
-from .vehicle.verdict import AXES as OF_VEHICLE
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
 # of chi-square, either side: one component in a thousand lies outside by chance
@@ -48,7 +48,6 @@ HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
 SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
 STRONG_CORRELATION = 0.95  # of a correlation that is worth a sentence
-AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)} | OF_VEHICLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -375,9 +374,9 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
             yield ranked(
                 trial.name,
                 float(np.sqrt(trial.gain / limit)),
-                f"the observations show a {trial.name} of {shown(trial)} that is not estimated:"
+                f"the observations show a {trial.name} of {trial.shown} that is not estimated:"
                 f" the cost falls by {trial.gain:.0f} with it, by {limit:.0f} at most by chance",
-                f"{advice(trial)}{_rivals(trial, trials_made)}",
+                f"{trial.remedy}{_rivals(trial, trials_made)}",
             )
 
 
@@ -385,7 +384,7 @@ def _rivals(best: Trial, good: Sequence[Trial]) -> str:
     """Name the explanations that do nearly as well as the best; empty where there is none."""
     alike = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
     return "".join(
-        f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike.values()
+        f"; {t.name} of {t.shown} explains it nearly as well: {t.remedy}" for t in alike.values()
     )
 
 
@@ -410,37 +409,11 @@ def _explained(
             f" standard deviations that are too small{weights}",
         )
     best = good[0]
-    sentence = f"{best.name} of {shown(best)} explains it: {advice(best)}"
+    sentence = f"{best.name} of {best.shown} explains it: {best.remedy}"
     sentence += _rivals(best, good)
     if direct:
         sentence += "; where poses are held, errors of camera constant and bore-sight look alike"
     return replace(finding, remedy=sentence)
-
-
-def shown(trial: Trial) -> str:
-    """Return the values of a trial as people read them."""
-    factor, unit = (1.0, "px") if trial.unit == "px" else screen_unit(trial.unit)
-    values = " / ".join(_plain(factor * v) for v in trial.value[:3])
-    sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
-    return f"{values} {unit} (sigma {sigma})"
-
-
-def _plain(value: float) -> str:
-    """Return a number in three digits at least, without a power of ten."""
-    return f"{value:+.3g}" if abs(value) < 999.5 else f"{value:+.0f}"
-
-
-def advice(trial: Trial) -> str:
-    """Return what to do about what a trial showed."""
-    if trial.remedy:
-        return trial.remedy
-    if trial.key == "ground.crs":
-        return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
-    if trial.key == "camera.free":
-        return "estimate it with camera.free"
-    if trial.key == "camera.file":
-        return "adjust the tie points in mode iso, and take the camera.toml that it writes"
-    return f"estimate it with {trial.key}"
 
 
 def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
@@ -531,7 +504,9 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     vehicle = figures["vehicle"] or {"parameters": {}}
     for name, est in (figures["mounting"] | vehicle["parameters"]).items():
         factor, unit = screen_unit(est["unit"])
-        columns = zip(AXES[name], *map(est.get, ("value", "sigma", "sigma_before")), strict=True)
+        columns = zip(
+            BY_NAME[name].axes, *map(est.get, ("value", "sigma", "sigma_before")), strict=True
+        )
         for axis, value, sigma, before in columns:
             one = Estimate(State(name, axis), value, sigma, before)
             numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"

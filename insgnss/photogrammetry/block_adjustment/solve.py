@@ -1,22 +1,22 @@
 """The adjustment of a block: gross errors, variances by components, and trials of what it lacks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...records.block import ImageBlock
+from ...records.block import Array, ImageBlock
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.direct import intersected_points
-from ..adjust.groups import PointObservation, Rescaled, control_points
+from ..adjust.groups import ObservationGroup, PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import IMAGE, Component, Precision, precision_of
 from ..adjust.shutter import without_readout
 from ..adjust.start import first_values
-from ..adjust.unknowns import Unknowns
+from ..adjust.unknowns import Key, Unknowns
 from ..adjust.variance_components import reweighted
 from .aerial.control import Control, control_of, motion_of_images
 from .inputs import Inputs
@@ -182,11 +182,34 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
         First values.
     """
     block = inputs.block
-    moving = vehicle_control(inputs.vehicle, block, control.blocks)
-    blocks = control.blocks | moving.blocks
-    groups = [*control.groups, *control_points(block.control), *inputs.further, *moving.groups]
+    groups, blocks = groups_of(inputs, control, control_points(block.control))
     values = with_first_points(first_values(block), inputs.vehicle, block)
     return problem_of(block, groups, blocks), replace(values, blocks=blocks)
+
+
+def groups_of(
+    inputs: Inputs, control: Control, points: Sequence[ObservationGroup]
+) -> tuple[list[ObservationGroup], dict[Key, Array]]:
+    """Return all observations of a block but those of images.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    control : Control
+        Its aerial control.
+    points : sequence of ObservationGroup
+        Its ground control.
+
+    Returns
+    -------
+    groups : list of ObservationGroup
+        The observations.
+    blocks : dict
+        First values of the parameters that they share.
+    """
+    moving, blocks = vehicle_control(inputs, control.blocks)
+    return [*control.groups, *points, *inputs.further, *moving], control.blocks | blocks
 
 
 def ground_groups(problem: Problem) -> list[PointObservation]:
