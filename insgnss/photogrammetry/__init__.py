@@ -32,7 +32,7 @@ Where to look
     kinematic ground control: (J.21) to (J.23) in `adjust/kinematic.py`; files, (KI.1), wrong clock,
         base or lever arm: `block_adjustment/vehicle/`; options:
         `insgnss/flight/config/block_tables/vehicle.py`; size (GT.7): `target_measurement/sizes.py`
-    ground points in the axes of a block: `block_adjustment/inputs.py`; first poses: `placing.py`
+    ground points in the axes of a block: `block_adjustment/ground.py`; first poses: `placing.py`
         there
     groups that contradict each other: `block_adjustment/judgement.py`; what explains it, each
         adjusted again: `trials.py` there

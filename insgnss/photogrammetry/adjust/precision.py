@@ -191,6 +191,11 @@ class Precision:
         return out
 
     @property
+    def point_sigma(self) -> Array:
+        """(m, 3) standard deviations of the object points, m."""
+        return np.asarray(np.sqrt(np.diagonal(self.point_cov, axis1=1, axis2=2)))
+
+    @property
     def pose_cov(self) -> Array:
         """(n, 6, 6) covariance of each image's position (m) and psi (rad); zero where held."""
         layout = self.result.problem.layout

@@ -256,11 +256,11 @@ def as_printed(
     ndarray, (m, m)
         The covariance.
     """
+    from scipy.linalg import block_diag
+
     n = len(C_mc)
     m, _ = observed.sizes(n)
-    diag = np.zeros_like(P)
-    for k in range(n):
-        diag[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = P[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+    diag = block_diag(*P.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)])
     L = operator(C_mc, observed)
     out, alone = smoothed(L, P), smoothed(L, diag)
     out[:m, m:] = out[m:, :m] = 0.0

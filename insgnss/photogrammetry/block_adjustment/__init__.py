@@ -4,6 +4,8 @@ inputs -> plausibility -> control -> solve -> figures, judgement -> products, in
 
 ============== ===================================================================
 inputs         files of the block file joined to one block in the tangent plane
+ground         ground points in the axes of the block
+parameters     unknowns between trajectories and images, as the block file asks for them
 placing        first poses of a program's own axes
 plausibility   whether rays meet with the poses that are given; `readings` that do
 control        aerial control of the orientation, its mounting and its flight lines

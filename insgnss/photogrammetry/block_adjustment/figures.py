@@ -325,8 +325,7 @@ def _rejected(solved: Solved) -> list[dict[str, Any]]:
 
 def _points(solved: Solved, block: ImageBlock) -> dict[str, Any]:
     """Return the median standard deviations of all object points, and of minimal biases."""
-    cov = solved.precision.point_cov
-    sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    sigma = solved.precision.point_sigma
     finite = np.isfinite(sigma).all(axis=1)
     detectable = solved.precision.detectable_px
     mask = np.isfinite(detectable)

@@ -14,8 +14,6 @@ import numpy as np
 from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...flight.config.block_file import GROUPS
-from ...records.states import State
-from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
 from ..adjust.aerial import BORESIGHT
 from ..adjust.outliers import LIMIT_W
@@ -23,8 +21,8 @@ from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import DATUM
-from .parameters import BY_NAME
-from .pattern import Pattern, patterns
+from .parameters import SIGNIFICANT_SIGMAS, determined
+from .pattern import Pattern, patterns, repeating
 from .solve import GROUND, Solved
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
 from .vehicle.verdict import few_sizes, headline_words, left_out
@@ -32,8 +30,6 @@ from .vehicle.verdict import few_sizes, headline_words, left_out
 # of chi-square, either side: one component in a thousand lies outside by chance
 BOUND_CHANCE = 0.9995
 WORSE_FACTOR = 1.2  # of a standard deviation, from which on a contradiction matters (chosen)
-# rms of the residuals that repeat by place (px), and their mean square over its variance (chosen)
-PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
 MANY_REJECTED = 0.05  # share of all image observations, beyond which it is reported (chosen)
 # shares rejected, of an image that is named and of usual ones; chance of it in a block (chosen)
 MOST_OF_IMAGE, USUAL_REJECTED, IMAGE_CHANCE = 0.3, 0.02, 1e-5
@@ -46,7 +42,6 @@ HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
-SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
 STRONG_CORRELATION = 0.95  # of a correlation that is worth a sentence
 
 
@@ -107,7 +102,7 @@ def judged(
     beyond += _checks(figures)
     beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
-        beyond += _patterns(figures, drawn)
+        beyond += repeating(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
     trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
     if contradicted:
@@ -338,18 +333,6 @@ def _lever_arm(solved: Solved) -> Iterator[Finding]:
         )
 
 
-def _patterns(figures: Mapping[str, Any], drawn: tuple[Pattern, ...]) -> Iterator[Finding]:
-    for camera, pattern in zip(figures["cameras"], drawn, strict=True):
-        if pattern.rms > PATTERN_PX and pattern.normalised_square > PATTERN_SIGMA:
-            yield ranked(
-                "camera",
-                1.0 + pattern.rms,
-                f"residuals of camera {camera['name']} repeat from image to image:"
-                f" {pattern.rms:.2f} px by their place on the format, which its interior"
-                " orientation does not describe",
-            )
-
-
 def _excess(figures: Mapping[str, Any]) -> float:
     """Return by how much the cost of groups is above their redundancy."""
     return sum(
@@ -475,45 +458,6 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
-
-    Parameters
-    ----------
-    figures : mapping
-        Figures of the block.
-
-    Yields
-    ------
-    tuple of str
-        Its name, a verdict, and its value with standard deviation.
-    """
-    for camera in figures["cameras"]:
-        for name, est in camera["parameters"].items():
-            if not est["estimated"]:
-                continue
-            moved = est["value"] - est["first"]
-            unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
-            sure = abs(est["value"]) > SIGNIFICANT_SIGMAS * est["sigma"]
-            verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
-            yield (
-                f"{name} of {camera['name']}",
-                verdict,
-                f"{est['value']:.6g}{unit}, sigma {est['sigma']:.2g}, moved by {moved:+.2g}",
-            )
-    vehicle = figures["vehicle"] or {"parameters": {}}
-    for name, est in (figures["mounting"] | vehicle["parameters"]).items():
-        factor, unit = screen_unit(est["unit"])
-        columns = zip(
-            BY_NAME[name].axes, *map(est.get, ("value", "sigma", "sigma_before")), strict=True
-        )
-        for axis, value, sigma, before in columns:
-            one = Estimate(State(name, axis), value, sigma, before)
-            numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
-            degree = one.degree("determined", "improved", "not determined")
-            yield one.name, degree, f"{factor * value:+.3g} {unit}, {numbers}"
-
-
 def _headline(figures: Mapping[str, Any], findings: tuple[Finding, ...]) -> str:
     """The most important thing: a contradiction, else the precision."""
     precision = precision_sentence(figures)
@@ -534,8 +478,7 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
         text += f"; object points {lengths([1e3 * x for x in points])}"
     checks = [c for c in figures["check_points"] if "difference_m" in c]
     if checks:
-        d = np.array([c["difference_m"] for c in checks])
-        rms = np.sqrt((d**2).mean(axis=0))
+        rms = figures["check_points_together"]["rms_m"]
         sigma = np.sqrt(np.mean([np.square(c["sigma_m"]) for c in checks], axis=0))
         text += (
             f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"

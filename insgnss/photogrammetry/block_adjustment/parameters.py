@@ -1,6 +1,6 @@
 """Unknowns between trajectories and images: what the block file asks for, one row an unknown."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,11 +9,15 @@ import numpy as np
 from ...flight.config.block_file import BlockFile
 from ...geodesy.rotation import vector_from_rotation
 from ...records.block import Array
+from ...records.states import State
+from ...records.verdicts import Estimate
+from ...report.rules.wording import screen_unit
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET, ParameterObservation
 from ..adjust.kinematic import CLOCK, SIZE, TARGET_ARM, VEHICLE_SHIFT
 from ..adjust.precision import Precision
 from ..adjust.unknowns import Key
 
+SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
 HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estimated
 
 
@@ -183,3 +187,42 @@ def estimates(
                 "sigma_before": before.tolist(),
             }
     return out
+
+
+def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+
+    Yields
+    ------
+    tuple of str
+        Its name, a verdict, and its value with standard deviation.
+    """
+    for camera in figures["cameras"]:
+        for name, est in camera["parameters"].items():
+            if not est["estimated"]:
+                continue
+            moved = est["value"] - est["first"]
+            unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
+            sure = abs(est["value"]) > SIGNIFICANT_SIGMAS * est["sigma"]
+            verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
+            yield (
+                f"{name} of {camera['name']}",
+                verdict,
+                f"{est['value']:.6g}{unit}, sigma {est['sigma']:.2g}, moved by {moved:+.2g}",
+            )
+    vehicle = figures["vehicle"] or {"parameters": {}}
+    for name, est in (figures["mounting"] | vehicle["parameters"]).items():
+        factor, unit = screen_unit(est["unit"])
+        columns = zip(
+            BY_NAME[name].axes, *map(est.get, ("value", "sigma", "sigma_before")), strict=True
+        )
+        for axis, value, sigma, before in columns:
+            one = Estimate(State(name, axis), value, sigma, before)
+            numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
+            degree = one.degree("determined", "improved", "not determined")
+            yield one.name, degree, f"{factor * value:+.3g} {unit}, {numbers}"

@@ -221,12 +221,11 @@ def motion_of_images(inputs: Inputs) -> tuple[Array, Array]:
     tuple of ndarray
         In the axes of the block, zero where they are not known.
     """
-    velocity, rate = np.zeros((2, len(inputs.block.images), 3))
-    if inputs.eo is not None:
-        has_pose = inputs.eo_row >= 0
-        of_eo = _motion(inputs.eo, inputs.file.aerial_control)
-        velocity[has_pose], rate[has_pose] = (x[inputs.eo_row[has_pose]] for x in of_eo)
-    return velocity, rate
+    if inputs.eo is None:
+        velocity, rate = np.zeros((2, len(inputs.block.images), 3))
+        return velocity, rate
+    velocity, rate = _motion(inputs.eo, inputs.file.aerial_control)
+    return inputs.of_images(velocity), inputs.of_images(rate)
 
 
 def differenced(eo: ExteriorOrientation) -> Array:
@@ -280,6 +279,8 @@ def _pieces(
     eo: ExteriorOrientation, options: AerialControlTable
 ) -> tuple[str, Iterator[tuple[Rows, Array]]]:
     """Return which covariances weigh the poses, and rows with their covariance, line by line."""
+    from scipy.linalg import block_diag
+
     beside = _beside(options)
     kind: Any = options.covariance
     if options.positions_alone:
@@ -289,7 +290,7 @@ def _pieces(
                 f'has no covariances of neighbours, which aerial_control.covariance = "{kind}"'
                 ' needs; take "auto"',
             )
-        return "image", ((rows, _independent_cov(eo.cov[rows])) for rows in _lines(eo))
+        return "image", ((rows, block_diag(*eo.cov[rows])) for rows in _lines(eo))
     if kind == "auto":
         kind = "strip" if beside.is_file() else "chain" if eo.cross is not None else "image"
     if kind == "strip":
@@ -303,7 +304,7 @@ def _pieces(
             )
         return kind, ((rows, chained_covariance(eo[rows])) for rows in _lines(eo))
     if any(control in RELATIVE for control in (options.control, *options.of_lines.values())):
-        return kind, ((rows, _independent_cov(eo.cov[rows])) for rows in _lines(eo))
+        return kind, ((rows, block_diag(*eo.cov[rows])) for rows in _lines(eo))
     return kind, ((np.array([k]), eo.cov[k]) for k in range(len(eo)))
 
 
@@ -314,14 +315,6 @@ def _strips(eo: ExteriorOrientation, path: Path) -> Iterator[tuple[Rows, Array]]
         yield strip.rows, strip.cov
     for k in np.flatnonzero(single):
         yield np.array([k]), eo.cov[k]
-
-
-def _independent_cov(cov: Array) -> Array:
-    """Return the covariance (6 n, 6 n) of images that are independent of each other."""
-    n = len(cov)
-    P = np.zeros((n, 6, n, 6))
-    P[np.arange(n), :, np.arange(n), :] = cov
-    return P.reshape(6 * n, 6 * n)
 
 
 def _lines(eo: ExteriorOrientation) -> Iterator[Rows]:

@@ -39,7 +39,7 @@ def vehicle_control(
     parameters = {name: row for name, row in first if name != SIZE}
     if (TIME_OFFSET, 0) in blocks:
         parameters[TIME_OFFSET] = 0
-    image, point = rows_in(vehicle, block)
+    image, point, _ = (rows.tolist() for rows in vehicle.rows_in(block))
     places = KinematicControl(
         tuple(point),
         vehicle.exposures.position_m,
@@ -65,26 +65,6 @@ def vehicle_control(
     return groups, first
 
 
-def rows_in(vehicle: Vehicle, block: ImageBlock) -> tuple[list[int], list[int]]:
-    """Return the rows of the vehicle's images and points in a block.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The vehicle.
-    block : ImageBlock
-        The block.
-
-    Returns
-    -------
-    tuple of list
-        (n,) images and (n,) points.
-    """
-    image = {name: k for k, name in enumerate(block.images)}
-    point = {name: k for k, name in enumerate(block.points)}
-    return [image[name] for name in vehicle.images], [point[name] for name in vehicle.points]
-
-
 def with_first_points(values: Unknowns, vehicle: Vehicle | None, block: ImageBlock) -> Unknowns:
     """Return first values with the places of the target, which one image alone sees.
 
@@ -105,5 +85,5 @@ def with_first_points(values: Unknowns, vehicle: Vehicle | None, block: ImageBlo
     if vehicle is None:
         return values
     point = values.point.copy()
-    point[rows_in(vehicle, block)[1]] = vehicle.exposures.position_m
+    point[vehicle.rows_in(block)[1]] = vehicle.exposures.position_m
     return values.with_points(point)

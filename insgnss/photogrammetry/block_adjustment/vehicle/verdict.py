@@ -61,11 +61,9 @@ def vehicle_figures(solved: Solved) -> dict[str, Any] | None:
         return None
     problem, residuals = solved.result.problem, residuals_px(solved.result)
     n = len(vehicle.images)
-    of_point = {name: k for k, name in enumerate(problem.block.points)}
-    rows = [of_point[name] for name in vehicle.points]
+    _, rows, rays = vehicle.rows_in(problem.block)
     active = np.zeros(len(problem.block.observations), dtype=bool)
     active[problem.order] = problem.rays.active
-    row_of = {int(p): k for k, p in enumerate(problem.block.observations.point)}
     sizes: dict[int, GroupTest] = {}
     places: GroupTest | None = None
     for group, test in zip(problem.groups, solved.precision.groups, strict=True):
@@ -77,8 +75,7 @@ def vehicle_figures(solved: Solved) -> dict[str, Any] | None:
     assert places is not None
     e, w, r = (x.reshape(n, 3) for x in (places.e, places.w, places.redundancy))
     points = []
-    for k, p in enumerate(rows):
-        ray = row_of[p]
+    for k, (p, ray) in enumerate(zip(rows.tolist(), rays.tolist(), strict=True)):
         fig: dict[str, Any] = {
             "image": vehicle.images[k],
             "point": vehicle.points[k],
