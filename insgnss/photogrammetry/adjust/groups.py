@@ -66,13 +66,13 @@ def refuse_other_shapes(group: object, shapes: Mapping[str, tuple[int, ...]]) ->
 
 
 def refuse_other_parameters(
-    group: object, parameters: Mapping[str, int], known: Sequence[str]
+    group: object, parameters: Mapping[str, int], order: Sequence[str]
 ) -> None:
     """Refuse a group with a parameter that its equations do not have."""
-    if unknown := set(parameters) - set(known):
+    if unknown := set(parameters) - set(order):
         raise InputError(
             f"{type(group).__name__}.parameters: {', '.join(sorted(unknown))} is none of"
-            f" {', '.join(known)}"
+            f" {', '.join(order)}"
         )
 
 
