@@ -122,7 +122,8 @@ def of_strips(case: Case, relative: bool) -> list[ObservationGroup]:
             continue
         observed = Observed("relative", True, pairs)
         weight = weight_of(smoothed(operator(C, observed), P), "")
-        groups.append(RelativeAerialControl(rows, X, C, observed, weight, time_s, zeros, zeros))
+        poses = (rows, X, C, weight, time_s, zeros, zeros)
+        groups.append(RelativeAerialControl(*poses, observed=observed))
         groups.append(Datum(rows[0], X[0], C[0], (5.0, float(np.radians(2.0)))))
     return groups
 

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from ...base.advance import converged, share
 from ...base.errors import DataError
 from ...records.block import Array
-from .kernels import collinearity
 from .normals import Linearised, Problem, assembled, corrections, cost, factorised, linearised
 from .start import directions, intersected
-from .unknowns import POINT, Unknowns
+from .unknowns import Unknowns
 
 # damping of Levenberg and Marquardt (chosen): the first where a place on the way is singular; below
 # the second it is none, beyond the third a step moves nothing and the block does not converge
@@ -135,8 +134,7 @@ def _iterated(
     progress: Callable[[int, float], None] | None,
 ) -> Adjusted:
     """Iterate with the observations that are active, which are valid at the first values."""
-    missing = ~problem.determined
-    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    values = problem.filled(values)
     groups = linearised(problem, values)
     now, _ = cost(problem, values, groups)
     first, freedom = now, max(redundancy_of(problem), 1)
@@ -178,7 +176,7 @@ def _iterated(
         raise DataError(_not_converged(MOST_STEPS, first, now))
     if damping > 0.0:  # a damped step has a solution where the unknowns are not determined
         factorised(problem, assembled(problem, values, groups=groups))
-    point = np.where(missing[:, None], np.nan, values.point)
+    point = np.where(problem.determined[:, None], values.point, np.nan)
     return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
 
 
@@ -217,17 +215,12 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
     ndarray of bool, (n,)
         Which take part.
     """
-    e = np.empty_like(problem.rays.uv)
-    collinearity.residuals(problem.rays, values.kernel_values(), e)
+    e = values.residuals(problem.rays)
     size = np.array([max(c.width, c.height) for c in problem.block.cameras], dtype=np.float64)
     good = problem.rays.active & np.isfinite(e).all(axis=1)
     good &= np.abs(e).max(axis=1) < size[problem.rays.camera[problem.rays.image]]
-    observed = np.zeros(len(problem.block.points), dtype=bool)
-    for group in problem.groups:
-        observed[[row for name, row in group.keys if name == POINT]] = True
-    point = np.repeat(np.arange(observed.size), np.diff(problem.rays.start))
-    rays = np.bincount(point[good], minlength=observed.size)
-    return np.asarray(good & ((rays >= 2) | observed)[point])
+    rays = np.bincount(problem.point[good], minlength=len(problem.block.points))
+    return np.asarray(good & ((rays >= 2) | problem.observed)[problem.point])
 
 
 def redundancy_of(problem: Problem) -> int:
@@ -263,8 +256,6 @@ def residuals_px(result: Adjusted) -> Array:
         does not take part or cannot be seen.
     """
     problem = result.problem
-    e = np.empty_like(problem.rays.uv)
-    collinearity.residuals(problem.rays, result.values.kernel_values(), e)
-    out = np.empty_like(e)
-    out[problem.order] = e
+    out = np.empty_like(problem.rays.uv)
+    out[problem.order] = result.values.residuals(problem.rays)
     return out

@@ -31,16 +31,21 @@ where the corrections are those of C (psi on its left), E (beta on its left), d 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...geodesy.rotation import rotation_from_vector, skew, vector_from_rotation
 from ...records import ExteriorOrientation
 from ...records.block import Array
-from .groups import inverse_right_jacobian
-from .unknowns import POSE, Key, Unknowns
+from .groups import (
+    inverse_right_jacobian,
+    keys_of_parameters,
+    refuse_other_parameters,
+    refuse_other_shapes,
+)
+from .unknowns import POSE, Key, Unknowns, size_of
 
 LEVER_ARM, BORESIGHT, TIME_OFFSET = "lever arm", "bore-sight", "time offset"
 SHIFT, DRIFT, COMMON = "shift", "drift", "common errors of the trajectory"
@@ -48,8 +53,8 @@ PARAMETERS = (LEVER_ARM, BORESIGHT, TIME_OFFSET, SHIFT, DRIFT, COMMON)
 
 
 @dataclass(frozen=True, eq=False)
-class AerialControl:
-    """Observed poses of n images (A.1, A.2).
+class StripControl:
+    """Poses of n images that a trajectory gives, of which a group observes some.
 
     Parameters
     ----------
@@ -59,9 +64,8 @@ class AerialControl:
         Observed positions X_o in the axes of the block, m.
     C_mc : ndarray, (n, 3, 3)
         Observed attitudes C_o.
-    weight : ndarray, (6 n, 6 n) or (3 n, 3 n)
-        Inverse of the covariance of position (m) and psi (rad), image after image; of (3 n, 3 n)
-        positions alone are observed.
+    weight : ndarray, (m, m)
+        Inverse of the covariance of positions (m) and rotations (rad) that are observed.
     time : ndarray, (n,)
         Stamps, s; only their differences count, for the drift.
     velocity, rate : ndarray, (n, 3)
@@ -70,8 +74,8 @@ class AerialControl:
         Row of the block that stands for each of `PARAMETERS`; those that are missing are zero.
     name : str
         Name of the variance component.
-    common : ndarray, (n, 6, q), optional
-        A: position (m) and psi (rad) by each of the common errors, where they are a parameter.
+    common : ndarray, optional
+        A: what is observed by each of the common errors, where they are a parameter.
 
     Raises
     ------
@@ -93,33 +97,104 @@ class AerialControl:
     def __post_init__(self) -> None:
         n = len(self.images)
         shapes = {"position_m": (n, 3), "C_mc": (n, 3, 3), "time": (n,)}
-        shapes |= {"velocity": (n, 3), "rate": (n, 3)}
-        for name, shape in shapes.items():
-            if (got := getattr(self, name).shape) != shape:
-                raise InputError(f"AerialControl.{name}: shape {got}, expected {shape}")
+        refuse_other_shapes(self, shapes | {"velocity": (n, 3), "rate": (n, 3)})
+        refuse_other_parameters(self, self.parameters, PARAMETERS)
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The poses, then the parameters that are unknowns, in the order of `PARAMETERS`."""
+        poses = tuple((POSE, i) for i in self.images)
+        return poses + keys_of_parameters(self.parameters, PARAMETERS)
+
+    def columns(self, values: Unknowns) -> tuple[dict[str, slice], int]:
+        """Return where the parameters stand in the Jacobian, and how wide it is.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Has their values.
+
+        Returns
+        -------
+        columns : dict of slice
+            By parameter.
+        width : int
+            Number of columns.
+        """
+        columns, width = {}, 6 * len(self.images)
+        for name, row in keys_of_parameters(self.parameters, PARAMETERS):
+            columns[name] = slice(width, width + size_of(values.blocks[(name, row)]))
+            width = columns[name].stop
+        return columns, width
+
+    def positions(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the positions of the strip (J.8), without its common errors.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where they are linearised.
+
+        Returns
+        -------
+        e : ndarray, (n, 3)
+            Observed - computed, m.
+        J : ndarray, (n, 3, d)
+            d computed / d unknown.
+        """
+        n, images = len(self.images), list(self.images)
+        since = (self.time - self.time.mean() if n else self.time)[:, None]
+        C, v = values.C_mc[images], self.velocity
+        value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
+        columns, width = self.columns(values)
+        J = np.zeros((n, 3, width))
+        computed = values.position[images]
+        put(J, 6 * np.arange(n), np.broadcast_to(np.eye(3), (n, 3, 3)))
+        if LEVER_ARM in value:
+            arm = C @ value[LEVER_ARM]
+            computed = computed + arm
+            put(J, 6 * np.arange(n) + 3, -skew(arm))
+            J[:, :, columns[LEVER_ARM]] = C
+        if TIME_OFFSET in value:
+            computed = computed - v * value[TIME_OFFSET][0]
+            J[:, :, columns[TIME_OFFSET]] = -v[:, :, None]
+        if SHIFT in value:
+            computed = computed + value[SHIFT]
+            J[:, :, columns[SHIFT]] = np.eye(3)
+        if DRIFT in value:
+            computed = computed + since * value[DRIFT]
+            J[:, :, columns[DRIFT]] = since[:, :, None] * np.eye(3)
+        return self.position_m - computed, J
+
+
+def put(J: Array, columns: NDArray[np.int64], blocks: Array) -> None:
+    """Write a block of each row of (k, 3, u), from a column of its own on."""
+    wide = columns[:, None] + np.arange(blocks.shape[2])
+    J[np.arange(len(J))[:, None, None], np.arange(3)[:, None], wide[:, None]] = blocks
+
+
+@dataclass(frozen=True, eq=False)
+class AerialControl(StripControl):
+    """Observed poses of n images (J.8, J.9), or positions alone.
+
+    The weight is (6 n, 6 n), of position and psi image after image, or (3 n, 3 n) of positions
+    alone; common errors (n, 6, q) are those of position and psi.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = len(self.images)
         if self.weight.shape not in ((3 * n, 3 * n), (6 * n, 6 * n)):
             raise InputError(
                 f"AerialControl.weight: shape {self.weight.shape}, expected"
                 f" {(6 * n, 6 * n)}, or {(3 * n, 3 * n)} of positions alone"
             )
-        if unknown := set(self.parameters) - set(PARAMETERS):
-            raise InputError(
-                f"AerialControl.parameters: {', '.join(sorted(unknown))} is none of"
-                f" {', '.join(PARAMETERS)}"
-            )
-
         got = None if self.common is None else self.common.shape[:-1]
         if (COMMON in self.parameters) != (got is not None) or got not in (None, (n, 6)):
             raise InputError(
                 f"AerialControl.common: shape {got} + (q,), expected {(n, 6)} + (q,) where"
                 f" {COMMON} are a parameter, else none"
             )
-
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """The poses, then the parameters that are unknowns, in the order of `PARAMETERS`."""
-        poses = tuple((POSE, i) for i in self.images)
-        return poses + tuple((p, self.parameters[p]) for p in PARAMETERS if p in self.parameters)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
         """Linearise the group; see `ObservationGroup.linearised`.
@@ -136,125 +211,38 @@ class AerialControl:
         J : ndarray, (m, d)
             d computed / d unknown.
         """
-        n = len(self.images)
-        m = self.weight.shape[0] // n if n else 6
-        value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
-        computed, own_position, of_position = positions(self, values, value)
-        by_poses = np.zeros((n, m, 6))
-        by_poses[:, :3] = own_position
-        of = {p: np.zeros((n, m, size_of(v))) for p, v in value.items()}
-        for p, derivative in of_position.items():
-            of[p][:, :3] = derivative
-        e = self.position_m - computed
-        if m == 6:
-            psi = self._attitude(values.C_mc[list(self.images)], value, by_poses, of)
-            e = np.hstack([e, psi])
+        columns, width = self.columns(values)
+        e, J = self.positions(values)
+        if self.weight.shape[0] > 3 * len(self.images):
+            psi, of_attitudes = self._attitudes(values, columns, width)
+            e, J = np.hstack([e, psi]), np.concatenate([J, of_attitudes], axis=1)
         if self.common is not None:
-            e += self.common[:, :m] @ value[COMMON]
-            of[COMMON][:] = -self.common[:, :m]
-        J = np.zeros((n, m, 6 * n + sum(size_of(v) for v in value.values())))
-        for k in range(n):
-            J[k, :, 6 * k : 6 * k + 6] = by_poses[k]
-        if value:
-            J[:, :, 6 * n :] = np.concatenate([of[p] for p in PARAMETERS if p in value], axis=2)
-        return e.ravel(), J.reshape(n * m, -1)
+            A = self.common[:, : e.shape[1]]
+            e += A @ values.blocks[(COMMON, self.parameters[COMMON])]
+            J[:, :, columns[COMMON]] = -A
+        return e.ravel(), J.reshape(e.size, width)
 
-    def _attitude(
-        self, C: Array, value: Mapping[str, Array], by_poses: Array, of: dict[str, Array]
-    ) -> Array:
-        """Return observed - computed of the attitudes (J.9), and write their derivatives (J.10)."""
-        C_o, turned = self.C_mc, C.swapaxes(1, 2)
+    def _attitudes(
+        self, values: Unknowns, columns: Mapping[str, slice], width: int
+    ) -> tuple[Array, Array]:
+        """Return observed - computed of the attitudes (J.9), and its Jacobian (J.10)."""
+        value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
+        C_o, turned = self.C_mc, values.C_mc[list(self.images)].swapaxes(1, 2)
         if TIME_OFFSET in value:
             turn = rotation_from_vector(self.rate * value[TIME_OFFSET][0])
             turned = turned @ turn
         E = value.get(BORESIGHT, np.eye(3))
         psi = vector_from_rotation(C_o @ E @ turned)
         right = inverse_right_jacobian(psi)
-        by_poses[:, 3:, 3:] = right
+        J = np.zeros((len(psi), 3, width))
         if TIME_OFFSET in value:
-            by_poses[:, 3:, 3:] = right @ turn.swapaxes(1, 2)
-            of[TIME_OFFSET][:, 3:] = -right @ self.rate[:, :, None]
+            put(J, 6 * np.arange(len(psi)) + 3, right @ turn.swapaxes(1, 2))
+            J[:, :, columns[TIME_OFFSET]] = -right @ self.rate[:, :, None]
+        else:
+            put(J, 6 * np.arange(len(psi)) + 3, right)
         if BORESIGHT in value:
-            of[BORESIGHT][:, 3:] = -inverse_right_jacobian(-psi) @ C_o
-        return psi
-
-
-class Strip(Protocol):
-    """Poses of a strip that are observed in any way."""
-
-    @property
-    def images(self) -> tuple[int, ...]:
-        """Rows of the images."""
-
-    @property
-    def time(self) -> Array:
-        """(n,) stamps, s."""
-
-    @property
-    def velocity(self) -> Array:
-        """(n, 3) velocities, m/s."""
-
-
-def positions(
-    strip: Strip, values: Unknowns, value: Mapping[str, Array]
-) -> tuple[Array, Array, dict[str, Array]]:
-    """Compute the positions that a strip observes (J.8), without its common errors.
-
-    Parameters
-    ----------
-    strip : Strip
-        Images, stamps and velocities.
-    values : Unknowns
-        Where it is linearised.
-    value : mapping
-        Values of its parameters.
-
-    Returns
-    -------
-    computed : ndarray, (n, 3)
-        Positions, m.
-    by_poses : ndarray, (n, 3, 6)
-        Their derivatives by the pose of the image.
-    of : dict of ndarray, (n, 3, d)
-        Their derivatives by each parameter.
-    """
-    n, images = len(strip.images), list(strip.images)
-    since = (strip.time - strip.time.mean() if n else strip.time)[:, None]
-    C, v = values.C_mc[images], strip.velocity
-    computed, by_poses = values.position[images], np.zeros((n, 3, 6))
-    by_poses[:, :, :3] = np.eye(3)
-    of = {p: np.zeros((n, 3, size_of(x))) for p, x in value.items()}
-    if LEVER_ARM in value:
-        arm = C @ value[LEVER_ARM]
-        computed = computed + arm
-        by_poses[:, :, 3:] = -skew(arm)
-        of[LEVER_ARM][:] = C
-    if TIME_OFFSET in value:
-        computed = computed - v * value[TIME_OFFSET][0]
-        of[TIME_OFFSET][:, :, 0] = -v
-    if SHIFT in value:
-        computed = computed + value[SHIFT]
-        of[SHIFT][:] = np.eye(3)
-    if DRIFT in value:
-        computed = computed + since * value[DRIFT]
-        of[DRIFT][:] = since[:, :, None] * np.eye(3)
-    return computed, by_poses, of
-
-
-def size_of(value: Array) -> int:
-    """Return how many parameters a value has.
-
-    Parameters
-    ----------
-    value : ndarray
-        A vector, or a rotation matrix.
-
-    Returns
-    -------
-    int
-        Three of a rotation.
-    """
-    return 3 if value.ndim == 2 else value.size
+            J[:, :, columns[BORESIGHT]] = -inverse_right_jacobian(-psi) @ C_o
+        return psi, J
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,7 +128,7 @@ def direct_precision(result: Adjusted) -> Precision:
     """
     problem, values = result.problem, result.values
     alone = without_rays(problem)
-    shown = values.with_points(np.where(problem.determined[:, None], values.point, 0.0))
+    shown = problem.filled(values)
     Q = cofactors_from(alone, shown, factorised(alone, assembled(alone, shown)))
     m = len(problem.block.points)
     point = np.full((m, 3, 3), np.nan)

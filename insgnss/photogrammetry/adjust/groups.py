@@ -8,13 +8,14 @@ mounting, relative poses and kinematic ground points are groups of this kind. Gr
 share a variance component.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from ...base.errors import DataError
+from ...base.errors import DataError, InputError
 from ...geodesy.rotation import skew, vector_from_rotation
 from ...records.block import Array, GroundPoints
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
@@ -55,6 +56,29 @@ class ObservationGroup(Protocol):
             d computed / d unknown, for all parameters of the blocks in `keys`, side by side: 6 of a
             pose, 11 of a camera, 3 of a point.
         """
+
+
+def refuse_other_shapes(group: object, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Refuse a group one of whose arrays has another shape than expected, by its field."""
+    for name, shape in shapes.items():
+        if (got := getattr(group, name).shape) != shape:
+            raise InputError(f"{type(group).__name__}.{name}: shape {got}, expected {shape}")
+
+
+def refuse_other_parameters(
+    group: object, parameters: Mapping[str, int], order: Sequence[str]
+) -> None:
+    """Refuse a group with a parameter that its equations do not have."""
+    if unknown := set(parameters) - set(order):
+        raise InputError(
+            f"{type(group).__name__}.parameters: {', '.join(sorted(unknown))} is none of"
+            f" {', '.join(order)}"
+        )
+
+
+def keys_of_parameters(parameters: Mapping[str, int], order: Sequence[str]) -> tuple[Key, ...]:
+    """Return the blocks of the parameters that are unknowns, in the order of a group's columns."""
+    return tuple((name, parameters[name]) for name in order if name in parameters)
 
 
 def weight_of(cov: Array, who: str) -> Array:
@@ -422,15 +446,13 @@ class Rescaled:
         return self.group.linearised(values)
 
 
-def control_points(control: GroundPoints, name: str = "ground control") -> list[PointObservation]:
+def control_points(control: GroundPoints) -> list[PointObservation]:
     """Return ground control as observation groups.
 
     Parameters
     ----------
     control : GroundPoints
         The points, each with its covariance.
-    name : str
-        Name of their variance component.
 
     Returns
     -------
@@ -438,8 +460,6 @@ def control_points(control: GroundPoints, name: str = "ground control") -> list[
         One group a point.
     """
     return [
-        PointObservation(
-            int(point), position, weight_of(cov, f"control point in row {point}"), name
-        )
+        PointObservation(int(point), position, weight_of(cov, f"control point in row {point}"))
         for point, position, cov in zip(control.point, control.position_m, control.cov, strict=True)
     ]

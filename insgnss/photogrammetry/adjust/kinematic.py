@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...records.block import INTERIOR, Array
 from .aerial import TIME_OFFSET
+from .groups import keys_of_parameters, refuse_other_parameters, refuse_other_shapes
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 TARGET_ARM, CLOCK = "lever arm of the target", "delay of the vehicle's clock"
@@ -86,21 +87,14 @@ class KinematicControl:
     def __post_init__(self) -> None:
         n = len(self.points)
         shapes: dict[str, tuple[int, ...]] = {"position_m": (n, 3), "weight": (3 * n, 3 * n)}
-        shapes |= {"velocity": (n, 3), "C_mv": (n, 3, 3)}
-        for name, shape in shapes.items():
-            if (got := getattr(self, name).shape) != shape:
-                raise InputError(f"KinematicControl.{name}: shape {got}, expected {shape}")
-        if unknown := set(self.parameters) - set(PARAMETERS):
-            raise InputError(
-                f"KinematicControl.parameters: {', '.join(sorted(unknown))} is none of"
-                f" {', '.join(PARAMETERS)}"
-            )
+        refuse_other_shapes(self, shapes | {"velocity": (n, 3), "C_mv": (n, 3, 3)})
+        refuse_other_parameters(self, self.parameters, PARAMETERS)
 
     @property
     def keys(self) -> tuple[Key, ...]:
         """The object points, then parameters that are unknowns, in the order of `PARAMETERS`."""
         points = tuple((POINT, p) for p in self.points)
-        return points + tuple((p, self.parameters[p]) for p in PARAMETERS if p in self.parameters)
+        return points + keys_of_parameters(self.parameters, PARAMETERS)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
         """Linearise the group; see `ObservationGroup.linearised`.
@@ -120,11 +114,9 @@ class KinematicControl:
         n = len(self.points)
         computed = values.point[list(self.points)].copy()
         of: list[Array] = []
-        for name in PARAMETERS:
-            if name not in self.parameters:
-                continue
-            derivative = self._by(name)
-            computed += derivative @ values.blocks[(name, self.parameters[name])]
+        for key in keys_of_parameters(self.parameters, PARAMETERS):
+            derivative = self._by(key[0])
+            computed += derivative @ values.blocks[key]
             of.append(derivative.reshape(3 * n, -1))
         e = self.position_m - computed
         return e.ravel(), np.hstack([np.eye(3 * n), *of])

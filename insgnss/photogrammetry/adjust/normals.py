@@ -82,14 +82,40 @@ class Problem:
         return self.with_active(active[self.order])
 
     @property
+    def point(self) -> NDArray[np.int64]:
+        """(n,) object point of each of `rays`."""
+        return np.repeat(np.arange(self.rays.start.size - 1), np.diff(self.rays.start))
+
+    @property
+    def ray_count(self) -> NDArray[np.int64]:
+        """(m,) number of rays of each object point that take part."""
+        return np.bincount(self.point[self.rays.active], minlength=self.rays.start.size - 1)
+
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """(m,) which object points a group observes."""
+        rows = [row for group in self.groups for name, row in group.keys if name == POINT]
+        return np.isin(np.arange(self.rays.start.size - 1), rows)
+
+    @property
     def determined(self) -> NDArray[np.bool_]:
         """(m,) which object points take part: seen, or observed by a group."""
-        takes_part = np.zeros(len(self.block.points), dtype=bool)
-        points = np.repeat(np.arange(takes_part.size), np.diff(self.rays.start))
-        takes_part[points[self.rays.active]] = True
-        for group in self.groups:
-            takes_part[[row for name, row in group.keys if name == POINT]] = True
-        return takes_part
+        return np.asarray((self.ray_count > 0) | self.observed)
+
+    def filled(self, values: Unknowns) -> Unknowns:
+        """Return values with zeros for points that take no part, as kernels take them.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Values; of points that take no part any.
+
+        Returns
+        -------
+        Unknowns
+            The same otherwise.
+        """
+        return values.with_points(np.where(self.determined[:, None], values.point, 0.0))
 
 
 def problem_of(
@@ -459,8 +485,7 @@ def cofactors_of(problem: Problem, values: Unknowns, columns: NDArray[np.int64])
     DataError
         The observations do not determine an unknown.
     """
-    missing = ~problem.determined
-    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    values = problem.filled(values)
     unit = np.zeros((problem.layout.size, columns.size))
     unit[columns, np.arange(columns.size)] = 1.0
     Q = factorised(problem, assembled(problem, values)).solved(unit)[columns]

@@ -74,17 +74,6 @@ class RejectedControl:
     w: float
     off_m: Array
 
-    def __str__(self) -> str:
-        """Return a sentence for people."""
-        deviation = ", ".join(
-            f"{axis} {value:+.3f}" for axis, value in zip("XYZ", self.off_m, strict=True)
-        )
-        return (
-            f"{self.name} {self.point}: {deviation} m off the block (w {self.w:.1f}, limit"
-            f" {LIMIT_W:g}); left out; check its coordinates and where it was measured in the"
-            " images"
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Cleaned:
@@ -148,7 +137,7 @@ def without_outliers(
         gone = int(problem.rays.active.sum() - active.sum())
         progress(f"tests, round {k + 1}: {gone} image observations rejected")
         result = adjusted(problem.with_active(active), values)
-        values = _kept_values(result, values)
+        values = result.values.completed(values)
         precision = precision_of(result, scale)
         worst = worst_of_points(problem, precision.w[problem.order], limit_w)
         control = _worst_control(whole, precision, left_out, limit_w)
@@ -179,7 +168,7 @@ def _robust(
         progress(f"robust adjustment, round {k + 1}")
         result = adjusted(problem.with_active(active), values)
         length, unit = _lengths(result, stated_rays)
-        values = _kept_values(result, values)
+        values = result.values.completed(values)
         # Huber's weight; of what cannot be seen now, and perhaps later, the given one
         factor = np.where(np.isfinite(length), np.minimum(1.0, HUBER * unit / length), 1.0)
         weight = stated_rays.weight * np.sqrt(factor)[:, None]
@@ -197,7 +186,7 @@ def _robust(
     # which of a point's coordinates and its rays are wrong, their tests decide
     doubtful = np.zeros(len(problem.block.points), dtype=bool)
     doubtful[[groups[k].keys[0][1] for k in np.flatnonzero(off_groups > 1.0)]] = True
-    active &= ~((length > FAR_UNITS * unit) & ~doubtful[_point_of_rays(problem)])
+    active &= ~((length > FAR_UNITS * unit) & ~doubtful[problem.point])
     active &= ~left_alone(problem, active)
     return replace(problem, rays=stated_rays, groups=groups), values, active
 
@@ -258,16 +247,9 @@ def _rejection(whole: Problem, result: Adjusted, row: int, w: float) -> Rejected
     return RejectedControl(row, group.name, whole.block.points[group.keys[0][1]], w, e)
 
 
-def _point_of_rays(problem: Problem) -> NDArray[np.int64]:
-    """Return the object point of each ray."""
-    return np.repeat(np.arange(problem.rays.start.size - 1), np.diff(problem.rays.start))
-
-
 def _lengths(result: Adjusted, rays: collinearity.Rays) -> tuple[Array, float]:
     """Return the lengths of the whitened residuals (n,), and their robust unit."""
-    e = np.empty_like(rays.uv)
-    collinearity.residuals(rays, result.values.kernel_values(), e)
-    length = np.linalg.norm(e * rays.weight, axis=1)
+    length = np.linalg.norm(result.values.residuals(rays) * rays.weight, axis=1)
     part_of = result.problem.rays.active & np.isfinite(length)
     errors = length
     if _few_redundant(result.problem):  # residuals say little of errors
@@ -285,12 +267,6 @@ def _few_redundant(problem: Problem) -> bool:
     return n - 3 * points - 6 * problem.layout.n_images < FEW_REDUNDANT * n
 
 
-def _kept_values(result: Adjusted, before: Unknowns) -> Unknowns:
-    """Return adjusted values; points that did not take part keep their first ones."""
-    point = result.values.point
-    return result.values.with_points(np.where(np.isnan(point), before.point, point))
-
-
 def left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the rays of points that rejections left two of at most, and that no group observes.
 
@@ -306,13 +282,9 @@ def left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]
     ndarray of bool, (n,)
         Rays that could not be judged any more.
     """
-    m = problem.rays.start.size - 1
-    point = _point_of_rays(problem)
-    remaining = np.bincount(point[active], minlength=m)
-    alone = (remaining <= 2) & (remaining < np.bincount(point[problem.rays.active], minlength=m))
-    for group in problem.groups:
-        alone[[row for name, row in group.keys if name == POINT]] = False
-    return np.asarray(active & alone[point])
+    remaining = problem.with_active(active).ray_count
+    alone = (remaining <= 2) & (remaining < problem.ray_count) & ~problem.observed
+    return np.asarray(active & alone[problem.point])
 
 
 def worst_of_points(problem: Problem, w: Array, limit: float) -> NDArray[np.bool_]:
@@ -333,7 +305,7 @@ def worst_of_points(problem: Problem, w: Array, limit: float) -> NDArray[np.bool
         One ray of a point at most.
     """
     size = np.nan_to_num(np.abs(w)).max(axis=1)
-    point = _point_of_rays(problem)
+    point = problem.point
     largest = np.zeros(problem.rays.start.size - 1)
     np.maximum.at(largest, point, size)
     return np.asarray((size > limit) & (size == largest[point]))

@@ -11,12 +11,11 @@ from .adjustment import Adjusted, residuals_px
 from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
-from .normals import SPARSE_UNKNOWNS, Problem, assembled, columns_of, factorised, unknown_name
+from .normals import SPARSE_UNKNOWNS, Problem, assembled, columns_of, factorised
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 NONCENTRALITY = 4.13
 """Of Baarda's test with 0.1 % false alarms and 80 % power."""
-TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to separate (chosen)
 COMMON = ("height", "rotation about y", "rotation about x")
 """Motions that all images of a camera may have in common: mean Z of their projection centres (m),
 and mean rotation about the axes of the camera (rad): roll and pitch where y looks back or ahead."""
@@ -72,23 +71,6 @@ class Component:
     observations: int
     redundancy: float
     variance: float
-
-
-@dataclass(frozen=True, eq=False)
-class Correlation:
-    """Two unknowns that the observations hardly tell apart.
-
-    Parameters
-    ----------
-    first, second : str
-        Names of the unknowns.
-    value : float
-        Their correlation.
-    """
-
-    first: str
-    second: str
-    value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,45 +191,16 @@ class Precision:
         return out
 
     @property
+    def point_sigma(self) -> Array:
+        """(m, 3) standard deviations of the object points, m."""
+        return np.asarray(np.sqrt(np.diagonal(self.point_cov, axis1=1, axis2=2)))
+
+    @property
     def pose_cov(self) -> Array:
         """(n, 6, 6) covariance of each image's position (m) and psi (rad); zero where held."""
         layout = self.result.problem.layout
         blocks = [self.cofactors.of(layout.of((POSE, i))[0]) for i in range(layout.n_images)]
         return self.scale * np.array(blocks).reshape(-1, 6, 6)
-
-    def correlations(self, limit: float = TOO_CORRELATED) -> tuple[Correlation, ...]:
-        """Return the pairs of unknowns of cameras, and of blocks that groups bring, above a limit.
-
-        Parameters
-        ----------
-        limit : float
-            Smallest absolute correlation.
-
-        Returns
-        -------
-        tuple of Correlation
-            The strongest first.
-        """
-        layout = self.result.problem.layout
-        names = layout.names()
-        free = [
-            k
-            for k, (name, _) in enumerate(names)
-            if name not in (POSE, POINT) and not layout.held[k]
-        ]
-        rows = np.array(free, dtype=np.int64)
-        Q = self.cofactors.of(rows)
-        sigma = np.sqrt(np.diagonal(Q))
-        rho = Q / sigma / sigma[:, None]
-        pairs = [
-            Correlation(
-                unknown_name(self.result.problem, rows[i]),
-                unknown_name(self.result.problem, rows[j]),
-                float(rho[i, j]),
-            )
-            for i, j in np.argwhere(np.triu(np.abs(rho), 1) > limit)
-        ]
-        return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))
 
     def components(self) -> tuple[Component, ...]:
         """Return the variance components: image observations of each camera, then the groups'."""

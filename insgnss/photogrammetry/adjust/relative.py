@@ -43,8 +43,8 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ...records.block import Array
-from .aerial import COMMON, PARAMETERS, TIME_OFFSET, positions, size_of
-from .groups import PoseObservation, inverse_right_jacobian
+from .aerial import COMMON, TIME_OFFSET, StripControl, put
+from .groups import PoseObservation, inverse_right_jacobian, refuse_other_shapes
 from .unknowns import POSE, Key, Unknowns
 
 if TYPE_CHECKING:
@@ -100,66 +100,28 @@ class Observed(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RelativeAerialControl:
+class RelativeAerialControl(StripControl):
     """Positions of a strip of n images, or offsets between them, and turns between them.
+
+    The weight is (m, m), of positions or offsets (m), then of turns (rad); common errors are (m, q)
+    where they are a parameter.
 
     Parameters
     ----------
-    images : tuple of int
-        (n,) rows of the images.
-    position_m : ndarray, (n, 3)
-        Observed positions X_o in the axes of the block, m.
-    C_mc : ndarray, (n, 3, 3)
-        Observed attitudes C_o.
     observed : Observed
-        What of them is observed, and the pairs.
-    weight : ndarray, (m, m)
-        Inverse of the covariance of positions or offsets (m), then of turns (rad).
-    time : ndarray, (n,)
-        Stamps, s.
-    velocity, rate : ndarray, (n, 3)
-        Velocity, m/s, and angular rate, rad/s, in the axes of the block, for the time offset.
-    parameters : mapping
-        Row of the block that stands for each of `aerial.PARAMETERS`; those missing are zero.
-    name : str
-        Name of the variance component.
-    common : ndarray, (m, q), optional
-        The observations by each of the common errors, where they are a parameter.
-
-    Raises
-    ------
-    InputError
-        Shapes that differ.
+        What of the poses is observed, and the pairs.
     """
 
-    images: tuple[int, ...]
-    position_m: Array
-    C_mc: Array
-    observed: Observed
-    weight: Array
-    time: Array
-    velocity: Array
-    rate: Array
-    parameters: Mapping[str, int] = field(default_factory=dict)
-    name: str = "aerial control"
-    common: Array | None = None
+    observed: Observed = field(kw_only=True)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         m = sum(self.observed.sizes(len(self.images)))
-        if self.weight.shape != (m, m):
-            raise InputError(
-                f"RelativeAerialControl.weight: shape {self.weight.shape}, expected {(m, m)}"
-            )
+        refuse_other_shapes(self, {"weight": (m, m)})
         if (COMMON in self.parameters) != (self.common is not None):
             raise InputError(
                 "RelativeAerialControl.common: given where it is a parameter, else not"
             )
-
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """The poses, then the parameters that are unknowns, in the order of `PARAMETERS`."""
-        poses = tuple((POSE, i) for i in self.images)
-        return poses + tuple((p, self.parameters[p]) for p in PARAMETERS if p in self.parameters)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
         """Linearise the group; see `ObservationGroup.linearised`.
@@ -176,55 +138,42 @@ class RelativeAerialControl:
         J : ndarray, (m, d)
             d computed / d unknown.
         """
-        n, (first, second) = len(self.images), self.observed.pairs.T
-        value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
-        computed, by_poses, of = positions(self, values, value)
-        columns, width = {}, 6 * n
-        for p in (p for p in PARAMETERS if p in value):
-            columns[p] = slice(width, width + size_of(value[p]))
-            width = columns[p].stop
-        J = np.zeros((n, 3, width))
-        _put(J, 6 * np.arange(n), by_poses)
-        for p, where in columns.items():
-            J[:, :, where] = of[p]
-        e = self.position_m - computed
+        first, second = self.observed.pairs.T
+        columns, width = self.columns(values)
+        e, J = self.positions(values)
         if self.observed.positions == "relative":
             e, J = e[second] - e[first], J[second] - J[first]
         if self.observed.turns:
-            turn_residual, of_turns = self._turns(values, value, columns, width)
+            turn_residual, of_turns = self._turns(values, columns, width)
             e, J = np.vstack([e, turn_residual]), np.concatenate([J, of_turns])
         residual, jacobian = e.ravel(), J.reshape(-1, width)
         if self.common is not None:
-            residual = residual + self.common @ value[COMMON]
+            value = values.blocks[(COMMON, self.parameters[COMMON])]
+            residual = residual + self.common @ value
             jacobian[:, columns[COMMON]] = -self.common
         return residual, jacobian
 
     def _turns(
-        self, values: Unknowns, value: Mapping[str, Array], columns: Mapping[str, slice], width: int
+        self, values: Unknowns, columns: Mapping[str, slice], width: int
     ) -> tuple[Array, Array]:
         """Return observed - computed of the turns of all pairs, and its Jacobian (J.15)."""
         i, j = self.observed.pairs.T
         C = values.C_mc[list(self.images)]
         turn = np.broadcast_to(np.eye(3), C.shape)
-        if TIME_OFFSET in value:
-            turn = rotation_from_vector(-self.rate * value[TIME_OFFSET][0])
+        if TIME_OFFSET in self.parameters:
+            delay = values.blocks[(TIME_OFFSET, self.parameters[TIME_OFFSET])][0]
+            turn = rotation_from_vector(-self.rate * delay)
         moved = turn @ C
         D_t = moved[i] @ moved[j].swapaxes(1, 2)
         rho = vector_from_rotation(self.C_mc[i] @ self.C_mc[j].swapaxes(1, 2) @ D_t.swapaxes(1, 2))
         right = inverse_right_jacobian(rho)
         J = np.zeros((len(i), 3, width))
-        _put(J, 6 * i + 3, -right @ turn[i])
-        _put(J, 6 * j + 3, right @ D_t @ turn[j])
-        if TIME_OFFSET in value:
+        put(J, 6 * i + 3, -right @ turn[i])
+        put(J, 6 * j + 3, right @ D_t @ turn[j])
+        if TIME_OFFSET in self.parameters:
             by_d = self.rate[i] - np.einsum("kij,kj->ki", D_t, self.rate[j])
             J[:, :, columns[TIME_OFFSET]] = right @ by_d[:, :, None]
         return -rho, J
-
-
-def _put(J: Array, columns: Rows, blocks: Array) -> None:
-    """Write a block of each row of (k, 3, u), from a column of its own on."""
-    wide = columns[:, None] + np.arange(blocks.shape[2])
-    J[np.arange(len(J))[:, None, None], np.arange(3)[:, None], wide[:, None]] = blocks
 
 
 def operator(C_mc: Array, observed: Observed) -> "csr_array":
@@ -307,11 +256,11 @@ def as_printed(
     ndarray, (m, m)
         The covariance.
     """
+    from scipy.linalg import block_diag
+
     n = len(C_mc)
     m, _ = observed.sizes(n)
-    diag = np.zeros_like(P)
-    for k in range(n):
-        diag[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = P[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+    diag = block_diag(*P.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)])
     L = operator(C_mc, observed)
     out, alone = smoothed(L, P), smoothed(L, diag)
     out[:m, m:] = out[m:, :m] = 0.0

@@ -20,9 +20,10 @@ from ...records.block import INTERIOR, RADIAL
 from .aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from .aerial import COMMON as COMMON_ERRORS
 from .normals import unknown_name
-from .precision import COMMON, TOO_CORRELATED, Precision
+from .precision import COMMON, Precision
 from .unknowns import CAMERA, POINT, POSE
 
+TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to separate (chosen)
 AERIAL = "aerial control"
 HEIGHT, ABOUT_Y, ABOUT_X = COMMON
 TWO_HEIGHTS = (
@@ -101,23 +102,14 @@ class Inseparable:
     value: float
     remedy: str
 
-    def __str__(self) -> str:
-        """Return a sentence for people."""
-        statement = (
-            f"{self.first} and {self.second} are hardly told apart (correlation {self.value:.3f})"
-        )
-        return f"{statement}: {self.remedy}" if self.remedy else statement
 
-
-def inseparable(precision: Precision, limit: float = TOO_CORRELATED) -> tuple[Inseparable, ...]:
-    """Return the pairs of unknowns whose correlation is beyond a limit.
+def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
+    """Return the pairs of unknowns whose correlation is beyond `TOO_CORRELATED`.
 
     Parameters
     ----------
     precision : Precision
         Of an adjustment.
-    limit : float
-        Smallest absolute correlation.
 
     Returns
     -------
@@ -148,7 +140,7 @@ def inseparable(precision: Precision, limit: float = TOO_CORRELATED) -> tuple[In
         rho = np.nan_to_num(covariance / sigma / sigma[:, None])
     observed = any(group.name == AERIAL for group in problem.groups)
     pairs = []
-    for i, j in np.argwhere(np.triu(np.abs(rho), 1) > limit):
+    for i, j in np.argwhere(np.triu(np.abs(rho), 1) > TOO_CORRELATED):
         # motions are no unknowns: what is told of them is told of a parameter of their camera
         if i < n and (j < n or owners[i] == owners[j]):
             pair = frozenset((kinds[i], kinds[j]))

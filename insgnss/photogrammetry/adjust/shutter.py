@@ -23,7 +23,6 @@ import numpy as np
 from ...records.block import Array, ImageBlock
 from ...records.cameras.camera import pixels_of
 from .adjustment import Adjusted
-from .kernels import collinearity
 from .normals import Normals, Problem, assembled, corrections
 from .unknowns import Unknowns
 
@@ -55,8 +54,7 @@ def pixels_by_readout(problem: Problem, values: Unknowns, motion: tuple[Array, A
     rays, block = problem.rays, problem.block
     velocity, rate = motion
     rows, active = rays.image, rays.active
-    point = np.repeat(np.arange(len(block.points)), np.diff(rays.start))
-    d = values.point[point] - values.position[rows]
+    d = values.point[problem.point] - values.position[rows]
     C = values.C_mc[rows]
     q = np.einsum("nji,nj->ni", C, d)
     slope = -np.einsum("nji,nj->ni", C, velocity[rows] + np.cross(rate[rows], d))
@@ -121,11 +119,9 @@ def readout_gain(
     if (motion[0] != 0.0).any(axis=1).sum() < FEWEST_VELOCITIES:
         return None
     problem, values = result.problem, result.values
-    missing = ~problem.determined
-    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    values = problem.filled(values)
     a = pixels_by_readout(problem, values, motion)
-    e = np.empty_like(problem.rays.uv)
-    collinearity.residuals(problem.rays, values.kernel_values(), e)
+    e = values.residuals(problem.rays)
     weighted = np.where(problem.rays.active[:, None], problem.rays.weight**2 * a, 0.0)
     along = float(np.nansum(weighted * e))
     whole = float((weighted * a).sum())

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geodesy.rotation import skew
+from ...geodesy.rotation import nearest_rotation, rotation_from_vector, skew
 from ...records.block import Array, BrownCamera, ImageBlock
 from ...records.cameras.camera import rays_of
 from .unknowns import Unknowns
@@ -127,8 +127,7 @@ def three_point_poses(xy: Array, X: Array) -> list[tuple[Array, Array]]:
 def _absolute(q: Array, X: Array) -> tuple[Array, Array]:
     """Return X_0 and C with X = X_0 + C q, by least squares (Kabsch)."""
     q0, X0 = q.mean(axis=0), X.mean(axis=0)
-    U, _, Vt = np.linalg.svd((X - X0).T @ (q - q0))
-    C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    C = nearest_rotation((X - X0).T @ (q - q0))
     return X0 - C @ q0, C
 
 
@@ -182,8 +181,6 @@ def _misfit(X0: Array, C: Array, xy: Array, X: Array) -> float:
 
 def _improved(X0: Array, C: Array, miss: float, xy: Array, X: Array) -> tuple[Array, Array, float]:
     """Improve a pose by least squares over the points that lie near their rays."""
-    from ...geodesy.rotation import rotation_from_vector
-
     for _ in range(5):
         q = (X - X0) @ C
         e = xy - q[:, :2] / q[:, 2:]

@@ -27,7 +27,6 @@ from .ordering import arranged
 
 Key = tuple[str, int]
 POSE, CAMERA, POINT = "pose", "camera", "point"
-_DIMENSIONS = {POSE: 6, CAMERA: len(INTERIOR), POINT: 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +101,38 @@ class Unknowns:
             The same with other values.
         """
         return tuple(c.with_(v) for c, v in zip(cameras, self.interior, strict=True))
+
+    def residuals(self, rays: collinearity.Rays) -> Array:
+        """Return the residuals of image observations.
+
+        Parameters
+        ----------
+        rays : Rays
+            The observations.
+
+        Returns
+        -------
+        ndarray, (n, 2)
+            Observed - computed, pixels; NaN of points that cannot be seen.
+        """
+        e = np.empty_like(rays.uv)
+        collinearity.residuals(rays, self.kernel_values(), e)
+        return e
+
+    def completed(self, first: "Unknowns") -> "Unknowns":
+        """Return the values with first ones of points that did not take part.
+
+        Parameters
+        ----------
+        first : Unknowns
+            Has them.
+
+        Returns
+        -------
+        Unknowns
+            The same otherwise.
+        """
+        return self.with_points(np.where(np.isnan(self.point), first.point, self.point))
 
     def with_points(self, point: Array) -> "Unknowns":
         """Return the values with other object points.
@@ -202,24 +233,20 @@ class Layout:
         return keys
 
 
-def dimension(key: Key, blocks: Mapping[Key, Array]) -> int:
-    """Return how many parameters a block has: the columns of a group's Jacobian for it.
+def size_of(value: Array) -> int:
+    """Return how many parameters the value of a block has.
 
     Parameters
     ----------
-    key : tuple
-        The block.
-    blocks : mapping
-        Values of the blocks that groups bring.
+    value : ndarray
+        A vector, or a rotation matrix.
 
     Returns
     -------
     int
-        The number.
+        Three of a rotation.
     """
-    if key[0] in _DIMENSIONS:
-        return _DIMENSIONS[key[0]]
-    return 3 if blocks[key].ndim == 2 else blocks[key].size
+    return 3 if value.ndim == 2 else value.size
 
 
 def layout_of(
@@ -247,8 +274,8 @@ def layout_of(
     held = [~free[:, columns].ravel()]
     position = 6 * n + columns.size * c
     first = {}
-    for key in blocks:
-        length = dimension(key, blocks)
+    for key, value in blocks.items():
+        length = size_of(value)
         first[key] = (position, length)
         position += length
         held.append(np.zeros(length, dtype=bool))

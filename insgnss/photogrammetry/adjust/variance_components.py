@@ -11,7 +11,7 @@ of themselves is mostly chance.
 Source: Foerstner and Wrobel (2016), Photogrammetric Computer Vision, 4.2.4.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,45 +29,6 @@ MOST_REWEIGHTINGS = 20  # adjustments until the components settle (chosen)
 UNCERTAIN = 0.3
 """Relative standard deviation of a factor above which weights stay as they are."""
 LARGEST_CHANGE = 100.0  # of a variance in one round, either way (chosen): no weight runs away
-NAMED_SIGMAS, NAMED_FACTOR = 3.0, 1.3
-"""Standard deviations, and factor of the variance either way, from which on a kind is named."""
-
-
-@dataclass(frozen=True)
-class Factor:
-    """What is found of the variances of one kind of observations.
-
-    Parameters
-    ----------
-    name : str
-        The kind.
-    observations : int
-        Their number.
-    redundancy : float
-        Sum of their redundancy numbers.
-    factor : float
-        Of the stated variances; of a kind that was not re-weighted the component that it has beside
-        the others' new weights. NaN without redundancy.
-    sigma : float
-        Standard deviation of the factor; infinite without redundancy.
-    reweighted : bool
-        Whether weights were divided by it.
-    """
-
-    name: str
-    observations: int
-    redundancy: float
-    factor: float
-    sigma: float
-    reweighted: bool
-
-    @property
-    def differs(self) -> bool:
-        """Whether the errors are certainly not those stated."""
-        if not self.reweighted:
-            return False
-        far = abs(self.factor - 1.0) > NAMED_SIGMAS * self.sigma
-        return far and not 1.0 / NAMED_FACTOR < self.factor < NAMED_FACTOR
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,46 +39,16 @@ class Reweighted:
     ----------
     precision : Precision
         The adjustment, with weights divided by the factors, and unit variance.
-    factors : tuple of Factor
-        Of image observations of each camera, then of groups by name.
+    factors : dict
+        By which the variances of a kind were multiplied, by its name; kinds that are missing have
+        kept their weights, or needed no others.
     converged : bool
         Whether the last round changed no factor by more than 1 %.
     """
 
     precision: Precision
-    factors: tuple[Factor, ...]
+    factors: dict[str, float]
     converged: bool
-
-    def sentences(self) -> list[str]:
-        """Return what a person should know.
-
-        Returns
-        -------
-        list of str
-            Kinds whose errors are not those stated, kinds that could not be judged, and whether the
-            factors had settled; none where all is as stated.
-        """
-        out = []
-        for f in self.factors:
-            if f.differs:
-                side = "larger" if f.factor > 1.0 else "smaller"
-                out.append(
-                    f"{f.name}: errors are {side} than stated, their variances {f.factor:.2g} +-"
-                    f" {f.sigma:.1g} times (standard deviations {np.sqrt(f.factor):.2g} times);"
-                    " weights follow the residuals"
-                )
-            elif not f.reweighted:
-                out.append(
-                    f"{f.name}: {f.redundancy:.1f} redundant observations of {f.observations} are"
-                    f" too few to judge their variances (at least {2.0 / UNCERTAIN**2:.0f});"
-                    " weights stay as stated"
-                )
-        if not self.converged:
-            out.append(
-                f"variance components have not settled to {100 * ENOUGH_CHANGE:.0f} % in"
-                f" {MOST_REWEIGHTINGS} rounds; take the factors as a rough sign"
-            )
-        return out
 
 
 def reweighted(
@@ -151,8 +82,7 @@ def reweighted(
     for _ in range(MOST_REWEIGHTINGS):
         current = with_factors(problem, product)
         result = adjusted(current, values)
-        point = np.where(np.isnan(result.values.point), values.point, result.values.point)
-        values = result.values.with_points(point)
+        values = result.values.completed(values)
         precision = precision_of(result, 1.0)
         components = precision.components()
         if trusted is None:  # by their redundancy with the stated weights
@@ -164,27 +94,16 @@ def reweighted(
             }
         change = {c.name: c.variance for c in components if c.name in trusted}
         if all(abs(v - 1.0) < ENOUGH_CHANGE for v in change.values()):
-            return Reweighted(precision, _factors(components, product, trusted), True)
+            return Reweighted(precision, product, True)
         for name, variance in change.items():
             step = min(max(variance, 1.0 / LARGEST_CHANGE), LARGEST_CHANGE)
             product[name] = product.get(name, 1.0) * step
-    return Reweighted(precision, _factors(components, product, trusted or set()), False)
+    return Reweighted(precision, product, False)
 
 
 def _relative(component: Component) -> float:
     """Return the relative standard deviation of a component."""
     return np.sqrt(2.0 / component.redundancy) if component.redundancy > 1e-6 else np.inf
-
-
-def _factors(
-    components: Sequence[Component], product: dict[str, float], trusted: set[str]
-) -> tuple[Factor, ...]:
-    out = []
-    for c in components:
-        factor = product.get(c.name, 1.0) if c.name in trusted else c.variance
-        sigma = float(factor * _relative(c)) if np.isfinite(factor) else np.inf
-        out.append(Factor(c.name, c.observations, c.redundancy, factor, sigma, c.name in trusted))
-    return tuple(out)
 
 
 def with_factors(problem: Problem, factors: Mapping[str, float]) -> Problem:

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base import __version__
 from ...base.files import picked
@@ -11,14 +10,14 @@ from ...geodesy.rotation import vector_from_rotation
 from ...records.block import INTERIOR, ImageBlock
 from ...records.relative import GAP_S
 from ..adjust.adjustment import residuals_px
-from ..adjust.aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
+from ..adjust.aerial import DRIFT, SHIFT
 from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
-from .aerial.control import stated_lever_arm
 from .aerial.relative import weakly_held
-from .check_points import CheckPoints, check_points
+from .parameters import MOUNTING, estimates
+from .residuals.check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
 from .vehicle.verdict import vehicle_figures
 
@@ -67,7 +66,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
             {"point": c.point, "residual_m": c.off_m.tolist(), "w": c.w}
             for c in solved.rejected_control
         ],
-        "vehicle": vehicle_figures(solved.inputs.vehicle, solved.precision, residuals_px(result)),
+        "vehicle": vehicle_figures(solved),
         "check_points": _check(solved, checks),
         "check_points_together": {
             "normalised_square": checks.normalised_square,
@@ -197,27 +196,10 @@ def _cameras(solved: Solved) -> list[dict[str, Any]]:
 
 def _mounting(solved: Solved) -> dict[str, Any]:
     """Parameters between trajectory and camera with sigmas and those that were stated before."""
-    blocks, out = solved.result.values.blocks, {}
-    options = solved.inputs.file.aerial_control
-    for name, prior in (
-        (LEVER_ARM, options.lever_arm_sigma_m),
-        (BORESIGHT, (np.radians(options.boresight_sigma_deg),) * 3),
-        (TIME_OFFSET, (options.time_offset_sigma_s,)),
-    ):
-        if (value := blocks.get((name, 0))) is None or prior is None:
-            continue
-        vector = vector_from_rotation(value) if value.ndim == 2 else value
-        if name == LEVER_ARM:
-            vector = vector - stated_lever_arm(options)
-        sigma = np.sqrt(np.diagonal(solved.precision.cov((name, 0))))
-        out[name] = {
-            "unit": {LEVER_ARM: "m", BORESIGHT: "rad", TIME_OFFSET: "s"}[name],
-            "value": vector.tolist(),
-            "sigma": sigma.tolist(),
-            "sigma_before": list(map(float, prior or ())),
-            "stated_in": "block file" if options.positions_alone else "flight file",
-        }
-    return out
+    file = solved.inputs.file
+    where = "block file" if file.aerial_control.positions_alone else "flight file"
+    mounting = estimates(file, MOUNTING, solved.precision)
+    return {name: estimate | {"stated_in": where} for name, estimate in mounting.items()}
 
 
 def _lines(solved: Solved) -> list[dict[str, Any]]:
@@ -242,7 +224,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
 def _control(solved: Solved) -> list[dict[str, Any]]:
     problem = solved.result.problem
     names = problem.block.points
-    rays = _rays(solved)
+    rays = solved.result.problem.ray_count
     out = []
     for test in solved.precision.groups:
         if test.name != GROUND:
@@ -266,7 +248,7 @@ def _control(solved: Solved) -> list[dict[str, Any]]:
 def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
     """Check points: surveyed - adjusted, with the standard deviation of this difference."""
     block, point = solved.result.problem.block, solved.result.values.point
-    rays = _rays(solved)
+    rays = solved.result.problem.ray_count
     out: list[dict[str, Any]] = [
         {"point": block.points[row], "images": int(rays[row])} for row in block.check.point
     ]
@@ -294,13 +276,6 @@ def _statistics(checks: CheckPoints) -> dict[str, list[float] | None]:
         "rms_m": np.sqrt((d**2).mean(axis=0)).tolist(),
         "largest_m": largest.tolist(),
     }
-
-
-def _rays(solved: Solved) -> NDArray[np.int64]:
-    """Return how many images see each point, of observations that take part."""
-    problem = solved.result.problem
-    point = np.repeat(np.arange(len(problem.block.points)), np.diff(problem.rays.start))
-    return np.bincount(point[problem.rays.active], minlength=len(problem.block.points))
 
 
 def _images(solved: Solved) -> list[dict[str, Any]]:
@@ -350,8 +325,7 @@ def _rejected(solved: Solved) -> list[dict[str, Any]]:
 
 def _points(solved: Solved, block: ImageBlock) -> dict[str, Any]:
     """Return the median standard deviations of all object points, and of minimal biases."""
-    cov = solved.precision.point_cov
-    sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    sigma = solved.precision.point_sigma
     finite = np.isfinite(sigma).all(axis=1)
     detectable = solved.precision.detectable_px
     mask = np.isfinite(detectable)

@@ -14,26 +14,22 @@ import numpy as np
 from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...flight.config.block_file import GROUPS
-from ...records.states import State
-from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
-from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.aerial import BORESIGHT
 from ..adjust.outliers import LIMIT_W
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import DATUM
-from .pattern import Pattern, patterns
+from .parameters import SIGNIFICANT_SIGMAS, determined
+from .residuals.pattern import Pattern, patterns, repeating
 from .solve import GROUND, Solved
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
-from .vehicle.verdict import AXES as OF_VEHICLE
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
 # of chi-square, either side: one component in a thousand lies outside by chance
 BOUND_CHANCE = 0.9995
 WORSE_FACTOR = 1.2  # of a standard deviation, from which on a contradiction matters (chosen)
-# rms of the residuals that repeat by place (px), and their mean square over its variance (chosen)
-PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
 MANY_REJECTED = 0.05  # share of all image observations, beyond which it is reported (chosen)
 # shares rejected, of an image that is named and of usual ones; chance of it in a block (chosen)
 MOST_OF_IMAGE, USUAL_REJECTED, IMAGE_CHANCE = 0.3, 0.02, 1e-5
@@ -46,9 +42,7 @@ HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
-SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
 STRONG_CORRELATION = 0.95  # of a correlation that is worth a sentence
-AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)} | OF_VEHICLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +102,7 @@ def judged(
     beyond += _checks(figures)
     beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
-        beyond += _patterns(figures, drawn)
+        beyond += repeating(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
     trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
     if contradicted:
@@ -339,18 +333,6 @@ def _lever_arm(solved: Solved) -> Iterator[Finding]:
         )
 
 
-def _patterns(figures: Mapping[str, Any], drawn: tuple[Pattern, ...]) -> Iterator[Finding]:
-    for camera, pattern in zip(figures["cameras"], drawn, strict=True):
-        if pattern.rms > PATTERN_PX and pattern.normalised_square > PATTERN_SIGMA:
-            yield ranked(
-                "camera",
-                1.0 + pattern.rms,
-                f"residuals of camera {camera['name']} repeat from image to image:"
-                f" {pattern.rms:.2f} px by their place on the format, which its interior"
-                " orientation does not describe",
-            )
-
-
 def _excess(figures: Mapping[str, Any]) -> float:
     """Return by how much the cost of groups is above their redundancy."""
     return sum(
@@ -375,9 +357,9 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
             yield ranked(
                 trial.name,
                 float(np.sqrt(trial.gain / limit)),
-                f"the observations show a {trial.name} of {shown(trial)} that is not estimated:"
+                f"the observations show a {trial.name} of {trial.shown} that is not estimated:"
                 f" the cost falls by {trial.gain:.0f} with it, by {limit:.0f} at most by chance",
-                f"{advice(trial)}{_rivals(trial, trials_made)}",
+                f"{trial.remedy}{_rivals(trial, trials_made)}",
             )
 
 
@@ -385,7 +367,7 @@ def _rivals(best: Trial, good: Sequence[Trial]) -> str:
     """Name the explanations that do nearly as well as the best; empty where there is none."""
     alike = {t.name: t for t in good if t.name != best.name and t.gain > RIVAL_GAIN * best.gain}
     return "".join(
-        f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike.values()
+        f"; {t.name} of {t.shown} explains it nearly as well: {t.remedy}" for t in alike.values()
     )
 
 
@@ -410,37 +392,11 @@ def _explained(
             f" standard deviations that are too small{weights}",
         )
     best = good[0]
-    sentence = f"{best.name} of {shown(best)} explains it: {advice(best)}"
+    sentence = f"{best.name} of {best.shown} explains it: {best.remedy}"
     sentence += _rivals(best, good)
     if direct:
         sentence += "; where poses are held, errors of camera constant and bore-sight look alike"
     return replace(finding, remedy=sentence)
-
-
-def shown(trial: Trial) -> str:
-    """Return the values of a trial as people read them."""
-    factor, unit = (1.0, "px") if trial.unit == "px" else screen_unit(trial.unit)
-    values = " / ".join(_plain(factor * v) for v in trial.value[:3])
-    sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
-    return f"{values} {unit} (sigma {sigma})"
-
-
-def _plain(value: float) -> str:
-    """Return a number in three digits at least, without a power of ten."""
-    return f"{value:+.3g}" if abs(value) < 999.5 else f"{value:+.0f}"
-
-
-def advice(trial: Trial) -> str:
-    """Return what to do about what a trial showed."""
-    if trial.remedy:
-        return trial.remedy
-    if trial.key == "ground.crs":
-        return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
-    if trial.key == "camera.free":
-        return "estimate it with camera.free"
-    if trial.key == "camera.file":
-        return "adjust the tie points in mode iso, and take the camera.toml that it writes"
-    return f"estimate it with {trial.key}"
 
 
 def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
@@ -502,43 +458,6 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
-
-    Parameters
-    ----------
-    figures : mapping
-        Figures of the block.
-
-    Yields
-    ------
-    tuple of str
-        Its name, a verdict, and its value with standard deviation.
-    """
-    for camera in figures["cameras"]:
-        for name, est in camera["parameters"].items():
-            if not est["estimated"]:
-                continue
-            moved = est["value"] - est["first"]
-            unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
-            sure = abs(est["value"]) > SIGNIFICANT_SIGMAS * est["sigma"]
-            verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
-            yield (
-                f"{name} of {camera['name']}",
-                verdict,
-                f"{est['value']:.6g}{unit}, sigma {est['sigma']:.2g}, moved by {moved:+.2g}",
-            )
-    vehicle = figures["vehicle"] or {"parameters": {}}
-    for name, est in (figures["mounting"] | vehicle["parameters"]).items():
-        factor, unit = screen_unit(est["unit"])
-        columns = zip(AXES[name], *map(est.get, ("value", "sigma", "sigma_before")), strict=True)
-        for axis, value, sigma, before in columns:
-            one = Estimate(State(name, axis), value, sigma, before)
-            numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
-            degree = one.degree("determined", "improved", "not determined")
-            yield one.name, degree, f"{factor * value:+.3g} {unit}, {numbers}"
-
-
 def _headline(figures: Mapping[str, Any], findings: tuple[Finding, ...]) -> str:
     """The most important thing: a contradiction, else the precision."""
     precision = precision_sentence(figures)
@@ -559,8 +478,7 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
         text += f"; object points {lengths([1e3 * x for x in points])}"
     checks = [c for c in figures["check_points"] if "difference_m" in c]
     if checks:
-        d = np.array([c["difference_m"] for c in checks])
-        rms = np.sqrt((d**2).mean(axis=0))
+        rms = figures["check_points_together"]["rms_m"]
         sigma = np.sqrt(np.mean([np.square(c["sigma_m"]) for c in checks], axis=0))
         text += (
             f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"

@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ...base.provenance import paths_named_by
+from ...io.formats.blocks.reading import parts_of_block
+from ...io.formats.orientation.eo_covariance import FILE as STRIPS
 from ...report.charts.chart import Chart
 from ...report.document import Document, Drawing, Marked, Section, Table, limited, strong
 from ...report.figures.block import Field, Ground, charts
@@ -60,7 +63,7 @@ def document_of(
             *_tables(figures),
             Section("Notes", figures["notes"]),
         ),
-        input_paths(solved),
+        input_files(solved),
         settings={"mode": MODES[figures["mode"]], "block file": solved.inputs.file.path.name},
         files=files,
     )
@@ -77,8 +80,11 @@ def charts_of(
     return tuple(charts(figures, fields, ground_of(solved)))
 
 
-def input_paths(solved: Solved) -> list[Path]:
-    """Return the files that the block is made of.
+def input_files(solved: Solved) -> list[Path]:
+    """List every file that the adjustment depends on, none twice.
+
+    Of the report beside an orientation only the mounting is taken, which the orientation has been
+    made with: it is none of them, as it says the date of its run.
 
     Parameters
     ----------
@@ -88,12 +94,14 @@ def input_paths(solved: Solved) -> list[Path]:
     Returns
     -------
     list of Path
-        Those that the block file names, and itself.
+        The files.
     """
     file = solved.inputs.file
-    required = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    every = (*required, file.ground.file, file.vehicle.file, file.vehicle.sizes)
-    return [path for path in every if path is not None]
+    named_files = [path for path in paths_named_by(file) if path != file.output.directory]
+    poses = (file.aerial_control.file, file.vehicle.file)
+    beside = [path.parent / STRIPS for path in poses if path and path.suffix.lower() == ".json"]
+    parts = [] if file.images.file is None else parts_of_block(file.images.file)
+    return [path for path in dict.fromkeys([*named_files, *beside, *parts]) if path.is_file()]
 
 
 def ground_of(solved: Solved) -> Ground:
@@ -110,17 +118,9 @@ def ground_of(solved: Solved) -> Ground:
         What the maps show.
     """
     values = solved.result.values
-    sigma = np.sqrt(np.diagonal(solved.precision.point_cov, axis1=1, axis2=2))
+    sigma = solved.precision.point_sigma
     good = np.isfinite(values.point[:, 0]) & np.isfinite(sigma).all(axis=1)
     return Ground(values.position, values.point[good], sigma[good], solved.control.lines)
-
-
-def _fields(solved: Solved, judgement: Judgement) -> list[Field]:
-    """Return the mean residuals of each camera."""
-    return [
-        Field(camera.name, (camera.width, camera.height), p.centre, p.mean, p.sigma)
-        for camera, p in zip(solved.result.problem.block.cameras, judgement.patterns, strict=True)
-    ]
 
 
 def _verdict(judgement: Judgement) -> Verdict:

@@ -41,10 +41,11 @@ from ..adjust.precision import Precision, precision_of
 from ..adjust.separation import NORMAL
 from .aerial.control import Control, control_of
 from .figures import figures_of
-from .inputs import Inputs, calibrated, ground_in_plane
+from .ground import ground_in_plane
+from .inputs import Inputs, calibrated
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
-from .page import ground_of, input_paths
-from .solve import Solved, plainly, set_up
+from .page import ground_of, input_files
+from .solve import Solved, set_up
 
 DOCUMENT, PAGE = "plan.json", "plan.html"
 SEED = 14  # of the tie points drawn, so that a plan gives the same numbers again (any)
@@ -93,7 +94,7 @@ class Plan(Shown):
                 Section("What to expect", [*self._precision(), *expected(f), *self._advice()]),
                 Section("Notes", f["notes"]),
             ),
-            input_paths(self.solved),
+            input_files(self.solved),
             files=self.files,
         )
 
@@ -103,7 +104,8 @@ class Plan(Shown):
 
     def _precision(self) -> Iterator[str]:
         """Say how well object points and check points will be known."""
-        sigma = _sigmas(self.solved.precision)
+        sigma = self.solved.precision.point_sigma
+        sigma = sigma[np.isfinite(sigma).all(axis=1)]
         yield (
             f"points: median sigmas {lengths((1e3 * np.median(sigma, axis=0)).tolist())} (E, N, U),"
             f" 95 % below {lengths((1e3 * np.quantile(sigma, 0.95, axis=0)).tolist())}"
@@ -231,7 +233,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     )
     progress(f"adjusting {len(union.block.observations)} planned image observations")
     control = control_of(inputs)
-    solved = plainly(inputs, control, _precision(inputs, control))
+    none = np.zeros(0, dtype=np.int64)
+    solved = Solved(inputs, control, _precision(inputs, control), {}, none, (), 0)
     figures = figures_of(solved)
     figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
     best = None
@@ -310,17 +313,11 @@ def _precision(inputs: Inputs, control: Control) -> Precision:
     return precision_of(solution, 1.0)
 
 
-def _sigmas(precision: Precision) -> Array:
-    """Return standard deviations (m, 3) of the object points that take part."""
-    sigma = np.sqrt(np.diagonal(precision.point_cov, axis1=1, axis2=2))
-    return np.asarray(sigma[np.isfinite(sigma).all(axis=1)])
-
-
 def _next_point(solved: Solved, eo: ExteriorOrientation) -> tuple[Array, float, float, str] | None:
     """Try one more control point where points that three images see are worst in height."""
     block = solved.result.problem.block
     rays = np.bincount(block.observations.point, minlength=len(block.points))
-    sigma = np.sqrt(solved.precision.point_cov[:, 2, 2])
+    sigma = solved.precision.point_sigma[:, 2]
     good = np.isfinite(sigma) & (rays >= 3)
     if not good.any():
         return None
@@ -335,6 +332,6 @@ def _next_point(solved: Solved, eo: ExteriorOrientation) -> tuple[Array, float, 
     )
     changed: ImageBlock = replace(block, control=more)
     again = _precision(replace(solved.inputs, block=changed), solved.control)
-    after = float(np.sqrt(again.point_cov[:, 2, 2])[good].max())
+    after = float(again.point_sigma[good, 2].max())
     near = int(np.argmin(np.linalg.norm(eo.position_m[:, :2] - X[:2], axis=1)))
     return X, float(sigma[worst]), after, eo.images[near]

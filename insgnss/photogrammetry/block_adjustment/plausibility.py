@@ -115,26 +115,21 @@ def _refuse_vehicle(inputs: Inputs, turn: Array) -> None:
     """Refuse a vehicle that is elsewhere than images see it, with the bore-sight that fits."""
     if inputs.vehicle is None or inputs.eo is None:
         return
-    n = len(inputs.block.images)
-    position, C, sigma = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.zeros(n)
-    has_pose = inputs.eo_row >= 0
-    rows = inputs.eo_row[has_pose]
-    position[has_pose] = inputs.eo.position_m[rows]
-    C[has_pose] = inputs.eo.C_mc[rows] @ rotation_from_vector(turn)
-    sigma[has_pose] = np.sqrt(np.trace(inputs.eo.cov[rows][:, 3:, 3:], axis1=1, axis2=2))
-    refuse_elsewhere(inputs.vehicle, inputs.block, position, C, sigma)
+    position = inputs.of_images(inputs.eo.position_m, np.nan)
+    C = inputs.of_images(inputs.eo.C_mc, np.nan) @ rotation_from_vector(turn)
+    refuse_elsewhere(inputs.vehicle, inputs.block, position, C, _sigma_rad(inputs))
+
+
+def _sigma_rad(inputs: Inputs) -> Array:
+    """Return the standard deviation of the attitude of each image, rad; zero without."""
+    eo = inputs.eo
+    assert eo is not None
+    return inputs.of_images(np.sqrt(np.trace(eo.cov[:, 3:, 3:], axis1=1, axis2=2)))
 
 
 def _sigma_px(inputs: Inputs, whole: Reading) -> Array:
     """Return what the standard deviations of the poses make of a ray of each image, pixels."""
-    eo = inputs.eo
-    assert eo is not None
-    sigma = np.zeros(len(inputs.block.images))
-    has_pose = inputs.eo_row >= 0
-    cov = eo.cov[inputs.eo_row[has_pose]]
-    f = float(np.median(whole.f)) if whole.f.size else 0.0
-    sigma[has_pose] = f * np.sqrt(np.trace(cov[:, 3:, 3:], axis1=1, axis2=2))
-    return sigma
+    return (float(np.median(whole.f)) if whole.f.size else 0.0) * _sigma_rad(inputs)
 
 
 def _refuse_readings(

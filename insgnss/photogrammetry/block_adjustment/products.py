@@ -18,16 +18,13 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.files import atomic_write
 from ...base.inputs import sha256
 from ...base.output.staging import together
-from ...base.provenance import made_from, paths_named_by, refuse_overwriting
+from ...base.provenance import made_from, refuse_overwriting
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ...io.formats.blocks.camera_files import write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
-from ...io.formats.blocks.reading import parts_of_block
-from ...io.formats.orientation.eo_covariance import FILE as STRIPS
 from ...io.formats.orientation.exported import quoted_names
 from ...io.formats.orientation.mounting_file import MountingFile, write_mounting_file
 from ...io.formats.orientation.pose_covariance import FILE as COVARIANCE
@@ -41,11 +38,15 @@ from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from .aerial.control import processed_with
 from .judgement import Judgement
-from .page import charts_of, document_of
+from .page import charts_of, document_of, input_files
 from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
 
+POSE_TABLE = TableOut(
+    "image x=%.4f y=%.4f z=%.4f omega=%.7f phi=%.7f kappa=%.7f sd_x=%.5f sd_y=%.5f sd_z=%.5f"
+    " sd_omega=%.7f sd_phi=%.7f sd_kappa=%.7f aerial_control"
+)
 POINTS = TableOut(
     "point x=%.4f y=%.4f z=%.4f sd_x=%.6f sd_y=%.6f sd_z=%.6f cov_xy=%.6e cov_xz=%.6e cov_yz=%.6e"
     " rays=%d role"
@@ -99,13 +100,13 @@ def written(
             write_residuals(solved, into / "residuals.csv")
         start = file.path.absolute().parent
         entries = [entry for entry in into.rglob("*") if entry.is_file()]
-        figures |= made_from(_input_files(solved), into / DOCUMENT, entries, start)
+        figures |= made_from(input_files(solved), into / DOCUMENT, entries, start)
         names = (entry.relative_to(into).as_posix() for entry in entries)
         figures["products"] = sorted([*names, DOCUMENT, PAGE])
         page = document_of(solved, figures, judgement, charts_of(solved, figures, judgement))
         write_with_page(page, figures, into / DOCUMENT, into / PAGE)
         files = staging.goals()
-        refuse_overwriting(files, _input_files(solved))
+        refuse_overwriting(files, input_files(solved))
     return files
 
 
@@ -135,20 +136,6 @@ def _write_orientation(
     figures["notes"] += _write_cameras(solved, into)
     if (mounting := adjusted_mounting(solved)) is not None:
         write_mounting_file(mounting, into / MOUNTING)
-
-
-def _input_files(solved: Solved) -> list[Path]:
-    """List every file that the adjustment depends on, none twice.
-
-    Of the report beside an orientation only the mounting is taken, which the orientation has been
-    made with: it is none of them, as it says the date of its run.
-    """
-    file = solved.inputs.file
-    named_files = [path for path in paths_named_by(file) if path != file.output.directory]
-    poses = (file.aerial_control.file, file.vehicle.file)
-    beside = [path.parent / STRIPS for path in poses if path and path.suffix.lower() == ".json"]
-    parts = [] if file.images.file is None else parts_of_block(file.images.file)
-    return [path for path in dict.fromkeys([*named_files, *beside, *parts]) if path.is_file()]
 
 
 def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
@@ -237,19 +224,16 @@ def write_poses(solved: Solved, path: Path) -> None:
     table = np.hstack(
         [values.position, np.degrees(opk), sigma, np.degrees(np.sqrt(np.maximum(angles, 0.0)))]
     )
-    form = "%s" + ",%.4f" * 3 + ",%.7f" * 3 + ",%.5f" * 3 + ",%.7f" * 3 + ",%s\n"
-    rows = (
-        form % (name, *values, "yes" if row >= 0 else "no")
-        for name, values, row in zip(
-            quoted_names(images, ","), table.tolist(), solved.inputs.eo_row, strict=True
-        )
+    POSE_TABLE.write(
+        path,
+        table,
+        quoted_names(images, ","),
+        ["yes" if row >= 0 else "no" for row in solved.inputs.eo_row],
+        comments=[
+            "projection centre, m, and omega phi kappa, deg: Rx(omega) Ry(phi) Rz(kappa) takes the"
+            " right-up-back camera to the axes of the block; standard deviations"
+        ],
     )
-    head = (
-        "# projection centre, m, and omega phi kappa, deg: Rx(omega) Ry(phi) Rz(kappa) takes the"
-        " right-up-back camera to the axes of the block; standard deviations\n"
-        "image,x,y,z,omega,phi,kappa,sd_x,sd_y,sd_z,sd_omega,sd_phi,sd_kappa,aerial_control\n"
-    )
-    atomic_write(path, "".join([head, *rows]))
 
 
 def write_points(solved: Solved, path: Path) -> None:

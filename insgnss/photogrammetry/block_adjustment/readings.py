@@ -266,10 +266,7 @@ def _other_stamps(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     eo = inputs.eo
     if eo is None or eo.velocity_mps is None or eo.rate_radps is None:
         return
-    has_pose = inputs.eo_row >= 0
-    velocity, rate = np.zeros((2, has_pose.size, 3))
-    velocity[has_pose] = eo.velocity_mps[inputs.eo_row[has_pose]]
-    rate[has_pose] = eo.rate_radps[inputs.eo_row[has_pose]]
+    velocity, rate = inputs.of_images(eo.velocity_mps), inputs.of_images(eo.rate_radps)
     yield _read(
         "the exposures had a delay of {:+.2f} s behind their stamps",
         "correct the stamps or camera.time_offset_s of the flight file and process again",

@@ -16,7 +16,7 @@ from ...flight.processing.pipeline import ProcessResult
 from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
-from .judgement import CHECKS, Judgement, accepted_as, advice, judged, shown
+from .judgement import CHECKS, Judgement, accepted_as, judged
 from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
 from .products import CONTRADICTED, DOCUMENT, written
@@ -209,5 +209,5 @@ def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], Non
     )
     return DataError(
         f"the adjustment does not converge as the block file has it, and does with {trial.name}"
-        f" estimated, {shown(trial)}: {advice(trial)}{where}"
+        f" estimated, {trial.shown}: {trial.remedy}{where}"
     )

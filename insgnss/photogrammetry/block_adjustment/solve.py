@@ -1,23 +1,23 @@
 """The adjustment of a block: gross errors, variances by components, and trials of what it lacks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...records.block import ImageBlock
+from ...records.block import Array, ImageBlock
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.direct import intersected_points
-from ..adjust.groups import PointObservation, Rescaled, control_points
+from ..adjust.groups import ObservationGroup, PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import IMAGE, Component, Precision, precision_of
 from ..adjust.shutter import without_readout
 from ..adjust.start import first_values
-from ..adjust.unknowns import Unknowns
-from ..adjust.variance_components import Reweighted, reweighted
+from ..adjust.unknowns import Key, Unknowns
+from ..adjust.variance_components import reweighted
 from .aerial.control import Control, control_of, motion_of_images
 from .inputs import Inputs
 from .vehicle.control import vehicle_control, with_first_points
@@ -36,8 +36,11 @@ class Solved:
         What it started from.
     control : Control
         Its aerial control.
-    reweighted : Reweighted
-        Values, covariances and tests, with variances that follow their components.
+    precision : Precision
+        Values, covariances and tests; variances follow their components, that of unit weight is
+        one.
+    factors : dict
+        By which the variances of a kind were multiplied, by its name.
     rejected : ndarray of int
         Rows of the image observations that were rejected.
     rejected_control : tuple of RejectedControl
@@ -48,7 +51,8 @@ class Solved:
 
     inputs: Inputs
     control: Control
-    reweighted: Reweighted
+    precision: Precision
+    factors: dict[str, float]
     rejected: NDArray[np.int64]
     rejected_control: tuple[RejectedControl, ...]
     iterations: int
@@ -57,16 +61,6 @@ class Solved:
     def direct(self) -> bool:
         """Whether points were intersected from poses that were held."""
         return self.inputs.file.adjustment.mode == "direct"
-
-    @property
-    def precision(self) -> Precision:
-        """Values, covariances and tests; the variance of unit weight is one."""
-        return self.reweighted.precision
-
-    @property
-    def factors(self) -> dict[str, float]:
-        """By which the variances of a kind were multiplied, by its name."""
-        return {f.name: f.factor for f in self.reweighted.factors if f.reweighted}
 
     @property
     def result(self) -> Adjusted:
@@ -127,8 +121,15 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     no_images = options.mode == "fast_at"
     kinds = [k for k in options.reweight if k != "none" and not (k == IMAGE and no_images)]
     again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
-    steps = cleaned.result.iterations
-    return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
+    return Solved(
+        inputs,
+        control,
+        again.precision,
+        again.factors,
+        cleaned.rejected,
+        cleaned.control,
+        cleaned.result.iterations,
+    )
 
 
 def _of_middle_rows(inputs: Inputs, control: Control, readout_s: float) -> ImageBlock:
@@ -160,8 +161,7 @@ def _intersected(
     precision, rejected = intersected_points(
         problem, values, options.limit_w, options.keep_all, progress
     )
-    solution = Reweighted(precision, (), True)
-    return Solved(inputs, control, solution, rejected, (), precision.result.iterations)
+    return Solved(inputs, control, precision, {}, rejected, (), precision.result.iterations)
 
 
 def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
@@ -182,15 +182,15 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
         First values.
     """
     block = inputs.block
-    moving = vehicle_control(inputs.vehicle, block, control.blocks)
-    blocks = control.blocks | moving.blocks
-    groups = [*control.groups, *control_points(block.control), *inputs.further, *moving.groups]
+    groups, blocks = groups_of(inputs, control, control_points(block.control))
     values = with_first_points(first_values(block), inputs.vehicle, block)
     return problem_of(block, groups, blocks), replace(values, blocks=blocks)
 
 
-def plainly(inputs: Inputs, control: Control, precision: Precision) -> Solved:
-    """Return an adjustment from which nothing was rejected and whose variances are as stated.
+def groups_of(
+    inputs: Inputs, control: Control, points: Sequence[ObservationGroup]
+) -> tuple[list[ObservationGroup], dict[Key, Array]]:
+    """Return all observations of a block but those of images.
 
     Parameters
     ----------
@@ -198,17 +198,18 @@ def plainly(inputs: Inputs, control: Control, precision: Precision) -> Solved:
         The block.
     control : Control
         Its aerial control.
-    precision : Precision
-        The adjustment.
+    points : sequence of ObservationGroup
+        Its ground control.
 
     Returns
     -------
-    Solved
-        The same with what else belongs to one.
+    groups : list of ObservationGroup
+        The observations.
+    blocks : dict
+        First values of the parameters that they share.
     """
-    none = np.zeros(0, dtype=np.int64)
-    steps = precision.result.iterations
-    return Solved(inputs, control, Reweighted(precision, (), True), none, (), steps)
+    moving, blocks = vehicle_control(inputs, control.blocks)
+    return [*control.groups, *points, *inputs.further, *moving], control.blocks | blocks
 
 
 def ground_groups(problem: Problem) -> list[PointObservation]:

@@ -217,9 +217,8 @@ class _Linearised:
         )
         problem = with_factors(replace(problem, groups=groups), solved.factors)
         problem = problem.with_active_of(solved.result.problem)
-        point = np.where(np.isnan(values.point), first.point, values.point)
         blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
-        result = adjusted(problem, replace(values, point=point, blocks=blocks))
+        result = adjusted(problem, replace(values.completed(first), blocks=blocks))
         measured = [np.isin(chain.rows, inputs.eo_row) for chain in chains]
         of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
         of_chains = [next(of_chain) if images.any() else None for images in measured]

@@ -15,14 +15,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...flight.config.block_tables.aerial_control import AerialControlTable
-from ...flight.config.block_tables.vehicle import VehicleTable
-from ...geodesy.rotation import vector_from_rotation
+from ...flight.config.block_file import BlockFile
 from ...records.block import INTERIOR, Array, ImageBlock
-from ..adjust.adjustment import adjusted
+from ...report.rules.wording import screen_unit
+from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET, AerialControl
 from ..adjust.groups import ObservationGroup, PointObservation
 from ..adjust.kinematic import CLOCK
@@ -30,20 +28,18 @@ from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.precision import image_components
 from ..adjust.shutter import readout_gain
-from ..adjust.unknowns import CAMERA, POINT, POSE, Key, Unknowns
+from ..adjust.unknowns import CAMERA, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
-from .aerial.control import control_of, motion_is_known, motion_of_images, stated_lever_arm
-from .check_points import check_points
+from .aerial.control import control_of, motion_is_known, motion_of_images
 from .inputs import Inputs
 from .mode import CAMERA_HELD
-from .solve import Solved, ground_groups
+from .parameters import BY_NAME, MOUNTING, VEHICLE, Parameter
+from .residuals.check_points import check_points
+from .solve import Solved, ground_groups, groups_of
 from .solve import solved as adjusted_block
-from .vehicle.control import remedies as vehicle_remedies
-from .vehicle.control import vehicle_control
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
 
-LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 DATUM: Key = ("shift of ground control", 0)
 GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
 GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
@@ -52,7 +48,10 @@ CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas t
 FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
 ALMOST_ALL = 0.8  # of what is too much in check points
 LEAST_SIGMA_M = 1e-4  # of a projection centre: of held ones no share of zero is taken
+DRIVING_MPS = 0.1  # of a vehicle (median) whose clock its places show (chosen)
 CHECK_SHIFT = "shift of check points"
+OTHER_DATUM = "check CRS, heights (geoid or ellipsoid) and antenna of the base"
+OF_TIE_POINTS = "adjust the tie points in mode iso, and take the camera.toml that it writes"
 USUAL = ("f", "cx", "cy")
 
 
@@ -112,18 +111,14 @@ class Trial:
         The unknown that was added.
     gain : float
         By how much the cost fell.
-    unknowns : int
-        How many unknowns were added.
     value, sigma : ndarray
-        Their values and standard deviations, in `unit`.
+        Its values and standard deviations, in `unit`.
     unit : str
         m, rad, s or px.
     explains : bool
         Whether it explains what was too much.
-    key : str
-        How a block file asks for it.
     remedy : str
-        What to do about it, where that is more than to estimate it.
+        What to do about it.
     moves_sigmas : float
         By how many of its standard deviations it moves a projection centre, of that and the axis
         where it does most.
@@ -131,14 +126,39 @@ class Trial:
 
     name: str
     gain: float
-    unknowns: int
     value: Array
     sigma: Array
     unit: str
     explains: bool
-    key: str
-    remedy: str = ""
+    remedy: str
     moves_sigmas: float = 0.0
+
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns were added."""
+        return self.value.size
+
+    @property
+    def shown(self) -> str:
+        """Its values as people read them."""
+        factor, unit = (1.0, "px") if self.unit == "px" else screen_unit(self.unit)
+        values = " / ".join(_plain(factor * v) for v in self.value[:3])
+        sigma = " / ".join(f"{factor * v:.2g}" for v in self.sigma[:3])
+        return f"{values} {unit} (sigma {sigma})"
+
+
+def _plain(value: float) -> str:
+    """Return a number in three digits at least, without a power of ten."""
+    return f"{value:+.3g}" if abs(value) < 999.5 else f"{value:+.0f}"
+
+
+def _explains(
+    gain: float, unknowns: int, excess: float, share: float = GAIN_SHARE, candidates: int = 1
+) -> bool:
+    """Tell whether a gain, the best of some, is no chance, and a share of what is too much."""
+    from scipy.stats import chi2
+
+    return bool(gain > max(chi2.isf((1.0 - GAIN_CHANCE) / candidates, unknowns), share * excess))
 
 
 def trials(
@@ -168,7 +188,7 @@ def trials(
     if solved.direct:
         return ()
     for remedy in _remedies(solved.inputs):
-        if remedy.option == "aerial_control.boresight_sigma_deg" and not everything:
+        if remedy.key[0] == BORESIGHT and not everything:
             continue
         progress(f"trying: {remedy.name}")
         try:
@@ -187,8 +207,6 @@ def trials(
 
 def _readout(solved: Solved, excess: float, progress: Callable[[str], None]) -> Trial | None:
     """Return the readout time of a rolling shutter beside the unknowns of the adjustment."""
-    from scipy.stats import chi2
-
     if solved.inputs.file.camera.readout_s is not None:
         return None
     progress("trying: readout time of the shutter")
@@ -200,12 +218,10 @@ def _readout(solved: Solved, excess: float, progress: Callable[[str], None]) -> 
     return Trial(
         "readout time of the shutter",
         gain,
-        1,
         np.array([value]),
         np.array([sigma]),
         "s",
-        gain > max(chi2.ppf(GAIN_CHANCE, 1), GAIN_SHARE * excess),
-        "camera.readout_s",
+        _explains(gain, 1, excess),
         f"state it, camera.readout_s = {value:.4g} (--readout), if the shutter is a rolling one",
         _sigmas(solved, moved),
     )
@@ -227,8 +243,6 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
 
     as an adjustment with the shift as a further unknown has, without another adjustment.
     """
-    from scipy.stats import chi2
-
     best: Trial | None = None
     groups = [g for g in solved.result.problem.groups if _is_line(g)]
     if len(groups) < FEWEST_LINES or solved.inputs.file.aerial_control.shift_sigma_m is not None:
@@ -254,12 +268,10 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
         best = Trial(
             f"shift of the flight line from {first} to {last}",
             gain,
-            3,
             shift,
             np.asarray(np.sqrt(np.diagonal(np.linalg.inv(N))), dtype=np.float64),
             "m",
-            gain > max(chi2.isf((1.0 - GAIN_CHANCE) / len(groups), 3), GAIN_SHARE * excess),
-            "aerial_control.shift_sigma_m",
+            _explains(gain, 3, excess, candidates=len(groups)),
             "look for a wrong ambiguity or another base there; --shift-sigma (shift_sigma_m)"
             " estimates a shift of each line",
             float(of_positions.max()),
@@ -286,17 +298,14 @@ def shift_of_check_points(solved: Solved) -> Trial | None:
     Trial or None
         The shift; None of fewer than three check points.
     """
-    from scipy.stats import chi2
-
     checks = check_points(solved)
     if len(checks.rows) < 3:
         return None
     value, cov = checks.shift()
     gain = float(value @ np.linalg.solve(cov, value))
     excess = checks.normalised_square - checks.difference_m.size
-    enough = gain > max(chi2.ppf(GAIN_CHANCE, 3), ALMOST_ALL * excess)
-    sigma = np.sqrt(np.diagonal(cov))
-    return Trial(CHECK_SHIFT, gain, 3, value, sigma, "m", bool(enough), "ground.crs")
+    explains = _explains(gain, 3, excess, ALMOST_ALL)
+    return Trial(CHECK_SHIFT, gain, value, np.sqrt(np.diagonal(cov)), "m", explains, OTHER_DATUM)
 
 
 def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
@@ -321,9 +330,9 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
             continue
         progress(f"trying: {remedy.name}")
         block = _with_usual(inputs.block) if key[0] == CAMERA else inputs.block
-        file = replace(inputs.file, aerial_control=remedy.aerial, vehicle=remedy.vehicle)
+        wider = replace(inputs, file=remedy.file, block=block)
         try:
-            again = adjusted_block(replace(inputs, file=file, block=block), lambda _: None)
+            again = adjusted_block(wider, lambda _: None)
         except DataError:
             continue
         of_images = image_components(again.result.problem.block)
@@ -332,14 +341,10 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
             continue  # it converges, and to nothing
         if best is not None and best[0] <= again.result.cost:
             continue
-        value = _value(again.result.values, key, again.result.problem.layout.columns)
-        if key[0] == CAMERA:
-            value = value - block.cameras[0].interior[again.result.problem.layout.columns]
+        value = _change(again.result, key, inputs.file, block.cameras[0].interior)
         sigma = np.sqrt(np.diagonal(again.precision.cov(key)))
-        advice = what_to_do(inputs.vehicle, key, value, sigma)
-        trial = Trial(
-            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option, advice
-        )
+        advice = remedy.advice(inputs, value, sigma)
+        trial = Trial(remedy.name, np.inf, value, sigma, remedy.unit, True, advice)
         best = again.result.cost, trial
     return None if best is None else best[1]
 
@@ -348,48 +353,46 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
 class _LeftOut:
     """An unknown that the block file leaves out.
 
-    name, option, unit : as of `Trial`, with its key of the block file.
-    aerial, vehicle : tables of a block file that asks for it.
+    name, unit : as of `Trial`.
     key : the block of unknowns.
+    file : a block file that asks for it.
+    remedy : what to do where it is found.
     """
 
     name: str
-    option: str
     unit: str
-    aerial: AerialControlTable
-    vehicle: VehicleTable
     key: Key
+    file: BlockFile
+    remedy: str
+
+    def advice(self, inputs: Inputs, value: Array, sigma: Array) -> str:
+        """Return what to do about a value of it."""
+        return what_to_do(inputs.vehicle, self.key, value, sigma) or self.remedy
 
 
 def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
-    options, vehicle_table = inputs.file.aerial_control, inputs.file.vehicle
-    mode = inputs.file.adjustment.mode
-
-    def one(
-        name: str, option: str, unit: str, key: Key, wider: AerialControlTable = options
-    ) -> _LeftOut:
-        return _LeftOut(name, option, unit, wider, vehicle_table, key)
-
+    file, mode, vehicle = inputs.file, inputs.file.adjustment.mode, inputs.vehicle
+    parameters: list[Parameter] = []
     if inputs.eo is not None and mode != "indirect":
-        if options.time_offset_sigma_s == 0.0 and motion_is_known(inputs.eo, options):
-            wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
-            key = "aerial_control.time_offset_sigma_s"
-            yield one("delay of the exposures", key, "s", (TIME_OFFSET, 0), wider)
-        if options.lever_arm_sigma_m is None:
-            wider = replace(options, lever_arm_sigma_m=(LOOSE[LEVER_ARM],) * 3)
-            key = "aerial_control.lever_arm_sigma_m"
-            yield one("lever arm", key, "m", (LEVER_ARM, 0), wider)
-        if options.boresight_sigma_deg < LOOSE[BORESIGHT] and options.absolute_attitudes:
-            wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
-            key = "aerial_control.boresight_sigma_deg"
-            yield one("bore-sight", key, "rad", (BORESIGHT, 0), wider)
+        control = file.aerial_control
+        possible = {
+            LEVER_ARM: True,
+            BORESIGHT: control.absolute_attitudes,
+            TIME_OFFSET: motion_is_known(inputs.eo, control),
+        }
+        parameters += [one for one in MOUNTING if possible[one.name]]
         if len(inputs.block.control) > 1:
-            yield one("shift of ground control", "ground.crs", "m", DATUM)
-    for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, vehicle_table):
-        yield _LeftOut(name, option, unit, options, vehicle, block)
+            yield _LeftOut(DATUM[0], "m", DATUM, file, OTHER_DATUM)
+    if vehicle is not None:
+        drives = np.median(np.linalg.norm(vehicle.exposures.velocity, axis=1)) > DRIVING_MPS
+        parameters += [one for one in VEHICLE if one.loose and (drives or one.name != CLOCK)]
+    for one in parameters:
+        if one.left_out(file):
+            wider, advice = one.estimated_in(file), f"estimate it with {one.option}"
+            yield _LeftOut(one.error or one.name, one.unit, one.key, wider, advice)
     if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
-        key = "camera.file" if mode in CAMERA_HELD else "camera.free"
-        yield one("interior orientation", key, "px", (CAMERA, 0))
+        advice = OF_TIE_POINTS if mode in CAMERA_HELD else "estimate it with camera.free"
+        yield _LeftOut("interior orientation", "px", (CAMERA, 0), file, advice)
 
 
 def _with_usual(block: ImageBlock) -> ImageBlock:
@@ -402,30 +405,25 @@ def _with_usual(block: ImageBlock) -> ImageBlock:
     return replace(block, cameras=cameras)
 
 
-def _value(values: Unknowns, key: Key, columns: NDArray[np.int64]) -> Array:
-    """Return the value of an unknown, of a rotation its vector, of a camera what is estimated."""
+def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Array:
+    """Return how an unknown differs from its first value, that of a camera from another one."""
     if key[0] == CAMERA:
-        return np.asarray(values.interior[key[1], columns])
-    raw = values.blocks[key]
-    return vector_from_rotation(raw) if raw.ndim == 2 else raw
+        columns = result.problem.layout.columns
+        return np.asarray(result.values.interior[key[1], columns] - interior[columns])
+    value = result.values.blocks[key]
+    return value if key == DATUM else BY_NAME[key[0]].change(value, file)
 
 
 def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
-    from scipy.stats import chi2
-
     key, inputs, result = remedy.key, solved.inputs, solved.result
-    solved_problem = result.problem
-    block = solved_problem.block
-    same = remedy.aerial is inputs.file.aerial_control
-    control = solved.control if same else control_of(inputs, remedy.aerial)
-    alone = _without_rays(solved_problem)
-    vehicle, began = inputs.vehicle, 0.0
+    vehicle, began, block = inputs.vehicle, 0.0, result.problem.block
+    alone = _without_rays(result.problem)
     if vehicle is not None and key == (CLOCK, 0) and alone:  # too far off to be linear
         began, vehicle = moved_in_time(vehicle, block, result.values)
-    moving = vehicle_control(vehicle, block, control.blocks, remedy.vehicle)
-    points = ground_groups(solved_problem)
-    groups: list[ObservationGroup] = [*control.groups, *points, *inputs.further, *moving.groups]
-    first = control.blocks | moving.blocks
+    wider = replace(inputs, file=remedy.file, vehicle=vehicle, block=block)
+    points = ground_groups(result.problem)
+    same = wider.file.aerial_control is inputs.file.aerial_control
+    groups, first = groups_of(wider, solved.control if same else control_of(wider), points)
     blocks = {k: result.values.blocks.get(k, v) for k, v in first.items()}
     if key == DATUM:
         groups = [*(g for g in groups if g not in points), *map(ShiftedPoint, points)]
@@ -439,44 +437,30 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         factors.pop(name, None)
     problem = with_factors(problem, factors)
     values = replace(result.values, blocks=blocks)
-    reconnects = (key == DATUM or key in moving.blocks) and bool(alone)
+    reconnects = (key == DATUM or key in [one.key for one in VEHICLE]) and bool(alone)
     if reconnects:  # rays that were rejected for the shift's sake take part again
         again = without_outliers(problem, values).result
     else:
-        again = adjusted(problem.with_active_of(solved_problem), values)
+        again = adjusted(problem.with_active_of(result.problem), values)
     cov = cofactors_of(again.problem, again.values, again.problem.layout.of(key)[0])
     gain = result.cost - again.cost
-    columns = again.problem.layout.columns
-    value = _value(again.values, key, columns)
-    if key[0] == CAMERA:
-        value = value - _value(result.values, key, columns)
-    if key == (LEVER_ARM, 0):
-        value = value - stated_lever_arm(inputs.file.aerial_control)
-    value = value + began
+    value = _change(again, key, inputs.file, result.values.interior[0]) + began
     sigma = np.sqrt(np.diagonal(cov))
     if reconnects:
         gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
-    enough = gain > max(chi2.ppf(GAIN_CHANCE, value.size), GAIN_SHARE * excess)
     return Trial(
         remedy.name,
         float(gain),
-        value.size,
         value,
         sigma,
         remedy.unit,
-        bool(enough),
-        remedy.option,
-        what_to_do(inputs.vehicle, key, value, sigma),
+        _explains(gain, value.size, excess),
+        remedy.advice(inputs, value, sigma),
         _sigmas(solved, again.values.position - result.values.position),
     )
 
 
 def _without_rays(problem: Problem) -> list[int]:
     """Return the object points with ground control of which no image observation takes part."""
-    active = np.add.reduceat(
-        np.append(problem.rays.active, False).astype(np.int64), problem.rays.start[:-1]
-    )
-    active[np.diff(problem.rays.start) == 0] = 0
-    points = {row for group in problem.groups for name, row in group.keys if name == POINT}
-    return [row for row in sorted(points) if active[row] == 0]
+    return [int(row) for row in np.flatnonzero(problem.observed & (problem.ray_count == 0))]

@@ -12,7 +12,8 @@ from ...io.formats.orientation.eo_json import read_one_camera
 from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
 from ...records.block import BrownCamera, InteriorCovariance
-from ..block_adjustment.inputs import ground_in_plane, ground_of, refuse_field_of_view
+from ..block_adjustment.ground import ground_in_plane, ground_of
+from ..block_adjustment.inputs import refuse_field_of_view
 from ..block_adjustment.vehicle.places import Vehicle, placed_vehicle
 from ..targets.prediction import VISIBILITY, Predictions, predict
 from .request import Request

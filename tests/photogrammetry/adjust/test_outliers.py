@@ -111,8 +111,6 @@ def test_a_gross_control_point_is_rejected_and_does_not_bend_the_block(axis, aer
     assert bad.point == block.points[block.control.point[3]]
     assert bad.off_m[axis] == pytest.approx(0.5, abs=0.15)
     assert bad.w > 4.0
-    assert "left out" in str(bad)
-    assert bad.point in str(bad)
     del groups[3]
     want = precision_of(adjusted(problem_of(block, groups), made.truth))
     sigma = np.sqrt(np.diagonal(want.pose_cov, 0, 1, 2))[:, :3]

@@ -72,13 +72,13 @@ def group(block, poses, observed, parameters=None, common=None, cov=None):
         tuple(range(N)),
         X,
         C,
-        observed,
         weight_of(P, "strip"),
         time,
         velocity,
         rate,
         parameters or {},
         common=common,
+        observed=observed,
     )
 
 

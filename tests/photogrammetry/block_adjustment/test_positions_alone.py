@@ -24,7 +24,7 @@ from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
     oriented_similarity,
 )
 from insgnss.photogrammetry.block_adjustment.aerial.positions import _of_images
-from insgnss.photogrammetry.block_adjustment.inputs import ground_of
+from insgnss.photogrammetry.block_adjustment.ground import ground_of
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.photogrammetry.comparison.reading import read_poses
 

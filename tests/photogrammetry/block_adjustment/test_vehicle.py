@@ -30,6 +30,7 @@ from insgnss.photogrammetry.adjust.kinematic import (
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.plausibility import refuse_implausible
 from insgnss.photogrammetry.block_adjustment.run import adjust
+from insgnss.photogrammetry.block_adjustment.trials import converging
 from insgnss.photogrammetry.block_adjustment.vehicle.observed import observed
 from insgnss.photogrammetry.block_adjustment.vehicle.rays import _refuse_sizes
 from insgnss.photogrammetry.block_adjustment.vehicle.track import Track, along_course
@@ -39,6 +40,7 @@ from insgnss.records.block import ImageObservations
 from insgnss.records.strips import CommonErrors, StripCovariance
 
 quiet = lambda _: None  # noqa: E731
+EARTH_M = 6.37e6  # radius: half a metre of latitude to a part in 300
 
 
 @pytest.fixture(scope="module")
@@ -172,6 +174,16 @@ WRONG_ARMS = {
 
 
 @pytest.mark.slow
+def test_what_the_vehicle_lacks_is_tried_where_a_block_does_not_converge(made, tmp_path) -> None:
+    """Oracle: the half metre north by which the base of the vehicle was planted elsewhere."""
+    lat = made.trajectory.lat + 0.5 / EARTH_M
+    best = converging(inputs_of(changed(made, tmp_path / "b", lat=lat), quiet), quiet)
+    assert best is not None
+    assert best.name == VEHICLE_SHIFT
+    assert best.value == pytest.approx([0.0, 0.5, 0.0], abs=0.07)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG_ARMS)
 def test_a_lever_arm_in_other_axes_is_named(made, tmp_path, case) -> None:
     """Oracle: what was done to it."""
@@ -189,7 +201,7 @@ def test_a_lever_arm_in_other_axes_is_named(made, tmp_path, case) -> None:
 @pytest.mark.slow
 def test_another_base_is_named(made, tmp_path) -> None:
     """Oracle: by how much the vehicle was moved: 0.4 m north."""
-    file = changed(made, tmp_path / "b", lat=made.trajectory.lat + 0.4 / 6.37e6)
+    file = changed(made, tmp_path / "b", lat=made.trajectory.lat + 0.4 / EARTH_M)
     result = adjust(file, write=False)
     assert result.judgement.contradicted
     best = next(t for t in result.judgement.trials_made if t.explains)

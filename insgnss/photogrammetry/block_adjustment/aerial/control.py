@@ -28,9 +28,7 @@ from ...adjust.aerial import (
     BORESIGHT,
     COMMON,
     DRIFT,
-    LEVER_ARM,
     SHIFT,
-    TIME_OFFSET,
     AerialControl,
     ParameterObservation,
     chained_covariance,
@@ -38,11 +36,10 @@ from ...adjust.aerial import (
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.unknowns import Key
 from ..inputs import Inputs
+from ..parameters import MOUNTING, prior, priors
 from .relative import Strip, breaks, relative_groups
 
-MOUNTING = "mounting"
 SHORTEST_STEP_S = 1e-3  # between images: no camera is as fast, and equal stamps divide by nothing
-HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estimated
 LONGEST_CHAIN_IMAGES = 200  # of one group (chosen): its dense covariance is 1200 x 1200, 12 MB
 RELATIVE = ("Ap/Ra", "Rp/Ra", "Rp")
 Rows = NDArray[np.int64]
@@ -73,19 +70,13 @@ class Control:
     of_lines: tuple[str, ...] = ()
 
 
-def control_of(
-    inputs: Inputs,
-    options: AerialControlTable | None = None,
-    whole: Sequence[tuple[Rows, Array]] | None = None,
-) -> Control:
+def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None) -> Control:
     """Return the aerial control of a block as observation groups.
 
     Parameters
     ----------
     inputs : Inputs
         The block and its orientation.
-    options : AerialControlTable, optional
-        What is estimated besides the poses; by default as the block file has it.
     whole : sequence of tuple, optional
         Rows of the orientation and the covariance of their poses, in the place of flight lines.
 
@@ -99,7 +90,7 @@ def control_of(
     InputError
         A covariance is asked for that is not there, or velocities are needed and missing.
     """
-    eo, options = inputs.eo, options or inputs.file.aerial_control
+    eo, options = inputs.eo, inputs.file.aerial_control
     if eo is None or inputs.file.adjustment.mode == "indirect":
         return Control((), {}, (), "none")
     image_of = np.full(len(eo.images), -1, dtype=np.int64)
@@ -109,11 +100,9 @@ def control_of(
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
     motion, line = _motion(eo, options), breaks(eo, options.gap_s)
     other_lines = _other_lines(eo, options)
-    shared = _shared(options)
-    blocks: dict[Key, Array] = {(name, 0): value for name, (value, _) in shared.items()}
-    groups: list[ObservationGroup] = [
-        _prior((name, 0), value, sigma) for name, (value, sigma) in shared.items()
-    ]
+    shared = priors(inputs.file, MOUNTING)
+    blocks: dict[Key, Array] = {one.key: one.value for one in shared}
+    groups: list[ObservationGroup] = [*shared]
     lines: list[Rows] = []
     controls: list[str] = []
     for piece, cov_of_piece in pieces:
@@ -123,7 +112,7 @@ def control_of(
             continue
         rows = piece[in_block]
         cov = covariance_of_rows(cov_of_piece, in_block)
-        parameters, factor = dict.fromkeys(shared, 0), None
+        parameters, factor = dict(one.key for one in shared), None
         printed = control in RELATIVE and options.relative_weights != "smoothed"
         if common is not None and common.factor[rows].any() and not printed:
             segment, factor = int(common.segment[rows[0]]), common.factor[rows]
@@ -137,7 +126,7 @@ def control_of(
                 key = (name, len(lines))
                 parameters[name] = key[1]
                 blocks[key] = np.zeros(3)
-                groups.append(_prior(key, np.zeros(3), np.array(sigma)))
+                groups.append(prior(key, np.zeros(3), np.array(sigma)))
         strip = Strip(rows, image_of[rows], cov, factor, parameters)
         if control in RELATIVE:
             groups += relative_groups(strip, control, eo, motion, line, options)
@@ -232,12 +221,11 @@ def motion_of_images(inputs: Inputs) -> tuple[Array, Array]:
     tuple of ndarray
         In the axes of the block, zero where they are not known.
     """
-    velocity, rate = np.zeros((2, len(inputs.block.images), 3))
-    if inputs.eo is not None:
-        has_pose = inputs.eo_row >= 0
-        of_eo = _motion(inputs.eo, inputs.file.aerial_control)
-        velocity[has_pose], rate[has_pose] = (x[inputs.eo_row[has_pose]] for x in of_eo)
-    return velocity, rate
+    if inputs.eo is None:
+        velocity, rate = np.zeros((2, len(inputs.block.images), 3))
+        return velocity, rate
+    velocity, rate = _motion(inputs.eo, inputs.file.aerial_control)
+    return inputs.of_images(velocity), inputs.of_images(rate)
 
 
 def differenced(eo: ExteriorOrientation) -> Array:
@@ -283,28 +271,6 @@ def _control_of_line(
     return next(iter(requested), options.control)
 
 
-def stated_lever_arm(options: AerialControlTable) -> Array:
-    """Return the lever arm (3,), m, that estimates are corrections of."""
-    return np.array(options.lever_arm_m or (0.0,) * 3)
-
-
-def _shared(options: AerialControlTable) -> dict[str, tuple[Array, Array]]:
-    """Return first values and standard deviations of the parameters of the whole block."""
-    shared: dict[str, tuple[Array, Array]] = {}
-    if options.lever_arm_sigma_m is not None or options.lever_arm_m is not None:
-        sigma = options.lever_arm_sigma_m or (HELD_M,) * 3
-        shared[LEVER_ARM] = stated_lever_arm(options), np.array(sigma)
-    if options.boresight_sigma_deg > 0.0 and options.absolute_attitudes:
-        shared[BORESIGHT] = np.eye(3), np.full(3, np.radians(options.boresight_sigma_deg))
-    if options.time_offset_sigma_s > 0.0:
-        shared[TIME_OFFSET] = np.zeros(1), np.array([options.time_offset_sigma_s])
-    return shared
-
-
-def _prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
-    return ParameterObservation(key, value, np.diag(1.0 / sigma**2), MOUNTING)
-
-
 def _beside(options: AerialControlTable) -> Path:
     return Path(options.file or ".").parent / FILE
 
@@ -313,6 +279,8 @@ def _pieces(
     eo: ExteriorOrientation, options: AerialControlTable
 ) -> tuple[str, Iterator[tuple[Rows, Array]]]:
     """Return which covariances weigh the poses, and rows with their covariance, line by line."""
+    from scipy.linalg import block_diag
+
     beside = _beside(options)
     kind: Any = options.covariance
     if options.positions_alone:
@@ -322,7 +290,7 @@ def _pieces(
                 f'has no covariances of neighbours, which aerial_control.covariance = "{kind}"'
                 ' needs; take "auto"',
             )
-        return "image", ((rows, _independent_cov(eo.cov[rows])) for rows in _lines(eo))
+        return "image", ((rows, block_diag(*eo.cov[rows])) for rows in _lines(eo))
     if kind == "auto":
         kind = "strip" if beside.is_file() else "chain" if eo.cross is not None else "image"
     if kind == "strip":
@@ -336,7 +304,7 @@ def _pieces(
             )
         return kind, ((rows, chained_covariance(eo[rows])) for rows in _lines(eo))
     if any(control in RELATIVE for control in (options.control, *options.of_lines.values())):
-        return kind, ((rows, _independent_cov(eo.cov[rows])) for rows in _lines(eo))
+        return kind, ((rows, block_diag(*eo.cov[rows])) for rows in _lines(eo))
     return kind, ((np.array([k]), eo.cov[k]) for k in range(len(eo)))
 
 
@@ -347,14 +315,6 @@ def _strips(eo: ExteriorOrientation, path: Path) -> Iterator[tuple[Rows, Array]]
         yield strip.rows, strip.cov
     for k in np.flatnonzero(single):
         yield np.array([k]), eo.cov[k]
-
-
-def _independent_cov(cov: Array) -> Array:
-    """Return the covariance (6 n, 6 n) of images that are independent of each other."""
-    n = len(cov)
-    P = np.zeros((n, 6, n, 6))
-    P[np.arange(n), :, np.arange(n), :] = cov
-    return P.reshape(6 * n, 6 * n)
 
 
 def _lines(eo: ExteriorOrientation) -> Iterator[Rows]:

@@ -109,10 +109,15 @@ def first_poses(table: AerialControlTable, source: MeasuredBlock) -> FirstPoses:
         raise InputError.in_file(
             path, "has no attitudes of images by their names; leave aerial_control.initial out"
         )
-    plane = TangentPlane(float(np.mean(poses.lat)), float(np.mean(poses.lon)), 0.0)
+    plane = plane_of(poses)
     position = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)
     C = plane.C_mn(poses.lat, poses.lon) @ NED_ENU @ poses.C_Ex
     return FirstPoses(poses.images, position, C, f"of {path.name}", poses)
+
+
+def plane_of(poses: Poses) -> TangentPlane:
+    """Return the tangent plane at the middle of poses, on the ellipsoid."""
+    return TangentPlane(float(np.mean(poses.lat)), float(np.mean(poses.lon)), 0.0)
 
 
 def first_attitudes(

@@ -16,7 +16,6 @@ from ....base.errors import InputError
 from ....base.findings import Finding
 from ....base.wording import some
 from ....flight.config.block_tables.aerial_control import AerialControlTable
-from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import NED_ENU
 from ....io.exposures.images import natural
 from ....io.exposures.numbering import image_numbers
@@ -28,7 +27,14 @@ from ....records.block import Array
 from ...comparison.hints import Hints, turned
 from ...comparison.poses import Poses
 from ...comparison.reading import read_poses
-from .first_poses import FirstPoses, first_attitudes, first_poses, in_other_order, lie_elsewhere
+from .first_poses import (
+    FirstPoses,
+    first_attitudes,
+    first_poses,
+    in_other_order,
+    lie_elsewhere,
+    plane_of,
+)
 
 Rows = NDArray[np.int64]
 FIRST_VALUE_DEG = 0.4  # standard deviation (chosen) of attitudes that are first values
@@ -73,7 +79,7 @@ def orientation_of(
     first = first_poses(table, source)
     rows, images = _of_images(poses, first, source, notes)
     poses = poses.taken(rows)
-    plane = _plane_of(poses)
+    plane = plane_of(poses)
     notes.append(
         f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the"
         " positions"
@@ -123,10 +129,6 @@ def orientation_of(
     return orientation, table, lie_elsewhere(path, images, position, plane, first)
 
 
-def _plane_of(poses: Poses) -> TangentPlane:
-    return TangentPlane(float(np.mean(poses.lat)), float(np.mean(poses.lon)), 0.0)
-
-
 def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array:
     """Return the covariances of the positions (n, 3, 3), as stated or as the file has them."""
     if table.sigma_m is not None:
@@ -159,7 +161,7 @@ def _of_images(
         if counter is not None and all(int(n) in row_of for n in counter):
             row = np.array([row_of[int(n)] for n in counter], dtype=np.int64)
         else:
-            position = _plane_of(poses).position_from_geodetic(poses.lat, poses.lon, poses.height)
+            position = plane_of(poses).position_from_geodetic(poses.lat, poses.lon, poses.height)
             if problem := in_other_order(names, position, images, first):
                 raise InputError.in_file(poses.source, problem)
             if len(images) == len(names):

@@ -159,13 +159,13 @@ def relative_groups(
                 tuple(int(i) for i in strip.images),
                 eo.position_m[rows],
                 C,
-                observed,
                 weight_of(cov, who),
                 eo.time[rows],
                 motion[0][rows],
                 motion[1][rows],
                 parameters,
                 common=factor,
+                observed=observed,
             )
         )
     sigma = (

@@ -15,7 +15,7 @@ from ....io.formats.blocks.image_points import ImagePoints
 from ....io.formats.blocks.joined import matched
 from ....io.formats.vehicle.target_sizes import read_target_sizes
 from ....records import ExteriorOrientation
-from ....records.block import Array
+from ....records.block import Array, ImageBlock
 from ....records.rows import covariance_of_rows, rows_of
 from .observed import observed, without
 from .track import Track, read_track, rows_by_name, week_shift
@@ -66,6 +66,15 @@ class Vehicle:
         cov = covariance_of_rows(self.cov, rows, 3)
         exposures = self.exposures.rows(rows)
         return replace(self, **rows_of(self, rows, fields), exposures=exposures, cov=cov)
+
+    def rows_in(self, block: ImageBlock) -> tuple[Rows, Rows, Rows]:
+        """Return the rows of its images, points and image observations in a block, (n,) each."""
+        of_image = {name: k for k, name in enumerate(block.images)}
+        of_point = {name: k for k, name in enumerate(block.points)}
+        of_ray = {p: k for k, p in enumerate(block.observations.point.tolist())}
+        image = np.array([of_image[name] for name in self.images], dtype=np.int64)
+        point = np.array([of_point[name] for name in self.points], dtype=np.int64)
+        return image, point, np.array([of_ray[p] for p in point.tolist()], dtype=np.int64)
 
     def seen_in(self, measured: ImagePoints) -> "Vehicle":
         """Return the exposures whose measurement of the target is among image observations."""

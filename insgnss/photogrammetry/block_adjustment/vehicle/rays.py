@@ -18,7 +18,7 @@ from ....base.errors import DataError
 from ....geodesy.conventions import time_scale
 from ....geodesy.explain import Candidate, best_shift, explain
 from ....records.block import Array, ImageBlock
-from ....records.cameras.camera import rays_of
+from ...adjust.start import directions
 from ...adjust.unknowns import Unknowns
 from .places import CLOCKS, Vehicle
 from .track import along_course
@@ -59,14 +59,14 @@ def refuse_elsewhere(
     DataError
         It is metres away, and where it was at another time, beside itself, or nowhere.
     """
-    image, uv = seen_pixels(vehicle, block)
+    image, _, ray = vehicle.rows_in(block)
     oriented = np.isfinite(position_m[image]).all(axis=1)
     oriented &= np.isfinite(C_mc[image]).all(axis=(1, 2))
     rows = np.flatnonzero(oriented)
     if rows.size < FEWEST_SIGHTINGS:
         return
     image, vehicle = image[rows], vehicle.rows(rows)
-    direction = _directions(block, image, uv[rows], C_mc)
+    direction = _directions(block, image, ray[rows], C_mc)
     centre, stated = position_m[image], vehicle.exposures.position_m
     if (direction[:, 2] > -0.2).any():
         return  # cameras that do not look down: rays and levels do not meet well
@@ -112,12 +112,9 @@ def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array
         )
 
 
-def _directions(block: ImageBlock, image: Rows, uv: Array, C_mc: Array) -> Array:
+def _directions(block: ImageBlock, image: Rows, ray: Rows, C_mc: Array) -> Array:
     """Return the rays of the target in the axes of the block."""
-    xy = np.empty((len(image), 2))
-    for c, camera in enumerate(block.cameras):
-        rows = block.camera[image] == c
-        xy[rows] = rays_of(camera, uv[rows])
+    xy = directions(block)[ray]
     return np.einsum("nij,nj->ni", C_mc[image], np.column_stack([xy, np.ones(len(xy))]))
 
 
@@ -198,8 +195,8 @@ def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tupl
         Its places a delay earlier.
     """
     adjusted = replace(block, cameras=values.cameras(block.cameras))
-    image, uv = seen_pixels(vehicle, adjusted)
-    direction = _directions(adjusted, image, uv, values.C_mc)
+    image, _, ray = vehicle.rows_in(block)
+    direction = _directions(adjusted, image, ray, values.C_mc)
     centre = values.position[image]
     depth = (vehicle.exposures.position_m[:, 2] - centre[:, 2]) / direction[:, 2]
     met = centre + depth[:, None] * direction
@@ -210,11 +207,3 @@ def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tupl
     if not within.all():
         return 0.0, vehicle
     return -best[0], replace(vehicle, exposures=moved)
-
-
-def seen_pixels(vehicle: Vehicle, block: ImageBlock) -> tuple[Rows, Array]:
-    """Return the row of each image that sees the target, and the pixel (n, 2)."""
-    image = np.array([block.images.index(name) for name in vehicle.images])
-    row = {name: k for k, name in enumerate(block.points)}
-    seen_as = {int(p): k for k, p in enumerate(block.observations.point)}
-    return image, block.observations.uv[[seen_as[row[name]] for name in vehicle.points]]

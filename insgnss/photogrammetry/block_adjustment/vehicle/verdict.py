@@ -10,19 +10,21 @@ from ....base.findings import Finding, ranked
 from ....base.wording import some
 from ....records.block import Array
 from ....report.rules.wording import lengths
+from ...adjust.adjustment import residuals_px
 from ...adjust.groups import Rescaled
 from ...adjust.kinematic import (
     CLOCK,
     KINEMATIC,
     SIZE,
     SIZES,
-    TARGET_ARM,
     VEHICLE_SHIFT,
     KinematicControl,
     TargetSize,
 )
-from ...adjust.precision import GroupTest, Precision
+from ...adjust.precision import GroupTest
 from ...adjust.unknowns import Key
+from ..parameters import FRD, VEHICLE, estimates
+from ..solve import Solved
 from .places import Vehicle
 
 MANY_LEFT_OUT = 0.1
@@ -40,46 +42,31 @@ MISTAKES: dict[tuple[tuple[int, ...], tuple[float, ...]], str] = {  # by order a
         "it was given in the axes of a camera that looks ahead (right, down, forward)"
     ),
 }
-UNITS = {TARGET_ARM: "m", CLOCK: "s", VEHICLE_SHIFT: "m", SIZE: "m"}
-AXES = {
-    TARGET_ARM: ("forward", "right", "down"),
-    CLOCK: ("",),
-    VEHICLE_SHIFT: ("east", "north", "up"),
-    SIZE: ("",),
-}
 
 
-def vehicle_figures(
-    vehicle: Vehicle | None, precision: Precision, residuals_px: Array
-) -> dict[str, Any] | None:
+def vehicle_figures(solved: Solved) -> dict[str, Any] | None:
     """Return the figures of the kinematic ground control of an adjusted block.
 
     Parameters
     ----------
-    vehicle : Vehicle or None
-        The vehicle.
-    precision : Precision
-        The adjustment.
-    residuals_px : ndarray, (n, 2)
-        Residuals of the image observations of the block.
+    solved : Solved
+        The block.
 
     Returns
     -------
     dict or None
         None without a vehicle.
     """
-    if vehicle is None:
+    if (vehicle := solved.inputs.vehicle) is None:
         return None
-    problem = precision.result.problem
+    problem, residuals = solved.result.problem, residuals_px(solved.result)
     n = len(vehicle.images)
-    of_point = {name: k for k, name in enumerate(problem.block.points)}
-    rows = [of_point[name] for name in vehicle.points]
+    _, rows, rays = vehicle.rows_in(problem.block)
     active = np.zeros(len(problem.block.observations), dtype=bool)
     active[problem.order] = problem.rays.active
-    row_of = {int(p): k for k, p in enumerate(problem.block.observations.point)}
     sizes: dict[int, GroupTest] = {}
     places: GroupTest | None = None
-    for group, test in zip(problem.groups, precision.groups, strict=True):
+    for group, test in zip(problem.groups, solved.precision.groups, strict=True):
         plain = group.group if isinstance(group, Rescaled) else group
         if isinstance(plain, KinematicControl):
             places = test
@@ -88,15 +75,14 @@ def vehicle_figures(
     assert places is not None
     e, w, r = (x.reshape(n, 3) for x in (places.e, places.w, places.redundancy))
     points = []
-    for k, p in enumerate(rows):
-        ray = row_of[p]
+    for k, (p, ray) in enumerate(zip(rows.tolist(), rays.tolist(), strict=True)):
         fig: dict[str, Any] = {
             "image": vehicle.images[k],
             "point": vehicle.points[k],
             "residual_m": e[k].tolist(),
             "redundancy": r[k].tolist(),
             "w": w[k].tolist(),
-            "residual_px": [float(x) if np.isfinite(x) else None for x in residuals_px[ray]],
+            "residual_px": [float(x) if np.isfinite(x) else None for x in residuals[ray]],
             "left_out": not bool(active[ray]),
             "sigma_before_m": np.sqrt(np.diagonal(vehicle.cov)[3 * k : 3 * k + 3]).tolist(),
         }
@@ -110,30 +96,9 @@ def vehicle_figures(
         "exposures": n,
         "left_out": sum(p["left_out"] for p in points),
         "sizes": len(sizes),
-        "parameters": dict(_parameters(vehicle, precision)),
+        "parameters": estimates(solved.inputs.file, VEHICLE, solved.precision),
         "points": points,
     }
-
-
-def _parameters(vehicle: Vehicle, precision: Precision) -> Iterator[tuple[str, dict[str, Any]]]:
-    options, values = vehicle.options, precision.result.values
-    for name, prior in (
-        (TARGET_ARM, options.target_sigma_m),
-        (CLOCK, (options.time_offset_sigma_s,)),
-        (VEHICLE_SHIFT, options.shift_sigma_m),
-        (SIZE, (options.size_sigma_m,)),
-    ):
-        if (value := values.blocks.get((name, 0))) is None:
-            continue
-        yield (
-            name,
-            {
-                "unit": UNITS[name],
-                "value": value.tolist(),
-                "sigma": np.sqrt(np.diagonal(precision.cov((name, 0)))).tolist(),
-                "sigma_before": list(map(float, prior or ())),
-            },
-        )
 
 
 def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
@@ -212,7 +177,7 @@ def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str
     str
         The advice; empty of what is no unknown of a vehicle.
     """
-    if vehicle is None or key[0] not in UNITS:
+    if vehicle is None or key not in [one.key for one in VEHICLE]:
         return ""
     if key[0] == CLOCK:
         offset = vehicle.options.time_offset_s + float(value[0])
@@ -263,10 +228,9 @@ def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
         names = (("forward", "backwards"), ("right", "left"), ("down", "upwards"))
         wrong = [k for k in range(3) if signs[k] < 0.0 and abs(stated[k]) > limit[k]]
         return " and ".join(f"it was given {names[k][1]} instead of {names[k][0]}" for k in wrong)
-    axes, numbers = ("forward", "right", "down"), ("first", "second", "third")
+    numbers = ("first", "second", "third")
     order_names = ", ".join(
-        f"{axes[k]} is {'minus ' if signs[k] < 0.0 else ''}its {numbers[order[k]]}"
-        for k in range(3)
+        f"{FRD[k]} is {'minus ' if signs[k] < 0.0 else ''}its {numbers[order[k]]}" for k in range(3)
     )
     return MISTAKES.get((order, signs), f"its axes were others ({order_names} number)")
 

@@ -1,13 +1,18 @@
 """What residuals of image observations have in common by their place on the format."""
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ...records.block import Array
-from ..adjust.adjustment import residuals_px
-from .solve import Solved
+from ....base.findings import Finding, ranked
+from ....records.block import Array
+from ...adjust.adjustment import residuals_px
+from ..solve import Solved
 
+# rms of the residuals that repeat by place (px), and their mean square over its variance (chosen)
+PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
 CELLS = (12, 9)  # of the format, about square for 4:3 (chosen)
 FEWEST_OF_CELL = 8  # observations of a cell
 
@@ -78,3 +83,29 @@ def patterns(solved: Solved) -> tuple[Pattern, ...]:
         good &= (var > 0.0).all(axis=1)
         out.append(Pattern(centre[good], mean[good], np.sqrt(var[good])))
     return tuple(out)
+
+
+def repeating(figures: Mapping[str, Any], drawn: Sequence[Pattern]) -> Iterator[Finding]:
+    """Say which cameras have residuals that repeat from image to image.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+    drawn : sequence of Pattern
+        One a camera.
+
+    Yields
+    ------
+    Finding
+        One a camera whose pattern is more than noise.
+    """
+    for camera, pattern in zip(figures["cameras"], drawn, strict=True):
+        if pattern.rms > PATTERN_PX and pattern.normalised_square > PATTERN_SIGMA:
+            yield ranked(
+                "camera",
+                1.0 + pattern.rms,
+                f"residuals of camera {camera['name']} repeat from image to image:"
+                f" {pattern.rms:.2f} px by their place on the format, which its interior"
+                " orientation does not describe",
+            )

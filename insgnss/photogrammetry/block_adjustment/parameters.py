@@ -1,0 +1,228 @@
+"""Unknowns between trajectories and images: what the block file asks for, one row an unknown."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...flight.config.block_file import BlockFile
+from ...geodesy.rotation import vector_from_rotation
+from ...records.block import Array
+from ...records.states import State
+from ...records.verdicts import Estimate
+from ...report.rules.wording import screen_unit
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET, ParameterObservation
+from ..adjust.kinematic import CLOCK, SIZE, TARGET_ARM, VEHICLE_SHIFT
+from ..adjust.precision import Precision
+from ..adjust.unknowns import Key
+
+SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
+HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estimated
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An unknown that all poses of a block, or all places of a vehicle, share.
+
+    Parameters
+    ----------
+    name : str
+        Its name among the unknowns.
+    table, field : str
+        Where the block file has its standard deviation; it is estimated where there is one.
+    unit : str
+        m, s or rad; of rad it is a rotation.
+    axes : tuple of str
+        Names of its components.
+    loose : float or tuple of float
+        The standard deviation with which trials estimate it, as the block file would have it,
+        beyond any error that was seen; zero: none does.
+    error : str
+        What sentences call it where the block file leaves it out; by default its name.
+    """
+
+    name: str
+    table: str
+    field: str
+    unit: str
+    axes: tuple[str, ...]
+    loose: float | tuple[float, ...] = 0.0
+    error: str = ""
+
+    @property
+    def key(self) -> Key:
+        """Its block of unknowns."""
+        return self.name, 0
+
+    def stated(self, file: BlockFile) -> Any:
+        """Return its standard deviation as the block file has it."""
+        return getattr(getattr(file, self.table), self.field)
+
+    @property
+    def option(self) -> str:
+        """What asks for it, as a block file has it."""
+        return f"{self.table}.{self.field}"
+
+    def left_out(self, file: BlockFile) -> bool:
+        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly."""
+        stated = self.stated(file)
+        return not stated or (self.name == BORESIGHT and stated < self.loose)
+
+    def estimated_in(self, file: BlockFile) -> BlockFile:
+        """Return a block file that asks for it."""
+        table = replace(getattr(file, self.table), **{self.field: self.loose})
+        return replace(file, **{self.table: table})
+
+    def sigma(self, file: BlockFile) -> Array | None:
+        """Return its standard deviations in `unit`; None where it is not estimated."""
+        stated = self.stated(file)
+        if self.name == BORESIGHT and not file.aerial_control.absolute_attitudes:
+            return None
+        if not stated or (self.name == SIZE and file.vehicle.sizes is None):
+            return None
+        sigma = np.broadcast_to(np.asarray(stated, dtype=np.float64), len(self.axes))
+        return np.radians(sigma) if self.unit == "rad" else sigma
+
+    def first(self, file: BlockFile) -> Array:
+        """Return its first value."""
+        if self.name == LEVER_ARM:
+            return stated_lever_arm(file)
+        return np.eye(3) if self.unit == "rad" else np.zeros(len(self.axes))
+
+    def change(self, value: Array, file: BlockFile) -> Array:
+        """Return a value less its first one, in `unit`; of a rotation its vector."""
+        return vector_from_rotation(value) if self.unit == "rad" else value - self.first(file)
+
+
+XYZ = ("x", "y", "z")
+FRD = ("forward", "right", "down")
+ENU = ("east", "north", "up")
+MOUNTING = (
+    Parameter(LEVER_ARM, "aerial_control", "lever_arm_sigma_m", "m", XYZ, (10.0,) * 3),
+    Parameter(BORESIGHT, "aerial_control", "boresight_sigma_deg", "rad", XYZ, 30.0),
+    Parameter(
+        TIME_OFFSET,
+        "aerial_control",
+        "time_offset_sigma_s",
+        "s",
+        ("",),
+        1.0,
+        "delay of the exposures",
+    ),
+)
+"""Between a trajectory and the camera."""
+VEHICLE = (
+    Parameter(TARGET_ARM, "vehicle", "target_sigma_m", "m", FRD, (10.0,) * 3),
+    Parameter(CLOCK, "vehicle", "time_offset_sigma_s", "s", ("",), 10.0),
+    Parameter(VEHICLE_SHIFT, "vehicle", "shift_sigma_m", "m", ENU, (100.0,) * 3),
+    Parameter(SIZE, "vehicle", "size_sigma_m", "m", ("",)),
+)
+"""Of a vehicle whose target the images see; no trial estimates its size."""
+BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING, *VEHICLE)}
+
+
+def stated_lever_arm(file: BlockFile) -> Array:
+    """Return the lever arm (3,), m, that estimates are corrections of."""
+    return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
+
+
+def prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
+    """Return the first value of a parameter as an observation with standard deviations."""
+    return ParameterObservation(key, value, np.diag(1.0 / sigma**2))
+
+
+def priors(file: BlockFile, parameters: Sequence[Parameter]) -> list[ParameterObservation]:
+    """Return the first values of parameters that a block file asks for.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+    parameters : sequence of Parameter
+        Which of them.
+
+    Returns
+    -------
+    list of ParameterObservation
+        One a parameter; a stated lever arm that is not estimated is held by one too.
+    """
+    out = []
+    for parameter in parameters:
+        sigma = parameter.sigma(file)
+        if parameter.name == LEVER_ARM and sigma is None and file.aerial_control.lever_arm_m:
+            sigma = np.full(3, HELD_M)
+        if sigma is not None:
+            out.append(prior(parameter.key, parameter.first(file), sigma))
+    return out
+
+
+def estimates(
+    file: BlockFile, parameters: Sequence[Parameter], precision: Precision
+) -> dict[str, dict[str, Any]]:
+    """Return what was estimated of parameters.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+    parameters : sequence of Parameter
+        Which of them.
+    precision : Precision
+        The adjustment.
+
+    Returns
+    -------
+    dict
+        By name: unit, value, standard deviations, and those before.
+    """
+    blocks, out = precision.result.values.blocks, {}
+    for parameter in parameters:
+        before = parameter.sigma(file)
+        if parameter.key in blocks and before is not None:
+            out[parameter.name] = {
+                "unit": parameter.unit,
+                "value": parameter.change(blocks[parameter.key], file).tolist(),
+                "sigma": np.sqrt(np.diagonal(precision.cov(parameter.key))).tolist(),
+                "sigma_before": before.tolist(),
+            }
+    return out
+
+
+def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+
+    Yields
+    ------
+    tuple of str
+        Its name, a verdict, and its value with standard deviation.
+    """
+    for camera in figures["cameras"]:
+        for name, est in camera["parameters"].items():
+            if not est["estimated"]:
+                continue
+            moved = est["value"] - est["first"]
+            unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
+            sure = abs(est["value"]) > SIGNIFICANT_SIGMAS * est["sigma"]
+            verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
+            yield (
+                f"{name} of {camera['name']}",
+                verdict,
+                f"{est['value']:.6g}{unit}, sigma {est['sigma']:.2g}, moved by {moved:+.2g}",
+            )
+    vehicle = figures["vehicle"] or {"parameters": {}}
+    for name, est in (figures["mounting"] | vehicle["parameters"]).items():
+        factor, unit = screen_unit(est["unit"])
+        columns = zip(
+            BY_NAME[name].axes, *map(est.get, ("value", "sigma", "sigma_before")), strict=True
+        )
+        for axis, value, sigma, before in columns:
+            one = Estimate(State(name, axis), value, sigma, before)
+            numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
+            degree = one.degree("determined", "improved", "not determined")
+            yield one.name, degree, f"{factor * value:+.3g} {unit}, {numbers}"
