@@ -85,6 +85,9 @@ def calibrate_materialise(
     InputError
         A file is wrong, or they do not belong together.
     """
+    _refuse_twice(
+        [path for path in (mounted, *options.receiver, options.after) if path is not None]
+    )
     own, sessions = _points(camera), [_session(path, options) for path in options.receiver]
     if not sessions:
         raise UsageError("calibrate materialise: --receiver needs a file a session")
@@ -118,6 +121,17 @@ def calibrate_materialise(
     difference, moved = _between(results)
     notes = (receiver.summary(), *difference)
     return _calibrated(results, receiver, moved, notes, origin, inputs)
+
+
+def _refuse_twice(files: Sequence[Path]) -> None:
+    """Refuse one measurement in the place of two."""
+    resolved = [path.resolve() for path in files]
+    twice = next((p for k, p in enumerate(files) if resolved[k] in resolved[:k]), None)
+    if twice is not None:
+        raise UsageError(
+            f"calibrate materialise: {twice} is given twice; sessions are independent"
+            " measurements, one file each"
+        )
 
 
 def _points(path: Path) -> _Points:
