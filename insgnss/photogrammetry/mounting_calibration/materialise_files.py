@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +28,14 @@ from ..lever_arm.materialisation import (
     materialised_lever_arm,
     receiver_targets,
 )
+from ..lever_arm.records import RULER_M
 from .intersections import intersected
 from .options import MaterialiseOptions
 from .poses import CameraPoses, is_block, read_camera_poses
-from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
+from .products import CalibratedMounting, of_lever_arm, provenance
 
 ANTENNA = "antenna"
 PHASE_CENTRE_SIGMA_M = 5e-3  # where a table has no standard deviation of the phase centre
-RULER_M = 0.05  # standard error of the lever arm: beyond, a ruler measures it better
 LARGEST_SENSOR_M = 3.0  # of targets on a sensor from each other: others are in another unit
 CLOSE_M = 0.005  # targets that fit in another reading
 TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one
@@ -318,7 +319,7 @@ def _calibrated(
     receiver: ReceiverTargets,
     moved: bool,
     notes: Sequence[str],
-    origin: Provenance,
+    origin: dict[str, Any],
     inputs: list[Path],
 ) -> CalibratedMounting:
     result = results[0]
