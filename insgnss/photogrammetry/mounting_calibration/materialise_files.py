@@ -31,8 +31,9 @@ from ..lever_arm.materialisation import (
 from ..lever_arm.records import RULER_M
 from .intersections import intersected
 from .options import MaterialiseOptions
-from .poses import CameraPoses, is_block, read_camera_poses
+from .poses import is_block, read_camera_poses
 from .products import CalibratedMounting, of_lever_arm, provenance
+from .records import CameraPoses
 
 ANTENNA = "antenna"
 PHASE_CENTRE_SIGMA_M = 5e-3  # where a table has no standard deviation of the phase centre
@@ -245,9 +246,9 @@ def _own_pose(
         shown = "none is named by --image"
         if name:
             shown = f"{name!r}; {near(name, poses.images[:200])}"
-        raise UsageError(f"{poses.path}: no pose of the camera's own image: {shown}")
+        raise UsageError(f"{poses.source}: no pose of the camera's own image: {shown}")
     one = poses.taken(np.array([poses.images.index(name)]))
-    return (one.position[0], one.C[0]), one.with_sigma(options.sigma_of_poses)[0]
+    return (one.position[0], one.C_rc[0]), one.with_sigma(options.sigma_of_poses)[0]
 
 
 def _estimated(

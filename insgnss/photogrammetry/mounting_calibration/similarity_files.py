@@ -39,7 +39,6 @@ from ..lever_arm.similarity import (
 from .intersections import intersected, surveyed_points
 from .options import SimilarityOptions
 from .poses import (
-    CameraPoses,
     Positions,
     joined,
     read_camera_poses,
@@ -52,6 +51,7 @@ from .products import (
     of_lever_arm,
     provenance,
 )
+from .records import CameraPoses
 
 ANTENNA_SIGMAS_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
 SAME_AXIS = 0.5  # cosine of a camera axis and the flight direction that share their fate
@@ -108,7 +108,7 @@ def calibrate_similarity(
     if camera.cov is None:
         notes += (f"{cameras.name} has no standard deviations: {options.sigma_of_poses}",)
     pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
-    poses = PosedAntennas(camera.position, camera.C, pose_cov, position, antenna_cov)
+    poses = PosedAntennas(camera.position, camera.C_rc, pose_cov, position, antenna_cov)
     ground = GroundPoints()
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
@@ -117,7 +117,7 @@ def calibrate_similarity(
     _refuse_attitudes(result, poses, camera, cameras)
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
-    direction = flight_direction(position, result.frame.rotation @ camera.C, time)
+    direction = flight_direction(position, result.frame.rotation @ camera.C_rc, time)
     flown = None if direction is None else _AlongFlight.of(result, direction)
     if flown is not None:
         notes += (flown.note,)

@@ -17,13 +17,13 @@ from ..lever_arm.records import LONGEST_LEVER_ARM_M, RULER_M, PosedAntennas
 from ..lever_arm.tripod import TripodLeverArm, setup_lever_arms, tripod_lever_arm
 from .options import PlaceOptions, TripodOptions
 from .poses import (
-    CameraPoses,
     Positions,
     joined,
     read_camera_poses,
     read_positions,
 )
 from .products import CalibratedMounting, of_lever_arm, provenance
+from .records import CameraPoses
 
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
 
@@ -62,7 +62,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         notes += (f"{poses.name} has no standard deviations: {options.sigma_of_poses}",)
     setups = PosedAntennas(
         camera.position,
-        camera.C,
+        camera.C_rc,
         camera.with_sigma(options.sigma_of_poses),
         pin.position[second],
         pin_cov[second],
