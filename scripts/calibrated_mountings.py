@@ -76,7 +76,7 @@ def calibrate(
     from insgnss.geodesy.rotation import rotation_from_vector
     from insgnss.photogrammetry.mounting_calibration.judgement import components
     from insgnss.photogrammetry.mounting_calibration.options import Assumptions
-    from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses, Stated
+    from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, FlightPoses, Stated
     from insgnss.photogrammetry.mounting_calibration.solution import solve
     from insgnss.simulation.dataset import write_dataset
     from insgnss.simulation.sensors import Rig
@@ -111,7 +111,8 @@ def calibrate(
         R = rotation_from_vector(np.array([0.3, -1.0, 2.0]))
         X, C = 0.02 * (X - X.mean(axis=0)) @ R.T + 5.0, R @ C
     independent = np.zeros((6, 6))  # errors that images share in camera axes: there are none
-    block = BlockPoses(result.eo.images, X, C, None, not options.own_frame, shared=independent)
+    frame = "own" if options.own_frame else "plane"
+    block = CameraPoses(result.eo.images, X, C, None, frame, shared=independent)
     posed = FlightPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
     stated = Stated(flight.mounting, -DELAY_S)
     every = np.arange(len(X))

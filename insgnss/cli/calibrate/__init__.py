@@ -1,16 +1,15 @@
 """The verb `calibrate`: constants of the mounting and of the IMU, one kind a word.
 
-`KINDS` lists the words; each is a verb of its own in the module of its name beside this one.
+`KINDS` lists the words; each is a verb of its own.
 """
 
 import argparse
 
 from ..console import Parser
 from ..verb import Verb
-from . import imu, materialise, mounting, similarity, tripod
+from . import imu, mounting
 
-KINDS: tuple[Verb, ...] = (imu.VERB, tripod.VERB, similarity.VERB, materialise.VERB, mounting.VERB)
-NAMES = tuple(kind.name for kind in KINDS)
+KINDS: tuple[Verb, ...] = (imu.VERB, *mounting.VERBS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

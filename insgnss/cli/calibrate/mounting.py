@@ -1,19 +1,102 @@
-"""`insgnss calibrate mounting`: lever arms, bore-sight and camera delay of one ordinary flight."""
+"""`insgnss calibrate tripod | similarity | materialise | mounting`: constants of the mounting.
+
+The first three take two files and find the lever arm from camera to antenna; `mounting` takes a
+flight and poses of its images, and finds lever arms, bore-sight and camera delay.
+"""
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from ...base.errors import OptionError
+from ...io.options.kinds import Checked
 from ...io.options.schema import argument
-from ...photogrammetry.mounting_calibration.options import Assumptions
+from ...photogrammetry.mounting_calibration.options import (
+    Assumptions,
+    MaterialiseOptions,
+    SimilarityOptions,
+    TripodOptions,
+)
 from ..console import Progress
-from ..verb import Verb
-from .mounting_options import Products, finished
+from ..verb import Verb, show_judged
+
+if TYPE_CHECKING:
+    from ...photogrammetry.mounting_calibration.products import CalibratedMounting
 
 
 @dataclass(frozen=True)
-class Inputs:
-    """Files of the verb."""
+class Products(Checked):
+    """Where the file goes, and what it is compared with."""
+
+    compare: Path | None = argument(None, "another mounting.toml, whose lever arm is compared")
+    out: Path = argument(Path("mounting.toml"), "what to write, and a page beside it")
+    force: bool = argument(False, "overwrite a file that was made from other inputs")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.out.suffix.lower() != ".toml":
+            raise OptionError("out", "give a name that ends in .toml", self.out)
+        if not self.out.absolute().parent.is_dir():
+            raise OptionError("out", f"there is no directory {self.out.parent}", self.out)
+
+
+@dataclass(frozen=True)
+class TripodFiles:
+    """Files of `tripod`."""
+
+    poses: Path = argument(
+        ...,
+        "camera poses, one a setup (a table image, x, y, z, omega, phi, kappa, ..., eo.json, "
+        "Metashape, COLMAP, ...)",
+        cli="POSES",
+    )
+    pins: Path = argument(
+        ...,
+        "tips of the pin in the antenna's place: a table of the same names, x, y, z",
+        cli="PINS",
+    )
+
+
+@dataclass(frozen=True)
+class SimilarityFiles:
+    """Files of `similarity`."""
+
+    cameras: Path = argument(
+        ...,
+        "adjusted poses in any frame: Metashape, COLMAP, OpenSfM, eo.json, a table, ...",
+        cli="CAMERAS",
+    )
+    antenna: Path = argument(
+        ...,
+        "antenna positions at exposures, by image: a table image, x, y, z or lat, lon, h, or the "
+        "file of Metashape whose references they are",
+        cli="ANTENNA",
+    )
+
+
+@dataclass(frozen=True)
+class MaterialiseFiles:
+    """Files of `materialise`."""
+
+    camera: Path = argument(
+        ...,
+        "targets on the camera in a scaled frame: a table name, x, y, z, or a block of a "
+        "photogrammetry program in which they are measured",
+        cli="CAMERA",
+    )
+    mounted: Path = argument(
+        ...,
+        "targets on camera and receiver in one block of the aircraft before the flight, alike; any"
+        " frame and unit",
+        cli="MOUNTED",
+    )
+
+
+@dataclass(frozen=True)
+class FlightFiles:
+    """Files of `mounting`."""
 
     flight: Path = argument(
         ..., "the flight file, or the directory that holds flight.toml", cli="FLIGHT"
@@ -26,26 +109,79 @@ class Inputs:
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
+def _finished(
+    options: argparse.Namespace, progress: Progress, result: "CalibratedMounting", *files: Path
+) -> int:
+    """Write and print a result; return the exit code."""
+    from ...photogrammetry.mounting_calibration.products import compared, written
+
+    if options.compare is not None:
+        result = compared(result, options.compare)
+    progress("write")
+    return show_judged(options, progress, written(result, options.out, options.force), *files)
+
+
+def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: type) -> Verb:
+    """Return the verb of a calibration of two files, which the module of its name holds."""
+
+    def run(options: argparse.Namespace, progress: Progress) -> int:
+        room = import_module("...photogrammetry.mounting_calibration", __package__).__name__
+        calibrate = getattr(import_module(f"{room}.{name}_files"), f"calibrate_{name}")
+        progress("calibrating")
+        files = [getattr(options, field.name) for field in fields(inputs)]
+        return _finished(options, progress, calibrate(*files, options.records[chosen]), *files)
+
+    return Verb(name, meaning, example, (inputs, chosen, Products), run)
+
+
+def _run_mounting(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     from ...flight.config.load import load_flight
-    from ...photogrammetry.mounting_calibration.equations import Assumptions
     from ...photogrammetry.mounting_calibration.flight_products import calibrated
     from ...photogrammetry.mounting_calibration.in_flight import calibrate_mounting
 
     flight = load_flight(options.flight)
     result = calibrate_mounting(flight, options.poses, options.records[Assumptions], progress)
     made = calibrated(result, flight, options.photo, options.date)
-    return finished(options, progress, made, flight.path, options.poses)
+    return _finished(options, progress, made, flight.path, options.poses)
 
 
-VERB = Verb(
-    "mounting",
-    "lever arms, bore-sight and camera delay from one ordinary flight and the adjusted poses of its"
-    " images",
-    "  insgnss calibrate mounting ign8/flight.toml cameras.xml\n"
-    "  insgnss calibrate mounting ign8 ign8/02_Processed/Adjustment/poses.csv --frame shift"
-    " --shift-sigma 0.01",
-    (Inputs, Assumptions, Products),
-    run,
+VERBS = (
+    _of_two_files(
+        "tripod",
+        "lever arm from camera to antenna: camera poses by photogrammetry and pins by tachymetry,"
+        " of an aircraft on a tripod in several setups",
+        "  insgnss calibrate tripod poses.csv pin.csv --photo DSC0001.jpg --out mounting.toml",
+        TripodFiles,
+        TripodOptions,
+    ),
+    _of_two_files(
+        "similarity",
+        "lever arm from camera to antenna: adjusted poses in any frame, antenna positions at"
+        " exposures and 0 and more ground points",
+        "  insgnss calibrate similarity cameras.xml antenna.csv --ground gcp.csv"
+        " --crs EPSG:2056+5728\n"
+        "  insgnss calibrate similarity cameras.xml cameras.xml --antenna-sigma 1,2",
+        SimilarityFiles,
+        SimilarityOptions,
+    ),
+    _of_two_files(
+        "materialise",
+        "lever arm from camera to antenna: targets on camera and receiver stand for the centres"
+        " that nobody can touch",
+        "  insgnss calibrate materialise camera.csv before.csv --pose poses.csv --image s.jpg \\\n"
+        "      --receiver r0.csv r90.csv r180.csv r270.csv --after landed.csv",
+        MaterialiseFiles,
+        MaterialiseOptions,
+    ),
+    Verb(
+        "mounting",
+        "lever arms, bore-sight and camera delay from one ordinary flight and the adjusted poses"
+        " of its images",
+        "  insgnss calibrate mounting ign8/flight.toml cameras.xml\n"
+        "  insgnss calibrate mounting ign8 ign8/02_Processed/Adjustment/poses.csv --frame shift"
+        " --shift-sigma 0.01",
+        (FlightFiles, Assumptions, Products),
+        _run_mounting,
+    ),
 )

@@ -9,7 +9,7 @@ attitude takes up in an adjustment: of principal points that differ by 5 px noth
 the corners show. What remains after the best rotation is what the calibrations truly disagree in.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, UsageError, near
+from ...base.files import picked
 from ...base.output.staging import together
 from ...io.formats.blocks.camera_files import FORMS, write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
@@ -62,7 +63,7 @@ class PixelDifference:
     ----------
     rms, largest : float
         Of the differences (C.1).
-    rms_left, largest_left : float
+    rms_after_rotation, largest_after_rotation : float
         After the best rotation.
     rotation_deg : tuple of float
         That rotation of the first camera's rays about x (right), y (down), viewing direction.
@@ -70,8 +71,8 @@ class PixelDifference:
 
     rms: float
     largest: float
-    rms_left: float
-    largest_left: float
+    rms_after_rotation: float
+    largest_after_rotation: float
     rotation_deg: tuple[float, float, float]
 
 
@@ -111,7 +112,9 @@ class CameraReport:
         if d is not None:
             first = f"{d.rms:.3f} px rms, {d.largest:.3f} px at most"
             head = f"the same rays differ by {first}"
-            remaining = f"{d.rms_left:.3f} px rms, {d.largest_left:.3f} px at most"
+            remaining = (
+                f"{d.rms_after_rotation:.3f} px rms, {d.largest_after_rotation:.3f} px at most"
+            )
             about = ", ".join(f"{angle:.4f}" for angle in d.rotation_deg)
             sections.append(
                 Section(
@@ -123,12 +126,13 @@ class CameraReport:
                 )
             )
             disagree = (
-                f"after the best rotation {d.rms_left:.3g} px rms remain (limit {ALIKE_PX:g} px)"
+                f"after the best rotation {d.rms_after_rotation:.3g} px rms remain"
+                f" (limit {ALIKE_PX:g} px)"
             )
             verdict = worst_of(
                 f"the calibrations agree to {ALIKE_PX:g} px rms, but for a rotation that attitudes"
                 " take up",
-                [disagree] if d.rms_left > ALIKE_PX else [],
+                [disagree] if d.rms_after_rotation > ALIKE_PX else [],
             )
         notes = list(self.notes)
         if self.written is not None:
@@ -144,37 +148,21 @@ class CameraReport:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; pixels and degrees."""
-        d = self.difference
         return {
             "files": [
                 {
                     "file": str(file.path),
                     "format": file.form,
                     "cameras": [
-                        {
-                            "name": camera.name,
-                            "width": camera.width,
-                            "height": camera.height,
-                            "model": camera.model,
-                            "unit_px": camera.unit_px,
-                            **{key: camera.of(key) for key in INTERIOR},
-                        }
+                        picked(camera, "name", "width", "height", "model", "unit_px")
+                        | {key: camera.of(key) for key in INTERIOR}
                         for camera in file.cameras
                     ],
                 }
                 for file in self.files
             ],
-            "difference_px": None
-            if d is None
-            else {
-                "rms": d.rms,
-                "largest": d.largest,
-                "rms_after_rotation": d.rms_left,
-                "largest_after_rotation": d.largest_left,
-                "rotation_deg": list(d.rotation_deg),
-            },
-            "notes": list(self.notes),
-            "written": None if self.written is None else str(self.written),
+            "difference_px": self.difference and asdict(self.difference),
+            **picked(self, "notes", "written"),
         }
 
 

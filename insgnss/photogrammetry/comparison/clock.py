@@ -52,12 +52,11 @@ def by_names(matched: Matched) -> Finding | None:
     )
     if after > EXPLAINS * before:
         return None
-    explained = 1.0 - (after / before) ** 2
     words = (
         f"stamps of b are {abs(usual):.3f} s {'later' if usual > 0 else 'earlier'} than those of a"
         f" for the same images{leap_words(usual)}"
     )
-    return Finding("time", words, "time", before, after, explained, {"seconds": usual}, unit="s")
+    return Finding("time", words, "time", before, after, {"seconds": usual}, unit="s")
 
 
 def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
@@ -88,9 +87,7 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
     words = (
         f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
     )
-    return Finding(
-        "time", words, "time", before, after, 1.0 - (after / before) ** 2, {"seconds": -best}
-    ), match(a, b, best)
+    return Finding("time", words, "time", before, after, {"seconds": -best}), match(a, b, best)
 
 
 def leap_words(late_s: float) -> str:

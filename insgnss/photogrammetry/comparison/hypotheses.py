@@ -49,10 +49,9 @@ def finding(
     explanation: Explanation[Matched], aspect: Aspect, before: float, after: float, unit: str = "m"
 ) -> Finding:
     """Return what is said of an explanation that leaves `after` of `before`."""
-    explained = 1.0 - (after / before) ** 2
     alike = tuple(c.statement for c in explanation.alike)
     best, values = explanation.best, dict(explanation.best.values)
-    return Finding(best.name, best.statement, aspect, before, after, explained, values, alike, unit)
+    return Finding(best.name, best.statement, aspect, before, after, values, alike, unit)
 
 
 def recognised(

@@ -1,5 +1,7 @@
 """Poses of records in memory, for a comparison without files, and positions as records of poses."""
 
+from typing import Any
+
 import numpy as np
 
 from ...base.errors import InputError
@@ -8,6 +10,7 @@ from ...geodesy.rotation import NED_ENU
 from ...records import Array, ExteriorOrientation, Trajectory
 from ...records.cameras.camera_positions import CameraPositions
 from ...records.qualities import Quality
+from .hints import turned
 from .poses import CoordinateFrame, Poses
 
 
@@ -24,57 +27,85 @@ def poses_of(record: ExteriorOrientation | Trajectory, source: str = "") -> Pose
     -------
     Its positions, attitudes and covariances; covariances that are zero are taken as not known.
     """
-    source = source or repr(record)
+    source, cov = source or repr(record), record.cov
+    position, attitude = _known(cov[:, :3, :3]), _known(cov[:, -3:, -3:])
     if isinstance(record, ExteriorOrientation):
-        return _of_orientation(record, source)
-    cov = record.cov
-    return Poses(
+        plane = TangentPlane(*record.origin)
+        frame = CoordinateFrame("tangent plane", plane, datum=record.datum, epoch=record.epoch)
+        return frame.poses(
+            source,
+            "eo_json",
+            record.position_m,
+            record.C_mc,
+            cov_position=position,
+            cov_attitude=attitude,
+            images=record.images,
+            time=record.time,
+            gps_week=record.gps_week,
+            camera_from_body=record.C_cb if record.rig is None else None,  # one for all images
+        )
+    return imu_poses(
         source,
         "trajectory",
-        "IMU",
-        record.lat,
-        record.lon,
-        record.height,
-        time=record.time,
+        record,
+        velocity_ned=record.velocity_ned,
+        cov_position=position,
+        cov_attitude=attitude,
         gps_week=record.gps_week,
-        C_Ex=NED_ENU @ record.C_nb,
-        x="body",
-        velocity=record.velocity_ned @ NED_ENU,
-        cov_position=_turned(NED_ENU, cov[:, :3, :3]),
-        cov_attitude=_turned(NED_ENU, cov[:, 6:, 6:]),
     )
 
 
-def _of_orientation(eo: ExteriorOrientation, source: str) -> Poses:
-    plane = TangentPlane(*eo.origin)
-    lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, source)
-    C_Ef = np.swapaxes(C_fE, 1, 2)
-    return Poses(
-        source,
-        "eo_json",
-        "projection centre",
-        lat,
-        lon,
-        h,
-        images=eo.images,
-        time=eo.time,
-        gps_week=eo.gps_week,
-        C_Ex=C_Ef @ eo.C_mc,
-        camera_from_body=eo.C_cb if eo.rig is None else None,  # one for all images
-        cov_position=_turned(C_Ef, eo.cov[:, :3, :3]),
-        cov_attitude=_turned(C_Ef, eo.cov[:, 3:, 3:]),
-        C_fE=C_fE,
-        local=eo.position_m,
-        plane=plane,
-        datum=eo.datum,
-        epoch=eo.epoch,
-    )
-
-
-def _turned(C: Array, P: Array) -> Array | None:
-    """C P C^T, None where the variances are zero."""
-    P = C @ P @ np.swapaxes(C, -1, -2)
+def _known(P: Array) -> Array | None:
+    """Covariances, None where the variances are zero."""
     return P if (np.diagonal(P, axis1=1, axis2=2) > 0.0).all() else None
+
+
+def imu_poses(
+    source: object,
+    form: str,
+    track: Any,
+    velocity_ned: Array | None = None,
+    cov_position: Array | None = None,
+    cov_attitude: Array | None = None,
+    **further: Any,
+) -> Poses:
+    """Return the poses of an IMU along its trajectory.
+
+    Parameters
+    ----------
+    source : path or str
+        Where they come from.
+    form : str
+        Its format.
+    track : Trajectory, or what a reader makes of a file of one
+        `time`, `lat`, `lon`, `height` and `C_nb` are taken.
+    velocity_ned : ndarray, (n, 3), optional
+        m/s.
+    cov_position, cov_attitude : ndarray, (n, 3, 3), optional
+        North, east, down.
+    **further
+        Other fields of `Poses`.
+
+    Returns
+    -------
+    Poses
+        In the axes east, north, up.
+    """
+    return Poses(
+        str(source),
+        form,
+        "IMU",
+        track.lat,
+        track.lon,
+        track.height,
+        time=track.time,
+        C_Ex=NED_ENU @ track.C_nb,
+        x="body",
+        velocity=None if velocity_ned is None else velocity_ned @ NED_ENU,
+        cov_position=turned(NED_ENU, cov_position),
+        cov_attitude=turned(NED_ENU, cov_attitude),
+        **further,
+    )
 
 
 def positions_of(poses: Poses) -> CameraPositions:

@@ -215,7 +215,7 @@ class CoordinateFrame:
         path: object,
         form: str,
         x: Array,
-        C: Array,
+        C: Array | None,
         true_north: bool = False,
         cov_position: Array | None = None,
         cov_attitude: Array | None = None,
@@ -225,7 +225,8 @@ class CoordinateFrame:
 
         Parameters
         ----------
-        C : (n, 3, 3) camera into the axes of the frame; with `true_north` into east, north, up.
+        C : (n, 3, 3) camera into the axes of the frame; with `true_north` into east, north, up;
+            None where only positions are known.
         cov_position, cov_attitude : (n, 3, 3) in the axes of the frame, and of C, or None.
         further : other fields of `Poses`.
         """
@@ -238,7 +239,7 @@ class CoordinateFrame:
             lat,
             lon,
             h,
-            C_Ex=C if true_north else C_Ef @ C,
+            C_Ex=C if true_north or C is None else C_Ef @ C,
             cov_position=turned(C_Ef, cov_position),
             cov_attitude=cov_attitude if true_north else turned(C_Ef, cov_attitude),
             C_fE=None if true_north else C_fE,

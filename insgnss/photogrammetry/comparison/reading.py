@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,6 @@ from ...geodesy.rotation import (
     NED_ENU,
     opk_jacobian,
     rotation_from_opk,
-    rotation_from_rpy,
     rpy_jacobian,
 )
 from ...io.formats.events.mrk import is_mrk
@@ -33,25 +33,16 @@ from ...io.formats.returned.reading import RETURNED, returned_form
 from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
 from ...records import ExteriorOrientation, Trajectory
+from ...records.interpolation import columns_at
 from ...records.observations import UNKNOWN_MPS
 from .hints import Hints, diagonal, globe_of, turned
-from .of_records import poses_of
+from .of_records import imu_poses, poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
 from .returned import framed_coordinates, placed_poses, read_adjusted_poses
-from .tables import read_table_poses
+from .tables import LAYOUTS, read_table_poses
 
 Array = NDArray[np.float64]
 
-TABLES = (
-    "metashape",
-    "metashape_opk",
-    "pix4d_matic",
-    "pix4d_mapper",
-    "realitycapture",
-    "micmac",
-    "inpho_ascii",
-    "tum",
-)
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
     "realitycapture": r"^#?[ \t]*name,.*,(yaw|heading),pitch,roll",
@@ -201,62 +192,34 @@ def _odm_geo(path: Path, hints: Hints) -> Poses:
     return replace(poses, C_Ex=None)
 
 
-def _table(form: str) -> Callable[[Path, Hints], Poses]:
-    """Reader of a format of `tables.LAYOUTS`."""
-
-    def read(path: Path, hints: Hints) -> Poses:
-        return read_table_poses(form, path, hints)
-
-    return read
-
-
 def _generic_ascii(path: Path, hints: Hints) -> Poses:
     from ...io.formats.orientation.generic_ascii import read_generic_ascii
 
     eo = read_generic_ascii(path)
     columns, n = eo.columns, len(eo.images)
-    if all(name in columns for name in ("lat", "lon", "h")):
-        frame, x = (
-            CoordinateFrame("geographic"),
-            np.column_stack([columns[name] for name in ("lon", "lat", "h")]),
-        )
-    elif all(name in columns for name in "xyz"):
-        frame = CoordinateFrame(
-            eo.frame_kind,
-            hints.plane or origin_in(path),
-            hints.projection or _crs_in(path, eo.frame_kind, hints),
-        )
-        x = np.column_stack([columns[name] for name in "xyz"])
-    else:
-        raise InputError.in_file(path, "has no position; the columns x y z or lat lon h are needed")
-    lat, lon, h, C_fE = frame.resolved(x, path)
-    if frame.kind != eo.frame_kind:
-        C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))
-    C_Ef, C = np.swapaxes(C_fE, 1, 2), eo.C_Ec
-    if eo.C_fc is not None:
-        C = C_Ef @ eo.C_fc
-    sigma = eo.block("s_xyz")
-    time = columns.get("tow")
+    axes = ("lon", "lat", "h")
     _, datum, epoch = globe_of(_frame_line(path))
-    return Poses(
-        str(path),
+    frame = CoordinateFrame("geographic", datum=datum, epoch=epoch)
+    if not all(name in columns for name in axes):
+        if not all(name in columns for name in "xyz"):
+            raise InputError.in_file(
+                path, "has no position; the columns x y z or lat lon h are needed"
+            )
+        axes = ("x", "y", "z")
+        plane = hints.plane or origin_in(path)
+        projection = hints.projection or _crs_in(path, eo.frame_kind, hints)
+        frame = CoordinateFrame(eo.frame_kind, plane, projection, datum, epoch)
+    poses = frame.poses(
+        path,
         "generic_ascii",
-        "projection centre",
-        lat,
-        lon,
-        h,
+        np.column_stack([columns[name] for name in axes]),
+        eo.C_fc,
+        cov_position=diagonal(path, eo.block("s_xyz")),
         images=eo.images,
-        time=time,
+        time=columns.get("tow"),
         gps_week=hints.gps_week if "week" not in columns or not n else int(columns["week"][0]),
-        C_Ex=C,
-        cov_position=turned(C_Ef, diagonal(path, sigma)),
-        C_fE=C_fE,
-        local=x if frame.kind in ("tangent plane", "projected") else None,
-        plane=frame.plane,
-        projection=frame.projection,
-        datum=datum,
-        epoch=epoch,
     )
+    return poses if eo.C_fc is not None else replace(poses, C_Ex=eo.C_Ec)
 
 
 def _frame_line(path: Path) -> str:
@@ -275,11 +238,7 @@ def _trajectory_csv(path: Path, hints: Hints) -> Poses:
     from ...io.formats.trajectory.trajectory_csv import read_trajectory_csv
 
     t = read_trajectory_csv(path)
-    return replace(
-        _of_body(path, "trajectory_csv", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, t.sigma),
-        time=t.time,
-        gps_week=t.gps_week,
-    )
+    return _of_track(path, "trajectory_csv", t, t.sigma, t.gps_week)
 
 
 def _sbet(path: Path, hints: Hints) -> Poses:
@@ -290,44 +249,26 @@ def _sbet(path: Path, hints: Hints) -> Poses:
     if (beside := smrmsg_beside(path)) is not None:
         s = read_smrmsg(beside)
         table = np.column_stack([s.sigma_position_m, s.sigma_velocity, s.sigma_rpy])
-        sigma = np.column_stack([np.interp(t.time, s.time, column) for column in table.T])
-    return replace(
-        _of_body(path, "sbet", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, sigma),
-        time=t.time,
-        gps_week=hints.gps_week,
-    )
+        sigma = columns_at(t.time, s.time, table)
+    return _of_track(path, "sbet", t, sigma, hints.gps_week)
 
 
-def _of_body(
-    path: Path,
-    form: str,
-    lat: Array,
-    lon: Array,
-    h: Array,
-    v_ned: Array,
-    rpy: Array,
-    sigma: Array | None,
+def _of_track(
+    path: Path, form: str, track: Any, sigma: Array | None, gps_week: int | None
 ) -> Poses:
     """A trajectory of the IMU; sigma (n, 9) of position, velocity, roll pitch heading."""
-    position, attitude = (
-        (None, None)
-        if sigma is None
-        else (diagonal(path, sigma[:, :3]), diagonal(path, sigma[:, 6:], rpy_jacobian(rpy)))
-    )
-    return Poses(
-        str(path),
+    return imu_poses(
+        path,
         form,
-        "IMU",
-        lat,
-        lon,
-        h,
-        C_Ex=NED_ENU @ rotation_from_rpy(rpy),
-        x="body",
-        velocity=v_ned @ NED_ENU,
-        cov_position=turned(NED_ENU, position),
-        cov_attitude=turned(NED_ENU, attitude),
+        track,
+        velocity_ned=track.velocity_ned,
+        cov_position=None if sigma is None else diagonal(path, sigma[:, :3]),
+        cov_attitude=(
+            None if sigma is None else diagonal(path, sigma[:, 6:], rpy_jacobian(track.rpy))
+        ),
+        gps_week=gps_week,
         angle_set="rpy",
-        angles=rpy,
+        angles=track.rpy,
     )
 
 
@@ -408,25 +349,13 @@ def _camera_positions(path: Path, hints: Hints) -> Poses:
 def _odyn(path: Path, hints: Hints) -> Poses:
     from ...io.formats.trajectory.odyn import read_odyn_poses
 
-    t = read_odyn_poses(path)
-    return Poses(
-        str(path),
-        "odyn",
-        "IMU",
-        t.lat,
-        t.lon,
-        t.height,
-        time=t.time,
-        gps_week=hints.gps_week,
-        C_Ex=NED_ENU @ t.C_nb,
-        x="body",
-    )
+    return imu_poses(path, "odyn", read_odyn_poses(path), gps_week=hints.gps_week)
 
 
 FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "eo_json": _eo_json,
     "eo_local_plane": _eo_local_plane,
-    **{form: _table(form) for form in TABLES},
+    **{form: partial(read_table_poses, form) for form in LAYOUTS},
     "odm": _odm_geo,
     "generic_ascii": _generic_ascii,
     "trajectory_csv": _trajectory_csv,

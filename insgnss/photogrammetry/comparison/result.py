@@ -42,7 +42,6 @@ class Finding:
     before, after : their root mean square without and with it taken off, in `unit`; of time it is
         that of the stamps of the same images, s, or of the horizontal differences less a shift and
         a lever arm, m; of position it is about their mean.
-    explained : share of the sum of squares that it takes off.
     values : what was estimated, SI, by name.
     alternatives : statements of other hypotheses that explain as much.
     """
@@ -52,10 +51,14 @@ class Finding:
     aspect: Aspect
     before: float
     after: float
-    explained: float
     values: dict[str, float] = field(default_factory=dict)
     alternatives: tuple[str, ...] = ()
     unit: str = "m"
+
+    @property
+    def explained(self) -> float:
+        """Share of the mean square that it explains."""
+        return 1.0 - (self.after / self.before) ** 2
 
     def sentence(self) -> str:
         """Statement and evidence."""

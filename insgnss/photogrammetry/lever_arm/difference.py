@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array
-from .checks import factor_limit
+from .records import factor_limit
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,8 +43,7 @@ from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
-from ...report.notebook import Shown
-from .checks import MOST_ITERATIONS, factor_limit, refuse_other_shapes
+from .records import MOST_ITERATIONS, LeverArm, factor_limit, refuse_other_shapes
 from .tripod import weighted_mean
 
 # residuals of both: other targets, not small covariances
@@ -162,16 +161,14 @@ class ReceiverTargets:
 
 
 @dataclass(frozen=True, eq=False)
-class MaterialisedLeverArm(Shown):
+class MaterialisedLeverArm(LeverArm):
     """Lever arm from the projection centre to the phase centre, in camera axes.
 
     Parameters
     ----------
-    lever_arm_m : ndarray, (3,)
-        O of (H.4).
-    cov : ndarray, (3, 3)
-        Its covariance, m^2; the share of the targets by the variance factor where residuals are
-        above chance.
+    lever_arm_m, cov, variance_factor, factor_limit
+        As `LeverArm` has them: O of (H.4); the variance factor is that of the misclosures, and
+        grows the share of the targets in the covariance.
     block_cov : ndarray, (3, 3)
         The share of the block of the mounted sensors and of the targets in it, m^2: without that of
         the phase centre and of the camera's own pose, which other blocks of the same sensors share.
@@ -181,23 +178,12 @@ class MaterialisedLeverArm(Shown):
         Metres for each unit of the block.
     residual_m : ndarray, (n, 3)
         Misclosures of camera targets (H.3), then of receiver targets (H.4), camera axes.
-    variance_factor, factor_limit : float
-        Of the misclosures, and what chance allows of it.
     """
 
-    lever_arm_m: Array
-    cov: Array
     block_cov: Array
     two_step_m: Array
     scale: float
     residual_m: Array
-    variance_factor: float
-    factor_limit: float
-
-    @property
-    def sigma_m(self) -> Array:
-        """The standard errors (3,), m."""
-        return np.sqrt(np.diag(self.cov))
 
     def summary(self) -> str:
         """Return the lever arm and how well the targets fit."""
@@ -448,7 +434,7 @@ def materialised_lever_arm(
     J = np.concatenate([-np.eye(3), skew(arm)], axis=1)
     block_cov = normals.cov[7:10, 7:10] * (factor if factor > limit else 1.0)
     arm_cov = block_cov + R2 @ receiver.antenna_cov @ R2.T + J @ camera.frame_cov @ J.T
-    return MaterialisedLeverArm(arm, arm_cov, block_cov, two_step, s, residual, factor, limit)
+    return MaterialisedLeverArm(arm, arm_cov, factor, limit, block_cov, two_step, s, residual)
 
 
 def _two_steps(

@@ -45,14 +45,18 @@ from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inver
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
-from ...report.notebook import Shown
-from .checks import MOST_ITERATIONS, factor_limit, refuse_no_rotation, refuse_other_shapes
+from .records import (
+    LONGEST_LEVER_ARM_M,
+    MOST_ITERATIONS,
+    RULER_M,
+    LeverArm,
+    PosedAntennas,
+    factor_limit,
+    refuse_other_shapes,
+)
 
 CORRELATED_WITH_SHIFT = 0.95  # with the translation: above, a component is not determined
-RULER_M = 0.05  # standard error of a lever arm measured on the aircraft by hand
 PRIOR_M = 100.0  # no lever arm is longer
-# of a lever arm on an aircraft that maps: more are other images' positions
-LONGEST_LEVER_ARM_M = 5.0
 UPWARDS = 0.5  # vertical part of the mean viewing direction: 30 deg above the horizon
 # residuals of both: other data, not too small covariances
 MISFIT_ANTENNA_M, MISFIT_SIGMA = 0.5, 10.0
@@ -60,37 +64,6 @@ CONVERGED_SIMILARITY = 1e-8  # squared step over its variance
 ONE_HEADING_LENGTH = 0.97  # length of the mean of unit vectors: spread of some 14 deg
 # columns of the ten unknowns: T, rotation, log of the scale, lever arm (E.1)
 SHIFT_AT, TURN_AT, SCALE_AT, ARM_AT = slice(0, 3), slice(3, 6), 6, slice(7, 10)
-
-
-@dataclass(frozen=True, eq=False)
-class FlightPoses:
-    """Poses of the adjustment and antenna positions at exposure, one row an image.
-
-    Parameters
-    ----------
-    position : ndarray, (n, 3)
-        Projection centres in the adjustment's frame r, in its unit.
-    C_rc : ndarray, (n, 3, 3)
-        Rotations of camera axes into r.
-    pose_cov : ndarray, (n, 6, 6)
-        Covariance of position (unit of r) and attitude error psi (rad, axes of r).
-    antenna_m : ndarray, (n, 3)
-        Antenna positions in the mapping frame, east-north-up.
-    antenna_cov : ndarray, (n, 3, 3)
-        Their covariance, m^2.
-    """
-
-    position: Array
-    C_rc: Array
-    pose_cov: Array
-    antenna_m: Array
-    antenna_cov: Array
-
-    def __post_init__(self) -> None:
-        n = len(self.position)
-        poses = {"position": (n, 3), "C_rc": (n, 3, 3), "pose_cov": (n, 6, 6)}
-        refuse_other_shapes(self, **poses, antenna_m=(n, 3), antenna_cov=(n, 3, 3))
-        refuse_no_rotation(self.C_rc, "C_rc", "image")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,16 +94,14 @@ class GroundPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class SimilarityLeverArm(Shown):
+class SimilarityLeverArm(LeverArm):
     """Lever arm from the projection centre to the antenna, with a verdict for each component.
 
     Parameters
     ----------
-    lever_arm_m : ndarray, (3,)
-        In camera axes. Use only the components that are `determined`.
-    cov : ndarray, (10, 10)
-        Covariance of T (m), turn (rad, mapping axes), log of the scale, lever arm (m); by the
-        variance factor where residuals are above chance.
+    lever_arm_m, cov, variance_factor, factor_limit
+        As `LeverArm` has them; use only the components that are `determined`. The covariance
+        (10, 10) is that of T (m), turn (rad, mapping axes), log of the scale and lever arm (m).
     frame : Similarity
         From the frame of the adjustment to the mapping frame.
     vertical_correlation : ndarray, (3,)
@@ -141,8 +112,6 @@ class SimilarityLeverArm(Shown):
         Antenna positions minus (E.1), mapping axes.
     ground_residual_m : ndarray, (k, 3)
         Surveyed ground points minus (E.2), mapping axes.
-    variance_factor, factor_limit : float
-        Of the residuals, and what chance allows of it.
     heading_length : float
         Length of the mean of the headings' unit vectors: 1 where all have one heading.
     tilt_deg : float
@@ -151,23 +120,14 @@ class SimilarityLeverArm(Shown):
         Mean of the vertical in camera axes.
     """
 
-    lever_arm_m: Array
-    cov: Array
     frame: Similarity
     vertical_correlation: Array
     translation_correlation: Array
     residual_m: Array
     ground_residual_m: Array
-    variance_factor: float
-    factor_limit: float
     heading_length: float
     tilt_deg: float
     vertical: Array
-
-    @property
-    def sigma_m(self) -> Array:
-        """The standard errors (3,) of the lever arm, m."""
-        return np.sqrt(np.diag(self.cov)[ARM_AT])
 
     @property
     def determined(self) -> NDArray[np.bool_]:
@@ -229,13 +189,13 @@ class SimilarityLeverArm(Shown):
 
 
 def similarity_lever_arm(
-    poses: FlightPoses, ground: GroundPoints | None = None
+    poses: PosedAntennas, ground: GroundPoints | None = None
 ) -> SimilarityLeverArm:
     """Adjust similarity and lever arm of a flight.
 
     Parameters
     ----------
-    poses : FlightPoses
+    poses : PosedAntennas
         Adjusted poses and antenna positions.
     ground : GroundPoints, optional
         Ground points in both frames.
@@ -274,13 +234,13 @@ def similarity_lever_arm(
     result = SimilarityLeverArm(
         system.arm,
         cov * (factor if factor > limit else 1.0),
+        factor,
+        limit,
         Similarity(system.T - system.s * R @ system.origin, R, system.s),
         cov[ARM_AT, 2] / np.sqrt(np.diag(cov)[ARM_AT] * cov[2, 2]),
         np.array([_multiple_correlation(cov, 7 + j) for j in range(3)]),
         residual[:n],
         residual[n:],
-        factor,
-        limit,
         float(np.linalg.norm((forward / np.linalg.norm(forward, axis=1)[:, None]).mean(axis=0))),
         float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean()))),
         mean,
@@ -301,7 +261,7 @@ class _System:
     errors of images (n, 3) that go with them.
     """
 
-    def __init__(self, poses: FlightPoses, ground: GroundPoints) -> None:
+    def __init__(self, poses: PosedAntennas, ground: GroundPoints) -> None:
         self.poses, self.ground = poses, ground
         self.origin = (ground.model if len(ground.model) else poses.position).mean(axis=0)
         self.source = np.concatenate([poses.position, ground.model])

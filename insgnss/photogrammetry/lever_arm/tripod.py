@@ -31,79 +31,30 @@ from ...base.errors import DataError
 from ...geodesy.least_squares import Equations, NormalEquations
 from ...geodesy.rotation import skew, vector_from_rotation
 from ...records import Array
-from ...report.notebook import Shown
-from .checks import SIGNIFICANCE, factor_limit, refuse_no_rotation, refuse_other_shapes
+from .records import SIGNIFICANCE, LeverArm, PosedAntennas, factor_limit
 
 TURNED_DEG = 20.0  # between setups: below, a common offset of the frames hides in the lever arm
 
 
 @dataclass(frozen=True, eq=False)
-class TripodSetups:
-    """Camera poses and pins, one row a setup, in one mapping frame.
-
-    Parameters
-    ----------
-    position_m : ndarray, (n, 3)
-        Projection centres.
-    C_mc : ndarray, (n, 3, 3)
-        Rotations of camera axes into the mapping frame.
-    pose_cov : ndarray, (n, 6, 6)
-        Covariance of position (m) and attitude error psi (rad, mapping axes).
-    pin_m : ndarray, (n, 3)
-        Tips of the pin.
-    pin_cov : ndarray, (n, 3, 3)
-        Their covariance, m^2.
-    """
-
-    position_m: Array
-    C_mc: Array
-    pose_cov: Array
-    pin_m: Array
-    pin_cov: Array
-
-    def __post_init__(self) -> None:
-        n = len(self.position_m)
-        poses = {"position_m": (n, 3), "C_mc": (n, 3, 3), "pose_cov": (n, 6, 6)}
-        refuse_other_shapes(self, **poses, pin_m=(n, 3), pin_cov=(n, 3, 3))
-        if not n:
-            raise DataError("no setup; the lever arm needs one, and three to check it")
-        refuse_no_rotation(self.C_mc, "C_mc", "setup")
-
-
-@dataclass(frozen=True, eq=False)
-class TripodLeverArm(Shown):
+class TripodLeverArm(LeverArm):
     """Lever arm from the camera's projection centre to the antenna, in camera axes.
 
     Parameters
     ----------
-    lever_arm_m : ndarray, (3,)
-        Weighted mean (Q.3).
-    cov : ndarray, (3, 3)
-        Its covariance, m^2; by the variance factor where the spread is above chance.
+    lever_arm_m, cov, variance_factor, factor_limit
+        As `LeverArm` has them: the weighted mean (Q.3) of the setups used.
     each_m : ndarray, (n, 3)
         Lever arm of each setup (Q.1).
     outlier : ndarray, (n,)
         Whether a setup was left out.
-    variance_factor : float
-        Of the setups used; NaN with one.
-    factor_limit : float
-        What chance allows of it.
     attitude_span_deg : float
         Greatest turn between two setups.
     """
 
-    lever_arm_m: Array
-    cov: Array
     each_m: Array
     outlier: NDArray[np.bool_]
-    variance_factor: float
-    factor_limit: float
     attitude_span_deg: float
-
-    @property
-    def sigma_m(self) -> Array:
-        """The standard errors (3,), m."""
-        return np.sqrt(np.diag(self.cov))
 
     @property
     def spread_m(self) -> Array:
@@ -154,12 +105,12 @@ def _mm(values: Array) -> str:
     return "[" + ", ".join(f"{1e3 * v:.1f}" for v in values) + "]"
 
 
-def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
+def tripod_lever_arm(setups: PosedAntennas) -> TripodLeverArm:
     """Estimate the lever arm from setups on a tripod.
 
     Parameters
     ----------
-    setups : TripodSetups
+    setups : PosedAntennas
         Poses and pins with their covariances.
 
     Returns
@@ -172,6 +123,8 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
     DataError
         Where a covariance is not positive definite.
     """
+    if not len(setups.position):
+        raise DataError("no setup; the lever arm needs one, and three to check it")
     each, cov = setup_lever_arms(setups)
     used = np.ones(len(each), dtype=np.bool_)
     for _ in range(len(each) // 3):
@@ -182,25 +135,25 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
     mean, mean_cov, factor = weighted_mean(each[used], cov[used])
     limit = factor_limit(3 * (int(used.sum()) - 1))
     grown = factor if factor > limit else 1.0
-    C = setups.C_mc[used]
+    C = setups.C_rc[used]
     turns = vector_from_rotation(np.einsum("iba,jbc->ijac", C, C))
     return TripodLeverArm(
         mean,
         mean_cov * grown,
-        each,
-        ~used,
         factor,
         limit,
+        each,
+        ~used,
         float(np.degrees(np.linalg.norm(turns, axis=-1).max())),
     )
 
 
-def setup_lever_arms(setups: TripodSetups) -> tuple[Array, Array]:
+def setup_lever_arms(setups: PosedAntennas) -> tuple[Array, Array]:
     """Return the lever arm of each setup.
 
     Parameters
     ----------
-    setups : TripodSetups
+    setups : PosedAntennas
         Poses and pins with their covariances.
 
     Returns
@@ -215,10 +168,10 @@ def setup_lever_arms(setups: TripodSetups) -> tuple[Array, Array]:
     DataError
         Where a covariance is not positive definite.
     """
-    d = setups.pin_m - setups.position_m
-    C = setups.C_mc
+    d = setups.antenna_m - setups.position
+    C = setups.C_rc
     J = np.concatenate([np.broadcast_to(-np.eye(3), C.shape), skew(d)], axis=2)
-    cov = setups.pin_cov + J @ setups.pose_cov @ J.transpose(0, 2, 1)
+    cov = setups.antenna_cov + J @ setups.pose_cov @ J.transpose(0, 2, 1)
     cov = C.transpose(0, 2, 1) @ cov @ C
     for j, one in enumerate(cov):
         if not np.linalg.eigvalsh(one)[0] > 0.0:

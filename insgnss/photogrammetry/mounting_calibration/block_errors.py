@@ -6,7 +6,7 @@
 import numpy as np
 
 from ...records.block import Array
-from .records import BlockPoses
+from .records import CameraPoses
 
 BENDS = 24  # coefficients of (L.5)
 BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
@@ -15,7 +15,7 @@ FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m an
 ALONG_VIEW = 10.0  # times as much: camera constant and height of a level block are one
 
 
-def pose_covariances(block: BlockPoses, scale: float) -> dict[str, Array]:
+def pose_covariances(block: CameraPoses, scale: float) -> dict[str, Array]:
     """Return the parts of Q in the unit of the block.
 
     What is stated is one part, with a floor, (n, 6, 6) of each image alone or (6 n, 6 n) of all; of
@@ -23,7 +23,7 @@ def pose_covariances(block: BlockPoses, scale: float) -> dict[str, Array]:
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The block.
     scale : float
         Metres for each unit of the block.
@@ -43,12 +43,12 @@ def pose_covariances(block: BlockPoses, scale: float) -> dict[str, Array]:
     return {"poses": block.cov + np.diag(np.tile(floor, n) if whole else floor)}
 
 
-def shared_covariance(block: BlockPoses, scale: float, alike: tuple[float, float]) -> Array:
+def shared_covariance(block: CameraPoses, scale: float, alike: tuple[float, float]) -> Array:
     """Return the covariance of errors that all images have alike in camera axes (L.6).
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The block.
     scale : float
         Metres for each unit of the block.

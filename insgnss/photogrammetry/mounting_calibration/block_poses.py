@@ -4,6 +4,7 @@ Poses with a place on the Earth are taken to the tangent plane of the flight, ri
 of axes of their own that lie where the flight's do. Others are tied by a similarity.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,13 @@ from ...io.formats.blocks.joined import matched
 from ...io.formats.orientation.pose_covariance import FILE, read_pose_covariance
 from ...records import ExteriorOrientation
 from ...records.block import Array
-from .poses import CameraPoses
-from .records import BlockPoses, Rows
+from .records import CameraPoses, Rows
 
 SAME_PLANE_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
 RELATIVE_EXTENTS = 0.5, 2.0  # extent over that of the flight
 
 
-def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> BlockPoses:
+def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
     """Return the poses of an adjusted block beside those of a flight.
 
     Parameters
@@ -34,7 +34,7 @@ def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> BlockPoses:
 
     Returns
     -------
-    BlockPoses
+    CameraPoses
         All images with a pose.
 
     Raises
@@ -42,35 +42,24 @@ def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> BlockPoses:
     InputError
         With file and line.
     """
-    path, notes = given.path, given.notes
+    path, notes = Path(given.source), given.notes
+    plane = TangentPlane(*(float(x) for x in eo.origin))
     if given.frame != "own":
-        given = given.in_plane(TangentPlane(*(float(x) for x in eo.origin)))
-        georeferenced = True
-    else:
-        georeferenced = _near(given.position, eo)
-        if georeferenced:
-            notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
+        given = given.in_plane(plane)
+    elif _near(given.position, eo):
+        given = replace(given, frame="plane", plane=plane)
+        notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
     if _with_aerial_control(path):
         notes += (
             f"{path.name} was adjusted with aerial control: if that of this flight, it counts"
             " twice, and standard deviations are too small; leave aerial_control.file out, or take"
             " the mounting.toml of that adjustment",
         )
-    cov = given.cov
     whole = path.parent / FILE
     if path.is_file() and whole.is_file():
-        cov = read_pose_covariance(whole, given.images, given.cov)
+        given = replace(given, cov=read_pose_covariance(whole, given.images, given.cov))
         notes += (f"covariance of all poses together from {whole.name}",)
-    return BlockPoses(
-        given.images,
-        given.position,
-        given.C,
-        cov,
-        georeferenced,
-        str(path),
-        notes,
-        given.cameras,
-    )
+    return replace(given, notes=notes)
 
 
 def _with_aerial_control(path: Path) -> bool:
@@ -96,19 +85,19 @@ def _near(X: Array, eo: ExteriorOrientation) -> bool:
     return bool(np.linalg.norm(apart) < SAME_PLANE_M and low < size / max(own, 1e-9) < high)
 
 
-def common_images(block: BlockPoses, eo: ExteriorOrientation) -> tuple[BlockPoses, Rows]:
+def common_images(block: CameraPoses, eo: ExteriorOrientation) -> tuple[CameraPoses, Rows]:
     """Return the images that both know.
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The block.
     eo : ExteriorOrientation
         The flight.
 
     Returns
     -------
-    block : BlockPoses
+    block : CameraPoses
         These images, in the order of the flight.
     rows : ndarray
         Their rows in the flight's orientation, increasing.

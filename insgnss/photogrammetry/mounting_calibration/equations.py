@@ -67,7 +67,7 @@ from .block_errors import (
     shared_covariance,
 )
 from .options import Assumptions
-from .records import BlockPoses, FlightPoses, Rows
+from .records import CameraPoses, FlightPoses, Rows
 
 TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
 BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
@@ -99,12 +99,12 @@ class Line(Equations):
     rows: Rows
 
 
-def first_frame(block: BlockPoses, flight: FlightPoses, rows: Rows, frame: str) -> Similarity:
+def first_frame(block: CameraPoses, flight: FlightPoses, rows: Rows, frame: str) -> Similarity:
     """Return a similarity to begin with.
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         Images that both know.
     flight : FlightPoses
         The flight.
@@ -133,7 +133,7 @@ class Model:
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The n images that both know.
     flight : FlightPoses
         The flight.
@@ -144,7 +144,7 @@ class Model:
     """
 
     def __init__(
-        self, block: BlockPoses, flight: FlightPoses, rows: Rows, assumptions: Assumptions
+        self, block: CameraPoses, flight: FlightPoses, rows: Rows, assumptions: Assumptions
     ) -> None:
         self.block, self.flight, self.rows = block, flight, rows
         self.whole = block.cov is not None and block.cov.ndim == 2

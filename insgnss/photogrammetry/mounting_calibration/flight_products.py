@@ -1,6 +1,5 @@
 """What `calibrate mounting` leaves: its result as that of every calibration of the mounting."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,11 @@ from ...flight.processing.checks import camera_of
 from ...geodesy.rotation import opk_from_rotation
 from ...io.formats.orientation.mounting_file import DELAY, VECTORS, MountingFile
 from ...records.block import Array
-from ...report.charts.chart import Chart
 from ...report.figures.mounting import over_motion
 from .equations import SCALE, TURN
 from .in_flight import MountingResult
 from .judgement import facts_of, linear_functions
-from .products import CalibratedMounting, Provenance, metashape_line, provenance
+from .products import CalibratedMounting, metashape_line, provenance
 
 GROUPS = {"antenna_m": "antenna_m", "imu_m": "imu_m", "boresight": "boresight", "delay": DELAY}
 
@@ -44,27 +42,21 @@ def calibrated(
         The same as of the other calibrations.
     """
     cameras = result.solved.block.cameras
-    origin = provenance(result.input_files, cameras, photo, date or result.date)
+    origin = provenance((), cameras, photo, date or result.date) | {"inputs": result.inputs}
     mounting = mounting_file(result, flight, origin)
-    details = [*result.notes]
-    if line := metashape_line(mounting):
-        details.append(line)
-
-    def charts() -> Sequence[Chart]:
-        return over_motion(*_residuals(result))
-
+    line = metashape_line(mounting)
     return CalibratedMounting(
         mounting,
         f"{flight.name}: mounting in flight",
         result.headline,
         tuple((c.name, c.word, c.text) for c in result.components),
-        tuple(details),
+        (*result.notes, *([line] if line else [])),
         document(result),
-        charts,
+        lambda: over_motion(*_residuals(result)),
     )
 
 
-def mounting_file(result: MountingResult, flight: Flight, origin: Provenance) -> MountingFile:
+def mounting_file(result: MountingResult, flight: Flight, origin: dict[str, Any]) -> MountingFile:
     """Return what goes into mounting.toml.
 
     Of a vector or bore-sight of which some components are determined the others are the flight
@@ -76,7 +68,7 @@ def mounting_file(result: MountingResult, flight: Flight, origin: Provenance) ->
         The calibration.
     flight : Flight
         The flight file, whose images name the camera where the block does not.
-    origin : Provenance
+    origin : dict
         Camera and date.
 
     Returns
@@ -109,15 +101,15 @@ def mounting_file(result: MountingResult, flight: Flight, origin: Provenance) ->
         else:
             given[key] = getattr(result.mounting, key)
             given[f"{key.removesuffix('_m')}_cov"] = 0.5 * (cov + cov.T)
-    given |= origin.given
-    if not origin.camera and (tags := camera_of(flight)) is not None:
+    given |= origin
+    if not origin["camera"] and (tags := camera_of(flight)) is not None:
         given |= {"camera": tags.model, "image_size": tags.image_size, "focal_px": tags.focal_px}
     return MountingFile(
         verb="calibrate mounting",
         verdict=tuple(c.sentence for c in result.components),
         not_determined=missing,
         remarks=tuple(remarks),
-        **(given | {"inputs": result.inputs}),
+        **given,
     )
 
 

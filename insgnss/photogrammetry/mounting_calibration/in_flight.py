@@ -43,7 +43,7 @@ from .options import Assumptions
 from .plausibility import Path as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .poses import read_camera_poses
-from .records import BlockPoses, FlightPoses, Stated
+from .records import CameraPoses, FlightPoses, Stated
 from .solution import Solved, solve
 
 MOST_RUNS = 3  # of processing the flight with the corrected mounting: the second changes little
@@ -117,7 +117,7 @@ def _listed(names: list[str]) -> str:
 
 def calibrate_mounting(
     flight: Flight,
-    poses: Path | BlockPoses,
+    poses: Path | CameraPoses,
     assumptions: Assumptions | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> MountingResult:
@@ -127,7 +127,7 @@ def calibrate_mounting(
     ----------
     flight : Flight
         The flight file.
-    poses : Path or BlockPoses
+    poses : Path or CameraPoses
         Poses of an adjusted block: a file or directory of any readable program.
     assumptions : Assumptions, optional
         What is known before; by default nothing but the frame of a georeferenced block.
@@ -153,11 +153,11 @@ def calibrate_mounting(
     assumptions = assumptions or Assumptions(frame="auto")
     # before the flight is processed, which takes minutes
     hints = Hints(crs=assumptions.crs, geoid=assumptions.geoid, shift=assumptions.shift)
-    read = None if isinstance(poses, BlockPoses) else read_camera_poses(poses, hints)
+    read = None if isinstance(poses, CameraPoses) else read_camera_poses(poses, hints)
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
-    given: BlockPoses | None = poses if isinstance(poses, BlockPoses) else None
+    given: CameraPoses | None = poses if isinstance(poses, CameraPoses) else None
     for number in range(MOST_RUNS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:
@@ -217,7 +217,7 @@ def calibrate_mounting(
         .isoformat(),
         _inputs(flight, result, poses),
         tuple(notes),
-        (*input_files(flight), *(() if isinstance(poses, BlockPoses) else (poses,))),
+        (*input_files(flight), *(() if isinstance(poses, CameraPoses) else (poses,))),
     )
 
 
@@ -369,10 +369,10 @@ def _statistics(solved: Solved) -> list[str]:
 
 
 def _inputs(
-    flight: Flight, result: ProcessResult, poses: Path | BlockPoses
+    flight: Flight, result: ProcessResult, poses: Path | CameraPoses
 ) -> tuple[tuple[str, str], ...]:
     own = [(str(name), str(digest)) for name, digest in result.report["inputs_sha256"].items()]
-    if isinstance(poses, BlockPoses):
+    if isinstance(poses, CameraPoses):
         return tuple(own)
     files = sorted(p for p in poses.rglob("*") if p.is_file()) if poses.is_dir() else [poses]
     return (*own, *((relative(p, flight.path.parent), sha256(p)) for p in files[:50]))

@@ -15,7 +15,9 @@ from ...records import Array
 from ...records.block import BrownCamera
 from ...records.cameras.camera import rays_of
 from ..lever_arm.materialisation import intersected_target
-from .poses import CameraPoses, PlaceOptions, Positions, positions_of
+from .options import PlaceOptions
+from .poses import Positions, positions_of
+from .records import CameraPoses
 
 
 @dataclass(frozen=True)
@@ -82,12 +84,12 @@ def intersected(
     try:
         P, cov, factor = intersected_target(
             poses.position[k],
-            poses.C[k],
+            poses.C_rc[k],
             rays_of(camera, seen.uv[use]),
             sigma_px / camera.of("f"),
         )
     except DataError as refusal:
-        raise InputError(f"{poses.path}: {kind} {name}: {refusal}") from None
+        raise InputError(f"{poses.source}: {kind} {name}: {refusal}") from None
     miss_px = float(np.sqrt(factor)) * sigma_px
     return Intersection(P, cov * max(factor, 1.0), factor, miss_px, k.size)
 

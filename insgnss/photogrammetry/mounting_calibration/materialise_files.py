@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +28,15 @@ from ..lever_arm.materialisation import (
     materialised_lever_arm,
     receiver_targets,
 )
+from ..lever_arm.records import RULER_M
 from .intersections import intersected
 from .options import MaterialiseOptions
-from .poses import CameraPoses, is_block, read_camera_poses
-from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
+from .poses import is_block, read_camera_poses
+from .products import CalibratedMounting, of_lever_arm, provenance
+from .records import CameraPoses
 
 ANTENNA = "antenna"
 PHASE_CENTRE_SIGMA_M = 5e-3  # where a table has no standard deviation of the phase centre
-RULER_M = 0.05  # standard error of the lever arm: beyond, a ruler measures it better
 LARGEST_SENSOR_M = 3.0  # of targets on a sensor from each other: others are in another unit
 CLOSE_M = 0.005  # targets that fit in another reading
 TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one
@@ -85,6 +87,9 @@ def calibrate_materialise(
     InputError
         A file is wrong, or they do not belong together.
     """
+    _refuse_twice(
+        [path for path in (mounted, *options.receiver, options.after) if path is not None]
+    )
     own, sessions = _points(camera), [_session(path, options) for path in options.receiver]
     if not sessions:
         raise UsageError("calibrate materialise: --receiver needs a file a session")
@@ -118,6 +123,17 @@ def calibrate_materialise(
     difference, moved = _between(results)
     notes = (receiver.summary(), *difference)
     return _calibrated(results, receiver, moved, notes, origin, inputs)
+
+
+def _refuse_twice(files: Sequence[Path]) -> None:
+    """Refuse one measurement in the place of two."""
+    resolved = [path.resolve() for path in files]
+    twice = next((p for k, p in enumerate(files) if resolved[k] in resolved[:k]), None)
+    if twice is not None:
+        raise UsageError(
+            f"calibrate materialise: {twice} is given twice; sessions are independent"
+            " measurements, one file each"
+        )
 
 
 def _points(path: Path) -> _Points:
@@ -230,9 +246,9 @@ def _own_pose(
         shown = "none is named by --image"
         if name:
             shown = f"{name!r}; {near(name, poses.images[:200])}"
-        raise UsageError(f"{poses.path}: no pose of the camera's own image: {shown}")
+        raise UsageError(f"{poses.source}: no pose of the camera's own image: {shown}")
     one = poses.taken(np.array([poses.images.index(name)]))
-    return (one.position[0], one.C[0]), one.with_sigma(options.sigma_of_poses)[0]
+    return (one.position[0], one.C_rc[0]), one.with_sigma(options.sigma_of_poses)[0]
 
 
 def _estimated(
@@ -304,7 +320,7 @@ def _calibrated(
     receiver: ReceiverTargets,
     moved: bool,
     notes: Sequence[str],
-    origin: Provenance,
+    origin: dict[str, Any],
     inputs: list[Path],
 ) -> CalibratedMounting:
     result = results[0]

@@ -25,7 +25,7 @@ from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
 from .equations import SCALE
-from .records import BlockPoses, FlightPoses, Rows
+from .records import CameraPoses, FlightPoses, Rows
 from .solution import Solved
 
 # units in which misfits of position and attitude are one figure (chosen)
@@ -124,13 +124,13 @@ def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> Misfit:
 
 
 def refuse_implausible(
-    block: BlockPoses, flight: FlightPoses, rows: Rows, path: Path | None
+    block: CameraPoses, flight: FlightPoses, rows: Rows, path: Path | None
 ) -> None:
     """Refuse poses that another reading explains, or that no mounting does.
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The n images that both know, in the order of `rows`.
     flight : FlightPoses
         The flight.

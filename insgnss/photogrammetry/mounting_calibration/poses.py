@@ -1,18 +1,17 @@
 """Camera poses of any format, and positions that belong to them, in one Cartesian frame."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError, UsageError
+from ...base.errors import InputError
 from ...base.inputs import is_file
 from ...base.wording import some
-from ...geodesy.frames import TangentPlane, ecef_to_geodetic
+from ...geodesy.frames import TangentPlane
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
@@ -30,139 +29,16 @@ from ...io.formats.detect import head_of
 from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array
-from ...records.block import BrownCamera
 from ...records.framed import GEOCENTRIC
-from ...records.rows import rows_of
 from ..comparison.hints import Hints, turned
 from ..comparison.poses import FarError, Poses
 from ..comparison.reading import read_poses, sniff_poses
 from ..comparison.returned import framed_coordinates, placed_poses
-from .options import PlaceOptions, PoseSigma
+from .options import PlaceOptions
+from .records import CameraPoses
 
 
-@dataclass(frozen=True, eq=False)
-class CameraPoses:
-    """Poses of the images of one file, in its own Cartesian frame.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    images : tuple of str
-        (n,) names.
-    position : ndarray, (n, 3)
-        Projection centres.
-    C : ndarray, (n, 3, 3)
-        Camera (x right, y down, z viewing direction) to the frame.
-    cov : ndarray, (n, 6, 6), or None
-        Of position and attitude error psi; None where the file has none.
-    frame : str
-        "own" axes, "geocentric", or a "plane".
-    plane : TangentPlane or None
-        That plane.
-    load : callable, or None
-        Reads what else the program of the file knows, which poses do not need.
-    date : str
-        Of the exposures, ISO; empty where the file has no week.
-    notes : tuple of str
-        What was left out.
-    opk : ndarray, (n, 3), or None
-        Angles of a table as they stand there, rad.
-    """
-
-    path: Path
-    images: tuple[str, ...]
-    position: Array
-    C: Array
-    cov: Array | None = None
-    frame: str = "own"
-    plane: TangentPlane | None = None
-    load: Callable[[], MeasuredBlock] | None = None
-    date: str = ""
-    notes: tuple[str, ...] = ()
-    opk: Array | None = None
-
-    @cached_property
-    def block(self) -> MeasuredBlock | None:
-        """What else the program of the file knows; refused as the reader of blocks does."""
-        return None if self.load is None else self.load()
-
-    @property
-    def cameras(self) -> tuple[BrownCamera, ...]:
-        """Cameras that the program of the file knows; none where it has poses alone."""
-        try:
-            return () if self.block is None else tuple(self.block.cameras)
-        except (InputError, UsageError):
-            return ()
-
-    def taken(self, rows: NDArray[np.int64]) -> "CameraPoses":
-        """Return only these rows."""
-        return replace(self, **rows_of(self, rows, ("images", "position", "C", "cov", "opk")))
-
-    def with_sigma(self, sigma: PoseSigma, scale: float = 1.0) -> Array:
-        """Return the covariances of the file, those of `sigma` where it has none.
-
-        Parameters
-        ----------
-        sigma : PoseSigma
-            Standard deviations.
-        scale : float
-            Metres for each unit of the frame.
-
-        Returns
-        -------
-        ndarray, (n, 6, 6)
-            In the unit of the frame.
-        """
-        if self.cov is not None:
-            return self.cov
-        each = np.repeat([sigma.position_m / scale, np.radians(sigma.angle_deg)], 3)
-        return np.broadcast_to(np.diag(np.square(each)), (len(self.images), 6, 6)).copy()
-
-    def in_plane(self, plane: TangentPlane) -> "CameraPoses":
-        """Return poses on the Earth in another tangent plane.
-
-        Parameters
-        ----------
-        plane : TangentPlane
-            Its axes.
-
-        Returns
-        -------
-        CameraPoses
-            The same otherwise.
-
-        Raises
-        ------
-        InputError
-            The poses stand in axes of their own.
-        """
-        if self.frame == "own":
-            raise InputError.in_file(
-                self.path, "poses stand in axes of their own, with no place on the Earth"
-            )
-        x, R = self.position, np.eye(3)
-        if self.plane is not None:
-            lat, lon, h = self.plane.geodetic_from_position(x)
-            R = plane.C_em.T @ self.plane.C_em
-        else:
-            lat, lon, h = ecef_to_geodetic(x)
-            R = plane.C_em.T
-        turn = np.kron(np.eye(2), R)
-        cov = None if self.cov is None else turn @ self.cov @ turn.T
-        return replace(
-            self,
-            position=plane.position_from_geodetic(lat, lon, h),
-            C=R @ self.C,
-            cov=cov,
-            frame="plane",
-            plane=plane,
-        )
-
-
-def read_camera_poses(
-    path: Path, hints: Hints | None = None, chunk: str | None = None, only: bool = True
-) -> CameraPoses:
+def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True) -> CameraPoses:
     """Read camera poses of any format.
 
     Parameters
@@ -172,8 +48,6 @@ def read_camera_poses(
         OpenSfM, BINGO or DBAT, MicMac's Ori- directory, or a file that `insgnss compare` reads.
     hints : Hints, optional
         CRS and shift of coordinates whose file does not name them.
-    chunk : str, optional
-        Of Metashape.
     only : bool
         Whether the CRS is of nothing but these poses. Else poses that lie far from its area stand
         in axes of their own, and the CRS is that of a table beside them.
@@ -193,7 +67,7 @@ def read_camera_poses(
     hints = hints or Hints()
     head = "" if path.is_dir() else decode(head_of(path))
     if form := returned_form(path, head):
-        return _returned(path, form, hints, chunk, only)
+        return _returned(path, form, hints, only)
     if is_block(path):
         return _of_block(path)
     if head.lstrip().startswith("{") and "exterior orientation" in head.lower():
@@ -202,15 +76,14 @@ def read_camera_poses(
         eo = read_one_camera(path, "a calibration")
         lat, lon, h = (float(v) for v in eo.origin)
         date = calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
-        plane = TangentPlane(lat, lon, h)
-        return CameraPoses(
-            path, eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", plane, date=date
-        )
+        on_earth = eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", str(path), ()
+        return CameraPoses(*on_earth, TangentPlane(lat, lon, h), date=date)
     form = sniff_poses(path)
     # a comment of poses.csv speaks of its angles as EO_local-plane.txt does
     if form in ("gnss", "eo_local_plane") and is_pose_table(path):
         table = read_pose_table(path)
-        return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
+        poses = table.names, table.position, table.C_mc, table.cov
+        return CameraPoses(*poses, source=str(path), opk=table.opk)
     if form == "gnss":
         raise InputError.in_file(
             path,
@@ -220,13 +93,13 @@ def read_camera_poses(
     return _on_the_earth(path, read_poses(path, hints=hints))
 
 
-def _returned(path: Path, form: str, hints: Hints, chunk: str | None, only: bool) -> CameraPoses:
+def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
     """Return the poses of a file of another program; in their own axes without a frame."""
-    given = read_returned_poses(path, form, chunk)
+    given = read_returned_poses(path, form)
     framed = framed_coordinates(given, hints, path)
 
     def block() -> MeasuredBlock:
-        return read_measured_block(path, chunk=chunk)
+        return read_measured_block(path)
 
     if framed.frame is not None and framed.frame.kind != GEOCENTRIC:
         try:
@@ -234,12 +107,12 @@ def _returned(path: Path, form: str, hints: Hints, chunk: str | None, only: bool
         except FarError:
             if only or given.kind or hints.shift is not None:
                 raise
-            return _returned(path, form, replace(hints, crs=None), chunk, only)
+            return _returned(path, form, replace(hints, crs=None), only)
         return replace(_on_the_earth(path, poses), load=block)
     cov = _joint_cov(given.cov_position, given.cov_attitude)
     frame = "own" if framed.frame is None else "geocentric"
     notes = (*given.notes, framed.note) if framed.note else given.notes
-    return CameraPoses(path, given.images, framed.x, given.C, cov, frame, notes=notes, load=block)
+    return CameraPoses(given.images, framed.x, given.C, cov, frame, str(path), notes, load=block)
 
 
 def _joint_cov(position: Array | None, attitude: Array | None) -> Array | None:
@@ -262,14 +135,14 @@ def _on_the_earth(path: Path, poses: Poses) -> CameraPoses:
     )
     R = plane.C_em.T @ poses.C_eE
     return CameraPoses(
-        path,
         poses.images,
         plane.position_from_geodetic(poses.lat, poses.lon, poses.height),
         R @ poses.C_Ex,
         _joint_cov(turned(R, poses.cov_position), turned(R, poses.cov_attitude)),
         "plane",
+        str(path),
+        poses.notes,
         plane,
-        notes=poses.notes,
     )
 
 
@@ -310,11 +183,11 @@ def _of_block(path: Path) -> CameraPoses:
     if not rows.size:
         raise InputError.in_file(path, "no image has a pose; align the images and export")
     return CameraPoses(
-        path,
         tuple(block.measured.images[k] for k in rows),
         block.position_m[rows],
         block.C_mc[rows],
         frame="geocentric" if block.geocentric else "own",
+        source=str(path),
         notes=block.notes,
         load=lambda: block,
     )

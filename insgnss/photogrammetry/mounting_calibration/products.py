@@ -34,48 +34,12 @@ HASH = re.compile(r'^sha256 = "([0-9a-f]{64})"', re.MULTILINE)
 """Of an input, as `io.formats.orientation.mounting_file` writes it."""
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """Where a calibration comes from, as far as it is known.
-
-    Parameters
-    ----------
-    inputs : tuple of Path
-        The files.
-    camera : str
-        Name of the camera.
-    image_size : tuple of int or None
-        Columns and rows of its images.
-    focal_px : float or None
-        Focal length, pixels.
-    date : str
-        Of the data, ISO.
-    """
-
-    inputs: tuple[Path, ...]
-    camera: str = ""
-    image_size: tuple[int, int] | None = None
-    focal_px: float | None = None
-    date: str = ""
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """Fields of a `MountingFile`."""
-        return {
-            "camera": self.camera,
-            "image_size": self.image_size,
-            "focal_px": self.focal_px,
-            "date": self.date,
-            "inputs": tuple((p.name, sha256(p)) for p in self.inputs if p.is_file()),
-        }
-
-
 def provenance(
     inputs: Sequence[Path],
     cameras: Sequence[BrownCamera] = (),
     photo: Path | None = None,
     date: str = "",
-) -> Provenance:
+) -> dict[str, Any]:
     """Gather where a calibration comes from.
 
     Parameters
@@ -92,21 +56,28 @@ def provenance(
 
     Returns
     -------
-    Provenance
-        What is known.
+    dict
+        Fields of a `MountingFile`: camera, image_size, focal_px, date and inputs.
 
     Raises
     ------
     InputError
         The image is not there or is damaged.
     """
-    own = Provenance(tuple(dict.fromkeys(inputs)), date=date)
+    files = [path for path in dict.fromkeys(inputs) if path.is_file()]
+    given: dict[str, Any] = {
+        "camera": "",
+        "image_size": None,
+        "focal_px": None,
+        "date": date,
+        "inputs": tuple((path.name, sha256(path)) for path in files),
+    }
     if len(cameras) == 1:
         (camera,) = cameras
         size = (camera.width, camera.height)
-        own = replace(own, camera=camera.name, image_size=size, focal_px=camera.of("f"))
+        given |= {"camera": camera.name, "image_size": size, "focal_px": camera.of("f")}
     if photo is None:
-        return own
+        return given
     if not is_file(photo):
         raise InputError.in_file(photo, "does not exist; give an image of the camera")
     with opened(photo) as stream:
@@ -115,13 +86,12 @@ def provenance(
             day = time_taken(stream, photo.name).date().isoformat()
         except ValueError:
             day = ""
-    return replace(
-        own,
-        camera=tags.model or own.camera,
-        image_size=own.image_size or tags.image_size,
-        focal_px=own.focal_px or tags.focal_px,
-        date=date or day,
-    )
+    return given | {
+        "camera": tags.model or given["camera"],
+        "image_size": given["image_size"] or tags.image_size,
+        "focal_px": given["focal_px"] or tags.focal_px,
+        "date": date or day,
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +164,7 @@ def of_lever_arm(
     details: Sequence[str],
     document: dict[str, Any],
     charts: Callable[[], Sequence[Chart]],
-    origin: Provenance,
+    origin: dict[str, Any],
 ) -> CalibratedMounting:
     """Return the result of a calibration that sees the antenna, and nothing of the IMU.
 
@@ -218,7 +188,7 @@ def of_lever_arm(
         Figures for machines.
     charts : callable
         Makes the charts of the page.
-    origin : Provenance
+    origin : dict
         Where it comes from.
 
     Returns
@@ -235,7 +205,7 @@ def of_lever_arm(
         antenna_cov=None if why_not else cov,
         verdict=tuple(verdict),
         not_determined={"imu_m": NO_IMU} | ({"antenna_m": why_not} if why_not else {}),
-        **origin.given,
+        **origin,
     )
     line = metashape_line(mounting)
     return CalibratedMounting(

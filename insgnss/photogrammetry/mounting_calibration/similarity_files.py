@@ -6,7 +6,7 @@ that exposures have the stamps of the antenna positions.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +29,9 @@ from ..lever_arm.flight_direction import (
     flight_direction,
     neighbour_correlation,
 )
+from ..lever_arm.records import LONGEST_LEVER_ARM_M, RULER_M, PosedAntennas
 from ..lever_arm.similarity import (
     ARM_AT,
-    LONGEST_LEVER_ARM_M,
-    RULER_M,
-    FlightPoses,
     GroundPoints,
     SimilarityLeverArm,
     similarity_lever_arm,
@@ -41,7 +39,6 @@ from ..lever_arm.similarity import (
 from .intersections import intersected, surveyed_points
 from .options import SimilarityOptions
 from .poses import (
-    CameraPoses,
     Positions,
     joined,
     read_camera_poses,
@@ -51,10 +48,10 @@ from .products import (
     DETERMINED,
     NOT_DETERMINED,
     CalibratedMounting,
-    Provenance,
     of_lever_arm,
     provenance,
 )
+from .records import CameraPoses
 
 ANTENNA_SIGMAS_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
 SAME_AXIS = 0.5  # cosine of a camera axis and the flight direction that share their fate
@@ -111,7 +108,7 @@ def calibrate_similarity(
     if camera.cov is None:
         notes += (f"{cameras.name} has no standard deviations: {options.sigma_of_poses}",)
     pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
-    poses = FlightPoses(camera.position, camera.C, pose_cov, position, antenna_cov)
+    poses = PosedAntennas(camera.position, camera.C_rc, pose_cov, position, antenna_cov)
     ground = GroundPoints()
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
@@ -120,13 +117,14 @@ def calibrate_similarity(
     _refuse_attitudes(result, poses, camera, cameras)
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
-    direction = flight_direction(position, result.frame.rotation @ camera.C, time)
-    if direction is not None:
-        notes += (_of_direction(result, direction),)
+    direction = flight_direction(position, result.frame.rotation @ camera.C_rc, time)
+    flown = None if direction is None else _AlongFlight.of(result, direction)
+    if flown is not None:
+        notes += (flown.note,)
     notes += (*_as_they_stand(camera, position, fixes.plane), ALIKE)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
-    return _calibrated(result, direction, poses, notes, origin, camera.images, inputs)
+    return _calibrated(result, flown, poses, notes, origin, inputs)
 
 
 def _antenna_cov(
@@ -199,7 +197,7 @@ def _ground(
 
 
 def _estimated(
-    poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
+    poses: PosedAntennas, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
 ) -> SimilarityLeverArm:
     """Estimate the lever arm; say of what does not fit in which other way it would."""
     try:
@@ -211,25 +209,25 @@ def _estimated(
 
 
 def _other_readings(
-    poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: str, antenna: str
+    poses: PosedAntennas, ground: GroundPoints, camera: CameraPoses, cameras: str, antenna: str
 ) -> str:
     """Return the ways in which antenna positions, ground points or attitudes would fit."""
 
-    def misfit(data: tuple[FlightPoses, GroundPoints]) -> float:
+    def misfit(data: tuple[PosedAntennas, GroundPoints]) -> float:
         result = similarity_lever_arm(*data)
         viewing = (result.frame.rotation @ data[0].C_rc)[:, 2, 2].mean()
         return float(np.sqrt((result.residual_m**2).mean())) if viewing < DOWNWARDS else np.inf
 
-    Both = tuple[FlightPoses, GroundPoints]
+    Both = tuple[PosedAntennas, GroundPoints]
 
     def of_antenna(data: Both, change: Change) -> Both:
-        return replace(data[0], antenna_m=change(data[0].antenna_m)), data[1]
+        return data[0].changed(change, "antenna_m"), data[1]
 
     def of_survey(data: Both, change: Change) -> Both:
         return of_antenna(data, change)[0], replace(data[1], surveyed_m=change(data[1].surveyed_m))
 
     def of_cameras(data: Both, change: Change) -> Both:
-        return replace(data[0], C_rc=change(data[0].C_rc)), data[1]
+        return data[0].changed(change, "C_rc"), data[1]
 
     candidates = [  # without units: the scale is estimated
         *suspected(antenna, of_positions(units=False), of_antenna),
@@ -242,7 +240,7 @@ def _other_readings(
 
 
 def _refuse_attitudes(
-    result: SimilarityLeverArm, poses: FlightPoses, camera: CameraPoses, cameras: Path
+    result: SimilarityLeverArm, poses: PosedAntennas, camera: CameraPoses, cameras: Path
 ) -> None:
     """Refuse attitudes of which another reading leaves the cameras level.
 
@@ -267,7 +265,7 @@ def _refuse_attitudes(
 
 
 def _with_correlation(
-    result: SimilarityLeverArm, poses: FlightPoses, notes: tuple[str, ...]
+    result: SimilarityLeverArm, poses: PosedAntennas, notes: tuple[str, ...]
 ) -> tuple[SimilarityLeverArm, tuple[str, ...]]:
     """Grow the standard errors where residuals of neighbouring images are alike.
 
@@ -300,25 +298,68 @@ def _with_correlation(
     return replace(result, cov=result.cov * np.outer(root, root)), notes
 
 
-def _of_direction(result: SimilarityLeverArm, direction: FlightDirection) -> str:
-    """Say what a lever arm along the flight direction may be besides."""
-    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
-    along, across = direction.split_rms(result.residual_m)
-    text = (
-        f"along the flight direction (camera {direction.words}) the lever arm is {value:+.3f} +-"
-        f" {sigma:.3f} m; a delay of the exposures is in it, which this calibration takes as zero"
-    )
-    if direction.speed_mps is not None:
-        text += (
-            f": 1 ms is {direction.speed_mps:.1f} mm at {direction.speed_mps:.1f} m/s, all of it"
-            f" {1e3 * abs(value) / direction.speed_mps:.0f} ms"
+@dataclass(frozen=True, eq=False)
+class _AlongFlight:
+    """The lever arm along the flight direction, where a delay of the exposures looks as it does.
+
+    Parameters
+    ----------
+    direction : FlightDirection
+        The direction.
+    value, sigma : float
+        Of the lever arm along it, m.
+    along, across : float
+        Rms residuals along and across it, m.
+    """
+
+    direction: FlightDirection
+    value: float
+    sigma: float
+    along: float
+    across: float
+
+    @classmethod
+    def of(cls, result: SimilarityLeverArm, direction: FlightDirection) -> "_AlongFlight":
+        """Return that of an adjustment."""
+        value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
+        return cls(direction, value, sigma, *direction.split_rms(result.residual_m))
+
+    @property
+    def note(self) -> str:
+        """What the lever arm may be besides."""
+        speed = self.direction.speed_mps
+        text = (
+            f"along the flight direction (camera {self.direction.words}) the lever arm is"
+            f" {self.value:+.3f} +- {self.sigma:.3f} m; a delay of the exposures is in it, which"
+            " this calibration takes as zero"
         )
-    if along > STAMPS * across:
-        text += (
-            f"; residuals along it are {along / across:.1f} times those across ({along:.2f} and"
-            f" {across:.2f} m rms): stamps of the exposures scatter"
+        if speed is not None:
+            text += (
+                f": 1 ms is {speed:.1f} mm at {speed:.1f} m/s, all of it"
+                f" {1e3 * abs(self.value) / speed:.0f} ms"
+            )
+        if self.along > STAMPS * self.across:
+            text += (
+                f"; residuals along it are {self.along / self.across:.1f} times those across"
+                f" ({self.along:.2f} and {self.across:.2f} m rms): stamps of the exposures scatter"
+            )
+        return text
+
+    @property
+    def doubt(self) -> str:
+        """Why the components along it are not determined; empty where they may be."""
+        along, across = self.along, self.across
+        stamps = along > STAMPS * across and along**2 - across**2 > RULER_M**2
+        long = abs(self.value) - 3.0 * self.sigma > LONG_M
+        if not (stamps or long):
+            return ""
+        text = (
+            f"it lies along the flight direction, where residuals are {along / across:.1f} times"
+            " those across"
+            if stamps
+            else f"{self.value:+.2f} m along the flight direction (limit {LONG_M:g} m)"
         )
-    return text
+        return f"{text}: a delay of the exposures; calibrate mounting with the flight tells"
 
 
 def _as_they_stand(
@@ -337,104 +378,81 @@ def _as_they_stand(
     return (f"adjusted centres minus antenna positions, as they stand: {words} m",)
 
 
-def _reasons(result: SimilarityLeverArm, direction: FlightDirection | None) -> dict[int, str]:
-    """Return why components are not determined, by axis."""
-    reasons = {
-        axis: result.verdict(axis).partition(" not determined ")[2]
-        for axis in np.flatnonzero(~result.determined).tolist()
-    }
-    if direction is None:
-        return reasons
-    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
-    along, across = direction.split_rms(result.residual_m)
-    stamps = along > STAMPS * across and along**2 - across**2 > RULER_M**2
-    long = abs(value) - 3.0 * sigma > LONG_M
-    for axis in np.flatnonzero(np.abs(direction.in_camera) > SAME_AXIS).tolist():
-        if stamps or long:
-            text = (
-                f"it lies along the flight direction, where residuals are {along / across:.1f}"
-                " times those across"
-                if stamps
-                else f"{value:+.2f} m along the flight direction (limit {LONG_M:g} m)"
-            )
-            why = f"{text}: a delay of the exposures; calibrate mounting with the flight tells"
-            reasons[axis] = f"{reasons[axis]}; {why}" if axis in reasons else f"({why})"
-    return reasons
+def _components(
+    result: SimilarityLeverArm, flown: _AlongFlight | None
+) -> list[tuple[str, str, str]]:
+    """Return name, verdict and value, or why there is none, of each axis."""
+    components = []
+    for axis, name in enumerate("xyz"):
+        why = result.verdict(axis).partition(" not determined ")[2]
+        value = f"{result.lever_arm_m[axis]:+.4f} +- {result.sigma_m[axis]:.4f} m"
+        if flown is not None and abs(flown.direction.in_camera[axis]) > SAME_AXIS:
+            value += ", lever arm and delay of the exposures times speed as one"
+            if doubt := flown.doubt:
+                why = f"{why}; {doubt}" if why else f"({doubt})"
+        word = NOT_DETERMINED if why else DETERMINED
+        components.append((f"antenna_m {name}", word, why.strip() or value))
+    return components
 
 
 def _calibrated(
     result: SimilarityLeverArm,
-    direction: FlightDirection | None,
-    poses: FlightPoses,
+    flown: _AlongFlight | None,
+    poses: PosedAntennas,
     notes: tuple[str, ...],
-    origin: Provenance,
-    images: Sequence[str],
+    origin: dict[str, Any],
     inputs: list[Path],
 ) -> CalibratedMounting:
-    reasons = _reasons(result, direction)
-    components = []
-    for axis in range(3):
-        value = f"{result.lever_arm_m[axis]:+.4f} +- {result.sigma_m[axis]:.4f} m"
-        if direction is not None and abs(direction.in_camera[axis]) > SAME_AXIS:
-            value += ", lever arm and delay of the exposures times speed as one"
-        components.append(
-            (f"antenna_m {'xyz'[axis]}", NOT_DETERMINED, reasons[axis].strip())
-            if axis in reasons
-            else (f"antenna_m {'xyz'[axis]}", DETERMINED, value)
-        )
+    components = _components(result, flown)
     parts = result.summary().split("; ")
     headline = f"{parts[0]}; {parts[-1] if parts[-1].startswith('res') else '; '.join(parts[-2:])}"
     each = (
-        f"{'xyz'[axis]} {text}" if word == DETERMINED else f"{'xyz'[axis]} {word} {text}"
-        for axis, (_, word, text) in enumerate(components)
+        f"{name[-1]} {text}" if word == DETERMINED else f"{name[-1]} {word} {text}"
+        for name, word, text in components
     )
+    whole = all(word == DETERMINED for _, word, _ in components)
     return of_lever_arm(
         "similarity",
         "Lever arm in flight",
         (result.lever_arm_m, result.cov[ARM_AT, ARM_AT]),
-        ", ".join(each) if reasons else "",
+        "" if whole else ", ".join(each),
         components,
         (headline, *(f"{name} {word}: {text}" for name, word, text in components)),
         notes,
-        _document(result, direction, images, inputs),
-        lambda: _charts(result, direction, poses),
+        _document(result, flown, inputs),
+        lambda: _charts(result, flown, poses),
         origin,
     )
 
 
 def _document(
-    result: SimilarityLeverArm,
-    direction: FlightDirection | None,
-    images: Sequence[str],
-    inputs: Sequence[Path],
+    result: SimilarityLeverArm, flown: _AlongFlight | None, inputs: Sequence[Path]
 ) -> dict[str, Any]:
     document: dict[str, Any] = {
         **picked(result, "lever_arm_m", "sigma_m", "determined", "vertical_correlation"),
         **picked(result, "translation_correlation", "variance_factor", "factor_limit"),
         "scale": result.frame.scale,
-        "images": len(images),
+        "images": len(result.residual_m),
         "ground_points": len(result.ground_residual_m),
         "residual_rms_m": np.sqrt((result.residual_m**2).mean(axis=0)),
         "inputs": inputs,
     }
-    if direction is not None:
-        value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM_AT, ARM_AT])
-        along, across = direction.split_rms(result.residual_m)
+    if flown is not None:
         document["along_flight_direction"] = {
-            "lever_arm_m": value,
-            "sigma_m": sigma,
-            "speed_mps": direction.speed_mps,
-            "residual_rms_m": along,
-            "residual_across_rms_m": across,
+            "lever_arm_m": flown.value,
+            "sigma_m": flown.sigma,
+            "speed_mps": flown.direction.speed_mps,
+            "residual_rms_m": flown.along,
+            "residual_across_rms_m": flown.across,
         }
     return document
 
 
 def _charts(
-    result: SimilarityLeverArm, direction: FlightDirection | None, poses: FlightPoses
+    result: SimilarityLeverArm, flown: _AlongFlight | None, poses: PosedAntennas
 ) -> tuple[Chart, ...]:
     from ...report.figures.mounting import Residuals, residuals
 
     n = len(result.residual_m)
-    course = np.full(n, np.nan) if direction is None else direction.course_deg
+    course = np.full(n, np.nan) if flown is None else flown.direction.course_deg
     return residuals(Residuals(result.residual_m, course, poses.antenna_m))

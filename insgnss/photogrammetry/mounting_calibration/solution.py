@@ -37,7 +37,7 @@ from .equations import (
     Model,
 )
 from .options import Assumptions
-from .records import BlockPoses, FlightPoses, Rows
+from .records import CameraPoses, FlightPoses, Rows
 
 MOST_SOLVER_STEPS, CONVERGED = 30, 1e-3  # steps, and the last one over its sigmas
 VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01  # of variance factors, and their last change
@@ -72,7 +72,7 @@ class Solved:
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The block, as far as both know its images.
     flight : FlightPoses
         The flight.
@@ -97,7 +97,7 @@ class Solved:
         What was taken as known.
     """
 
-    block: BlockPoses
+    block: CameraPoses
     flight: FlightPoses
     rows: Rows
     values: Mapping[str, Array]
@@ -267,7 +267,7 @@ class Solved:
 
 
 def solve(
-    block: BlockPoses,
+    block: CameraPoses,
     flight: FlightPoses,
     rows: Rows,
     assumptions: Assumptions,
@@ -277,7 +277,7 @@ def solve(
 
     Parameters
     ----------
-    block : BlockPoses
+    block : CameraPoses
         The n images that both know.
     flight : FlightPoses
         The flight.

@@ -1,7 +1,6 @@
 """`insgnss calibrate tripod`: poses of setups and pins of a tachymeter, as files."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +13,19 @@ from ...geodesy.explain import explain
 from ...geodesy.readings import advice, of_attitudes, of_positions, suspected
 from ...records import Array
 from ...report.charts.chart import Chart
-from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
+from ..lever_arm.records import LONGEST_LEVER_ARM_M, RULER_M, PosedAntennas
+from ..lever_arm.tripod import TripodLeverArm, setup_lever_arms, tripod_lever_arm
 from .options import PlaceOptions, TripodOptions
 from .poses import (
-    CameraPoses,
     Positions,
     joined,
     read_camera_poses,
     read_positions,
 )
 from .products import CalibratedMounting, of_lever_arm, provenance
+from .records import CameraPoses
 
-LONGEST_LEVER_ARM_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
-RULER_M = 0.05  # standard error of a lever arm measured by hand
 
 
 def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> CalibratedMounting:
@@ -62,9 +60,9 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         notes += (f"{pins.name} has no standard deviations: {1e3 * options.pin_sigma_m:g} mm",)
     if camera.cov is None:
         notes += (f"{poses.name} has no standard deviations: {options.sigma_of_poses}",)
-    setups = TripodSetups(
+    setups = PosedAntennas(
         camera.position,
-        camera.C,
+        camera.C_rc,
         camera.with_sigma(options.sigma_of_poses),
         pin.position[second],
         pin_cov[second],
@@ -106,9 +104,9 @@ def _in_one_frame(
     return camera, pin
 
 
-def _estimated(setups: TripodSetups, poses: Path, pins: Path, opk: Array | None) -> TripodLeverArm:
+def _estimated(setups: PosedAntennas, poses: Path, pins: Path, opk: Array | None) -> TripodLeverArm:
     """Estimate the lever arm; refuse what no tripod is, with the way in which it would fit."""
-    far = np.linalg.norm(setups.pin_m - setups.position_m, axis=1)
+    far = np.linalg.norm(setups.antenna_m - setups.position, axis=1)
     try:
         result = tripod_lever_arm(setups)
     except DataError as refusal:
@@ -133,28 +131,28 @@ def _estimated(setups: TripodSetups, poses: Path, pins: Path, opk: Array | None)
     )
 
 
-def _scatter(setups: TripodSetups) -> float:
+def _scatter(setups: PosedAntennas) -> float:
     """Return the rms distance of the setups' lever arms from their median, m."""
-    each = np.einsum("nji,nj->ni", setups.C_mc, setups.pin_m - setups.position_m)
+    each = np.einsum("nji,nj->ni", setups.C_rc, setups.antenna_m - setups.position)
     off = np.linalg.norm(each - np.median(each, axis=0), axis=1)
     # with one setup nothing scatters: a lever arm that is too long then stands for it
     return float(np.sqrt((off**2).mean())) if len(each) > 1 else float(np.linalg.norm(each[0]))
 
 
-def _other_readings(setups: TripodSetups, opk: Array | None, poses: str, pins: str) -> str:
+def _other_readings(setups: PosedAntennas, opk: Array | None, poses: str, pins: str) -> str:
     """Return the ways in which pins or poses would fit, in words."""
 
-    def misfit(value: TripodSetups) -> float:
-        arm = np.linalg.norm(value.pin_m - value.position_m, axis=1).max()
+    def misfit(value: PosedAntennas) -> float:
+        arm = np.linalg.norm(value.antenna_m - value.position, axis=1).max()
         return _scatter(value) if arm < LONGEST_LEVER_ARM_M else max(float(arm), _scatter(value))
 
-    def of_field(name: str) -> Callable[[TripodSetups, Change], TripodSetups]:
-        return lambda data, change: replace(data, **{name: change(getattr(data, name))})
+    def of(name: str) -> Callable[[PosedAntennas, Change], PosedAntennas]:
+        return lambda data, change: data.changed(change, name)
 
     candidates = [
-        *suspected(pins, of_positions(rows=len(setups.pin_m) > 2), of_field("pin_m")),
-        *suspected(poses, of_attitudes(opk), of_field("C_mc")),
-        *suspected(poses, of_positions(rows=False), of_field("position_m")),
+        *suspected(pins, of_positions(rows=len(setups.antenna_m) > 2), of("antenna_m")),
+        *suspected(poses, of_attitudes(opk), of("C_rc")),
+        *suspected(poses, of_positions(rows=False), of("position")),
     ]
     return advice(explain(setups, candidates, misfit, MISFIT_M))
 
@@ -190,9 +188,8 @@ def _document(
     }
 
 
-def _charts(result: TripodLeverArm, setups: TripodSetups, names: Sequence[str]) -> Sequence[Chart]:
+def _charts(result: TripodLeverArm, setups: PosedAntennas, names: Sequence[str]) -> Sequence[Chart]:
     from ...report.figures.mounting import Scatter, scattered
-    from ..lever_arm.tripod import setup_lever_arms
 
     each, cov = setup_lever_arms(setups)
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))

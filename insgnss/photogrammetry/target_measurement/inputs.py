@@ -11,7 +11,7 @@ from ...io.formats.blocks.ground_points import GroundTable
 from ...io.formats.orientation.eo_json import read_one_camera
 from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
-from ...records.block import BrownCamera, InteriorCovariance
+from ...records.block import BrownCamera
 from ..block_adjustment.ground import ground_in_plane, ground_of
 from ..block_adjustment.inputs import refuse_field_of_view
 from ..block_adjustment.vehicle.places import Vehicle, placed_vehicle
@@ -87,7 +87,11 @@ def inputs_of(request: Request) -> Inputs:
     if request.vehicle is not None:
         vehicle = _vehicle(request, eo, notes)
         ground = as_read = _as_ground(vehicle)
-        predictions = _predicted(vehicle, eo, camera, camera_cov)
+        row = {name: i for i, name in enumerate(eo.images)}
+        image = np.array([row[name] for name in vehicle.images], dtype=np.int64)
+        poses = eo.position_m[image], eo.C_mc[image], eo.cov[image]
+        places = ground.position_m, ground.cov
+        predictions = replace(predict(camera, *poses, *places, camera_cov, own=True), image=image)
     else:
         table = GroundTableInput(file=request.ground, crs=request.crs, geoid=request.geoid)
         read, own_crs = ground_of(request.ground, None)
@@ -124,34 +128,6 @@ def _as_ground(vehicle: Vehicle) -> GroundTable:
     n = len(vehicle.images)
     cov = vehicle.cov.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
     return GroundTable(vehicle.points, vehicle.exposures.position_m, cov, np.zeros(n, dtype=bool))
-
-
-def _predicted(
-    vehicle: Vehicle,
-    eo: ExteriorOrientation,
-    camera: BrownCamera,
-    camera_cov: InteriorCovariance | None,
-) -> Predictions:
-    """Predict the target in the image that saw it, place by place."""
-    ground, row = _as_ground(vehicle), {name: i for i, name in enumerate(eo.images)}
-    image = np.array([row[name] for name in vehicle.images], dtype=np.int64)
-    each = [
-        predict(
-            camera,
-            eo.position_m[i : i + 1],
-            eo.C_mc[i : i + 1],
-            eo.cov[i : i + 1],
-            ground.position_m[k : k + 1],
-            ground.cov[k : k + 1],
-            camera_cov,
-        )
-        for k, i in enumerate(image.tolist())
-    ]
-    uv, cov, by_point, visibility = (
-        np.concatenate([getattr(one, name) for one in each])
-        for name in ("uv", "cov", "by_point", "visibility")
-    )
-    return Predictions(image, np.arange(image.size), uv, cov, by_point, visibility)
 
 
 def _unseen(

@@ -33,7 +33,7 @@ from ...records.block import ImageObservations
 from ..targets.prediction import VISIBILITY
 from .inputs import Inputs
 from .sizes import target_sizes
-from .windows import Window
+from .windows import Window, accepted
 
 PREDICTIONS = "predictions.csv"
 IMAGE_POINTS, GROUND_POINTS, REJECTED = "image_points.csv", "ground_points.csv", "rejected.csv"
@@ -105,11 +105,10 @@ def measured_points(inputs: Inputs, windows: list[Window]) -> ImagePoints:
     ImagePoints
         One observation an accepted window.
     """
-    predictions, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
-    rows = np.array([w.row for w in good], dtype=np.int64)
-    matches = [w.measurement.match for w in good]
-    uv = np.array([m.uv for m in matches if m is not None]).reshape(-1, 2)
-    cov = np.array([m.cov for m in matches if m is not None]).reshape(-1, 2, 2)
+    predictions, good = inputs.predictions, accepted(windows)
+    rows = np.array([window.row for window, _ in good], dtype=np.int64)
+    uv = np.array([match.uv for _, match in good]).reshape(-1, 2)
+    cov = np.array([match.cov for _, match in good]).reshape(-1, 2, 2)
     images, image = np.unique(predictions.image[rows], return_inverse=True)
     points, point = np.unique(predictions.point[rows], return_inverse=True)
     return ImagePoints(
@@ -171,8 +170,8 @@ def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[st
     list of str
         What could not be written, sentence by sentence.
     """
-    measured = measured_points(inputs, windows)
-    write_image_points(measured, into / IMAGE_POINTS)
+    image_points = measured_points(inputs, windows)
+    write_image_points(image_points, into / IMAGE_POINTS)
     plane = TangentPlane(*inputs.eo.origin)
     axes = (f"tangent plane of {inputs.request.eo.name}, m",)
     if inputs.vehicle is None:
@@ -189,9 +188,12 @@ def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[st
     ground, crs = _in_crs(inputs, plane)
     camera = inputs.camera
     for name, write in (
-        ("markers.xml", lambda path: write_metashape_markers(measured, ground, crs, camera, path)),
-        ("pix4d_marks.csv", lambda path: write_pix4d_marks(measured, path)),
-        ("gcp_list.txt", lambda path: write_gcp_list(measured, ground, crs, path)),
+        (
+            "markers.xml",
+            lambda path: write_metashape_markers(image_points, ground, crs, camera, path),
+        ),
+        ("pix4d_marks.csv", lambda path: write_pix4d_marks(image_points, path)),
+        ("gcp_list.txt", lambda path: write_gcp_list(image_points, ground, crs, path)),
     ):
         try:
             write(into / name)

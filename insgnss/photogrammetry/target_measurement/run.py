@@ -23,7 +23,6 @@ from ...flight.processing.progress import quiet
 from ...report.document import Document, Section, write_json
 from ...report.notebook import Shown
 from ...report.verdict import worst_of
-from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
 from .products import PREDICTIONS, write_measured, write_predictions, write_rejected
@@ -31,7 +30,7 @@ from .products import REJECTED as REJECTED_TABLE
 from .request import DIRECTORY, Request
 from .sheet import PAGE, sheet_sections
 from .trials import advice
-from .windows import Window, windows_of
+from .windows import Window, accepted, windows_of
 
 DOCUMENT = "targets.json"
 ANOTHER = "another place by --out"  # for products that would overwrite an input
@@ -205,7 +204,6 @@ def measure_targets(
     out: Path | None = None,
     progress: Callable[[str], None] = quiet,
     write: bool = True,
-    rules: Rules | None = None,
     force: bool = False,
 ) -> MeasurementResult:
     """Measure the ground points of a flight in its photographs.
@@ -220,8 +218,6 @@ def measure_targets(
         Is called with the name of each step.
     write : bool
         Whether to write the products.
-    rules : Rules, optional
-        Limits.
     force : bool
         Whether results of another flight are overwritten.
 
@@ -250,17 +246,16 @@ def measure_targets(
     inputs = inputs_of(request)
     _refuse_size(inputs)
     photographs = photographs_in(request.images, inputs.eo.images)
-    windows = windows_of(inputs, photographs, rules or Rules(), progress)
+    windows = windows_of(inputs, photographs, progress)
     figures = _figures(inputs, photographs, windows)
     if not windows:
         raise DataError(
             f"no ground point lies in an image that has a photograph in {request.images}; the"
             " photographs of the others are missing there"
         )
-    refusal = _refusal(figures)
-    if refusal is not None:
-        trial = advice(inputs, photographs, rules or Rules(), progress)
-        refusal = _refusal(figures, trial)
+    share = figures["measured"] / len(windows)
+    few = share < FEW_MEASURED if len(windows) >= JUDGED else not share
+    refusal = _refusal(figures, advice(inputs, photographs, progress)) if few else None
     files: tuple[Path, ...] = ()
     if write:
         progress(f"writing {directory}")
@@ -284,10 +279,9 @@ def _noun(inputs: Inputs) -> str:
 
 def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
     """Numbers of a measurement."""
-    pred, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
-    matches = [w.measurement.match for w in good]
-    sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for m in matches if m is not None]
-    diff = [m.uv - pred.uv[w.row] for w, m in zip(good, matches, strict=True) if m is not None]
+    pred, good = inputs.predictions, accepted(windows)
+    sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for _, m in good]
+    diff = [m.uv - pred.uv[w.row] for w, m in good]
     count = np.zeros((len(inputs.ground.points), 2), dtype=int)
     for w in windows:
         count[pred.point[w.row]] += (1, int(w.measurement.accepted))
@@ -317,7 +311,7 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
         f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
-        f" {len({int(pred.image[w.row]) for w in good})} photographs"
+        f" {len({int(pred.image[w.row]) for w, _ in good})} photographs"
     )
     if sigma:
         shift = float(np.sqrt(np.mean(np.square(diff))))
@@ -356,8 +350,7 @@ def _refuse_size(inputs: Inputs) -> None:
 
 def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
     """Say that targets have another size than was given."""
-    matches = [w.measurement.match for w in windows if w.measurement.accepted]
-    areas = [abs(float(np.linalg.det(m.M))) for m in matches if m is not None]
+    areas = [abs(float(np.linalg.det(match.M))) for _, match in accepted(windows)]
     if len(areas) < JUDGED:
         return []
     stated = inputs.request.target.size_m
@@ -381,11 +374,8 @@ def _kind(reason: str) -> str:
     return re.sub(r" ?-?\d+(\.\d+)? ?", " ", reason, count=1).replace(" ,", "").strip()
 
 
-def _refusal(figures: dict[str, Any], trial: str = "") -> DataError | None:
-    """Why so few targets are no answer, with what finds them; None of enough."""
-    measured, n = figures["measured"], figures["windows"]
-    if measured and (n < JUDGED or measured >= FEW_MEASURED * n):
-        return None
+def _refusal(figures: dict[str, Any], trial: str) -> DataError:
+    """Why so few targets are no answer, with what finds them."""
     reasons = figures["rejected_by"]
     most = ", ".join(f"{count} with {reason}" for reason, count in list(reasons.items())[:2])
     guesses = (
@@ -395,8 +385,9 @@ def _refusal(figures: dict[str, Any], trial: str = "") -> DataError | None:
         " camera of this orientation"
     )
     return DataError(
-        f"{measured} of {n} targets found ({most}): nearly nothing is where it is expected, so no"
-        f" observations are written; {trial or f'{PAGE} shows the windows. {guesses}'}"
+        f"{figures['measured']} of {figures['windows']} targets found ({most}): nearly nothing is"
+        " where it is expected, so no observations are written;"
+        f" {trial or f'{PAGE} shows the windows. {guesses}'}"
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...io.formats.vehicle.target_sizes import TargetSizes
 from ...records.block import Array
 from .inputs import Inputs
-from .windows import Window
+from .windows import Window, accepted
 
 LEVEL_SINE = 1e-6
 """Of the sine of the tilt below which every diameter is parallel to the image."""
@@ -38,9 +38,8 @@ def target_sizes(inputs: Inputs, windows: list[Window]) -> TargetSizes:
     """
     predictions, length = inputs.predictions, inputs.request.target.size_m
     images, points, size, sigma = [], [], [], []
-    for window in windows:
-        match = window.measurement.match
-        if match is None or match.M_cov is None or not window.measurement.accepted:
+    for window, match in accepted(windows):
+        if match.M_cov is None:
             continue
         i, p = int(predictions.image[window.row]), int(predictions.point[window.row])
         axis = inputs.eo.C_mc[i][:, 2]

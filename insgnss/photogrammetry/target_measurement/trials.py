@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import InputError
+from ...flight.processing.progress import quiet
 from ...records.rows import rows_of
 from ..targets.measurement import Rules
 from .inputs import Inputs
 from .photographs import Photographs
 from .request import Target
-from .windows import windows_of
+from .windows import accepted, windows_of
 
 SIZE_FACTORS = (0.5, 2.0 / 3.0, 1.5, 2.0)  # of the size: wrong by less, targets are found
 WIDER_PX = 10.0, 30.0  # the second: half a degree of bore-sight that was not estimated, at 3500 px
@@ -21,9 +22,7 @@ ADVICE_SHARE = 0.5
 """Share of them that must be found for an advice."""
 
 
-def advice(
-    inputs: Inputs, photographs: Photographs, rules: Rules, progress: Callable[[str], None]
-) -> str:
+def advice(inputs: Inputs, photographs: Photographs, progress: Callable[[str], None]) -> str:
     """Say what finds the targets where nearly none was found.
 
     Parameters
@@ -32,8 +31,6 @@ def advice(
         The flight and its ground points.
     photographs : Photographs
         Files of its images.
-    rules : Rules
-        Limits.
     progress : callable
         Is called with the name of each step.
 
@@ -46,7 +43,7 @@ def advice(
     taken = np.array([photographs.files[i] is not None for i in predictions.image])
     rows = np.flatnonzero(predictions.visible & taken)
     rows = rows[np.unique(np.linspace(0, rows.size - 1, SAMPLE_WINDOWS).astype(int))]
-    plain = replace(rules, clear=-1.0)  # no shadow is looked for
+    plain = Rules(clear=-1.0)  # no shadow is looked for
     for change, target, wider_px in _trials(inputs.request.target):
         progress(f"trying {change}")
         fields = ("image", "point", "uv", "by_point", "visibility")
@@ -55,12 +52,12 @@ def advice(
         request = replace(inputs.request, target=target)
         trial = replace(inputs, request=request, predictions=some)
         try:
-            windows = windows_of(trial, photographs, plain, lambda _: None)
+            windows = windows_of(trial, photographs, quiet, plain)
         except InputError:  # a target that cannot be, such as bars wider than long
             continue
-        measured = sum(w.measurement.accepted for w in windows)
-        if measured > ADVICE_SHARE * rows.size:
-            return f"with {change} {measured} of {rows.size} that were tried are found"
+        found = len(accepted(windows))
+        if found > ADVICE_SHARE * rows.size:
+            return f"with {change} {found} of {rows.size} that were tried are found"
     return ""
 
 

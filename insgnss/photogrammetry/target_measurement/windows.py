@@ -1,7 +1,7 @@
 """All targets of all photographs, with the verdict on each."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...base.advance import through
 from ..targets.codes import LEAST_CLEAR, Reading, Ring, read_ring
+from ..targets.matching import Match
 from ..targets.measurement import Measurement, Rules, measure
 from ..targets.neighbours import LIMIT, disagreeing
 from .inputs import Inputs
@@ -47,7 +48,10 @@ class Window:
 
 
 def windows_of(
-    inputs: Inputs, photographs: Photographs, rules: Rules, progress: Callable[[str], None]
+    inputs: Inputs,
+    photographs: Photographs,
+    progress: Callable[[str], None],
+    rules: Rules | None = None,
 ) -> list[Window]:
     """Measure the targets of all photographs.
 
@@ -57,10 +61,10 @@ def windows_of(
         The flight and its ground points.
     photographs : Photographs
         Files of its images.
-    rules : Rules
-        Limits.
     progress : callable
         Is called with the name of each step.
+    rules : Rules, optional
+        Limits; by default those of a good target.
 
     Returns
     -------
@@ -116,6 +120,15 @@ def number_in(name: str) -> int | None:
     return int(digits[1]) if digits else None
 
 
+def accepted(windows: Iterable[Window]) -> list[tuple[Window, Match]]:
+    """Return the windows whose measurement stands, each with its match."""
+    return [
+        (window, match)
+        for window in windows
+        if (match := window.measurement.match) is not None and window.measurement.accepted
+    ]
+
+
 def _decoded(
     got: Measurement, grey: NDArray[np.float32], ring: Ring, wanted: int | None
 ) -> tuple[Measurement, Reading | None]:
@@ -163,23 +176,21 @@ def _held_together(inputs: Inputs, windows: list[Window]) -> Iterator[Window]:
     predictions = inputs.predictions
     rejected: dict[int, float] = {}
     for p in range(len(inputs.ground.points)):
-        group = [
-            (k, w.measurement.match)
-            for k, w in enumerate(windows)
-            if predictions.point[w.row] == p and w.measurement.accepted
-        ]
-        matches = [match for _, match in group if match is not None]
-        if len(matches) < 3:
+        group = [pair for pair in accepted(windows) if predictions.point[pair[0].row] == p]
+        if len(group) < 3:
             continue
-        rows = np.array([windows[k].row for k, _ in group])
+        matches = [match for _, match in group]
+        rows = np.array([window.row for window, _ in group])
         B, P = predictions.by_point[rows], inputs.ground.cov[p]
         differences = np.array([match.uv for match in matches]) - predictions.uv[rows]
         cov = predictions.cov[rows] - B @ P @ B.transpose(0, 2, 1)
         cov = cov + np.array([match.cov for match in matches])
         size = disagreeing(differences, cov, B, P)
-        rejected |= {k: float(s) for (k, _), s in zip(group, size, strict=True) if np.isfinite(s)}
-    for k, window in enumerate(windows):
-        if k in rejected:
-            why = f"{rejected[k]:.1f} sigmas from what the other images say, above {LIMIT:g}"
+        rejected |= {row: float(s) for row, s in zip(rows, size, strict=True) if np.isfinite(s)}
+    for window in windows:
+        if window.row in rejected:
+            why = (
+                f"{rejected[window.row]:.1f} sigmas from what the other images say, above {LIMIT:g}"
+            )
             window = replace(window, measurement=replace(window.measurement, rejected=why))
         yield window

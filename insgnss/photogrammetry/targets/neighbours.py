@@ -11,9 +11,7 @@ LIMIT = 4.0  # sigmas: one good measurement in 3000 is lost
 _FEWEST = 3  # images, for one of them to be told from the others
 
 
-def disagreeing(
-    differences: Array, cov: Array, by_point: Array, point_cov: Array, limit: float = LIMIT
-) -> Array:
+def disagreeing(differences: Array, cov: Array, by_point: Array, point_cov: Array) -> Array:
     """Return by how much the others contradict measurements of a ground point.
 
     Measured minus predicted pixels of one point have in common the error dX of its coordinates:
@@ -31,8 +29,6 @@ def disagreeing(
         Derivatives of the pixels by the point.
     point_cov : ndarray, (3, 3)
         Covariance of the point, m^2.
-    limit : float
-        Sigmas of a residual.
 
     Returns
     -------
@@ -53,7 +49,7 @@ def disagreeing(
             C = cov[k] + by_point[k] @ normals.cov @ by_point[k].T
             size[k] = np.sqrt(e @ np.linalg.solve(C, e))
         worst = int(size.argmax())
-        if size[worst] <= limit:
+        if size[worst] <= LIMIT:
             break
         out[worst] = size[worst]
     return out

@@ -72,6 +72,7 @@ def predict(
     points_cov: ArrayLike,
     camera_cov: InteriorCovariance | None = None,
     margin_px: float = 0.0,
+    own: bool = False,
 ) -> Predictions:
     """Project ground points into the images of a camera.
 
@@ -90,11 +91,13 @@ def predict(
     margin_px : float
         Part of the format along its border in which a point does not count as visible, pixels;
         negative for points that may lie outside.
+    own : bool
+        Whether each image sees the point of its row alone, as of a target that moves.
 
     Returns
     -------
     Predictions
-        All n m pairs, image by image.
+        All n m pairs, image by image; n pairs where each image has its own point.
 
     Raises
     ------
@@ -110,13 +113,17 @@ def predict(
     for (name, shape), got in zip(shapes.items(), [*arrays, CX], strict=True):
         if got.shape != shape or not np.isfinite(got).all():
             raise InputError(f"predict: {name} has shape {got.shape}; {shape} of finite values")
-    rows = [_one(camera, X0[i], C[i], P[i], X, CX, camera_cov, margin_px) for i in range(n)]
+    image, point = np.indices((n, 1 if own else m))
+    point = point + image if own else point
+    rows = [
+        _one(camera, X0[i], C[i], P[i], X[point[i]], CX[point[i]], camera_cov, margin_px)
+        for i in range(n)
+    ]
     uv, C_uv, B, visibility = (
         np.concatenate([row[k] for row in rows]) if n else np.empty(shape)
         for k, shape in enumerate([(0, 2), (0, 2, 2), (0, 2, 3), (0,)])
     )
-    image, point = (k.ravel() for k in np.indices((n, m)))
-    return Predictions(image, point, uv, C_uv, B, visibility.astype(np.int64))
+    return Predictions(image.ravel(), point.ravel(), uv, C_uv, B, visibility.astype(np.int64))
 
 
 def _one(

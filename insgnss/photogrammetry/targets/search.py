@@ -10,6 +10,7 @@ from .template import Template
 
 Array = NDArray[np.float64]
 
+_MOST_PLACES = 3  # of the best, which the matching tries: one is the target, one its rival
 _APART_PX = 3.0  # between places: the matching finds what is nearer
 
 
@@ -91,7 +92,6 @@ def find(
     uv: Array,
     cov: Array,
     gate: float,
-    count: int = 3,
 ) -> list[Peak]:
     """Find the best places of some templates within the ellipse of a prediction.
 
@@ -109,8 +109,6 @@ def find(
         The prediction, in pixels of the image.
     gate : float
         Size of the ellipse, sigmas.
-    count : int
-        Largest number of places.
 
     Returns
     -------
@@ -125,7 +123,7 @@ def find(
     best[np.einsum("...i,ij,...j", d, np.linalg.inv(wide), d) > gate**2] = -np.inf
     peaks: list[Peak] = []
     open_ = np.isfinite(best)
-    while len(peaks) < count and open_.any():
+    while len(peaks) < _MOST_PLACES and open_.any():
         row, column = (
             int(k) for k in np.unravel_index(np.where(open_, best, -2.0).argmax(), v.shape)
         )

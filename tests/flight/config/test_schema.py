@@ -27,7 +27,7 @@ READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
 RAW = READY.replace(
     'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
 )
-VERBS = ("compare", "tune", "calibrate.mounting", "calibrate.tripod")
+VERBS = ("compare", "tune", "calibrate.mounting")
 ALL = [
     (f"{file}{name}", item, options_of(name, tables[name]))
     for file, tables in (("", TABLES), ("block:", BLOCK_TABLES))

@@ -8,11 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from insgnss.base.errors import DataError
-from insgnss.photogrammetry.lever_arm.similarity import (
-    FlightPoses,
-    GroundPoints,
-    similarity_lever_arm,
-)
+from insgnss.photogrammetry.lever_arm.records import PosedAntennas
+from insgnss.photogrammetry.lever_arm.similarity import GroundPoints, similarity_lever_arm
 
 ARM = np.array([0.098, -0.070, -0.091])  # in-flight calibration of Table 1, paper 002
 POSE_M, ANTENNA_M, GROUND_M = 3e-3, np.array([0.01, 0.01, 0.02]), 5e-3
@@ -52,7 +49,7 @@ def flight(opposite, tilt_deg, points=0, rng=None, attitude=1e-6, n=60):
         G = G + rng.normal(0.0, ANTENNA_M, G.shape)
         Q = Q + rng.normal(0.0, GROUND_M, Q.shape)
         C_r = Rotation.from_rotvec(rng.normal(0.0, attitude, (n, 3))) * C_r
-    poses = FlightPoses(
+    poses = PosedAntennas(
         r, C_r.as_matrix(), covs(n, [POSE_M / scale] * 3, [attitude] * 3), G, covs(n, ANTENNA_M)
     )
     ground = GroundPoints(P, covs(points, [POSE_M / scale] * 3), Q, covs(points, [GROUND_M] * 3))
@@ -158,9 +155,9 @@ def test_wrong_input_is_refused_with_the_reason():
     rng = np.random.default_rng(6)
     poses, _ = flight(True, 4.0, 0, rng)
     with pytest.raises(DataError, match="four images"):
-        similarity_lever_arm(FlightPoses(*(getattr(poses, name)[:3] for name in vars(poses))))
+        similarity_lever_arm(PosedAntennas(*(getattr(poses, name)[:3] for name in vars(poses))))
     with pytest.raises(DataError, match="stand on a line"):
-        similarity_lever_arm(FlightPoses(*(getattr(poses, name)[:10] for name in vars(poses))))
+        similarity_lever_arm(PosedAntennas(*(getattr(poses, name)[:10] for name in vars(poses))))
     with pytest.raises(DataError, match="miss the poses"):
         similarity_lever_arm(shifted(poses, 1))
     with pytest.raises(DataError, match="miss the poses"):  # another flight

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from insgnss.base.errors import DataError
-from insgnss.photogrammetry.lever_arm.tripod import TripodSetups, tripod_lever_arm
+from insgnss.photogrammetry.lever_arm.records import PosedAntennas
+from insgnss.photogrammetry.lever_arm.tripod import tripod_lever_arm
 
 TABLE_1 = {  # paper 000: antenna and both IMUs, from the projection centre in camera axes, m
     "antenna": (0.462, -0.001, -0.065),
@@ -33,7 +34,7 @@ def setups(arm, rng=None, n=8, scale=1.0):
         # truth = exp([psi x]) estimate
         turns = Rotation.from_rotvec(scale * rng.normal(0.0, POSE_RAD, (n, 3))).inv() * turns
     pose = np.diag([POSE_M**2] * 3 + [POSE_RAD**2] * 3)
-    return TripodSetups(
+    return PosedAntennas(
         c,
         turns.as_matrix(),
         np.broadcast_to(pose, (n, 6, 6)),
@@ -63,8 +64,10 @@ def test_errors_are_as_large_as_the_covariance_says():
     for k in range(n):
         clean, noisy = setups(arm), setups(arm, rng)
         grow = np.where(np.arange(8) % 4 == 0, 6.0, 1.0)
-        pin = clean.pin_m + (noisy.pin_m - clean.pin_m) * grow[:, None]
-        data = replace(noisy, pin_m=pin, pin_cov=noisy.pin_cov * grow[:, None, None] ** 2)
+        pin = clean.antenna_m + (noisy.antenna_m - clean.antenna_m) * grow[:, None]
+        data = replace(
+            noisy, antenna_m=pin, antenna_cov=noisy.antenna_cov * grow[:, None, None] ** 2
+        )
         got = tripod_lever_arm(data)
         error = got.lever_arm_m - arm
         cov = got.cov / (1.0 if got.consistent else got.variance_factor)
@@ -82,10 +85,10 @@ def test_error_of_the_attitude_acts_by_the_lever_arm():
     for axis in range(3):
         psi = np.zeros(3)
         psi[axis] = 1e-3
-        turned = Rotation.from_rotvec(psi).as_matrix() @ data.C_mc
-        moved = tripod_lever_arm(replace(data, C_mc=turned)).lever_arm_m - TABLE_1["antenna"]
+        turned = Rotation.from_rotvec(psi).as_matrix() @ data.C_rc
+        moved = tripod_lever_arm(replace(data, C_rc=turned)).lever_arm_m - TABLE_1["antenna"]
         only[0, 3 + axis, 3 + axis] = 1e-6
-        got = tripod_lever_arm(replace(data, pose_cov=only, pin_cov=1e-14 * np.eye(3)[None]))
+        got = tripod_lever_arm(replace(data, pose_cov=only, antenna_cov=1e-14 * np.eye(3)[None]))
         only[:] = 0.0
         assert np.abs(got.sigma_m - np.abs(moved)).max() < 1e-6
 
@@ -93,9 +96,9 @@ def test_error_of_the_attitude_acts_by_the_lever_arm():
 def test_a_setup_with_a_knocked_pin_is_left_out():
     """Oracle: 20 mm planted in one setup of six; the mean is that of the other five."""
     data = setups(TABLE_1["antenna"], np.random.default_rng(5), n=6)
-    pin = data.pin_m.copy()
+    pin = data.antenna_m.copy()
     pin[2] += [0.0, 0.02, 0.0]
-    got = tripod_lever_arm(replace(data, pin_m=pin))
+    got = tripod_lever_arm(replace(data, antenna_m=pin))
     assert got.outlier.tolist() == [False, False, True, False, False, False]
     assert "setup 3 (" in got.summary()
     assert got.consistent
@@ -116,11 +119,13 @@ def test_covariances_too_small_grow_the_standard_errors_and_reject_nothing(seed)
 def test_an_offset_between_both_frames_shows_where_setups_are_turned():
     """Oracle: 10 mm between tachymetry and photogrammetry, planted."""
     data = setups(TABLE_1["antenna"], np.random.default_rng(1))
-    assert not tripod_lever_arm(replace(data, pin_m=data.pin_m + [0.01, 0.0, 0.0])).consistent
+    assert not tripod_lever_arm(
+        replace(data, antenna_m=data.antenna_m + [0.01, 0.0, 0.0])
+    ).consistent
     same = replace(
         data,
-        C_mc=np.broadcast_to(data.C_mc[0], (8, 3, 3)),
-        pin_m=data.position_m + data.C_mc[0] @ np.array(TABLE_1["antenna"]),
+        C_rc=np.broadcast_to(data.C_rc[0], (8, 3, 3)),
+        antenna_m=data.position + data.C_rc[0] @ np.array(TABLE_1["antenna"]),
     )
     assert "would not show" in tripod_lever_arm(same).summary()
     assert "would not show" not in tripod_lever_arm(data).summary()
@@ -138,8 +143,10 @@ def test_wrong_input_is_refused():
     """Oracle: a mirrored frame, covariances of zero, a value that is missing."""
     data = setups(TABLE_1["NC0"])
     with pytest.raises(DataError, match="no rotation"):
-        replace(data, C_mc=data.C_mc * [1.0, 1.0, -1.0])
+        replace(data, C_rc=data.C_rc * [1.0, 1.0, -1.0])
     with pytest.raises(DataError, match="not positive definite"):
-        tripod_lever_arm(replace(data, pose_cov=0.0 * data.pose_cov, pin_cov=0.0 * data.pin_cov))
+        tripod_lever_arm(
+            replace(data, pose_cov=0.0 * data.pose_cov, antenna_cov=0.0 * data.antenna_cov)
+        )
     with pytest.raises(DataError, match="finite"):
-        replace(data, pin_m=data.pin_m * np.nan)
+        replace(data, antenna_m=data.antenna_m * np.nan)

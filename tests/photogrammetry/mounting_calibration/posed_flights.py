@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insgnss.geodesy.rotation import rotation_from_vector, skew
-from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses, Stated
+from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, FlightPoses, Stated
 from insgnss.records import ExteriorOrientation
 from insgnss.records.cameras.mounting import Mounting
 from insgnss.records.strips import CommonErrors, StripCovariance
@@ -53,7 +53,7 @@ class Posed:
     """A flight, the poses of its block, and the truth."""
 
     flight: FlightPoses
-    block: BlockPoses
+    block: CameraPoses
     rows: np.ndarray
     stated: Stated
     mounting: Mounting
@@ -149,7 +149,8 @@ def posed(
         G = np.kron(np.diag([s, 1.0]), R)
         P = G @ P @ G.T
     independent = np.zeros((6, 6))  # no image shares its error with another
-    block = BlockPoses(names, X_b, C_b, P, georeferenced, "block.xml", shared=independent)
+    frame = "plane" if georeferenced else "own"
+    block = CameraPoses(names, X_b, C_b, P, frame, "block.xml", shared=independent)
     flight = FlightPoses(eo, tuple(strips), common, believed)
     stated = Stated(believed, 0.0, frozenset({"antenna_m", "imu_m"}))
     return Posed(flight, block, np.arange(n), stated, true)

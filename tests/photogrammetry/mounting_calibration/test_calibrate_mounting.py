@@ -32,7 +32,7 @@ from insgnss.photogrammetry.mounting_calibration.block_poses import block_poses
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
 from insgnss.photogrammetry.mounting_calibration.options import Assumptions
 from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses
-from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses
+from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, FlightPoses
 from insgnss.photogrammetry.mounting_calibration.solution import solve
 from insgnss.report.charts.files import charts_of
 from insgnss.simulation.dataset import write_dataset
@@ -137,12 +137,12 @@ def test_two_steps_are_one(flown) -> None:
     alone, _ = set_up(inputs, Control((), {}, (), "none"))
     two = precision_of(adjusted(alone, replace(one.result.values, blocks={})))
     order = np.argsort(inputs.eo_row)
-    poses = BlockPoses(
+    poses = CameraPoses(
         tuple(inputs.block.images[k] for k in order),
         two.result.values.position[order],
         two.result.values.C_mc[order],
         two.cov(*((POSE, int(k)) for k in order)),
-        True,
+        "plane",
     )
     posed = FlightPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
     known = Assumptions(shift_sigma_m=1e-6, frame="shift")

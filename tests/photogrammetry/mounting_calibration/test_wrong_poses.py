@@ -16,7 +16,7 @@ from insgnss.photogrammetry.mounting_calibration.plausibility import (
     refuse_frame,
     refuse_implausible,
 )
-from insgnss.photogrammetry.mounting_calibration.records import BlockPoses
+from insgnss.photogrammetry.mounting_calibration.records import CameraPoses
 from insgnss.photogrammetry.mounting_calibration.solution import solve
 
 OF_ITS_OWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -166,7 +166,7 @@ def test_poses_that_are_not_finite() -> None:
     with pytest.raises(InputError, match=r"position of image 0007\.tif is not finite"):
         replace(of.block, position=X)
     with pytest.raises(InputError, match="shape"):
-        BlockPoses(("a",), np.zeros((2, 3)), np.zeros((1, 3, 3)))
+        CameraPoses(("a",), np.zeros((2, 3)), np.zeros((1, 3, 3)))
 
 
 def test_the_misfit_is_what_was_put_in() -> None:
