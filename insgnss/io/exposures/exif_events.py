@@ -23,7 +23,7 @@ from .images import image_names
 class _Images:
     """Where the stamps stand."""
 
-    directory: Path
+    path: str
     names: tuple[str, ...]
 
     def error_at(self, row: int, message: str) -> InputError:
@@ -61,7 +61,7 @@ def exif_events(
         An image without a time, or two of one stamp.
     """
     names = image_names(directory, ending)
-    images = _Images(directory, names)
+    images = _Images(str(directory), names)
     stamps = []
     for row, name in enumerate(names):
         try:
