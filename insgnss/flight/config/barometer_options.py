@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...io.options.kinds import check
+from ...io.options.kinds import Checked
 from ...io.options.schema import BY_HEADER, option, take_record
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ def _unit_keys() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class BarometerInput:
+class BarometerInput(Checked, table="barometer"):
     """Table [barometer]; without it none is used.
 
     In Python `file` may be heights of a barometer, or an array or table of them, instead of a file.
@@ -84,5 +84,5 @@ class BarometerInput:
     )
 
     def __post_init__(self) -> None:
-        check(self, "barometer")
+        super().__post_init__()
         take_record(self, "file", "barometer_heights")

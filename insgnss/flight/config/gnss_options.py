@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from ...base.errors import InputError, near
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
-from ...io.options.kinds import Kind, check, no_mapping, register
+from ...io.options.kinds import Checked, Kind, no_mapping, register
 from ...io.options.schema import BY_HEADER, Declared, Triple, option, take_record
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
@@ -47,7 +47,7 @@ register("gnss_units", Kind(no_mapping, member=_no_unit))
 
 
 @dataclass(frozen=True)
-class GnssInput:
+class GnssInput(Checked, table="gnss"):
     """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK.
 
     In Python `file` may be fixes, or an array or table of them, which takes sigma_m where it has
@@ -228,7 +228,7 @@ class GnssInput:
     raw: RawGnss | None = None
 
     def __post_init__(self) -> None:
-        check(self, "gnss")
+        super().__post_init__()
         of_array = (self.sigma_m, self.sigma_velocity_mps)  # a record has its own
         sigmas = () if hasattr(self.file, "cov_ned") else of_array
         take_record(self, "file", "gnss_fixes", *sigmas)

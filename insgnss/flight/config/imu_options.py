@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, OptionError, near
-from ...io.options.kinds import Kind, check, no_mapping, no_text, other_class, register
+from ...io.options.kinds import Checked, Kind, no_mapping, no_text, other_class, register
 from ...io.options.schema import BY_HEADER, Declared, Triple, Words, option, take_record
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ register("noise", Kind(_no_noise, _name_or_path))
 
 
 @dataclass(frozen=True)
-class ImuInput:
+class ImuInput(Checked, table="imu"):
     """Table [imu]; `noise` is the name of a shipped model or the path of a file.
 
     `units` has the keys gyro, accel and time as far as they are given, and is None without any.
@@ -178,7 +178,7 @@ class ImuInput:
     )
 
     def __post_init__(self) -> None:
-        check(self, "imu")
+        super().__post_init__()
         if self.units:
             _refuse_units(self.units, self.quantity)
         take_record(self, "file", "imu_samples", self.quantity)

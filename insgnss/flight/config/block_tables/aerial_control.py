@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from ....base.errors import OptionError
-from ....io.options.kinds import check
+from ....io.options.kinds import Checked
 from ....io.options.schema import Triple, option
 
 ControlKind = Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"]
@@ -14,7 +14,7 @@ CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
 
 
 @dataclass(frozen=True)
-class AerialControlTable:
+class AerialControlTable(Checked, table="aerial_control"):
     """Table [aerial_control]: poses of the images by GNSS and IMU, and what stands between."""
 
     file: Path | None = option(
@@ -158,7 +158,7 @@ class AerialControlTable:
     )
 
     def __post_init__(self) -> None:
-        check(self, "aerial_control")
+        super().__post_init__()
         for text in self.lines:
             name, _, control = text.rpartition(" ")
             if not name.strip() or control not in CONTROLS:

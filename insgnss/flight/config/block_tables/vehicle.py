@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....base.errors import OptionError
-from ....io.options.kinds import check
+from ....io.options.kinds import Checked
 from ....io.options.schema import Triple, option
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class VehicleTable:
+class VehicleTable(Checked, table="vehicle"):
     """Table [vehicle]: a vehicle on the ground whose target the images see: kinematic control."""
 
     file: Path | None = option(
@@ -116,6 +116,6 @@ class VehicleTable:
     )
 
     def __post_init__(self) -> None:
-        check(self, "vehicle")
+        super().__post_init__()
         if not self.target.strip():
             raise OptionError("vehicle.target", "is empty; give a prefix, such as K_, or a name")
