@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.advance import heard, logged
 from ..base.errors import UsageError
-from ..base.inputs import reading
+from ..base.inputs import Source, reading
 from ..records import ExteriorOrientation, Trajectory
+from .keywords import path_of
 
 if TYPE_CHECKING:
     from ..flight.exporting.export import Exported
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from ..photogrammetry.comparison.result import Comparison
     from ..records.relative import RelativeControl
 
-Source = str | os.PathLike[str]
 FRAMES = {"tangent": "tangent plane", "geocentric": "geocentric", "geographic": "geographic"}
 
 
@@ -71,7 +71,7 @@ def export(
             f"export: frame {frame!r} is unknown; it is one of {', '.join(FRAMES)}, or give a CRS"
         )
     kind = None if frame is None else FRAMES[frame]
-    target = Target(crs, None if geoid is None else Path(geoid), kind, ground_m)
+    target = Target(crs, path_of(geoid), kind, ground_m)
     orientation = eo if isinstance(eo, ExteriorOrientation) else read_eo(eo)
     return write(orientation, format, Path(path), target, rename, **options)
 
@@ -162,7 +162,7 @@ def compare(
         origin=origin,
         crs=crs,
         gps_week=gps_week,
-        geoid=None if geoid is None else Path(geoid),
+        geoid=path_of(geoid),
         time_shift_s=time_shift_s,
         coordinate_shift=coordinate_shift,
     )
@@ -199,8 +199,7 @@ def figures(
     """
     from ..report.charts.files import figure_files
 
-    folder = None if out is None else Path(out)
-    return figure_files(Path(source), form, folder, only, width_mm, force).files
+    return figure_files(Path(source), form, path_of(out), only, width_mm, force).files
 
 
 @heard
@@ -270,8 +269,8 @@ def ppk(
         ionosphere=ionosphere,
         velocity=velocity,
         events=Path(events) if isinstance(events, str | os.PathLike) else events,
-        match=ImageMatch(None if images is None else Path(images)),
+        match=ImageMatch(path_of(images)),
         camera_delay_s=camera_delay_s,
         base_point_chosen=base_position is None or base_point is not None,
     )
-    return solve_ppk(given, None if out is None else Path(out), progress)
+    return solve_ppk(given, path_of(out), progress)
