@@ -14,6 +14,8 @@ import numpy as np
 from ...base.advance import through
 from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
+from ...io.formats import describe, sniff_events, sniff_gnss, sniff_imu
+from ...io.formats.imu.psins import read_psins_header
 from .sources import NO_SIGMA, SINGLE_POINT, Keys, Role, Source
 from .tables.exposures import exposures_of
 from .tables.grids import tables_of_file
@@ -156,7 +158,6 @@ def sources_of(path: Path) -> list[Source]:
 
 def _known_log(path: Path) -> list[Source] | None:
     """Sources of a file whose format says what it holds; None for tables."""
-    from ...io.formats import sniff_events, sniff_gnss, sniff_imu
 
     with opened(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
@@ -179,7 +180,6 @@ def _known_log(path: Path) -> list[Source] | None:
 
 def _psins(path: Path) -> Source:
     """A log of increments whose header gives the site and the axes."""
-    from ...io.formats.imu.psins import read_psins_header
 
     header = read_psins_header(path)
     site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
@@ -189,7 +189,6 @@ def _psins(path: Path) -> Source:
 
 def _fix_log(path: Path, form: str) -> Source:
     """A receiver's log; standard deviations stand in where it has none."""
-    from ...io.formats import describe
 
     entry = Keys()
     if form == "gpx":
@@ -210,7 +209,6 @@ def _fix_log(path: Path, form: str) -> Source:
 
 def _flight_log(path: Path, form: str) -> list[Source]:
     """The log of an autopilot: samples and fixes, and exposures where it holds any."""
-    from ...io.formats import describe
 
     names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
     keys = {key: list(value) for key, value in SINGLE_POINT.items()}

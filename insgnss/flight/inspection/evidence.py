@@ -1,16 +1,15 @@
 """What the recognised data say of a file: units, axes and clock, and where they contradict it."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...navigation.prepare.axes import DIRECTIONS
 from ...navigation.prepare.gaps import nominal_interval
+from ...navigation.recognise.recognition import EXCHANGED_ADVICE, Recognition
 from ...records import Finding, ImuSamples
 from .sources import Source
-
-if TYPE_CHECKING:
-    from ...navigation.recognise.recognition import Recognition
 
 SURE = 0.9  # confidence from which on a finding is a live key of the draft
 SAME_FACTOR = 0.02  # of a factor
@@ -30,7 +29,7 @@ class Axes:
     sure: bool
 
 
-def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
+def in_si(imu: ImuSamples, recognition: Recognition) -> ImuSamples:
     """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
     rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
     gyro, accel = (
@@ -40,12 +39,12 @@ def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
     return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
 
 
-def factor_of_numbers(recognition: "Recognition", key: str) -> float:
+def factor_of_numbers(recognition: Recognition, key: str) -> float:
     """Return what the numbers of a sensor, gyro or accel, were recognised to be times."""
     return recognition.gyro_factor if key == "gyro" else recognition.accel_factor
 
 
-def unit_contradictions(source: Source, recognition: "Recognition") -> list[Finding]:
+def unit_contradictions(source: Source, recognition: Recognition) -> list[Finding]:
     """Check the units that the file gives against the data.
 
     A contradiction is a note where the draft can follow the data.
@@ -68,7 +67,7 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Find
     return checks
 
 
-def counts(source: Source, recognition: "Recognition") -> list[Finding]:
+def in_counts(source: Source, recognition: Recognition) -> list[Finding]:
     """Return a contradiction for each sensor whose numbers are in no known unit.
 
     The flight file must give what one count is worth.
@@ -105,9 +104,8 @@ def assumed_rate(source: Source) -> list[Finding]:
     ]
 
 
-def strangers(recognition: "Recognition") -> list[Finding]:
+def strangers(recognition: Recognition) -> list[Finding]:
     """Check that samples and fixes are of one recording, latitude and longitude in their order."""
-    from ...navigation.recognise.recognition import EXCHANGED_ADVICE
 
     if recognition.exchanged:
         evidence = recognition.finding("force sign").evidence
@@ -124,7 +122,7 @@ def strangers(recognition: "Recognition") -> list[Finding]:
     return [Finding("common motion", clock.evidence, expected, "note", advice)]
 
 
-def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
+def in_units_of_file(source: Source, recognition: Recognition) -> Recognition:
     """Return the findings with the units of the file's header, where the data agree with it."""
     findings = {finding.name: finding for finding in recognition.findings}
     for key, name in SENSORS.items():
@@ -141,7 +139,7 @@ def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition
     return replace(recognition, findings=tuple(findings.values()))
 
 
-def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
+def likely_axes(source: Source, imu: ImuSamples, recognition: Recognition | None) -> Axes:
     """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
 
     With the vertical alone forward is chosen freely.
@@ -189,7 +187,6 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
     tuple of str
         The axes in words, and the IMU axis that is vertical.
     """
-    from ...navigation.prepare.axes import DIRECTIONS
 
     axis = int(np.argmax(np.abs(mean_force)))
     words = ["", "", ""]

@@ -14,10 +14,12 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ....io.formats import UNITS
+from ....io.formats import GNSS_OPTIONS, UNITS
+from ....io.formats.gnss import gnss_text
 from ....io.formats.gnss.cartesian import reference_in
 from ....io.formats.gnss.heights import refused_heights
 from ....io.formats.gnss.rounding import floor_of_zeros
+from ....io.formats.imu import imu_csv
 from ....io.formats.text.columns import TableSpec
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
@@ -206,7 +208,6 @@ def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str,
 
 def _gnss(path: Path, table: Table, roles: Roles) -> Source:
     """Fixes by their first clock; by the others in `other_clocks`."""
-    from ....io.formats import GNSS_OPTIONS
 
     if (
         roles.repeat_column is not None
@@ -345,7 +346,5 @@ def _spell_out(
 
 def _spec(role: Role, columns: Collection[str]) -> TableSpec:
     """What the reader of text tables takes."""
-    from ....io.formats.gnss import gnss_text
-    from ....io.formats.imu import imu_csv
 
     return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.spec_of(columns)
