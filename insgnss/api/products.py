@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..photogrammetry.comparison.result import Comparison
     from ..records.relative import RelativeControl
 
-FRAMES = {"tangent": "tangent plane", "geocentric": "geocentric", "geographic": "geographic"}
+FRAMES = ("tangent", "geocentric", "geographic")
 
 
 @reading()
@@ -70,8 +70,7 @@ def export(
         raise UsageError(
             f"export: frame {frame!r} is unknown; it is one of {', '.join(FRAMES)}, or give a CRS"
         )
-    kind = None if frame is None else FRAMES[frame]
-    target = Target(crs, path_of(geoid), kind, ground_m)
+    target = Target(crs, path_of(geoid), frame, ground_m)
     orientation = eo if isinstance(eo, ExteriorOrientation) else read_eo(eo)
     return write(orientation, format, Path(path), target, rename, **options)
 
@@ -105,8 +104,9 @@ def relative_control(
     """
     from ..flight.exporting.export import relative_of
     from ..navigation.orient.frame import in_frame
+    from ..records.framed import TANGENT
 
-    return relative_of(in_frame(eo, FRAMES["tangent"]), eo, noise, form=form, gap_s=gap_s)
+    return relative_of(in_frame(eo, TANGENT), eo, noise, form=form, gap_s=gap_s)
 
 
 @heard
