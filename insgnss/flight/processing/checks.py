@@ -5,7 +5,8 @@ A check that finds a contradiction stops the run, unless the flight file accepts
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
 from functools import partial
@@ -153,6 +154,33 @@ def _of_objects(key: str, argument: str) -> str:
     return _NOUNS.get(key, argument if argument != key else key.replace(".", "__"))
 
 
+@contextmanager
+def asked_for(
+    flight: Flight, key: str = "", refusals: type | tuple[type, ...] = UsageError
+) -> Iterator[None]:
+    """Refuse what the flight file asks for with its path, and the key that asks.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    key : str
+        The key, where it is known.
+    refusals : type or tuple of type
+        The errors that are of what it asks for.
+
+    Raises
+    ------
+    InputError
+        In the place of each of these.
+    """
+    try:
+        yield
+    except refusals as error:
+        where = f"{flight.path}: {key}" if key else str(flight.path)
+        raise InputError(f"{where}: {error}") from None
+
+
 def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     """Refuse a CRS that cannot be reached from where the flight is, before the flight is solved.
 
@@ -181,19 +209,15 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     ends = [0, -1]
     source = flight.gnss.datum, flight.gnss.epoch
     places = gnss.lat[ends], gnss.lon[ends], gnss.height[ends]
-    try:
+    with asked_for(flight, "output.crs", (InputError, UsageError)):
         if globe:
             between_datums(*places, source, at_epoch(output.crs, flight.gnss.epoch))
             return
-    except (InputError, UsageError) as error:
-        raise InputError(f"{flight.path}: output.crs: {error}") from None
     projection = MapProjection(
         output.crs, output.geoid, *source, any_unit=all(form.any_unit for form in wanted)
     )
-    try:
+    with asked_for(flight, "output.crs", InputError):
         projection.forward(*places)
-    except InputError as error:
-        raise InputError(f"{flight.path}: output.crs: {error}") from None
 
 
 def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:

@@ -17,6 +17,7 @@ from ...io.exposures.rig import (
 )
 from ...io.formats import read_barometer, read_gnss, read_imu
 from ...io.options.camera_options import ImageMatch
+from ...io.options.schema import reading_of
 from ...navigation.prepare.calibration import load_calibration
 from ...navigation.prepare.fix_covariance.numbers import STATIONARY_SIGMA_M
 from ...navigation.prepare.imu import Device
@@ -164,16 +165,7 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> Device:
 
     imu = options.file
     if isinstance(imu, Path):
-        imu = read_imu(
-            imu,
-            columns=options.columns,
-            units=options.units,
-            quantity=options.quantity,
-            gps_week=gps_week,
-            variable=options.variable,
-            rate_hz=options.rate_hz,
-            accel_file=options.accel_file,
-        )
+        imu = read_imu(imu, gps_week=gps_week, **reading_of(options))
     calibration = None if options.calibration is None else load_calibration(options.calibration)
     return Device(
         *(imu, options.C_b_imu, options.lever_m),
@@ -257,13 +249,7 @@ def read_barometer_file(options: BarometerInput, gps_week: int | None) -> Barome
 
     heights = options.file
     if isinstance(heights, Path):
-        heights = read_barometer(
-            heights,
-            columns=options.columns,
-            units=options.units,
-            variable=options.variable,
-            gps_week=gps_week,
-        )
+        heights = read_barometer(heights, gps_week=gps_week, **reading_of(options))
     return replace(heights, time=heights.time + options.time_offset_s)
 
 

@@ -39,15 +39,7 @@ from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .result import ProcessResult as ProcessResult
 from .segment import Segment
-from .segment_checks import (
-    check_barometer,
-    check_exposure_clock,
-    check_file_sigmas,
-    check_images,
-    check_measurements,
-    check_motion,
-    check_residuals,
-)
+from .segment_checks import OF_SEGMENTS, check_images
 from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
 Correction = Callable[[Flight, Recording, list[Segment]], list[Segment]]
@@ -114,7 +106,8 @@ def _process(
     compile_ahead()
 
     clock.step("read")
-    inputs = Beside(lambda: _digests(flight))
+    files = input_files(flight)
+    inputs = Beside(lambda: {relative(f, flight.path.parent): sha256(f) for f in files})
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
     if others is not None:
@@ -169,8 +162,8 @@ def _process(
     result = ProcessResult(report, (), eo, trajectory, diagnostics, strips, common)
     if directory is not None:
         clock.step("write")
-        files = write_products(flight, directory, result, recording)
-        result = replace(result, files=files)
+        written = write_products(flight, directory, result, recording)
+        result = replace(result, files=written)
     clock.step("")
     return result
 
@@ -190,11 +183,8 @@ def _solve(
     """Solve the segments of a flight; return them and all checks up to there."""
     segments, gaps = solve_segments(flight, recording, step, prepared)
     checks = [check for segment in segments for check in segment.checks]
-    checks += check_residuals(flight, segments)
-    checks += check_file_sigmas(flight, recording, segments)
-    checks += [*check_motion(flight, segments), *check_barometer(segments)]
-    checks += check_measurements(recording, segments)
-    checks += check_exposure_clock(flight, recording, segments)
+    for check in OF_SEGMENTS:
+        checks += check(flight, recording, segments)
 
     def findings() -> dict[str, Any]:
         start = min(float(segment.solution.time[0]) for segment in segments)
@@ -205,11 +195,6 @@ def _solve(
 
     refuse_contradictions(flight, checks, findings)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
-
-
-def _digests(flight: Flight) -> dict[str, str]:
-    """Return the SHA-256 of every input by its path from the flight file."""
-    return {relative(f, flight.path.parent): sha256(f) for f in input_files(flight)}
 
 
 def _report(

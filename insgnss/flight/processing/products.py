@@ -32,6 +32,7 @@ from ...records.observations import in_week
 from ...report.page import write_report, write_report_json
 from ..config.flight_file import Flight
 from ..exporting.export import Target, export, refuse_names
+from .checks import asked_for
 from .input_files import input_files, measurements
 from .recording import Recording
 from .result import ProcessResult
@@ -153,10 +154,8 @@ def refuse_image_names(flight: Flight, images: Sequence[str]) -> None:
         The first such name, or a rule of output.rename that is none.
     """
 
-    try:
+    with asked_for(flight, "output.formats", (InputError, UsageError)):
         refuse_names(images, flight.output.formats, flight.output.rename)
-    except (InputError, UsageError) as error:
-        raise InputError(f"{flight.path}: output.formats: {error}") from None
 
 
 def ppk_directory(out: Path) -> Path:
@@ -299,9 +298,7 @@ def _export(
     if named:
         target = Target(output.crs, geoid, None, None if globe else output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
-    try:
-        rename = output.rename if form.frames else ()  # the master keeps the names of the files
+    rename = output.rename if form.frames else ()  # the master keeps the names of the files
+    with asked_for(flight, "output"):
         done = export(eo, name, directory / form.product, target, rename, **options)
-    except UsageError as error:  # the flight file asked for it
-        raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

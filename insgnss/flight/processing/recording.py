@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import DataError, InputError, UsageError
+from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey, Step
 from ...base.received.trusted import at_home
 from ...gnss.covariance_model import MODEL
@@ -50,6 +50,7 @@ from ...records.qualities import Quality
 from ...report.charts.gnss import fix_series
 from ..config.flight_file import Flight
 from .checks import (
+    asked_for,
     check_mounting_files,
     check_mountings,
     check_stationary,
@@ -211,19 +212,18 @@ def read_recording(flight: Flight) -> Recording:
     """
 
     barometer = None
-    try:
+    with asked_for(flight):  # an option that its file's format does not have
         devices, gnss, cameras, ppk = read_files(flight)
         if flight.barometer is not None:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
-    except UsageError as error:  # an option that its file's format does not have
-        raise InputError(f"{flight.path}: {error}") from None
     offsets, dated = clock_offsets(flight, gnss), fixes_say_gpst(flight, gnss)
     gnss = replace(gnss, time=gnss.time + offsets.gnss)
     devices = tuple(device.moved(offsets.unstated) for device in devices)
     of_events = cameras[0].events.gps_week if cameras else None
     week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
     gnss = in_week(gnss, week)
-    measurements, notes_on_rows = _read_measurements(flight, week)
+    with asked_for(flight):
+        measurements, notes_on_rows = read_measurements(flight, week)
     all_cameras = on_clock(cameras, flight.camera, offsets, week, devices[0].span_s(week))
     refuse_unreachable_crs(flight, gnss)
     gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
@@ -279,16 +279,6 @@ def read_recording(flight: Flight) -> Recording:
         offsets=offsets,
         fixes_are_gpst=bool(offsets.unstated) or dated,
     )
-
-
-def _read_measurements(
-    flight: Flight, week: int
-) -> tuple[tuple[Measurement, ...], tuple[Finding, ...]]:
-    """Read the further sensors; a wrong use of their options is a fault of the flight file."""
-    try:
-        return read_measurements(flight, week)
-    except UsageError as error:
-        raise InputError(f"{flight.path}: {error}") from None
 
 
 def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> CovarianceRules:

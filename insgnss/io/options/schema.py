@@ -243,6 +243,12 @@ def options_of(table: str, classes: Sequence[type]) -> Iterator[Declared]:
                 yield item
 
 
+def reading_of(table: Any) -> dict[str, Any]:
+    """The options of a table that say how its file is read, as keywords of the reader."""
+    options = declared(table.__class__).values()
+    return {item.name: getattr(table, item.name) for item in options if item.option.of_file}
+
+
 def take_record(table: Any, name: str, maker: str, *more: Any) -> None:
     """Turn what a caller gives where a flight file names a file into a record, a text into a path.
 

@@ -103,8 +103,9 @@ def test_motion_that_is_not_as_said_is_a_contradiction() -> None:
         rows = np.zeros((200, 4), dtype=np.int64)
         rows[:100, VELOCITY_CONSTRAINT] = USED
         rows[:rejected, VELOCITY_CONSTRAINT] = REJECTED
+        recording: Any = None
         solved: Any = [SimpleNamespace(solution=SimpleNamespace(verdict=rows))]
-        (check,) = check_motion(FLIGHT, solved)
+        (check,) = check_motion(FLIGHT, recording, solved)
         assert check.found.startswith(f"{rejected} of 100 ")
         return check.verdict
 
