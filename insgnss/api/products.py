@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..base.advance import heard, logged
 from ..base.errors import UsageError
 from ..base.inputs import Source, reading
+from ..io.options.comparison_options import ComparisonOptions
 from ..records import ExteriorOrientation, Trajectory
-from .keywords import path_of
+from .keywords import options_of_record, path_of
 
 if TYPE_CHECKING:
     from ..flight.exporting.export import Exported
@@ -111,20 +112,11 @@ def relative_control(
 
 @heard
 @reading()
+@options_of_record(ComparisonOptions)
 def compare(
     a: ExteriorOrientation | Trajectory | Source,
     b: ExteriorOrientation | Trajectory | Source,
-    *,
-    form_a: str | None = None,
-    form_b: str | None = None,
-    undulation_a_m: float | None = None,
-    undulation_b_m: float | None = None,
-    origin: tuple[float, float, float] | None = None,
-    crs: str | None = None,
-    geoid: Source | None = None,
-    gps_week: int | None = None,
-    time_shift_s: float = 0.0,
-    coordinate_shift: tuple[float, float, float] | None = None,
+    **options: Any,
 ) -> "Comparison":
     """Compare two orientations or trajectories, and say which convention explains a difference.
 
@@ -136,10 +128,10 @@ def compare(
         of GNSS that are above the geoid.
     origin : latitude deg, longitude deg, height m of a tangent plane whose file does not say it.
     crs : of coordinates whose file does not name it, such as "EPSG:2056".
+    coordinate_shift : what was subtracted from projected coordinates, in their unit.
     geoid : grid of geoid heights, for projected heights above sea level.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
-    coordinate_shift : what was subtracted from projected coordinates, in their unit.
 
     Returns
     -------
@@ -153,19 +145,8 @@ def compare(
     """
     from ..photogrammetry.comparison.compare import compare_files
 
-    return compare_files(
-        a if isinstance(a, ExteriorOrientation | Trajectory) else Path(a),
-        b if isinstance(b, ExteriorOrientation | Trajectory) else Path(b),
-        form_a=form_a,
-        form_b=form_b,
-        undulation_m=(undulation_a_m, undulation_b_m),
-        origin=origin,
-        crs=crs,
-        gps_week=gps_week,
-        geoid=path_of(geoid),
-        time_shift_s=time_shift_s,
-        coordinate_shift=coordinate_shift,
-    )
+    both = [x if isinstance(x, ExteriorOrientation | Trajectory) else Path(x) for x in (a, b)]
+    return compare_files(*both, **options)
 
 
 def figures(

@@ -156,7 +156,9 @@ def _of_objects(key: str, argument: str) -> str:
 
 @contextmanager
 def asked_for(
-    flight: Flight, key: str = "", refusals: type | tuple[type, ...] = UsageError
+    flight: Flight,
+    key: str = "",
+    refusals: type[Exception] | tuple[type[Exception], ...] = UsageError,
 ) -> Iterator[None]:
     """Refuse what the flight file asks for with its path, and the key that asks.
 
