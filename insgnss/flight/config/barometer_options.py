@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...io.options.kinds import Checked
-from ...io.options.schema import BY_HEADER, option, take_record
+from ...io.options.schema import columns_of_file, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -39,9 +39,7 @@ class BarometerInput(Checked, table="barometer"):
         "scale do not matter",
         kind="file",
     )
-    columns: "Columns" = option(
-        None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
-    )
+    columns: "Columns" = columns_of_file("as gnss.columns", of_file=True)
     units: Mapping[str, str] | None = option(
         None,
         "pressure: Pa, hPa, mbar, kPa; length (of heights): m, cm, mm; time as imu.units",

@@ -9,7 +9,7 @@ from ...base.errors import InputError, OptionError
 from ...base.inputs import is_file
 from ...base.received.trusted import at_home
 from ...io.options.kinds import Checked
-from ...io.options.schema import option
+from ...io.options.schema import columns_of_file, option
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -57,11 +57,8 @@ class ImagesInput(Checked, table="images"):
         usual="that of the file, or 1",
         cli="--sigma-px",
     )
-    columns: "Columns" = option(
-        None,
-        'of a table: list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual="by header or order",
+    columns: "Columns" = columns_of_file(
+        'of a table: list of names, or table { canonical = "name in the file" }'
     )
     skip: tuple[str, ...] = option((), "names of images that are left out", cli="--skip-images")
 
@@ -125,9 +122,7 @@ class GroundTableInput(Checked, table="ground"):
         cli="--geoid",
         metavar="GRID",
     )
-    columns: "Columns" = option(
-        None, "of a table, as images.columns", kind="columns", usual="by header or order"
-    )
+    columns: "Columns" = columns_of_file("of a table, as images.columns")
     check: tuple[str, ...] = option(
         (), "names of points that are check points, whatever the file says", cli="--check"
     )
@@ -335,8 +330,8 @@ def load_block(path: str | Path) -> BlockFile:
     if path.is_dir():
         path = path / "block.toml"
     if not is_file(path):
-        raise InputError.at_line(
-            path, None, "does not exist; give a block file, or eo.json with --images and --ground"
+        raise InputError.in_file(
+            path, "does not exist; give a block file, or eo.json with --images and --ground"
         )
     root = read_toml(path, known_keys(BLOCK_TABLES))
     root.check_keys()

@@ -27,7 +27,7 @@ from ...io.options.camera_options import (
     RoverEvents,
 )
 from ...io.options.kinds import Checked, Kind, accepted, as_tuple, no_texts, register
-from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
+from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread, sigmas
 from ...report.rules.needs import NEEDS
 from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
@@ -155,14 +155,9 @@ class Output(Checked, table="output"):
         kind="choice",
         choices=tuple(NEEDS),
     )
-    need_m: Triple | None = option(
-        None, "wanted standard deviations east, north, up of the images", kind="sigmas", unit="m"
-    )
-    need_deg: Triple | None = option(
-        None,
-        "the same of the rotations about these axes: two of tilt, and heading",
-        kind="sigmas",
-        unit="deg",
+    need_m: Triple | None = sigmas("wanted standard deviations east, north, up of the images")
+    need_deg: Triple | None = sigmas(
+        "the same of the rotations about these axes: two of tilt, and heading", unit="deg"
     )
     crs: str | None = option(
         None,

@@ -12,7 +12,14 @@ from ...base.errors import InputError, near
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
 from ...io.options.kinds import Checked, Kind, no_mapping, register
-from ...io.options.schema import BY_HEADER, Declared, Triple, option, take_record
+from ...io.options.schema import (
+    Declared,
+    Triple,
+    columns_of_file,
+    option,
+    sigmas,
+    take_record,
+)
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
 if TYPE_CHECKING:
@@ -72,12 +79,8 @@ class GnssInput(Checked, table="gnss"):
         " gnss.sigma_m 0.1 by default",
         kind="place",
     )
-    columns: "Columns" = option(
-        None,
-        'list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual=BY_HEADER,
-        of_file=True,
+    columns: "Columns" = columns_of_file(
+        'list of names, or table { canonical = "name in the file" }', of_file=True
     )
     units: Mapping[str, str] | None = option(
         None,
@@ -115,16 +118,10 @@ class GnssInput(Checked, table="gnss"):
         low=0.0,
         high=120.0,
     )
-    sigma_m: Triple | None = option(
-        None,
-        "standard deviations north, east, down, where the file has none",
-        kind="sigmas",
-        unit="m",
-        of_file=True,
+    sigma_m: Triple | None = sigmas(
+        "standard deviations north, east, down, where the file has none", of_file=True
     )
-    sigma_velocity_mps: Triple | None = option(
-        None, "the same of velocities", kind="sigmas", unit="m/s", of_file=True
-    )
+    sigma_velocity_mps: Triple | None = sigmas("the same of velocities", unit="m/s", of_file=True)
     time_offset_s: float = option(
         0.0,
         "added to the stamps of this sensor; half a second and more is a difference of clocks, and"

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, OptionError, near
 from ...io.options.kinds import Checked, Kind, no_mapping, no_text, other_class, register
-from ...io.options.schema import BY_HEADER, Declared, Triple, Words, option, take_record
+from ...io.options.schema import (
+    Declared,
+    Triple,
+    Words,
+    columns_of_file,
+    option,
+    take_record,
+)
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -112,12 +119,8 @@ class ImuInput(Checked, table="imu"):
         "`columns` and `units` are of both",
         of_file=True,
     )
-    columns: "Columns" = option(
-        None,
-        'list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual=BY_HEADER,
-        of_file=True,
+    columns: "Columns" = columns_of_file(
+        'list of names, or table { canonical = "name in the file" }', of_file=True
     )
     units: Mapping[str, str] | None = option(
         None,

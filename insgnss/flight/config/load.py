@@ -102,7 +102,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     """
     if not is_file(path):
         problem = "does not exist; give a TOML file of the fields of the covariance model"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words

@@ -75,10 +75,8 @@ def discover(paths: Sequence[Path]) -> Discovery:
     left_out: list[tuple[Path, str]] = []
     for path in paths:
         if not path.exists():
-            raise InputError.at_line(
-                path,
-                None,
-                "does not exist; give a flight file, a directory or the files of a recording",
+            raise InputError.in_file(
+                path, "does not exist; give a flight file, a directory or the files of a recording"
             )
         files = [path] if is_file(path) else list(_walk(path))
         for file in through(files):
@@ -110,10 +108,8 @@ def _walk(root: Path) -> Iterator[Path]:
             elif entry.is_file() and entry.suffix.lower() not in NO_RECORDINGS:
                 count += 1
                 if count > MOST_FILES:
-                    raise InputError.at_line(
-                        root,
-                        None,
-                        f"holds more than {MOST_FILES} files; name the files of the recording",
+                    raise InputError.in_file(
+                        root, f"holds more than {MOST_FILES} files; name the files of the recording"
                     )
                 yield entry
 
@@ -140,7 +136,7 @@ def sources_of(path: Path) -> list[Source]:
     """
     check_input(path)
     if path.stat().st_size == 0:
-        raise InputError.at_line(path, None, "is empty; copy the recording again")
+        raise InputError.in_file(path, "is empty; copy the recording again")
     if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
         return []
     log_sources = _known_log(path)

@@ -129,6 +129,16 @@ def option(default: Any, meaning: str, **more: Any) -> Any:
     return field(default=default, metadata=metadata)
 
 
+def sigmas(meaning: str, unit: str = "m", **more: Any) -> Any:
+    """Field of a dataclass that is an option of three standard deviations, None by default."""
+    return option(None, meaning, kind="sigmas", unit=unit, **more)
+
+
+def columns_of_file(meaning: str, **more: Any) -> Any:
+    """Field of a dataclass that is an option naming the columns of a file, by default its own."""
+    return option(None, meaning, kind="columns", usual=BY_HEADER, **more)
+
+
 def argument(default: Any, meaning: str, **more: Any) -> Any:
     """Field of a dataclass that is an option of a verb, by its own name where no other is given."""
     if default is ... and not more.get("cli", "-").startswith("-"):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ....base.errors import OptionError
 from ....io.options.kinds import Checked
-from ....io.options.schema import Triple, option
+from ....io.options.schema import Triple, columns_of_file, option, sigmas
 
 if TYPE_CHECKING:
     from ....base.tables import Columns
@@ -38,11 +38,8 @@ class VehicleTable(Checked, table="vehicle"):
         usual="zero of eo.json and of a table",
         needs=("file",),
     )
-    target_sigma_m: Triple | None = option(
-        None,
+    target_sigma_m: Triple | None = sigmas(
         "standard deviations of what is left of target_m, which is estimated",
-        unit="m",
-        kind="sigmas",
         usual="it is as stated",
         needs=("file",),
     )
@@ -57,12 +54,9 @@ class VehicleTable(Checked, table="vehicle"):
         low=0.0,
         high=10.0,
     )
-    shift_sigma_m: Triple | None = option(
-        None,
+    shift_sigma_m: Triple | None = sigmas(
         "standard deviations of a shift of all positions of the vehicle, east, north, up, which is "
         "estimated",
-        unit="m",
-        kind="sigmas",
         usual="none",
         needs=("file",),
     )
@@ -111,9 +105,7 @@ class VehicleTable(Checked, table="vehicle"):
         None, "of a table: its CRS, as ground.crs", usual="the tangent plane of the images"
     )
     geoid: Path | None = option(None, "of a table: as ground.geoid", needs=("crs",))
-    columns: "Columns" = option(
-        None, "of a table, as images.columns", kind="columns", usual="by header or order"
-    )
+    columns: "Columns" = columns_of_file("of a table, as images.columns")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -99,7 +99,7 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
         and table.variable is None
         and (why := _incomplete(table, fixes, samples))
     ):
-        raise InputError.at_line(path, None, why)
+        raise InputError.in_file(path, why)
     return events
 
 
@@ -218,9 +218,8 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             f"holds each fix until the next ({table.fields[roles.repeat_column]} changes with it),"
             " which text tables are not read by"
         )
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"{message}; write one row a fix into a file of its own, or the whole as .npy or .mat",
         )
     sources = []
