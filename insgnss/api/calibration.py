@@ -213,9 +213,9 @@ def calibrate_mounting(
     from ..photogrammetry.mounting_calibration.flight_products import calibrated
     from ..photogrammetry.mounting_calibration.in_flight import calibrate_mounting as calibrate
 
-    own, assumptions = flight_of(flight), Assumptions(**options)
-    solved = calibrate(own, Path(poses), assumptions)
-    return _written(calibrated(solved, own, assumptions.photo, assumptions.date), out, force)
+    recorded, assumptions = flight_of(flight), Assumptions(**options)
+    solved = calibrate(recorded, Path(poses), assumptions)
+    return _written(calibrated(solved, recorded, assumptions.photo, assumptions.date), out, force)
 
 
 def _written(result: "CalibratedMounting", out: Source | None, force: bool) -> "CalibratedMounting":

@@ -27,14 +27,14 @@ def options_of_record(record: type) -> Callable[[Door], Door]:
     """
 
     def decorated(function: Door) -> Door:
-        own = signature(function)
-        named = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        described = signature(function)
+        named = [p for p in described.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         named += [
             Parameter(f.name, Parameter.KEYWORD_ONLY, default=f.default, annotation=f.type)
             for f in fields(record)
-            if f.name not in own.parameters and f.default is not MISSING
+            if f.name not in described.parameters and f.default is not MISSING
         ]
-        setattr(function, "__signature__", own.replace(parameters=named))  # noqa: B010
+        setattr(function, "__signature__", described.replace(parameters=named))  # noqa: B010
         return function
 
     return decorated

@@ -145,8 +145,8 @@ def compare(
     """
     from ..photogrammetry.comparison.compare import compare_files
 
-    both = [x if isinstance(x, ExteriorOrientation | Trajectory) else Path(x) for x in (a, b)]
-    return compare_files(*both, **options)
+    sources = [x if isinstance(x, ExteriorOrientation | Trajectory) else Path(x) for x in (a, b)]
+    return compare_files(*sources, **options)
 
 
 def figures(

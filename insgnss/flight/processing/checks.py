@@ -155,7 +155,7 @@ def _of_objects(key: str, argument: str) -> str:
 
 
 @contextmanager
-def asked_for(
+def of_flight_file(
     flight: Flight,
     key: str = "",
     refusals: type[Exception] | tuple[type[Exception], ...] = UsageError,
@@ -211,14 +211,14 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     ends = [0, -1]
     source = flight.gnss.datum, flight.gnss.epoch
     places = gnss.lat[ends], gnss.lon[ends], gnss.height[ends]
-    with asked_for(flight, "output.crs", (InputError, UsageError)):
+    with of_flight_file(flight, "output.crs", (InputError, UsageError)):
         if globe:
             between_datums(*places, source, at_epoch(output.crs, flight.gnss.epoch))
             return
     projection = MapProjection(
         output.crs, output.geoid, *source, any_unit=all(form.any_unit for form in wanted)
     )
-    with asked_for(flight, "output.crs", InputError):
+    with of_flight_file(flight, "output.crs", InputError):
         projection.forward(*places)
 
 

@@ -32,7 +32,7 @@ from ...records.observations import in_week
 from ...report.page import write_report, write_report_json
 from ..config.flight_file import Flight
 from ..exporting.export import Target, export, refuse_names
-from .checks import asked_for
+from .checks import of_flight_file
 from .input_files import input_files, measurements
 from .recording import Recording
 from .result import ProcessResult
@@ -154,7 +154,7 @@ def refuse_image_names(flight: Flight, images: Sequence[str]) -> None:
         The first such name, or a rule of output.rename that is none.
     """
 
-    with asked_for(flight, "output.formats", (InputError, UsageError)):
+    with of_flight_file(flight, "output.formats", (InputError, UsageError)):
         refuse_names(images, flight.output.formats, flight.output.rename)
 
 
@@ -299,6 +299,6 @@ def _export(
         target = Target(output.crs, geoid, None, None if globe else output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
     rename = output.rename if form.frames else ()  # the master keeps the names of the files
-    with asked_for(flight, "output"):
+    with of_flight_file(flight, "output"):
         done = export(eo, name, directory / form.product, target, rename, **options)
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

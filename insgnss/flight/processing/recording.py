@@ -50,11 +50,11 @@ from ...records.qualities import Quality
 from ...report.charts.gnss import fix_series
 from ..config.flight_file import Flight
 from .checks import (
-    asked_for,
     check_mounting_files,
     check_mountings,
     check_stationary,
     of_camera,
+    of_flight_file,
     refuse_unreachable_crs,
 )
 from .clocks import clock_offsets, fixes_say_gpst
@@ -212,7 +212,7 @@ def read_recording(flight: Flight) -> Recording:
     """
 
     barometer = None
-    with asked_for(flight):  # an option that its file's format does not have
+    with of_flight_file(flight):  # an option that its file's format does not have
         devices, gnss, cameras, ppk = read_files(flight)
         if flight.barometer is not None:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
@@ -222,7 +222,7 @@ def read_recording(flight: Flight) -> Recording:
     of_events = cameras[0].events.gps_week if cameras else None
     week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
     gnss = in_week(gnss, week)
-    with asked_for(flight):
+    with of_flight_file(flight):
         measurements, notes_on_rows = read_measurements(flight, week)
     all_cameras = on_clock(cameras, flight.camera, offsets, week, devices[0].span_s(week))
     refuse_unreachable_crs(flight, gnss)

@@ -52,16 +52,16 @@ def compare_files(
     DataError
         Where nothing tells which poses belong together.
     """
-    known = ComparisonOptions(**options)
+    stated = ComparisonOptions(**options)
     hints = Hints(
-        known.origin, known.crs, known.gps_week, known.geoid, shift=known.coordinate_shift
+        stated.origin, stated.crs, stated.gps_week, stated.geoid, shift=stated.coordinate_shift
     )
-    undulations = (known.undulation_a_m, known.undulation_b_m)
+    undulations = (stated.undulation_a_m, stated.undulation_b_m)
     read, notes = _read_both(
-        ((a, known.form_a), (b, known.form_b)),
+        ((a, stated.form_a), (b, stated.form_b)),
         tuple(replace(hints, undulation_m=height) for height in undulations),
     )
-    return compare_poses(*read, time_shift_s=known.time_shift_s, notes=notes)
+    return compare_poses(*read, time_shift_s=stated.time_shift_s, notes=notes)
 
 
 def _read_both(

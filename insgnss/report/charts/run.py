@@ -15,10 +15,11 @@ from ...records import Diagnostics, ExteriorOrientation
 from ..coverage import outages, stationary_periods
 from ..flightlines import flight_lines
 from ..marks import Marks, marks_of
+from ..rules.wording import AXES
 from ..summary import image_sigmas
 from . import gnss, support
 from .chart import AXES_INKS, Array, Axes, Chart, Layer
-from .pieces import AXES, dots, length_unit, line, over_time
+from .pieces import dots, length_unit, line, over_time
 from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
 _MAP = (
