@@ -1,19 +1,24 @@
 """Verbs of the mounting calibration: tripod, similarity in flight, targets, the joint one."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 from ..base.advance import heard
-from ..base.inputs import reading
+from ..base.inputs import Source, reading
+from ..photogrammetry.mounting_calibration.options import (
+    Assumptions,
+    MaterialiseOptions,
+    SimilarityOptions,
+    TripodOptions,
+)
+from .keywords import options_of_record
+from .verbs import flight_of
 
 if TYPE_CHECKING:
     from ..flight.config.flight_file import Flight
     from ..io.formats.orientation.mounting_file import MountingFile
     from ..photogrammetry.mounting_calibration.products import CalibratedMounting
-
-Source = str | os.PathLike[str]
 
 
 def read_mounting(path: Source) -> "MountingFile":
@@ -38,17 +43,9 @@ def read_mounting(path: Source) -> "MountingFile":
 
 @heard
 @reading()
+@options_of_record(TripodOptions)
 def calibrate_tripod(
-    poses: Source,
-    pins: Source,
-    *,
-    out: Source | None = None,
-    force: bool = False,
-    pose_sigma: tuple[float, float] = (0.01, 0.01),
-    pin_sigma_m: float = 0.001,
-    crs: str | None = None,
-    photo: Source | None = None,
-    date: str = "",
+    poses: Source, pins: Source, *, out: Source | None = None, force: bool = False, **options: Any
 ) -> "CalibratedMounting":
     """Estimate the lever arm from camera to antenna of an aircraft on a tripod in several setups.
 
@@ -58,11 +55,12 @@ def calibrate_tripod(
     pins : tips of the pin in the antenna's place, by the names of the poses.
     out : mounting.toml to write, with a page beside it; None: none.
     force : whether to overwrite a file that was made from other inputs.
-    pose_sigma : m and deg, of poses whose file has no standard deviations.
-    pin_sigma_m : of pins whose table has none.
-    crs : of the pins, where they stand in one.
     photo : an image of the camera, which names it.
     date : of the data, ISO.
+    crs : of the pins, where they stand in one.
+    geoid : grid of geoid heights, for `crs`.
+    pose_sigma : m and deg, of poses whose file has no standard deviations.
+    pin_sigma_m : of pins whose table has none.
 
     Returns
     -------
@@ -72,35 +70,21 @@ def calibrate_tripod(
     ------
     InputError : a file is wrong, or both do not belong together.
     """
-    from ..photogrammetry.mounting_calibration.options import TripodOptions
-    from ..photogrammetry.mounting_calibration.products import written
     from ..photogrammetry.mounting_calibration.tripod_files import calibrate_tripod as calibrate
 
-    options = TripodOptions(
-        pose_sigma=pose_sigma, pin_sigma_m=pin_sigma_m, crs=crs, photo=_path(photo), date=date
-    )
-    result = calibrate(Path(poses), Path(pins), options)
-    return result if out is None else written(result, Path(out), force)
+    return _written(calibrate(Path(poses), Path(pins), TripodOptions(**options)), out, force)
 
 
 @heard
 @reading()
+@options_of_record(SimilarityOptions)
 def calibrate_similarity(
     cameras: Source,
     antenna: Source,
     *,
-    ground: Source | None = None,
-    points: Source | None = None,
-    camera: Source | None = None,
     out: Source | None = None,
     force: bool = False,
-    pose_sigma: tuple[float, float] = (0.01, 0.01),
-    antenna_sigma_m: tuple[float, float] | None = None,
-    crs: str | None = None,
-    geoid: Source | None = None,
-    shift: tuple[float, float, float] | None = None,
-    photo: Source | None = None,
-    date: str = "",
+    **options: Any,
 ) -> "CalibratedMounting":
     """Estimate the lever arm from camera to antenna of adjusted poses and antenna positions.
 
@@ -108,18 +92,18 @@ def calibrate_similarity(
     ----------
     cameras : adjusted poses in any frame: Metashape, COLMAP, OpenSfM, eo.json, a table, ...
     antenna : antenna positions at exposures, by image, or the file of Metashape that has them.
+    out : mounting.toml to write, with a page beside it; None: none.
+    force : whether to overwrite a file that was made from other inputs.
+    photo : an image of the camera, which names it.
+    date : of the data, ISO.
+    crs : of poses, antenna positions and ground points whose files do not name it.
+    geoid : grid of geoid heights, for `crs`.
+    pose_sigma : m and deg, of poses whose file has no standard deviations.
+    shift : what was subtracted from the coordinates of the poses, in the unit of their CRS.
+    antenna_sigma_m : horizontal and vertical, in the place of the table's.
     ground : ground points, which are measured in images.
     points : image observations of them, where `cameras` has none.
     camera : camera.toml, where `cameras` has no interior orientation.
-    out : mounting.toml to write, with a page beside it; None: none.
-    force : whether to overwrite a file that was made from other inputs.
-    pose_sigma : m and deg, of poses whose file has no standard deviations.
-    antenna_sigma_m : horizontal and vertical, in the place of the table's.
-    crs : of poses, antenna positions and ground points whose files do not name it.
-    geoid : grid of geoid heights, for `crs`.
-    shift : what was subtracted from the coordinates of the poses, in the unit of their CRS.
-    photo : an image of the camera, which names it.
-    date : of the data, ISO.
 
     Returns
     -------
@@ -129,42 +113,25 @@ def calibrate_similarity(
     ------
     InputError : a file is wrong, or they do not belong together.
     """
-    from ..photogrammetry.mounting_calibration.options import SimilarityOptions
-    from ..photogrammetry.mounting_calibration.products import written
     from ..photogrammetry.mounting_calibration.similarity_files import (
         calibrate_similarity as calibrate,
     )
 
-    options = SimilarityOptions(
-        pose_sigma=pose_sigma,
-        antenna_sigma_m=antenna_sigma_m,
-        ground=_path(ground),
-        points=_path(points),
-        camera=_path(camera),
-        crs=crs,
-        geoid=_path(geoid),
-        shift=shift,
-        photo=_path(photo),
-        date=date,
-    )
-    result = calibrate(Path(cameras), Path(antenna), options)
-    return result if out is None else written(result, Path(out), force)
+    result = calibrate(Path(cameras), Path(antenna), SimilarityOptions(**options))
+    return _written(result, out, force)
 
 
 @heard
 @reading()
+@options_of_record(MaterialiseOptions)
 def calibrate_materialise(
     camera: Source,
     mounted: Source,
     receiver: Sequence[Source],
     *,
-    pose: Source | None = None,
-    image: str = "",
-    after: Source | None = None,
     out: Source | None = None,
     force: bool = False,
-    photo: Source | None = None,
-    date: str = "",
+    **options: Any,
 ) -> "CalibratedMounting":
     """Estimate the lever arm from camera to antenna by targets on camera and receiver.
 
@@ -173,13 +140,16 @@ def calibrate_materialise(
     camera : targets on the camera in a scaled frame, a table or a block.
     mounted : targets on camera and receiver in one block of the aircraft, before the flight.
     receiver : targets on the receiver and its phase centre (row `antenna`), a table a session.
-    pose : pose of an image that the camera itself took, in the frame of `camera`.
-    image : name of that image.
-    after : as `mounted`, after the flight.
     out : mounting.toml to write, with a page beside it; None: none.
     force : whether to overwrite a file that was made from other inputs.
     photo : an image of the camera, which names it.
     date : of the data, ISO.
+    pose : pose of an image that the camera itself took, in the frame of `camera`.
+    image : name of that image.
+    after : as `mounted`, after the flight.
+    antenna_name : row of the phase centre in the tables of `receiver`.
+    target_sigma_m : of targets whose table has no standard deviations.
+    pose_sigma : m and deg, of a pose whose file has none.
 
     Returns
     -------
@@ -193,43 +163,22 @@ def calibrate_materialise(
     from ..photogrammetry.mounting_calibration.materialise_files import (
         calibrate_materialise as calibrate,
     )
-    from ..photogrammetry.mounting_calibration.options import MaterialiseOptions
-    from ..photogrammetry.mounting_calibration.products import written
 
-    options = MaterialiseOptions(
-        receiver=tuple(Path(path) for path in receiver),
-        pose=_path(pose),
-        image=image,
-        after=_path(after),
-        photo=_path(photo),
-        date=date,
-    )
-    result = calibrate(Path(camera), Path(mounted), options)
-    return result if out is None else written(result, Path(out), force)
-
-
-def _path(source: Source | None) -> Path | None:
-    return None if source is None else Path(source)
+    sessions = tuple(Path(path) for path in receiver)
+    made = MaterialiseOptions(receiver=sessions, **options)
+    return _written(calibrate(Path(camera), Path(mounted), made), out, force)
 
 
 @heard
 @reading()
+@options_of_record(Assumptions)
 def calibrate_mounting(
     flight: "Flight | Source",
     poses: Source,
     *,
     out: Source | None = None,
     force: bool = False,
-    frame: Literal["auto", "similarity", "shift"] = "auto",
-    shift_sigma_m: float | None = None,
-    lever_arm_sigma_m: float = 0.3,
-    imu_sigma_m: float = 0.3,
-    pose_sigma: tuple[float, float] = (0.03, 0.01),
-    crs: str | None = None,
-    geoid: Source | None = None,
-    shift: tuple[float, float, float] | None = None,
-    photo: Source | None = None,
-    date: str | None = None,
+    **options: Any,
 ) -> "CalibratedMounting":
     """Estimate lever arms, bore-sight and camera delay from a flight and the poses of its block.
 
@@ -239,6 +188,11 @@ def calibrate_mounting(
     poses : adjusted poses of its images, of any readable program.
     out : mounting.toml to write, with a page beside it; None: none.
     force : whether to overwrite a file that was made from other inputs.
+    photo : an image of the camera, which names it.
+    date : of the data, ISO; by default that of the flight.
+    crs : of poses whose file does not name it.
+    geoid : grid of geoid heights, for `crs`.
+    shift : what was subtracted from the coordinates of the poses, in the unit of their CRS.
     frame : how the block lies to the flight: by a similarity, by a shift alone; "auto": a
         similarity, and coordinates of another scale are refused.
     shift_sigma_m : of a shift between ground control and fixes; None: not known.
@@ -246,11 +200,6 @@ def calibrate_mounting(
     imu_sigma_m : of the IMU's lever arm from the camera, as the flight file has it.
     pose_sigma : m and deg, what the block's camera calibration moves poses by, all alike in
         camera axes, where they have no covariances.
-    crs : of poses whose file does not name it.
-    geoid : grid of geoid heights, for `crs`.
-    shift : what was subtracted from the coordinates of the poses, in the unit of their CRS.
-    photo : an image of the camera, which names it.
-    date : of the data, ISO; by default that of the flight.
 
     Returns
     -------
@@ -261,26 +210,15 @@ def calibrate_mounting(
     InputError : a file is wrong, or the poses are not of this flight.
     DataError : the data do not support the answer.
     """
-    from ..flight.config.flight_file import Flight
-    from ..flight.config.load import load_flight
     from ..photogrammetry.mounting_calibration.flight_products import calibrated
     from ..photogrammetry.mounting_calibration.in_flight import calibrate_mounting as calibrate
-    from ..photogrammetry.mounting_calibration.options import Assumptions
+
+    recorded, assumptions = flight_of(flight), Assumptions(**options)
+    solved = calibrate(recorded, Path(poses), assumptions)
+    return _written(calibrated(solved, recorded, assumptions.photo, assumptions.date), out, force)
+
+
+def _written(result: "CalibratedMounting", out: Source | None, force: bool) -> "CalibratedMounting":
     from ..photogrammetry.mounting_calibration.products import written
 
-    own = flight if isinstance(flight, Flight) else load_flight(Path(flight))
-    assumptions = Assumptions(
-        frame=frame,
-        shift_sigma_m=shift_sigma_m,
-        lever_arm_sigma_m=lever_arm_sigma_m,
-        imu_sigma_m=imu_sigma_m,
-        pose_sigma=pose_sigma,
-        crs=crs,
-        geoid=_path(geoid),
-        shift=shift,
-        photo=_path(photo),
-        date=date or "",
-    )
-    solved = calibrate(own, Path(poses), assumptions)
-    result = calibrated(solved, own, assumptions.photo, assumptions.date)
     return result if out is None else written(result, Path(out), force)

@@ -5,17 +5,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..base.advance import heard, logged
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
+from ..flight.config.barometer_options import BarometerInput
+from ..flight.config.filter_options import FilterOptions, InitialAttitude
+from ..flight.config.flight_file import Flight, Output, changed
+from ..flight.config.gnss_options import GnssInput
+from ..flight.config.imu_options import ImuInput
+from ..flight.processing.pipeline import ProcessResult, process
+from ..io.options.camera_options import CameraInput
+from ..navigation.noise_model.model import NoiseModel
 from ..navigation.prepare.clock import NO_WEEK
 from ..records import (
-    CameraEvents,
     Finding,
-    GnssFixes,
-    ImuSamples,
     Quantity,
     Question,
     barometer_heights,
@@ -23,14 +28,8 @@ from ..records import (
     gnss_fixes,
     imu_samples,
 )
-
-if TYPE_CHECKING:
-    from ..flight.config.filter_options import FilterOptions, InitialAttitude
-    from ..flight.config.flight_file import Flight
-    from ..flight.processing.pipeline import ProcessResult
-    from ..navigation.noise_model.model import NoiseModel
-    from ..records.cameras.mounting import Mounting
-    from ..records.measurements import Measurement
+from ..records.cameras.mounting import Mounting
+from ..records.measurements import Measurement
 
 WHO = Path("insgnss.estimate")
 # of [output], and no matter of files
@@ -44,7 +43,6 @@ SPOKEN = {
     "output.trajectory_hz": "trajectory_hz",
 }
 """What the keys of a flight file are called here."""
-Timed = ImuSamples | GnssFixes | CameraEvents
 
 
 @heard
@@ -54,22 +52,22 @@ def estimate(
     events: Any = None,
     *,
     barometer: Any = None,
-    measurements: "Sequence[Measurement]" = (),
-    mounting: "Mounting | None" = None,
-    noise: "str | os.PathLike[str] | NoiseModel" = "navchip",
+    measurements: Sequence[Measurement] = (),
+    mounting: Mounting | None = None,
+    noise: str | os.PathLike[str] | NoiseModel = "navchip",
     gps_week: int | None = None,
     imu_quantity: Quantity = "mean_rate",
     imu_axes: str = "forward right down",
     gnss_sigma_m: Sequence[float] | None = None,
     gnss_sigma_velocity_mps: Sequence[float] | None = None,
     tangent_plane: Sequence[float] | None = None,
-    initial_attitude: "InitialAttitude | None" = None,
-    filter_options: "FilterOptions | None" = None,
+    initial_attitude: InitialAttitude | None = None,
+    filter_options: FilterOptions | None = None,
     trajectory_hz: float | None = 10.0,
     accept: Sequence[str] = (),
     progress: Callable[[str], None] = logged,
     **changes: Any,
-) -> "ProcessResult":
+) -> ProcessResult:
     """Estimate trajectory, biases and exterior orientation from arrays; no file is read or written.
 
     It runs the checks, the alignment, the filter and the smoother of `process`, and gives the same
@@ -149,30 +147,31 @@ def estimate(
         and gps_week is None
     ):
         samples = replace(samples, gps_week=NO_WEEK, notes=(*samples.notes, _no_week()))
-    from ..flight.config.barometer_options import BarometerInput
-    from ..flight.config.flight_file import changed
-
     with spoken_as(SPOKEN):
-        flight = _flight(samples, fixes, exposures, noise, imu_axes, mounting, trajectory_hz)
-        tables: dict[str, Any] = {
-            "gps_week": gps_week,
-            "accept": accept,
-            "initial": initial_attitude,
-            "barometer": None if heights is None else BarometerInput(file=heights),
-            "tangent_plane": tangent_plane,
-            "measurement": tuple(measurements),
-        }
-        tables |= {} if filter_options is None else {"filter": filter_options}
-        flight = flight.with_(**tables)
+        model = Path(noise) if isinstance(noise, os.PathLike) else noise
+        unchecked: dict[str, Any] = {"accept": accept, "tangent_plane": tangent_plane}
+        flight = Flight(
+            path=WHO,
+            name="estimate",
+            gps_week=gps_week,
+            imu=ImuInput(file=samples, quantity=samples.quantity, axes=imu_axes, noise=model),
+            gnss=GnssInput(file=fixes),
+            camera=None if exposures is None else CameraInput(events=exposures),
+            mounting=Mounting() if mounting is None else mounting,
+            output=Output(Path(), (), trajectory_hz),
+            initial=initial_attitude,
+            filter=FilterOptions() if filter_options is None else filter_options,
+            barometer=None if heights is None else BarometerInput(file=heights),
+            measurement=tuple(measurements),
+            **unchecked,
+        )
         _refuse_ambiguous(flight, changes)
         keywords = [name for name in signature(estimate).parameters if name != "changes"]
         flight = changed(flight, changes, keywords)
-        from ..flight.processing.pipeline import process
-
         return process(flight, progress=progress, write=False)
 
 
-def _refuse_ambiguous(flight: "Flight", changes: Mapping[str, Any]) -> None:
+def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
     """Refuse changes that are given by a keyword as well, and those that nothing looks at."""
     given = {
         "noise": flight.imu.noise,
@@ -194,34 +193,4 @@ def _no_week() -> Finding:
     given = f"none is given; {NO_WEEK} stands in for it"
     return Question("GPS week", "gps_week, or a week in the records").note(
         given, "times stay as they are"
-    )
-
-
-def _flight(
-    imu: ImuSamples,
-    gnss: GnssFixes,
-    events: CameraEvents | None,
-    noise: "str | os.PathLike[str] | NoiseModel",
-    axes: str,
-    mounting: "Mounting | None",
-    trajectory_hz: float | None,
-) -> "Flight":
-    """Return the flight file that says so, with records instead of files."""
-    from ..flight.config.flight_file import Flight, Output
-    from ..flight.config.gnss_options import GnssInput
-    from ..flight.config.imu_options import ImuInput
-    from ..io.options.camera_options import CameraInput
-    from ..records.cameras.mounting import Mounting
-
-    model = Path(noise) if isinstance(noise, os.PathLike) else noise
-    return Flight(
-        path=WHO,
-        name="estimate",
-        imu=ImuInput(file=imu, quantity=imu.quantity, axes=axes, noise=model),
-        gnss=GnssInput(file=gnss),
-        camera=None if events is None else CameraInput(events=events),
-        mounting=Mounting() if mounting is None else mounting,
-        tangent_plane=None,
-        output=Output(Path(), (), trajectory_hz),
-        initial=None,
     )

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.advance import heard, logged
 from ..base.errors import UsageError
-from ..base.inputs import reading
+from ..base.inputs import Source, reading
+from ..io.options.comparison_options import ComparisonOptions
 from ..records import ExteriorOrientation, Trajectory
+from .keywords import options_of_record, path_of
 
 if TYPE_CHECKING:
     from ..flight.exporting.export import Exported
@@ -19,8 +21,7 @@ if TYPE_CHECKING:
     from ..photogrammetry.comparison.result import Comparison
     from ..records.relative import RelativeControl
 
-Source = str | os.PathLike[str]
-FRAMES = {"tangent": "tangent plane", "geocentric": "geocentric", "geographic": "geographic"}
+FRAMES = ("tangent", "geocentric", "geographic")
 
 
 @reading()
@@ -70,8 +71,7 @@ def export(
         raise UsageError(
             f"export: frame {frame!r} is unknown; it is one of {', '.join(FRAMES)}, or give a CRS"
         )
-    kind = None if frame is None else FRAMES[frame]
-    target = Target(crs, None if geoid is None else Path(geoid), kind, ground_m)
+    target = Target(crs, path_of(geoid), frame, ground_m)
     orientation = eo if isinstance(eo, ExteriorOrientation) else read_eo(eo)
     return write(orientation, format, Path(path), target, rename, **options)
 
@@ -105,26 +105,18 @@ def relative_control(
     """
     from ..flight.exporting.export import relative_of
     from ..navigation.orient.frame import in_frame
+    from ..records.framed import TANGENT
 
-    return relative_of(in_frame(eo, FRAMES["tangent"]), eo, noise, form=form, gap_s=gap_s)
+    return relative_of(in_frame(eo, TANGENT), eo, noise, form=form, gap_s=gap_s)
 
 
 @heard
 @reading()
+@options_of_record(ComparisonOptions)
 def compare(
     a: ExteriorOrientation | Trajectory | Source,
     b: ExteriorOrientation | Trajectory | Source,
-    *,
-    form_a: str | None = None,
-    form_b: str | None = None,
-    undulation_a_m: float | None = None,
-    undulation_b_m: float | None = None,
-    origin: tuple[float, float, float] | None = None,
-    crs: str | None = None,
-    geoid: Source | None = None,
-    gps_week: int | None = None,
-    time_shift_s: float = 0.0,
-    coordinate_shift: tuple[float, float, float] | None = None,
+    **options: Any,
 ) -> "Comparison":
     """Compare two orientations or trajectories, and say which convention explains a difference.
 
@@ -136,10 +128,10 @@ def compare(
         of GNSS that are above the geoid.
     origin : latitude deg, longitude deg, height m of a tangent plane whose file does not say it.
     crs : of coordinates whose file does not name it, such as "EPSG:2056".
+    coordinate_shift : what was subtracted from projected coordinates, in their unit.
     geoid : grid of geoid heights, for projected heights above sea level.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
-    coordinate_shift : what was subtracted from projected coordinates, in their unit.
 
     Returns
     -------
@@ -153,19 +145,8 @@ def compare(
     """
     from ..photogrammetry.comparison.compare import compare_files
 
-    return compare_files(
-        a if isinstance(a, ExteriorOrientation | Trajectory) else Path(a),
-        b if isinstance(b, ExteriorOrientation | Trajectory) else Path(b),
-        form_a=form_a,
-        form_b=form_b,
-        undulation_m=(undulation_a_m, undulation_b_m),
-        origin=origin,
-        crs=crs,
-        gps_week=gps_week,
-        geoid=None if geoid is None else Path(geoid),
-        time_shift_s=time_shift_s,
-        coordinate_shift=coordinate_shift,
-    )
+    sources = [x if isinstance(x, ExteriorOrientation | Trajectory) else Path(x) for x in (a, b)]
+    return compare_files(*sources, **options)
 
 
 def figures(
@@ -199,8 +180,7 @@ def figures(
     """
     from ..report.charts.files import figure_files
 
-    folder = None if out is None else Path(out)
-    return figure_files(Path(source), form, folder, only, width_mm, force).files
+    return figure_files(Path(source), form, path_of(out), only, width_mm, force).files
 
 
 @heard
@@ -270,8 +250,8 @@ def ppk(
         ionosphere=ionosphere,
         velocity=velocity,
         events=Path(events) if isinstance(events, str | os.PathLike) else events,
-        match=ImageMatch(None if images is None else Path(images)),
+        match=ImageMatch(path_of(images)),
         camera_delay_s=camera_delay_s,
         base_point_chosen=base_position is None or base_point is not None,
     )
-    return solve_ppk(given, None if out is None else Path(out), progress)
+    return solve_ppk(given, path_of(out), progress)

@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base.advance import heard, logged
-from ..base.inputs import reading
-from .verbs import Progress, Source
+from ..base.inputs import Source, reading
+from .keywords import path_of
+from .verbs import Progress
 
 if TYPE_CHECKING:
     from ..flight.config.block_file import VehicleTable
@@ -55,9 +56,9 @@ def predict_targets(
     from ..photogrammetry.target_measurement.run import predict_targets as predicted
 
     request = Request(
-        Path(eo), Path(ground), Path(camera), None, crs, _path(geoid), vehicle=vehicle
+        Path(eo), Path(ground), Path(camera), None, crs, path_of(geoid), vehicle=vehicle
     )
-    return predicted(request, _path(out), progress, write)
+    return predicted(request, path_of(out), progress, write)
 
 
 @heard
@@ -117,13 +118,9 @@ def measure_targets(
         Path(camera),
         Path(images),
         crs,
-        _path(geoid),
+        path_of(geoid),
         target or Target(),
         search_px,
         vehicle=vehicle,
     )
-    return measured(request, _path(out), progress, write, force=force)
-
-
-def _path(source: Source | None) -> Path | None:
-    return None if source is None else Path(source)
+    return measured(request, path_of(out), progress, write, force=force)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from ..base.advance import heard, logged
 from ..base.errors import UsageError
-from ..base.inputs import reading
+from ..base.inputs import Source, reading
 from ..records import ImuSamples, Quantity
+from .keywords import path_of
 
 if TYPE_CHECKING:
     from ..flight.config.block_file import BlockFile, Mode
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from ..simulation.faults import ImuFaults
     from ..simulation.scenario import SimulatedFlight
 
-Source = str | os.PathLike[str]
 Progress = Callable[[str], None]
 FLIGHT_FILE = "flight.toml"
 
@@ -69,10 +69,10 @@ def process(
     """
     from ..flight.processing.pipeline import process as run
 
-    return run(_flight_of(flight), None if out is None else Path(out), progress, write, force)
+    return run(flight_of(flight), path_of(out), progress, write, force)
 
 
-def _flight_of(flight: "Flight | Source") -> "Flight":
+def flight_of(flight: "Flight | Source") -> "Flight":
     """Return a flight file that may have been read already."""
     from ..flight.config.flight_file import Flight
     from ..flight.config.load import load_flight
@@ -130,8 +130,8 @@ def adjust_block(
     if control is not None:
         changes["aerial_control"] = replace(file.aerial_control, control=control)
     file = replace(file, **changes)
-    flight = None if trajectory is None else _flight_of(trajectory)
-    return adjust(file, None if out is None else Path(out), progress, write, force, flight)
+    flight = None if trajectory is None else flight_of(trajectory)
+    return adjust(file, path_of(out), progress, write, force, flight)
 
 
 @heard
@@ -213,7 +213,7 @@ def tune(
     from ..flight.config.load import load_flight
     from ..noise.tuning.options import TuneOptions
 
-    target = None if out is None else Path(out)
+    target = path_of(out)
     if (
         not isinstance(source, Flight)
         and isinstance(source, str | os.PathLike)

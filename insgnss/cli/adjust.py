@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import InputError, UsageError
 from ..base.inputs import is_file
 from ..base.wording import spoken_as
-from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, load_block
+from ..flight.config.block_file import (
+    BLOCK_TABLES,
+    DIRECTORY,
+    BlockFile,
+    BlockOutput,
+    load_block,
+)
 from ..flight.config.command_line import add_options, given_of, names_of
 from ..io.options.schema import argument
 from .console import Progress
@@ -76,33 +82,29 @@ def block_of(options: argparse.Namespace) -> BlockFile:
         Options that do not go together.
     """
     given = {name: given_of(options, kind, name) for name, (kind,) in BLOCK_TABLES.items()}
-    named = names_of(BLOCK_TABLES)
     if not is_file(options.block) or options.block.suffix.lower() == ".toml":
         file = load_block(options.block)
-        with spoken_as(named):
-            changed = {
-                name: replace(getattr(file, name), **values)
-                for name, values in given.items()
-                if name and values
-            }
-        _refuse_missing(changed, options.block)
-        return replace(file, **changed)
-    tables = {name: BLOCK_TABLES[name][0] for name in given if name}
-    if "file" in given["images"] or options.plan:
-        given["aerial_control"]["file"] = options.block
-    elif _is_project(options.block):
-        given["images"]["file"] = options.block
     else:
-        raise UsageError(
-            "adjust: image observations are missing; give --images, a table or the project of a"
-            " photogrammetry program"
-        )
-    with spoken_as(named):
-        made = {name: kind(**given[name]) for name, kind in tables.items()}
-    made["output"] = replace(made["output"], directory=options.block.parent / DIRECTORY)
-    _refuse_missing(made, options.block)
-    name = options.block.absolute().parent.name
-    return BlockFile(path=options.block, name=name, **made)
+        if "file" in given["images"] or options.plan:
+            given["aerial_control"]["file"] = options.block
+        elif _is_project(options.block):
+            given["images"]["file"] = options.block
+        else:
+            raise UsageError(
+                "adjust: image observations are missing; give --images, a table or the project of a"
+                " photogrammetry program"
+            )
+        output = BlockOutput(directory=options.block.parent / DIRECTORY)
+        name = options.block.absolute().parent.name
+        file = BlockFile(path=options.block, name=name, output=output)
+    with spoken_as(names_of(BLOCK_TABLES)):
+        changed = {
+            name: replace(getattr(file, name), **values)
+            for name, values in given.items()
+            if name and values
+        }
+    _refuse_missing(changed, options.block)
+    return replace(file, **changed)
 
 
 def _is_project(path: Path) -> bool:

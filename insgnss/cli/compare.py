@@ -3,12 +3,12 @@
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base.errors import UsageError
 from ..base.inputs import sha256
+from ..io.options.comparison_options import ComparisonOptions
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
@@ -30,41 +30,18 @@ EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differenc
   insgnss compare trajectory.sbet reference.pos --week 2008"""
 
 
-GEOID = "geoid above the ellipsoid, to be added to heights of"
-GNSS = ", positions of GNSS that are above the geoid"
-_form = partial(argument, metavar="FORMAT")
-
-
 @dataclass(frozen=True)
-class Request(Checked):
-    """Options of the verb."""
+class Inputs(Checked):
+    """What is compared."""
 
     a: Path = argument(..., f"exterior orientation or trajectory: {', '.join(FORMS)}", cli="A")
     b: Path = argument(..., "the one to compare with it; differences are B minus A", cli="B")
-    format_a: str | None = _form(None, "of A, where it does not show it; one of the formats above")
-    format_b: str | None = _form(None, "of B, where it does not show it; one of the formats above")
-    undulation_a: float | None = argument(None, f"{GEOID} A{GNSS}", metavar="M")
-    undulation_b: float | None = argument(None, f"{GEOID} B{GNSS}", metavar="M")
-    origin: tuple[float, float, float] | None = argument(
-        None,
-        "deg, deg, m: of a tangent plane whose file does not say it",
-        kind="place",
-        metavar="LAT,LON,H",
-    )
-    crs: str | None = argument(
-        None, "of coordinates whose file does not name it, such as EPSG:2056", metavar="CRS"
-    )
-    coordinate_shift: tuple[float, float, float] | None = argument(
-        None,
-        "what was subtracted from projected coordinates, in their unit",
-        kind="pair",
-        metavar="E,N,H",
-    )
-    geoid: Path | None = argument(
-        None, "grid of geoid heights, for projected heights above sea level", metavar="GRID"
-    )
-    week: int | None = argument(None, "GPS week, of files with the time of week only")
-    shift: float = argument(0.0, "seconds to be added to the times of B", metavar="S")
+
+
+@dataclass(frozen=True)
+class Products(Checked):
+    """What is written."""
+
     figure: Path | None = argument(
         None, "write the differences as a picture: PNG, or by its ending .pdf or .svg"
     )
@@ -81,19 +58,7 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
     from ..photogrammetry.comparison.compare import compare_files
 
     progress("reading and matching")
-    result = compare_files(
-        given.a,
-        given.b,
-        form_a=given.format_a,
-        form_b=given.format_b,
-        undulation_m=(given.undulation_a, given.undulation_b),
-        origin=given.origin,
-        crs=given.crs,
-        gps_week=given.week,
-        geoid=given.geoid,
-        time_shift_s=given.shift,
-        coordinate_shift=given.coordinate_shift,
-    )
+    result = compare_files(given.a, given.b, **vars(given.records[ComparisonOptions]))
     files: dict[Path, Content] = {}
     if given.figure is not None:
         form = given.figure.suffix.lower().removeprefix(".")
@@ -127,6 +92,6 @@ VERB = Verb(
     "differences of two exterior orientations or trajectories, and which mistaken convention"
     " explains them",
     EXAMPLE,
-    (Request,),
+    (Inputs, ComparisonOptions, Products),
     run,
 )

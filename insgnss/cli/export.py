@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import UsageError
 from ..base.output.staging import together
@@ -16,6 +16,9 @@ from ..io.options.kinds import Checked
 from ..io.options.schema import Triple, argument
 from .console import Progress
 from .verb import Verb, show_result
+
+if TYPE_CHECKING:
+    from ..flight.exporting.export import Exported
 
 EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
@@ -151,7 +154,7 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
         For options that have no meaning with it, and values that cannot be.
     """
     from ..base.files import atomic_write
-    from ..flight.exporting.replacing import refuse_replacing
+    from ..flight.exporting.export import Exported
     from ..navigation.noise_model.model import load_noise_model
     from ..noise.processes.consumers import FORMS, text_for
 
@@ -167,19 +170,39 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
             options[name] = settings[key] if key == "topic" else _positive(key, settings[key])
     model = load_noise_model(str(given.eo))
     beside = given.eo.parent if given.eo.is_file() else Path()
-    out = given.out or beside / FORMS[given.format][0]
     text = text_for(given.format, model, **options)
-    progress(f"writing {out}")
-    with together() as staging:
+
+    def write(out: Path) -> "Exported":
         atomic_write(out, text)
-        if not given.force:
-            refuse_replacing(staging, out, given.out is not None, "")
+        return Exported(out, "", ())
+
+    done = _written(given, beside / FORMS[given.format][0], write, progress)
     kept = options.get("cluster_s", 10.0)
     note = (
         f"white noise and random walk have the model's Allan variance at {kept:g} s; other times"
         " differ (data_specs/noise_exports.md)"
     )
-    return ExportResult(given.format, (out,), (note,))
+    return ExportResult(given.format, done.all_files, (note,))
+
+
+def _written(
+    given: argparse.Namespace,
+    product: Path,
+    write: "Callable[[Path], Exported]",
+    progress: Callable[[str], None],
+) -> "Exported":
+    """Write to --out, by default to `product`, unless that replaces what it must not."""
+    from ..flight.exporting.replacing import refuse_replacing
+
+    out = given.out or product
+    if out.resolve() == given.eo.resolve():
+        raise UsageError(f"export: {out} is the master itself; give --out")
+    progress(f"writing {out}")
+    with together() as staging:
+        done = write(out)
+        if not given.force:
+            refuse_replacing(staging, out, given.out is not None, done.frame)
+    return done
 
 
 def _refuse_camera(given: argparse.Namespace, where: str) -> None:
@@ -212,33 +235,28 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     _refuse_of_positions(given)
     from ..flight.exporting.export import Target, export, known_format
     from ..flight.exporting.options import typed_options
-    from ..flight.exporting.replacing import refuse_replacing
 
     form = known_format(given.format)
     options = typed_options(given.format, form, _settings(given.settings))
-    target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
+    target = Target(given.crs, given.geoid, given.frame, given.ground)
     from ..io.formats.orientation.eo_json import read_eo_json
 
-    product = Path(form.product)
+    product = given.eo.parent / form.product
     if given.camera is not None:
         product = product.with_name(f"{product.stem}_{given.camera}{product.suffix}")
-    out = given.out or given.eo.parent / product
-    if out.resolve() == given.eo.resolve():
-        raise UsageError(f"export: {out} is the master itself; give --out")
     eo = read_eo_json(given.eo)
     _warn_of_changed_inputs(given.eo)
     if given.camera is not None:
         eo = eo.of_camera(given.camera)
     moved = _moved_base(given)
     eo = eo if moved is None else moved.orientation(eo)
-    progress(f"writing {out}")
-    with together() as staging:
-        done = export(eo, given.format, out, target, given.rename, **options)
-        if not given.force:
-            refuse_replacing(staging, out, given.out is not None, done.frame)
-    files = (*(done.files or (done.file,)), *done.helpers)
+
+    def write(out: Path) -> "Exported":
+        return export(eo, given.format, out, target, given.rename, **options)
+
+    done = _written(given, product, write, progress)
     notes = done.notes if moved is None else (*done.notes, moved.sentence)
-    return ExportResult(given.format, files, notes)
+    return ExportResult(given.format, done.all_files, notes)
 
 
 def _moved_base(request: argparse.Namespace) -> Any:
@@ -319,31 +337,22 @@ def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) 
     """Write camera positions without an IMU in a format that takes them without angles."""
     from ..flight.exporting.export import Target
     from ..flight.exporting.positions import export_positions, position_format
-    from ..flight.exporting.replacing import refuse_replacing
 
     form = position_format(given.format)
     _refuse_camera(given, "for camera positions")
     if given.settings:
         raise UsageError("export: camera positions take no --set; leave it out")
-    target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
-    out = given.out or given.eo.parent / form.product
-    if out.resolve() == given.eo.resolve():
-        raise UsageError(f"export: {out} holds the camera positions themselves; give --out")
+    target = Target(given.crs, given.geoid, given.frame, given.ground)
     with spoken_as(names_of()):
         positions, notes = _read_positions(given)
     if (moved := _moved_base(given)) is not None:
         positions, notes = moved.positions(positions), (*notes, moved.sentence)
-    progress(f"writing {out}")
-    with together() as staging:
-        done = export_positions(positions, given.format, out, target)
-        if not given.force:
-            refuse_replacing(staging, out, given.out is not None, done.frame)
-    return ExportResult(given.format, (done.file, *done.helpers), (*done.notes, *notes))
 
+    def write(out: Path) -> "Exported":
+        return export_positions(positions, given.format, out, target)
 
-def frame_kind(word: str | None) -> str | None:
-    """The kind of frame that the option --frame names."""
-    return "tangent plane" if word == "tangent" else word
+    done = _written(given, given.eo.parent / form.product, write, progress)
+    return ExportResult(given.format, done.all_files, (*done.notes, *notes))
 
 
 def _settings(texts: Sequence[str]) -> dict[str, str]:
@@ -377,9 +386,8 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
             " DIR"
         )
     progress("writing the scene")
-    frame = frame_kind(given.frame)
     return ExportResult(
-        name, tuple(write_proof(name, directory, given.crs, given.geoid, frame, given.ground))
+        name, tuple(write_proof(name, directory, given.crs, given.geoid, given.frame, given.ground))
     )
 
 

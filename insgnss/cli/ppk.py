@@ -15,9 +15,9 @@ from ..base.wording import spoken_as
 from ..flight.config.command_line import add_options, given_of, made_of, names_of
 from ..flight.config.flight_file import TangentPlaneTable
 from ..flight.config.gnss_options import GnssInput
-from ..gnss.ppk_options import Air, EngineSettings, RawGnss, all_of
+from ..gnss.ppk_options import Air, RawGnss, all_of
 from ..io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ..io.options.kinds import accepted, check
+from ..io.options.kinds import accepted
 from ..io.options.schema import argument, declared
 from .console import Progress
 from .verb import Verb, show_result
@@ -226,27 +226,18 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     """
     from ..flight.config.load import read_covariance
     from ..gnss.covariance_model import MODEL
-    from ..gnss.options import options_at
-    from ..gnss.ppk import PpkInput
+    from ..gnss.from_flight_file import ppk_input
 
-    settings, raw = given_of(given, EngineSettings), given_of(given, RawGnss)
+    raw, air = given_of(given, RawGnss), given_of(given, Air)
     _refuse_contradictions(given, raw)
-    if "systems" in settings:
-        settings["systems"] = settings["systems"].upper()
-    if "rtklib_options" in settings:
-        settings["rtklib_options"] = _named_values(settings["rtklib_options"])
-    air = given_of(given, Air)
-    check(Air(**air), "gnss.atmosphere")
-    same = {name: raw[name] for name in ("wet_delay", "ionosphere") if name in raw}
-    return PpkInput(
-        rover=one_or_several(given.rover),
-        base=one_or_several(given.base),
-        navigation=tuple(given.navigation),
-        options=options_at(given.base_position, **settings),
+    if "systems" in raw:
+        raw["systems"] = raw["systems"].upper()
+    if "rtklib_options" in raw:
+        raw["rtklib_options"] = _named_values(raw["rtklib_options"])
+    raw |= {name: one_or_several(raw[name]) for name in ("rover", "base")}
+    return replace(
+        ppk_input(RawGnss(**raw, atmosphere=air or None)),
         covariance=MODEL if given.covariance is None else read_covariance(given.covariance),
-        **same,
-        atmosphere=air or None,
-        velocity=raw.get("phase_velocity", True),
         events=given.events,
         rover_events=RoverEvents(**given_of(given, RoverEvents)),
         match=ImageMatch(**given_of(given, ImageMatch)),

@@ -40,7 +40,7 @@ def solve_raw_gnss(
     InputError, UsageError, DataError
         As `ppk.solve_ppk` raises them.
     """
-    given = replace(_input(raw), covariance=covariance)
+    given = replace(ppk_input(raw), covariance=covariance)
     if isinstance(exposures, tuple):
         given = replace(given, events=True, rover_events=exposures[0], match=exposures[1])
     else:
@@ -52,7 +52,8 @@ def solve_raw_gnss(
     )
 
 
-def _input(raw: RawGnss) -> PpkInput:
+def ppk_input(raw: RawGnss) -> PpkInput:
+    """Return the input of the solver that raw observations and their options are."""
     settings = {f.name: getattr(raw, f.name) for f in fields(EngineSettings)}
     options = options_at(raw.base_position, **settings)
     return PpkInput(

@@ -90,9 +90,9 @@ def print_page(
             )
         except subprocess.TimeoutExpired:
             problem = f"{browser} did not end in {PRINTED_WITHIN_S:.0f} s"
-            raise InputError.at_line(page, None, f"{problem}; print it from a browser") from None
+            raise InputError.in_file(page, f"{problem}; print it from a browser") from None
         if done.returncode or not out.is_file():
             message = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
             problem = f"{browser} did not print it ({' '.join(message)[:200]})"
-            raise InputError.at_line(page, None, f"{problem}; print it from a browser")
+            raise InputError.in_file(page, f"{problem}; print it from a browser")
     return Printed(page, file, browser)

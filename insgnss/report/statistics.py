@@ -55,27 +55,21 @@ def consistency(nis: Array, used: Selection, dof: int = 3) -> dict[str, Any]:
     innovations.
     """
     kept = nis[used & np.isfinite(nis)]
-    if not kept.size:
-        return {
-            "verdict": "unknown",
-            "mean_per_dof": None,
-            "bounds_99": None,
-            "size": None,
-            "share_beyond_95": None,
-            "expected_beyond_95": 0.05,
+    figures: dict[str, Any] = {"verdict": "unknown"}
+    figures |= dict.fromkeys(("mean_per_dof", "bounds_99", "size", "share_beyond_95"))
+    if kept.size:
+        ratio = float(kept.mean()) / dof
+        low, high = mean_bounds(dof * kept.size)
+        figures = {
+            "verdict": (
+                "overconfident" if ratio > high else "conservative" if ratio < low else "consistent"
+            ),
+            "mean_per_dof": ratio,
+            "bounds_99": [low, high],
+            "size": math.sqrt(ratio),
+            "share_beyond_95": float((kept > (NIS_95 if dof == 3 else NIS_95_OF_ONE)).mean()),
         }
-    ratio = float(kept.mean()) / dof
-    low, high = mean_bounds(dof * kept.size)
-    return {
-        "verdict": (
-            "overconfident" if ratio > high else "conservative" if ratio < low else "consistent"
-        ),
-        "mean_per_dof": ratio,
-        "bounds_99": [low, high],
-        "size": math.sqrt(ratio),
-        "share_beyond_95": float((kept > (NIS_95 if dof == 3 else NIS_95_OF_ONE)).mean()),
-        "expected_beyond_95": 0.05,
-    }
+    return figures | {"expected_beyond_95": 0.05}
 
 
 def lag_one(x: Array) -> Array:
@@ -98,19 +92,12 @@ def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict
     They are mean, rms, the bound of 68 %, the median sigma, and the whiteness (T.2).
     """
     kept = used & np.isfinite(innovation).all(axis=1)
+    figures: dict[str, Any] = {"axes": ["N", "E", "D"]}
     if not kept.any():
-        return {
-            "axes": ["N", "E", "D"],
-            "mean_mm": None,
-            "rms_mm": None,
-            "within_68_mm": None,
-            "median_sigma_mm": None,
-            "lag1": None,
-            "lag1_bound_99": None,
-        }
+        of_fixes = ("mean_mm", "rms_mm", "within_68_mm", "median_sigma_mm", "lag1", "lag1_bound_99")
+        return figures | dict.fromkeys(of_fixes)
     nu, s = innovation[kept], sigma[kept]
-    return {
-        "axes": ["N", "E", "D"],
+    return figures | {
         "mean_mm": 1e3 * nu.mean(axis=0),
         "rms_mm": 1e3 * np.sqrt((nu**2).mean(axis=0)),
         "within_68_mm": 1e3 * np.quantile(np.abs(nu), 0.6827, axis=0),
@@ -125,10 +112,19 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
 
     The result is NaN where nothing is.
     """
-    determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
+    determined = _determined(x, sigma)
     squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=determined)).sum(axis=0)
     count = determined.sum(axis=0)
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
+
+
+def _determined(x: Array, sigma: Array) -> Selection:
+    return np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
+
+
+def _normalised(x: Array, sigma: Array) -> list[Array]:
+    """Return of each column the values that are determined, over their sigmas."""
+    return [x[of, c] / sigma[of, c] for c, of in enumerate(_determined(x, sigma).T)]
 
 
 def residual_limit(n: int) -> float:
@@ -163,13 +159,10 @@ def rms_bound(x: Array, sigma: Array) -> Array:
         (c,) the bound, with the degrees of freedom of (T.3); NaN where nothing is determined.
     """
     bound = np.full(x.shape[1], np.nan)
-    for c in range(x.shape[1]):
-        determined = np.isfinite(x[:, c]) & np.isfinite(sigma[:, c]) & (sigma[:, c] > 0.0)
-        z = x[determined, c] / sigma[determined, c]
-        if z.size == 0:
-            continue
-        dof = _degrees_of_freedom(z)
-        bound[c] = math.sqrt(chi_square_quantile(dof, BEYOND_BOUND) / dof)
+    for c, z in enumerate(_normalised(x, sigma)):
+        if z.size:
+            dof = _degrees_of_freedom(z)
+            bound[c] = math.sqrt(chi_square_quantile(dof, BEYOND_BOUND) / dof)
     return bound
 
 
@@ -191,8 +184,7 @@ def rms_floor(x: Array, sigma: Array) -> tuple[float, float]:
     tuple of float
         Root mean square and floor; NaN where nothing is determined.
     """
-    determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
-    columns = [x[of, c] / sigma[of, c] for c, of in enumerate(determined.T) if of.any()]
+    columns = [z for z in _normalised(x, sigma) if z.size]
     if not columns:
         return math.nan, math.nan
     dof = 0.5 * sum(_degrees_of_freedom(z) for z in columns)

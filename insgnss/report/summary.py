@@ -38,6 +38,7 @@ Rows = NDArray[np.int64]
 MOST_FIXES_LISTED = 200  # rejected fixes in report.json, the first (chosen)
 ENU = ["E", "N", "U"]
 NED = ["N", "E", "D"]
+STATES = ("position", "velocity", "attitude")  # three axes each of what a filter navigates
 FAR_WORSE = 3.0  # times the median sigma of the images: from there on the headline counts them
 
 
@@ -128,10 +129,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "boresight_heading_deg": None if eo is None else _heading_of(eo.boresight),
         "trajectory": _trajectory(d),
         "innovations": innovation_figures(d.innovation, d.innovation_sigma, d.used),
-        "consistency": {
-            "position": consistency(d.nis, d.used),
-            **_aided_consistency(d),
-        },
+        "consistency": _consistency(d),
         "residuals": _residuals(d),
         "separation": _separation(d),
         "biases": _biases(d),
@@ -228,22 +226,23 @@ def _trajectory(d: Diagnostics) -> dict[str, Any]:
         "position_mm": _spread(1e3 * d.smoothed_sigma[:, 0:3]),
         "velocity_mm_s": _spread(1e3 * d.smoothed_sigma[:, 3:6]),
         "attitude_deg": _spread(np.degrees(d.smoothed_sigma[:, 6:9])),
-        "filter_over_smoothed": {
-            "position": gain[0:3],
-            "velocity": gain[3:6],
-            "attitude": gain[6:9],
-        },
+        "filter_over_smoothed": _by_state(gain),
     }
 
 
-def _aided_consistency(d: Diagnostics) -> dict[str, Any]:
+def _consistency(d: Diagnostics) -> dict[str, Any]:
     """Consistency of what is measured besides positions; without a barometer it has no entry."""
-    out: dict[str, Any] = {"velocity": None}
+    out: dict[str, Any] = {"position": consistency(d.nis, d.used), "velocity": None}
     if d.velocity_nis is not None and d.velocity_used is not None:
         out["velocity"] = consistency(d.velocity_nis, d.velocity_used)
     if d.barometer_nis is not None and d.barometer_used is not None:
         out["barometer"] = consistency(d.barometer_nis, d.barometer_used, dof=1)
     return out
+
+
+def _by_state(rows: Array) -> dict[str, Array]:
+    """Return the nine rows by what they are of, three axes each."""
+    return dict(zip(STATES, rows.reshape(3, 3, *rows.shape[1:]), strict=True))
 
 
 def _separation(d: Diagnostics) -> dict[str, Any]:
@@ -254,14 +253,8 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
     x, one = d.separation, np.ones_like(d.separation)
     rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
     bound = rms_bound(x, d.separation_sigma)
-    pooled = {
-        state: rms_floor(x[:, columns], d.separation_sigma[:, columns])
-        for state, columns in (
-            ("position", slice(0, 3)),
-            ("velocity", slice(3, 6)),
-            ("attitude", slice(6, 9)),
-        )
-    }
+    sigma_of = _by_state(d.separation_sigma.T)
+    pooled = {state: rms_floor(y.T, sigma_of[state].T) for state, y in _by_state(x.T).items()}
     return {
         "axes": NED,
         "epochs": int(np.isfinite(x).any(axis=1).sum()),
@@ -270,8 +263,8 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
             "velocity_mm_s": 1e3 * rms[3:6],
             "attitude_deg": np.degrees(rms[6:9]),
         },
-        "normalised_rms": {"position": ratio[0:3], "velocity": ratio[3:6], "attitude": ratio[6:9]},
-        "bound": {"position": bound[0:3], "velocity": bound[3:6], "attitude": bound[6:9]},
+        "normalised_rms": _by_state(ratio),
+        "bound": _by_state(bound),
         "of_all_axes": {state: rms for state, (rms, _) in pooled.items()},
         "floor": {state: floor for state, (_, floor) in pooled.items()},
         "largest": _largest_separation(d),
@@ -284,9 +277,8 @@ def _largest_separation(d: Diagnostics) -> dict[str, Any] | None:
     if not np.isfinite(ratio).any():
         return None
     k, column = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
-    state = ("position", "velocity", "attitude")[int(column) // 3]
     return {
-        "state": state,
+        "state": STATES[int(column) // 3],
         "axis": NED[int(column) % 3],
         "sigmas": float(ratio[k, column]),
         "time_s": float(d.separation_time[k]),

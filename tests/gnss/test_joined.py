@@ -81,4 +81,4 @@ def test_lists_and_patterns_name_them(tmp_path, monkeypatch):
     raw = load_flight(tmp_path / "flight.toml").gnss.raw
     assert (raw.rover, raw.base) == (files[0], (files[1], files[2]))
     assert raw.files == (files[0], files[1], files[2], files[0])
-    assert flown._input(raw).base == (files[1], files[2])
+    assert flown.ppk_input(raw).base == (files[1], files[2])

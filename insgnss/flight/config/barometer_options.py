@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...io.options.kinds import check
-from ...io.options.schema import BY_HEADER, option, take_record
+from ...io.options.kinds import Checked
+from ...io.options.schema import columns_of_file, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -20,7 +20,7 @@ def _unit_keys() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class BarometerInput:
+class BarometerInput(Checked, table="barometer"):
     """Table [barometer]; without it none is used.
 
     In Python `file` may be heights of a barometer, or an array or table of them, instead of a file.
@@ -39,9 +39,7 @@ class BarometerInput:
         "scale do not matter",
         kind="file",
     )
-    columns: "Columns" = option(
-        None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
-    )
+    columns: "Columns" = columns_of_file("as gnss.columns", of_file=True)
     units: Mapping[str, str] | None = option(
         None,
         "pressure: Pa, hPa, mbar, kPa; length (of heights): m, cm, mm; time as imu.units",
@@ -84,5 +82,5 @@ class BarometerInput:
     )
 
     def __post_init__(self) -> None:
-        check(self, "barometer")
+        super().__post_init__()
         take_record(self, "file", "barometer_heights")

@@ -1,15 +1,15 @@
 """The block file (block.toml): what `insgnss adjust` reads, estimates and writes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ...base.errors import InputError, OptionError
 from ...base.inputs import is_file
 from ...base.received.trusted import at_home
-from ...io.options.kinds import check
-from ...io.options.schema import option
+from ...io.options.kinds import Checked
+from ...io.options.schema import columns_of_file, option
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -31,7 +31,7 @@ Datum = Literal["control", "minimal", "images", "points"]
 
 
 @dataclass(frozen=True)
-class ImagesInput:
+class ImagesInput(Checked, table="images"):
     """Table [images]: what was measured in the images, and the images as their program has them."""
 
     file: Path | None = option(
@@ -57,20 +57,14 @@ class ImagesInput:
         usual="that of the file, or 1",
         cli="--sigma-px",
     )
-    columns: "Columns" = option(
-        None,
-        'of a table: list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual="by header or order",
+    columns: "Columns" = columns_of_file(
+        'of a table: list of names, or table { canonical = "name in the file" }'
     )
     skip: tuple[str, ...] = option((), "names of images that are left out", cli="--skip-images")
 
-    def __post_init__(self) -> None:
-        check(self, "images")
-
 
 @dataclass(frozen=True)
-class CameraTable:
+class CameraTable(Checked, table="camera"):
     """Table [camera]: the camera of all images, where the project has none or a worse one."""
 
     file: Path | None = option(
@@ -102,12 +96,9 @@ class CameraTable:
         cli="--readout",
     )
 
-    def __post_init__(self) -> None:
-        check(self, "camera")
-
 
 @dataclass(frozen=True)
-class GroundTableInput:
+class GroundTableInput(Checked, table="ground"):
     """Table [ground]: points with known coordinates."""
 
     file: Path | None = option(
@@ -131,9 +122,7 @@ class GroundTableInput:
         cli="--geoid",
         metavar="GRID",
     )
-    columns: "Columns" = option(
-        None, "of a table, as images.columns", kind="columns", usual="by header or order"
-    )
+    columns: "Columns" = columns_of_file("of a table, as images.columns")
     check: tuple[str, ...] = option(
         (), "names of points that are check points, whatever the file says", cli="--check"
     )
@@ -145,12 +134,9 @@ class GroundTableInput:
         cli="--distances",
     )
 
-    def __post_init__(self) -> None:
-        check(self, "ground")
-
 
 @dataclass(frozen=True)
-class AdjustmentTable:
+class AdjustmentTable(Checked, table="adjustment"):
     """Table [adjustment]: what takes part, how observations are weighed and judged."""
 
     mode: Mode = option(
@@ -199,12 +185,9 @@ class AdjustmentTable:
         choices=(*GROUPS, "check points"),
     )
 
-    def __post_init__(self) -> None:
-        check(self, "adjustment")
-
 
 @dataclass(frozen=True)
-class PlanTable:
+class PlanTable(Checked, table="plan"):
     """Table [plan]: what `insgnss adjust --plan` supposes of a block that is not measured yet."""
 
     tie_points: float = option(52.0, "tie points for each image", low=1.0, high=1e5)
@@ -219,12 +202,9 @@ class PlanTable:
         cli="--ground-height",
     )
 
-    def __post_init__(self) -> None:
-        check(self, "plan")
-
 
 @dataclass(frozen=True)
-class BlockOutput:
+class BlockOutput(Checked, table="output"):
     """Table [output]: where the products go, and what else is written."""
 
     directory: Path = option(
@@ -259,12 +239,9 @@ class BlockOutput:
         cli="--tables",
     )
 
-    def __post_init__(self) -> None:
-        check(self, "output")
-
 
 @dataclass(frozen=True)
-class BlockFile:
+class BlockFile(Checked):
     """A block file, complete: every option has a value, every file that it names is there.
 
     Raises
@@ -285,10 +262,10 @@ class BlockFile:
     output: BlockOutput = field(default_factory=BlockOutput)
 
     def __post_init__(self) -> None:
-        check(self, "")
-        self._check_mode()
+        super().__post_init__()
+        self._refuse_other_modes()
 
-    def _check_mode(self) -> None:
+    def _refuse_other_modes(self) -> None:
         """Refuse options that the mode has no use for."""
         mode, control = self.adjustment.mode, self.aerial_control
         if mode == "indirect" and (control.control != "Ap/Aa" or control.lines):
@@ -319,16 +296,10 @@ class BlockFile:
         return resolved(self)
 
 
-BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {
-    "": (BlockFile,),
-    "images": (ImagesInput,),
-    "camera": (CameraTable,),
-    "aerial_control": (AerialControlTable,),
-    "ground": (GroundTableInput,),
-    "vehicle": (VehicleTable,),
-    "adjustment": (AdjustmentTable,),
-    "plan": (PlanTable,),
-    "output": (BlockOutput,),
+BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {"": (BlockFile,)} | {
+    table.name: (table.type,)
+    for table in fields(BlockFile)
+    if isinstance(table.type, type) and issubclass(table.type, Checked)
 }
 """The dataclasses whose options are the keys of each table."""
 
@@ -353,14 +324,14 @@ def load_block(path: str | Path) -> BlockFile:
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
     """
     from ...base.tables import read_toml
-    from .values import known_keys, made, take
+    from .values import directory_of, known_keys, record_of, take
 
     path = Path(path)
     if path.is_dir():
         path = path / "block.toml"
     if not is_file(path):
-        raise InputError.at_line(
-            path, None, "does not exist; give a block file, or eo.json with --images and --ground"
+        raise InputError.in_file(
+            path, "does not exist; give a block file, or eo.json with --images and --ground"
         )
     root = read_toml(path, known_keys(BLOCK_TABLES))
     root.check_keys()
@@ -368,15 +339,12 @@ def load_block(path: str | Path) -> BlockFile:
     if not control.resolve(str(control.text("file", "."))).exists():
         problem = f"{control.text('file')} does not exist; run insgnss process on the flight first"
         raise control.error("file", problem)
-    tables: dict[str, Any] = {}
-    for name, (kind,) in ((n, classes) for n, classes in BLOCK_TABLES.items() if n):
-        table = root.table(name)
-        tables[name] = made(table, kind, take(table, [kind]))
+    tables: dict[str, Any] = {
+        name: record_of(root.table(name), kind) for name, (kind,) in BLOCK_TABLES.items() if name
+    }
     output = tables["output"]
-    directory = root.resolve(str(output.directory))
-    if directory.exists() and not directory.is_dir():
-        raise root.table("output").error("directory", f"{directory} is a file")
+    directory = directory_of(root.table("output"), output.directory)
     tables["output"] = replace(output, directory=directory)
-    own = take(root, [BlockFile])
+    own = take(root, BlockFile)
     own["name"] = own["name"] or path.absolute().parent.name
     return BlockFile(path=path, **own, **tables)

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from ...io.options.kinds import check
+from ...io.options.kinds import Checked
 from ...io.options.schema import Triple, option
 
 
 @dataclass(frozen=True)
-class InitialAttitude:
+class InitialAttitude(Checked, table="initial"):
     """Attitude at the first fix, where one is known: table [initial].
 
     Parameters
@@ -33,12 +33,9 @@ class InitialAttitude:
         (2.0, 2.0, 5.0), "standard deviations of roll, pitch and heading", kind="sigmas", unit="deg"
     )
 
-    def __post_init__(self) -> None:
-        check(self, "initial")
-
 
 @dataclass(frozen=True)
-class FilterOptions:
+class FilterOptions(Checked, table="filter"):
     """States and constraints of the filter beside the usual ones: table [filter].
 
     Parameters
@@ -107,6 +104,3 @@ class FilterOptions:
     robust: bool = option(
         False, "take suspicious fixes with a larger covariance instead of all or nothing"
     )
-
-    def __post_init__(self) -> None:
-        check(self, "filter")

@@ -26,8 +26,8 @@ from ...io.options.camera_options import (
     ImageMatch,
     RoverEvents,
 )
-from ...io.options.kinds import Kind, accepted, as_tuple, check, no_texts, register
-from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
+from ...io.options.kinds import Checked, Kind, accepted, as_tuple, no_texts, register
+from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread, sigmas
 from ...report.rules.needs import NEEDS
 from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
@@ -109,7 +109,7 @@ class TangentPlaneTable:
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(Checked, table="output"):
     """Table [output]; `trajectory_hz` is None where every IMU sample is asked for."""
 
     directory: Path = option(
@@ -155,14 +155,9 @@ class Output:
         kind="choice",
         choices=tuple(NEEDS),
     )
-    need_m: Triple | None = option(
-        None, "wanted standard deviations east, north, up of the images", kind="sigmas", unit="m"
-    )
-    need_deg: Triple | None = option(
-        None,
-        "the same of the rotations about these axes: two of tilt, and heading",
-        kind="sigmas",
-        unit="deg",
+    need_m: Triple | None = sigmas("wanted standard deviations east, north, up of the images")
+    need_deg: Triple | None = sigmas(
+        "the same of the rotations about these axes: two of tilt, and heading", unit="deg"
     )
     crs: str | None = option(
         None,
@@ -199,7 +194,7 @@ class Output:
     def __post_init__(self) -> None:
         from ...io.formats import EXPORTS
 
-        check(self, "output")
+        super().__post_init__()
         of_sea = [name for name in self.formats if EXPORTS[name].heights == "sea level"]
         if of_sea and self.geoid is None:
             problem = "has heights above sea level; give output.geoid, a grid of geoid heights"
@@ -207,7 +202,7 @@ class Output:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Flight:
+class Flight(Checked):
     """A flight file, read, checked and complete; `load_flight` reads one, `with_` changes it.
 
     Parameters
@@ -300,7 +295,7 @@ class Flight:
             object.__setattr__(
                 self, "tangent_plane", TangentPlane(*accepted(item, plane, "tangent_plane"))
             )
-        check(self, "")
+        super().__post_init__()
         refuse_week(self.gps_week)
         _refuse_measurements(self.measurement)
 

@@ -11,8 +11,15 @@ from typing import TYPE_CHECKING, Literal
 from ...base.errors import InputError, near
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
-from ...io.options.kinds import Kind, check, no_mapping, register
-from ...io.options.schema import BY_HEADER, Declared, Triple, option, take_record
+from ...io.options.kinds import Checked, Kind, no_mapping, register
+from ...io.options.schema import (
+    Declared,
+    Triple,
+    columns_of_file,
+    option,
+    sigmas,
+    take_record,
+)
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
 if TYPE_CHECKING:
@@ -47,7 +54,7 @@ register("gnss_units", Kind(no_mapping, member=_no_unit))
 
 
 @dataclass(frozen=True)
-class GnssInput:
+class GnssInput(Checked, table="gnss"):
     """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK.
 
     In Python `file` may be fixes, or an array or table of them, which takes sigma_m where it has
@@ -72,12 +79,8 @@ class GnssInput:
         " gnss.sigma_m 0.1 by default",
         kind="place",
     )
-    columns: "Columns" = option(
-        None,
-        'list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual=BY_HEADER,
-        of_file=True,
+    columns: "Columns" = columns_of_file(
+        'list of names, or table { canonical = "name in the file" }', of_file=True
     )
     units: Mapping[str, str] | None = option(
         None,
@@ -115,16 +118,10 @@ class GnssInput:
         low=0.0,
         high=120.0,
     )
-    sigma_m: Triple | None = option(
-        None,
-        "standard deviations north, east, down, where the file has none",
-        kind="sigmas",
-        unit="m",
-        of_file=True,
+    sigma_m: Triple | None = sigmas(
+        "standard deviations north, east, down, where the file has none", of_file=True
     )
-    sigma_velocity_mps: Triple | None = option(
-        None, "the same of velocities", kind="sigmas", unit="m/s", of_file=True
-    )
+    sigma_velocity_mps: Triple | None = sigmas("the same of velocities", unit="m/s", of_file=True)
     time_offset_s: float = option(
         0.0,
         "added to the stamps of this sensor; half a second and more is a difference of clocks, and"
@@ -228,7 +225,7 @@ class GnssInput:
     raw: RawGnss | None = None
 
     def __post_init__(self) -> None:
-        check(self, "gnss")
+        super().__post_init__()
         of_array = (self.sigma_m, self.sigma_velocity_mps)  # a record has its own
         sigmas = () if hasattr(self.file, "cov_ned") else of_array
         take_record(self, "file", "gnss_fixes", *sigmas)

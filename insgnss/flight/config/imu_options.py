@@ -6,8 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, OptionError, near
-from ...io.options.kinds import Kind, check, no_mapping, no_text, other_class, register
-from ...io.options.schema import BY_HEADER, Declared, Triple, Words, option, take_record
+from ...io.options.kinds import Checked, Kind, no_mapping, no_text, other_class, register
+from ...io.options.schema import (
+    Declared,
+    Triple,
+    Words,
+    columns_of_file,
+    option,
+    take_record,
+)
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -89,7 +96,7 @@ register("noise", Kind(_no_noise, _name_or_path))
 
 
 @dataclass(frozen=True)
-class ImuInput:
+class ImuInput(Checked, table="imu"):
     """Table [imu]; `noise` is the name of a shipped model or the path of a file.
 
     `units` has the keys gyro, accel and time as far as they are given, and is None without any.
@@ -112,12 +119,8 @@ class ImuInput:
         "`columns` and `units` are of both",
         of_file=True,
     )
-    columns: "Columns" = option(
-        None,
-        'list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual=BY_HEADER,
-        of_file=True,
+    columns: "Columns" = columns_of_file(
+        'list of names, or table { canonical = "name in the file" }', of_file=True
     )
     units: Mapping[str, str] | None = option(
         None,
@@ -178,7 +181,7 @@ class ImuInput:
     )
 
     def __post_init__(self) -> None:
-        check(self, "imu")
+        super().__post_init__()
         if self.units:
             _refuse_units(self.units, self.quantity)
         take_record(self, "file", "imu_samples", self.quantity)

@@ -34,7 +34,7 @@ from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
 from .mounting_options import MountingSource, MountingTable
-from .values import covariance_of, known_keys, made, take
+from .values import covariance_of, directory_of, known_keys, made, record_of, take
 
 
 @at_home
@@ -65,30 +65,27 @@ def load_flight(path: str | Path) -> Flight:
 def _loaded(path: Path) -> Flight:
     root, included = with_included(read_toml(path, known_keys(TABLES)), known_keys(TABLES))
     root.check_keys()
-    values = take(root, [Flight])
+    values = take(root, Flight)
     start, end = values["start_tow"], values["end_tow"]
     if start is not None and end is not None and end <= start:
         raise root.error("end_tow", f"{end} s is not after start_tow = {start} s")
-    sensors = root.tables("measurement")
     tables_of_it = (name for name in TABLES if name in root.data and name != "measurement")
     present = {name: root.table(name) for name in tables_of_it}
     camera, plane = present.get("camera"), present.get("tangent_plane")
-    initial = present.get("initial")
-    barometer = present.get("barometer")
+    initial, barometer = present.get("initial"), present.get("barometer")
     imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
     tables = {
         "imu": imu,
         "gnss": gnss,
         "camera": _camera(camera, gnss.raw is not None) if camera else None,
         "mounting": mounting_of(root.table("mounting")),
-        "tangent_plane": _tangent_plane(plane) if plane else None,
+        "tangent_plane": TangentPlane(*take(plane, TangentPlaneTable)["origin"]) if plane else None,
         "output": _output(root.table("output")),
-        "initial": initial and made(initial, InitialAttitude, take(initial, [InitialAttitude])),
-        "filter": FilterOptions(**take(root.table("filter"), [FilterOptions])),
-        "barometer": barometer
-        and made(barometer, BarometerInput, take(barometer, [BarometerInput])),
+        "initial": initial and record_of(initial, InitialAttitude),
+        "filter": record_of(root.table("filter"), FilterOptions),
+        "barometer": barometer and record_of(barometer, BarometerInput),
         "measurement": tuple(
-            made(sensor, MeasurementInput, take(sensor, [MeasurementInput])) for sensor in sensors
+            record_of(sensor, MeasurementInput) for sensor in root.tables("measurement")
         ),
     }
     flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
@@ -105,7 +102,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     """
     if not is_file(path):
         problem = "does not exist; give a TOML file of the fields of the covariance model"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words
@@ -124,11 +121,8 @@ def read_covariance(path: Path) -> CovarianceModel:
 
 
 def _imu(table: Table) -> ImuInput:
-    further = tuple(
-        made(other, ImuInput, take(other, [ImuInput])) for other in table.tables("further")
-    )
-    values = take(table, [ImuInput], without=["further"])
-    return made(table, ImuInput, values | {"further": further})
+    further = tuple(record_of(other, ImuInput) for other in table.tables("further"))
+    return record_of(table, ImuInput, ["further"], further=further)
 
 
 def _gnss(table: Table) -> GnssInput:
@@ -136,7 +130,7 @@ def _gnss(table: Table) -> GnssInput:
     stands = "stationary" in table.data
     if stands and "file" in table.data:
         raise table.error("stationary", "gnss.file is given as well; keep one of them")
-    values = take(table, [GnssInput], without=["file"] if stands or raw else [])
+    values = take(table, GnssInput, without=["file"] if stands or raw else [])
     floors = values["quality_sigma_m"] if "quality_sigma_m" in table.data else {}
     values["quality_sigma_m"] = ({} if raw else QUALITY_SIGMA_M) | floors
     if "covariance" in table.data and stands:
@@ -174,7 +168,7 @@ def _raw(table: Table) -> RawGnss | None:
     if odd := [key for key in OF_POSITIONS if key in table.data]:
         problem = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
         raise table.error(odd[0], problem)
-    values = take(table, [RawGnss])
+    values = take(table, RawGnss)
     if values["base_position"] is not None and values["base_point"] is None:
         problem = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
         raise table.error("base_position", problem)
@@ -200,11 +194,9 @@ def _camera(table: Table, raw: bool) -> CameraInput:
         )
         raise table.error("columns", problem)
     further = tuple(_further_camera(other) for other in table.tables("further"))
-    values = take(table, [CameraInput], without=["further"] if own else ["further", "events"])
-    match = _image_match(table)
-    rover_events = RoverEvents(**take(table, [RoverEvents]))
-    values = {"events": None} | values | {"match": match, "rover_events": rover_events}
-    return made(table, CameraInput, values | {"further": further})
+    match, rover_events = record_of(table, ImageMatch), record_of(table, RoverEvents)
+    more = {"further": further} | ({} if own else {"events": None})
+    return record_of(table, CameraInput, more, match=match, rover_events=rover_events, **more)
 
 
 def _further_camera(table: Table) -> CameraInput:
@@ -214,19 +206,15 @@ def _further_camera(table: Table) -> CameraInput:
         if key in table.data:
             problem = "is of camera.further.events, which is missing: the trigger of the first"
             raise table.error(key, f"{problem} camera exposes this one")
-    values = take(table, [CameraInput], without=[] if own else ["events"])
-    return made(table, CameraInput, {"events": None} | values | {"match": _image_match(table)})
-
-
-def _image_match(table: Table) -> ImageMatch:
-    """Which images there are, of a table of a camera."""
-    return made(table, ImageMatch, take(table, [ImageMatch]))
+    absent = {} if own else {"events": None}
+    match = record_of(table, ImageMatch)
+    return record_of(table, CameraInput, absent, match=match, **absent)
 
 
 def mounting_of(table: Table) -> Mounting:
     """The mounting of a table [mounting]."""
     of_file = ("file", "max_age_days")
-    given = take(table, [MountingTable], without=of_file)
+    given = take(table, MountingTable, without=of_file)
     given = {key: value for key, value in given.items() if value is not None}
     for key in ("camera_from_body", "boresight"):
         if key in given:
@@ -243,15 +231,9 @@ def mounting_of(table: Table) -> Mounting:
         raise table.error(key, problem) from None
 
 
-def _tangent_plane(table: Table) -> TangentPlane:
-    return TangentPlane(*take(table, [TangentPlaneTable])["origin"])
-
-
 def _output(table: Table) -> Output:
-    values = take(table, [Output])
-    directory = table.resolve(values["directory"])  # of the flight, whatever file says it
-    if directory.exists() and not directory.is_dir():
-        raise table.error("directory", f"{directory} is a file, a directory is expected")
+    values = take(table, Output)
+    directory = directory_of(table, values["directory"])
     rules = ((rule, table.resolve(rule, "rename")) for rule in values["rename"])
     rename = tuple(str(path) if path.is_file() else rule for rule, path in rules)
     output = made(table, Output, values | {"directory": directory, "rename": rename})
@@ -350,7 +332,7 @@ def with_engine(flight: Flight, engine: str) -> Flight:
 def _calibrated(flight: Flight, root: Table) -> Flight:
     """The flight with the mounting of `mounting.file`, where there is one."""
     table = root.table("mounting")
-    values = take(table, [MountingTable])
+    values = take(table, MountingTable)
     if (path := values["file"]) is None:
         if "max_age_days" in table.data:
             raise table.error("max_age_days", "is of mounting.file, which is missing")

@@ -7,7 +7,7 @@ the file and must be there, and tables within a table.
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ...base.errors import InputError, OptionError
 from ...base.files import expanded, is_pattern
@@ -22,6 +22,8 @@ from ...navigation.noise_model.model import shipped_models
 from ...records.cameras.mounting import Mounting
 from .imu_options import neither_model_nor_file
 
+Record = TypeVar("Record")
+
 
 def known_keys(tables: Mapping[str, tuple[type, ...]]) -> dict[str, tuple[str, ...]]:
     """The keys of every table of a file, the sub-tables among them."""
@@ -33,22 +35,22 @@ def known_keys(tables: Mapping[str, tuple[type, ...]]) -> dict[str, tuple[str, .
     return keys | {"": (*keys[""], *(name for name in tables if name and "." not in name))}
 
 
-def take(table: Table, classes: Iterable[type], without: Iterable[str] = ()) -> dict[str, Any]:
+def take(table: Table, kind: type, without: Iterable[str] = ()) -> dict[str, Any]:
     """The values of all options of a table by name, with the defaults of those that are absent.
 
     Parameters
     ----------
     table : Table
         Its name says which options a shared dataclass has there.
-    classes : Iterable[type]
-        The dataclasses that declare the options.
+    kind : type
+        The dataclass that declares the options.
     without : Iterable[str]
         Options that are left out.
     """
     left_out = set(without)
     return {
         item.name: value_of(table, item)
-        for item in options_of(table.name, tuple(classes))
+        for item in options_of(table.name, (kind,))
         if item.name not in left_out
     }
 
@@ -81,6 +83,32 @@ def made(table: Table, kind: Callable[..., Any], values: dict[str, Any]) -> Any:
         return kind(**values)
     except OptionError as refusal:
         raise table.refusal(refusal) from None
+
+
+def record_of(table: Table, kind: type[Record], without: Iterable[str] = (), **more: Any) -> Record:
+    """The dataclass of a table: its options as the table has them, and further fields.
+
+    Parameters
+    ----------
+    table : Table
+        A table of the file.
+    kind : type
+        The dataclass that declares its options.
+    without : Iterable[str]
+        Options that are not taken from the table.
+    more
+        Fields that are no option of the table, and those that are not taken from it.
+    """
+    record: Record = made(table, kind, take(table, kind, without) | more)
+    return record
+
+
+def directory_of(table: Table, directory: Path) -> Path:
+    """The directory of products, from that of the file on; a file in its place is refused."""
+    resolved = table.resolve(directory)  # of the flight, whatever file says it
+    if resolved.exists() and not resolved.is_dir():
+        raise table.error("directory", f"{resolved} is a file, a directory is expected")
+    return resolved
 
 
 def covariance_of(table: Table) -> CovarianceModel:
@@ -187,7 +215,7 @@ def _angles(table: Table, key: str, value: Any) -> Any:
 def _camera_mounting(table: Table, key: str, value: Any) -> Any:
     """Place and attitude of a further camera; a matrix is a rotation."""
     mounted = table.table(key)
-    mounting = made(mounted, CameraMounting, take(mounted, [CameraMounting]))
+    mounting = record_of(mounted, CameraMounting)
     try:
         mounting.on(Mounting())
     except InputError as refusal:

@@ -47,7 +47,8 @@ class Target:
     ----------
     crs : projected CRS as `MapProjection` takes it, or a geographic one: the datum of the export.
     geoid : grid of geoid heights.
-    frame : one of `records.framed.KINDS` where no CRS is named; None for the format's own.
+    frame : tangent, geocentric, geographic or a kind of `records.framed.KINDS` where no CRS is
+        named; None for the format's own.
     ground_m : height of the ground, from which heights in a projected CRS are scaled.
     """
 
@@ -57,6 +58,8 @@ class Target:
     ground_m: float | None = None
 
     def __post_init__(self) -> None:
+        if self.frame == "tangent":
+            object.__setattr__(self, "frame", TANGENT)
         if self.crs is not None and self.frame not in (None, PROJECTED):
             raise UsageError(f"frame {self.frame!r} has no CRS to choose; leave one of them out")
         if self.crs is None and self.geoid is not None and self.frame == PROJECTED:
@@ -67,7 +70,8 @@ class Target:
 class Exported:
     """What was written, and what its reader must know: one sentence each.
 
-    `helpers` are files by which the program reads it.
+    `files` are the export and the table of both names, where images are called otherwise in it;
+    `helpers` are those by which the program reads it.
     """
 
     file: Path
@@ -75,6 +79,11 @@ class Exported:
     notes: tuple[str, ...]
     files: tuple[Path, ...] = ()
     helpers: tuple[Path, ...] = ()
+
+    @property
+    def all_files(self) -> tuple[Path, ...]:
+        """All that was written, the export first."""
+        return (*(self.files or (self.file,)), *self.helpers)
 
 
 def known_format(name: str) -> Export:
@@ -213,37 +222,12 @@ def _export(
     beside = form.helpers(framed, path)
     if beside:
         atomic_writes(beside)
-    notes += [
-        *(own or ()),
-        *_on_frame(form, projection, framed, eo, target),
-        *([] if "length_unit" in options else _on_units(projection)),
-        *_notes(form, projection, framed),
-    ]
+    notes += own or ()
+    notes += _notes(form, projection, framed, eo, target, "length_unit" in options)
     return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside))
 
 
-def _on_frame(
-    form: Export,
-    projection: MapProjection | None,
-    framed: FramedOrientation,
-    eo: ExteriorOrientation,
-    target: Target,
-) -> list[str]:
-    """What to know of a frame that nobody named, and of a CRS that is made for another place."""
-    if projection is not None:
-        return on_area(projection, *framed.geodetic[:, :2].T)
-    notes = []
-    if form.frames[0] == PROJECTED and target.frame is None:
-        notes.append(
-            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)"
-        )
-    if eo.datum is not None:
-        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
-        notes.append(f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}")
-    return notes
-
-
-def on_area(projection: MapProjection, lat: Array, lon: Array) -> list[str]:
+def on_area(projection: MapProjection, lat: Array, lon: Array) -> Iterator[str]:
     """What to know of a CRS that is made for another area than that of n images.
 
     Parameters
@@ -252,24 +236,11 @@ def on_area(projection: MapProjection, lat: Array, lon: Array) -> list[str]:
     lat, lon : (n,) geodetic latitude and longitude, rad.
     """
     outside = projection.outside(lat, lon)
-    if not outside:
-        return []
-    return [
-        f"{projection.name} is made for: {projection.horizontal.area_of_use.name}; {outside} of"
-        f" {lat.size} images lie outside: is it the right CRS?"
-    ]
-
-
-def _on_units(projection: MapProjection | None) -> list[str]:
-    """What to know of a CRS that counts in feet."""
-    if projection is None or projection.units == (METRE, METRE):
-        return []
-    plan, height = (unit.plural for unit in projection.units)
-    units = plan if plan == height else f"{plan}, heights in {height}"
-    return [
-        f"{projection.name} counts in {units}; standard deviations of positions are in the same"
-        " unit"
-    ]
+    if outside:
+        yield (
+            f"{projection.name} is made for: {projection.horizontal.area_of_use.name}; {outside} of"
+            f" {lat.size} images lie outside: is it the right CRS?"
+        )
 
 
 def _relative(
@@ -337,29 +308,46 @@ def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
 
 
 def _notes(
-    form: Export, projection: MapProjection | None, framed: FramedOrientation
-) -> tuple[str, ...]:
+    form: Export,
+    projection: MapProjection | None,
+    framed: FramedOrientation,
+    eo: ExteriorOrientation,
+    target: Target,
+    units_chosen: bool,
+) -> Iterator[str]:
+    """What to know of the frame, of its units, and of how the datum was reached."""
     if projection is None:
-        return ()
-    notes = []
+        if form.frames[0] == PROJECTED and target.frame is None:
+            yield f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)"
+        if eo.datum is not None:
+            in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
+            yield f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}"
+        return
+    yield from on_area(projection, *framed.geodetic[:, :2].T)
+    if projection.units != (METRE, METRE) and not units_chosen:
+        plan, height = (unit.plural for unit in projection.units)
+        units = plan if plan == height else f"{plan}, heights in {height}"
+        yield (
+            f"{projection.name} counts in {units}; standard deviations of positions are in the same"
+            " unit"
+        )
     operation, accuracy = projection.operation()
     costs_nothing = 0.0 <= accuracy <= SAME_M and projection.shift_m(*framed.geodetic.T) < NULL_M
     if (accuracy < 0.0 or accuracy > ACCURATE_M) and not costs_nothing:
         how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
-        notes.append(
+        yield (
             f"{projection.name}: its datum was reached by {operation}, of {how}; control points in"
             " that CRS may be off by as much; name the datum of the base's coordinates (gnss.datum)"
         )
     if projection.northing_first and not form.crs_order:
-        notes.append(
+        yield (
             f"{projection.name} counts northing before easting; the file has easting first: check"
             " the order when importing"
         )
     if not projection.crs.is_compound and projection.geoid is None:
-        notes.append(f"heights are {projection.heights}, not above sea level")
+        yield f"heights are {projection.heights}, not above sea level"
     if framed.frame.scaled_from_m is None:
-        notes.append(
+        yield (
             "heights are not scaled by that of the projection, as tools with control points expect"
             " it; --ground (ground_m in Python) scales them"
         )
-    return tuple(notes)

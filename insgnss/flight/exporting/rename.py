@@ -127,9 +127,9 @@ def read_names(path: Path) -> dict[str, str]:
                     raise InputError.at_line(path, reader.line_num, problem)
                 names[row[0]] = row[1]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError.at_line(path, None, f"is no table old,new: {error}") from None
+        raise InputError.in_file(path, f"is no table old,new: {error}") from None
     if not names:
-        raise InputError.at_line(path, None, "names no image; each line is old,new")
+        raise InputError.in_file(path, "names no image; each line is old,new")
     return names
 
 

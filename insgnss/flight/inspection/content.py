@@ -5,10 +5,11 @@ reason. Numbers that a file's own header gives a unit for are not given another 
 contradict it.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ...io.formats import UNITS
+from ...io.formats.text.headers import factor_of, kinds_like
+from ...navigation.recognise.recognition import Recognition
 from ...navigation.recognise.streams import classes_apart
 from ...records import GnssFixes, ImuSamples
 from ..config.flight_file import ROLLOVER
@@ -18,13 +19,11 @@ from .event_clock import SCALE_OPEN
 from .evidence import SAME_FACTOR, SENSORS, SURE, Axes, factor_of_numbers, in_words
 from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
+from .result import Recorded
 from .rinex.result import draft_raw_gnss
+from .rinex.survey import Survey
 from .sensing import Sensing
 from .sources import Source
-
-if TYPE_CHECKING:
-    from ...navigation.recognise.recognition import Recognition
-    from .rinex.survey import Survey
 
 KNOWN_S = 0.005  # a latency known to this needs no state
 LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
@@ -40,45 +39,28 @@ NEEDS_POSITION = (
 
 
 def draft_flight(
-    name: str,
-    sources: tuple[Source, ...],
-    raw: ImuSamples,
-    gnss: GnssFixes | None,
-    sensing: Sensing,
-    recognition: "Recognition | None",
-    axes: Axes,
-    week: tuple[int, str] | None,
-    alone: Alone,
-    event_clock: tuple[str, str, bool],
-    rinex: "Survey | None" = None,
+    recorded: Recorded, sensing: Sensing, axes: Axes, alone: Alone
 ) -> tuple[Draft | None, str]:
     """Draft the flight file.
 
     Parameters
     ----------
-    name : str
-    sources : tuple of Source
-    raw : ImuSamples
-        As the file has them.
-    gnss : GnssFixes or None
+    recorded : Recorded
+        The recording.
     sensing : Sensing
-    recognition : Recognition or None
+        What its samples show of the sensor.
     axes : Axes
-    week : tuple of int, str, or None
-        The GPS week with its origin, where no file gives it.
+        Of the IMU.
     alone : Alone
         What was found without a receiver.
-    event_clock : tuple of str, str, bool
-        Whose clock stamps the exposures, why, and whether that is sure (`clock_of_events`).
-    rinex : Survey, optional
-        RINEX files, which stand for fixes where there are none.
 
     Returns
     -------
     tuple of Draft or None, str
         The draft, or None and what is missing for one.
     """
-    by_role = {source.role: source for source in sources}
+    gnss, recognition, rinex = recorded.gnss, recorded.recognition, recorded.rinex
+    by_role = {source.role: source for source in recorded.sources}
     site = by_role["imu"].site
     raw_gnss = rinex is not None and not rinex.missing and site is None and gnss is None
     if rinex is not None and rinex.missing and site is None and gnss is None:
@@ -86,10 +68,11 @@ def draft_flight(
     if gnss is None and site is None and not raw_gnss:
         return None, _missing(by_role["imu"], sensing, alone)
     draft = Draft(remarks=REMARKS)
-    draft.add("", "name", name)
-    if week is not None:
-        draft.add("", "gps_week", week[0], week[1], week[0] >= ROLLOVER)
-    _imu(draft, by_role["imu"], raw, sensing, recognition, axes, alone.units)
+    draft.add("", "name", recorded.name)
+    if recorded.week is not None:
+        week, origin = recorded.week
+        draft.add("", "gps_week", week, origin, week >= ROLLOVER)
+    _imu(draft, recorded, sensing, axes, alone.units)
     if raw_gnss:
         assert rinex is not None
         draft_raw_gnss(draft, rinex)
@@ -111,7 +94,7 @@ def draft_flight(
             if key in source.keys:
                 why = source.why[key]
                 draft.add("camera", key, source.keys[key], why, why != SCALE_OPEN)
-        draft.add("camera", "clock", *event_clock)
+        draft.add("camera", "clock", *recorded.event_clock)
     elif of_rover := _events_of_rover(rinex if raw_gnss else None):
         words = f"{of_rover} camera events are in the rover's file; name their images"
         draft.add("camera", "images", "photos", words, False)
@@ -122,7 +105,7 @@ def draft_flight(
     return draft, ""
 
 
-def _events_of_rover(rinex: "Survey | None") -> int:
+def _events_of_rover(rinex: Survey | None) -> int:
     """How many camera events the rover's RINEX has."""
     return 0 if rinex is None or rinex.rover is None else rinex.rover.events
 
@@ -138,14 +121,9 @@ def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
 
 
 def _imu(
-    draft: Draft,
-    source: Source,
-    raw: ImuSamples,
-    sensing: Sensing,
-    recognition: "Recognition | None",
-    axes: Axes,
-    units: dict[str, str],
+    draft: Draft, recorded: Recorded, sensing: Sensing, axes: Axes, units: dict[str, str]
 ) -> None:
+    source, raw = recorded.sources[0], recorded.imu
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
     draft.add("imu", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
     if "accel_file" in source.keys:
@@ -155,7 +133,7 @@ def _imu(
             draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
     if "columns" in source.keys:
         draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
-    _units(draft, source, raw, recognition, units)
+    _units(draft, source, raw, recorded.recognition, units)
     draft.add("imu", "axes", axes.words, axes.why, axes.sure)
     draft_noise(draft, sensing)
 
@@ -164,7 +142,7 @@ def _units(
     draft: Draft,
     source: Source,
     raw: ImuSamples,
-    recognition: "Recognition | None",
+    recognition: Recognition | None,
     alone: dict[str, str],
 ) -> None:
     """Quantity, units and sign of the force."""
@@ -207,7 +185,6 @@ def _units(
 
 def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
-    from ...io.formats.text.headers import factor_of
 
     kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
     return {
@@ -217,10 +194,8 @@ def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     }
 
 
-def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> str | None:
+def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str | None:
     """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
-    from ...io.formats import UNITS
-    from ...io.formats.text.headers import factor_of, kinds_like
 
     factor = factor_of_numbers(recognition, key)
     if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
@@ -240,7 +215,7 @@ def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> st
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
 
 
-def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
+def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: Recognition | None) -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
     rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
     draft.add("gnss", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
@@ -300,7 +275,7 @@ def _mounting(draft: Draft, camera: bool) -> None:
         )
 
 
-def _filter(draft: Draft, gnss: GnssFixes | None, recognition: "Recognition | None") -> None:
+def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | None) -> None:
     sigma = np.inf if recognition is None else recognition.time_offset_sigma_s
     if not sigma < KNOWN_S:
         latency = (

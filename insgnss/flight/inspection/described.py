@@ -3,47 +3,45 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...base.errors import InputError, InsgnssError, UsageError
-from ...records import Finding
-from ...report.document import Section
-from ...report.notebook import Shown
-from ..processing.inspect import InspectResult
+from ...base.errors import InsgnssError, UsageError
+from ...io.exposures.instants import refuse_outside
+from ...navigation.prepare.clock import common_span
+from ...records import Finding, Question
+from ...report.document import Document, Section, checked
+from ...report.verdict import worst_of
+from ..config.flight_file import Flight
+from ..config.load import load_flight
 from ..processing.progress import Progress, quiet
+from ..processing.recording import Recording, read_recording
 from .page import finding_documents, findings_section
-
-if TYPE_CHECKING:
-    from ..config.flight_file import Flight
+from .result import Inspected
 
 
 @dataclass(frozen=True, eq=False)
-class FlightInspection(Shown):
+class FlightInspection(Inspected):
     """Checks of a flight file's recording, with what the data show of themselves."""
-
-    result: InspectResult
-    findings: tuple[Finding, ...]
-    unrecognised: str
-
-    @property
-    def refusal(self) -> InsgnssError | None:
-        """The contradictions as an error; None where there are none."""
-        return (
-            InputError("; ".join(self.result.contradictions))
-            if self.result.contradictions
-            else None
-        )
 
     def summary(self) -> str:
         """Return the text for the terminal."""
+        notes = [check.name for check in self.checks if check.verdict == "note"]
+        verdict = worst_of(
+            "no check has a note",
+            [f"checks have a note: {', '.join(notes)}"] if notes else [],
+            self.contradictions,
+        )
+        headline = f"{self.name}: {len(self.checks)} checks of the recording"
         unrecognised = [f"not recognised: {self.unrecognised}"] if self.unrecognised else []
         title = "What the data show, read as the flight file says"
-        shown = findings_section(title, self.findings)
-        return self.result.document([Section(title, unrecognised), shown]).text()
+        shown = (Section(title, unrecognised), findings_section(title, self.findings))
+        return Document(self.name, headline, verdict, (checked(self.checks), *shown)).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the inspection for JSON output."""
-        return self.result.as_dict() | {
+        return {
+            "name": self.name,
+            "checks": [check.as_dict() for check in self.checks],
             "findings": finding_documents(self.findings),
             "unrecognised": self.unrecognised,
         }
@@ -77,27 +75,39 @@ def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
     return sources[0] if inside else None
 
 
-def inspect_flight(path: "Path | Flight", progress: Progress = quiet) -> FlightInspection:
-    """Check a flight file's recording and recognise it; checks report where they differ.
+def inspect_flight(path: Path | Flight, progress: Progress = quiet) -> FlightInspection:
+    """Check a flight file's recording and recognise it; contradictions are not raised.
+
+    What needs the attitude (the heading against the course) is left to
+    `flight.processing.pipeline.process`.
 
     Raises
     ------
-    InputError
+    InputError, DataError
         Where the flight file or its inputs cannot be read.
     """
-    from ..config.flight_file import Flight
-    from ..config.load import load_flight
-    from ..processing.inspect import inspect
-    from ..processing.recording import read_recording
-
     flight = path if isinstance(path, Flight) else load_flight(path)
     progress("reading")
     recording = read_recording(flight)
-    result = inspect(flight, progress, recording)
+    findings, unrecognised = tuple[Finding, ...](), ""
     if flight.gnss.stationary is not None:
-        return FlightInspection(result, (), "the sensor is stationary")
-    if recording.recognition is None:
-        return FlightInspection(
-            result, (), "not recognised while a check contradicts the flight file"
-        )
-    return FlightInspection(result, recording.recognition.findings, "")
+        unrecognised = "the sensor is stationary"
+    elif recording.recognition is None:
+        unrecognised = "not recognised while a check contradicts the flight file"
+    else:
+        findings = recording.recognition.findings
+    return FlightInspection(flight.name, _checks(flight, recording), findings, unrecognised)
+
+
+def _checks(flight: Flight, recording: Recording) -> tuple[Finding, ...]:
+    """The checks of the recording, of its span, and of what only `process` can check."""
+    checks = list(recording.checks)
+    try:
+        lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+        for camera in recording.cameras:
+            refuse_outside(camera.events, lo, hi)
+    except InsgnssError as error:
+        message = str(error)
+        checks.append(Question("span", "IMU, GNSS and images overlap").contradiction(message))
+    heading = Question("heading against course", "needs the attitude: `insgnss process` checks it")
+    return (*checks, heading.ok("not checked here"))

@@ -14,6 +14,8 @@ import numpy as np
 from ...base.advance import through
 from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
+from ...io.formats import describe, sniff_events, sniff_gnss, sniff_imu
+from ...io.formats.imu.psins import read_psins_header
 from .sources import NO_SIGMA, SINGLE_POINT, Keys, Role, Source
 from .tables.exposures import exposures_of
 from .tables.grids import tables_of_file
@@ -73,10 +75,8 @@ def discover(paths: Sequence[Path]) -> Discovery:
     left_out: list[tuple[Path, str]] = []
     for path in paths:
         if not path.exists():
-            raise InputError.at_line(
-                path,
-                None,
-                "does not exist; give a flight file, a directory or the files of a recording",
+            raise InputError.in_file(
+                path, "does not exist; give a flight file, a directory or the files of a recording"
             )
         files = [path] if is_file(path) else list(_walk(path))
         for file in through(files):
@@ -108,10 +108,8 @@ def _walk(root: Path) -> Iterator[Path]:
             elif entry.is_file() and entry.suffix.lower() not in NO_RECORDINGS:
                 count += 1
                 if count > MOST_FILES:
-                    raise InputError.at_line(
-                        root,
-                        None,
-                        f"holds more than {MOST_FILES} files; name the files of the recording",
+                    raise InputError.in_file(
+                        root, f"holds more than {MOST_FILES} files; name the files of the recording"
                     )
                 yield entry
 
@@ -138,7 +136,7 @@ def sources_of(path: Path) -> list[Source]:
     """
     check_input(path)
     if path.stat().st_size == 0:
-        raise InputError.at_line(path, None, "is empty; copy the recording again")
+        raise InputError.in_file(path, "is empty; copy the recording again")
     if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
         return []
     log_sources = _known_log(path)
@@ -156,7 +154,6 @@ def sources_of(path: Path) -> list[Source]:
 
 def _known_log(path: Path) -> list[Source] | None:
     """Sources of a file whose format says what it holds; None for tables."""
-    from ...io.formats import sniff_events, sniff_gnss, sniff_imu
 
     with opened(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
@@ -179,7 +176,6 @@ def _known_log(path: Path) -> list[Source] | None:
 
 def _psins(path: Path) -> Source:
     """A log of increments whose header gives the site and the axes."""
-    from ...io.formats.imu.psins import read_psins_header
 
     header = read_psins_header(path)
     site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
@@ -189,7 +185,6 @@ def _psins(path: Path) -> Source:
 
 def _fix_log(path: Path, form: str) -> Source:
     """A receiver's log; standard deviations stand in where it has none."""
-    from ...io.formats import describe
 
     entry = Keys()
     if form == "gpx":
@@ -210,7 +205,6 @@ def _fix_log(path: Path, form: str) -> Source:
 
 def _flight_log(path: Path, form: str) -> list[Source]:
     """The log of an autopilot: samples and fixes, and exposures where it holds any."""
-    from ...io.formats import describe
 
     names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
     keys = {key: list(value) for key, value in SINGLE_POINT.items()}

@@ -12,6 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...io.formats import read_events, sniff_events
+from ...navigation.recognise.turns import ENOUGH_IMAGES, exposures_off_lines
 from ...records import CameraEvents, GnssFixes, ImuSamples
 from ...records.observations import in_week
 from .sources import Source
@@ -52,7 +54,6 @@ def clock_of_events(
     tuple of str, str, bool
         "imu" or "receiver", why, and whether the recording tells it.
     """
-    from ...io.formats import sniff_events
 
     of_imu, of_gnss, of_events = sources
     form = "" if of_events is None else sniff_events(of_events.path)
@@ -95,8 +96,6 @@ def scale_of_dates(
     gnss : GnssFixes
         In the week of the events, or without one.
     """
-    from ...io.formats import read_events
-    from ...navigation.recognise.turns import ENOUGH_IMAGES, exposures_off_lines
 
     count, week = events.time.size, events.gps_week
     if "time_scale" not in source.keys or week is None or count < ENOUGH_IMAGES:

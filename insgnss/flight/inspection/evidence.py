@@ -1,16 +1,16 @@
 """What the recognised data say of a file: units, axes and clock, and where they contradict it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...navigation.prepare.axes import DIRECTIONS
 from ...navigation.prepare.gaps import nominal_interval
-from ...records import Finding, ImuSamples
+from ...navigation.recognise.recognition import EXCHANGED_ADVICE, Recognition
+from ...records import Finding, ImuSamples, Question
 from .sources import Source
-
-if TYPE_CHECKING:
-    from ...navigation.recognise.recognition import Recognition
 
 SURE = 0.9  # confidence from which on a finding is a live key of the draft
 SAME_FACTOR = 0.02  # of a factor
@@ -30,7 +30,7 @@ class Axes:
     sure: bool
 
 
-def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
+def in_si(imu: ImuSamples, recognition: Recognition) -> ImuSamples:
     """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
     rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
     gyro, accel = (
@@ -40,17 +40,17 @@ def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
     return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
 
 
-def factor_of_numbers(recognition: "Recognition", key: str) -> float:
+def factor_of_numbers(recognition: Recognition, key: str) -> float:
     """Return what the numbers of a sensor, gyro or accel, were recognised to be times."""
     return recognition.gyro_factor if key == "gyro" else recognition.accel_factor
 
 
-def unit_contradictions(source: Source, recognition: "Recognition") -> list[Finding]:
+def unit_contradictions(source: Source, recognition: Recognition) -> Iterator[Finding]:
     """Check the units that the file gives against the data.
 
     A contradiction is a note where the draft can follow the data.
     """
-    checks, units = [], source.header_units
+    units = source.header_units
     for key, name in SENSORS.items():
         finding, factor = recognition.finding(name), factor_of_numbers(recognition, key)
         stated = units is None or key in units
@@ -58,73 +58,60 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Find
             continue
         text = f"{factor:.4g} times what the file says: {finding.evidence}"
         if units is None:
-            expected = f"the {key} values in the unit of its format"
+            question = Question(f"unit of {key}", f"the {key} values in the unit of its format")
             advice = "the file is not what its format says; convert it"
-            checks.append(Finding(f"unit of {key}", text, expected, "contradiction", advice))
+            yield question.contradiction(text, advice)
         else:
             expected = f"the {key} values in the unit of {units[key]}, as its header says"
             advice = "the draft follows the data"
-            checks.append(Finding(f"unit of {key}", text, expected, "note", advice))
-    return checks
+            yield Question(f"unit of {key}", expected).note(text, advice)
 
 
-def counts(source: Source, recognition: "Recognition") -> list[Finding]:
-    """Return a contradiction for each sensor whose numbers are in no known unit.
+def in_counts(source: Source, recognition: Recognition) -> Iterator[Finding]:
+    """Yield a contradiction for each sensor whose numbers are in no known unit.
 
     The flight file must give what one count is worth.
     """
-    checks = []
     for key, name in SENSORS.items():
         finding = recognition.finding(name)
         scaled = key == "accel" and abs(recognition.accel_factor - 1.0) > SAME_FACTOR
         if finding.confidence or not (scaled or "may be counts" in finding.evidence):
             continue
         worth = f" (gravity makes it about {recognition.accel_factor:.4g})" * (key == "accel")
-        advice = (
+        question = Question(f"unit of {key}", "a unit that is known, or the value of a count")
+        yield question.contradiction(
+            finding.evidence,
             f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives it,"
-            " and whether they are increments"
+            " and whether they are increments",
         )
-        expected = "a unit that is known, or the value of a count"
-        checks.append(
-            Finding(f"unit of {key}", finding.evidence, expected, "contradiction", advice)
+
+
+def assumed_rate(source: Source) -> Iterator[Finding]:
+    """Yield a contradiction where samples without a clock would meet fixes at an assumed rate."""
+    if "rate_hz" in source.keys:
+        yield Question("IMU rate", "a clock, or the rate of the sensor").contradiction(
+            f"no column of time; {source.keys['rate_hz']:g} Hz assumed",
+            "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of"
+            " time in imu.columns",
         )
-    return checks
 
 
-def assumed_rate(source: Source) -> list[Finding]:
-    """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
-    if "rate_hz" not in source.keys:
-        return []
-    advice = (
-        "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time"
-        " in imu.columns"
-    )
-    finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
-    return [
-        Finding("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
-    ]
-
-
-def strangers(recognition: "Recognition") -> list[Finding]:
+def strangers(recognition: Recognition) -> Iterator[Finding]:
     """Check that samples and fixes are of one recording, latitude and longitude in their order."""
-    from ...navigation.recognise.recognition import EXCHANGED_ADVICE
-
-    if recognition.exchanged:
-        evidence = recognition.finding("force sign").evidence
-        expected = "latitude and longitude in their order"
-        return [Finding("GNSS position", evidence, expected, "contradiction", EXCHANGED_ADVICE)]
     clock = recognition.finding("time offset")
-    if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
-        return []
-    expected = "one time offset that explains the motion"
-    advice = (
-        "if it moved, check that samples and fixes are of one recording; no time offset is better"
-        " than all others"
-    )
-    return [Finding("common motion", clock.evidence, expected, "note", advice)]
+    if recognition.exchanged:
+        question = Question("GNSS position", "latitude and longitude in their order")
+        evidence = recognition.finding("force sign").evidence
+        yield question.contradiction(evidence, EXCHANGED_ADVICE)
+    elif not clock.confidence and recognition.finding("gyro unit").evidence.startswith("as "):
+        yield Question("common motion", "one time offset that explains the motion").note(
+            clock.evidence,
+            "if it moved, check that samples and fixes are of one recording; no time offset is"
+            " better than all others",
+        )
 
 
-def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
+def in_units_of_file(source: Source, recognition: Recognition) -> Recognition:
     """Return the findings with the units of the file's header, where the data agree with it."""
     findings = {finding.name: finding for finding in recognition.findings}
     for key, name in SENSORS.items():
@@ -141,7 +128,7 @@ def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition
     return replace(recognition, findings=tuple(findings.values()))
 
 
-def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
+def likely_axes(source: Source, imu: ImuSamples, recognition: Recognition | None) -> Axes:
     """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
 
     With the vertical alone forward is chosen freely.
@@ -189,7 +176,6 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
     tuple of str
         The axes in words, and the IMU axis that is vertical.
     """
-    from ...navigation.prepare.axes import DIRECTIONS
 
     axis = int(np.argmax(np.abs(mean_force)))
     words = ["", "", ""]

@@ -1,22 +1,20 @@
 """Samples of left-handed axes, read with two axes exchanged so that they are right-handed."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from ...io.formats.imu.exchanged_columns import exchanged_columns
 from ...navigation.prepare.axes import parse_axes
+from ...navigation.recognise.handedness import exchanged, of_axes
+from ...navigation.recognise.recognition import Recognition
 from ...records import ImuSamples, Question
 from .sources import Source
-
-if TYPE_CHECKING:
-    from ...navigation.recognise.recognition import Recognition
 
 USUAL_AXES = "forward right down"
 
 
 def right_handed(
-    source: Source, imu: ImuSamples, recognition: "Recognition"
-) -> "tuple[Source, ImuSamples, Recognition]":
+    source: Source, imu: ImuSamples, recognition: Recognition
+) -> tuple[Source, ImuSamples, Recognition]:
     """Exchange the two axes that make left-handed readings right-handed.
 
     Parameters
@@ -35,7 +33,6 @@ def right_handed(
         With the exchange, and a note that says so; as they were, with a contradiction, where the
         format does not let the flight file name its columns.
     """
-    from ...navigation.recognise.handedness import exchanged, of_axes
 
     usual = parse_axes(source.axes or USUAL_AXES)
     exchange = of_axes(recognition.exchanges, usual) or recognition.exchanges[0]

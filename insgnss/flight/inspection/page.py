@@ -2,23 +2,21 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...base.files import json_ready, picked
 from ...base.units import DEG_PER_H, MILLI_G
 from ...navigation.prepare.fix_path import north_east
+from ...navigation.recognise.findings import Finding
 from ...report.charts.chart import Chart
 from ...report.document import Document, Drawing, Section, Table, checked
 from ...report.figures.recognition import answers_in_words
 from ...report.verdict import worst_of
 from .mounting_drawing import drawn_as_svg
+from .result import InspectionData
 from .sensing import DEG_S, EARTH_RATE, Sensing
-
-if TYPE_CHECKING:
-    from ...navigation.recognise.findings import Finding
-    from .result import InspectionData
 
 SURE = 0.9  # a confidence that is not doubtful
 # findings that only motion shows; of a vehicle that keeps its place they are open, not doubtful
@@ -28,7 +26,7 @@ KEEPS_PLACE_MS, SPEED_S = 1.0, 2.0
 MOST_LEFT_OUT = 8  # most files that are not folded: 8, because directories of images have many
 
 
-def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) -> Document:
+def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) -> Document:
     """Return what an inspection says.
 
     Parameters
@@ -82,7 +80,7 @@ def inspection_document(result: "InspectionData", charts: Sequence[Chart] = ()) 
     )
 
 
-def _hovers(result: "InspectionData") -> bool:
+def _hovers(result: InspectionData) -> bool:
     """Whether the vehicle keeps its place for more than half of the recording."""
     gnss = result.gnss
     if gnss is None or gnss.time.size < 2:
@@ -103,7 +101,7 @@ def _without(path: str, why: str) -> str:
     return f"{path}: {why.removeprefix(path).lstrip(': ')}"
 
 
-def findings_section(title: str, findings: "Sequence[Finding]") -> Section:
+def findings_section(title: str, findings: Sequence[Finding]) -> Section:
     """Return findings with their evidence as a table.
 
     Parameters
@@ -157,7 +155,7 @@ def _three(x: np.ndarray) -> str:
     return " ".join(f"{v:.3g}" for v in x)
 
 
-def _mounting(result: "InspectionData") -> "tuple[Drawing, ...]":
+def _mounting(result: InspectionData) -> "tuple[Drawing, ...]":
     """Return the drawing of the drafted mounting; nothing without a draft."""
     draft = result.draft
     antenna = None if draft is None else draft.value("mounting", "antenna_m")
@@ -172,7 +170,7 @@ def _mounting(result: "InspectionData") -> "tuple[Drawing, ...]":
     return (Drawing(f"{remark}<div class='wide'>{drawn_as_svg(turn, antenna, imu)}</div>\n"),)
 
 
-def numbers_of(result: "InspectionData") -> dict[str, Any]:
+def numbers_of(result: InspectionData) -> dict[str, Any]:
     """Return the inspection for JSON output."""
     s = result.sensing
     noise = picked(s, "rest_gyro", "rest_accel", "moving_gyro", "moving_accel")

@@ -13,30 +13,52 @@ allow.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...base.errors import InputError
 from ...base.wording import some
-from ...navigation.prepare.clock import NO_WEEK
+from ...io.formats import read_events, read_gnss, read_imu
+from ...navigation.prepare.axes import axes_words, parse_axes
+from ...navigation.prepare.clock import NO_WEEK, common_week
+from ...navigation.prepare.fix_covariance.quality import with_floors
+from ...navigation.prepare.gaps import nominal_interval
+from ...navigation.recognise.claims import with_set_clock
+from ...navigation.recognise.handedness import with_exchanges
+from ...navigation.recognise.plausibility import check_recording
+from ...navigation.recognise.recognition import Recognition, recognise
+from ...navigation.recognise.streams import classes_apart
+from ...navigation.recognise.turns import Forces
 from ...records import CameraEvents, GnssFixes, ImuSamples
+from ...records.observations import in_week
+from ...report.charts.chart import Chart
+from ...report.figures.recognition import answers_in_words, recognition_charts
 from ...report.notebook import Charted
 from ..processing.progress import Progress, quiet
+from .alone import Alone, by_gravity, rest_findings
+from .content import draft_flight
 from .discovery import Discovery, discover
+from .draft import write_draft
 from .event_clock import clock_of_events, scale_of_dates
+from .evidence import (
+    assumed_rate,
+    in_counts,
+    in_si,
+    in_units_of_file,
+    likely_axes,
+    strangers,
+    unit_contradictions,
+)
 from .exchanged_axes import right_handed
 from .page import inspection_document, numbers_of
-from .result import InspectionData
+from .result import InspectionData, Recorded
+from .rinex.result import RinexInspection
+from .rinex.survey import survey
+from .sensing import sense
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
+from .tables.grids import date_in
 from .tables.halves import of_two_halves
-
-if TYPE_CHECKING:
-    from ...navigation.recognise.recognition import Recognition
-    from ...navigation.recognise.turns import Forces
-    from ...report.charts.chart import Chart
-    from .rinex.result import RinexInspection
-    from .rinex.survey import Survey
 
 _DATA_KEYS = (
     "accel_file columns variable units quantity rate_hz repeat_column reference sigma_m"
@@ -54,18 +76,13 @@ class Inspection(InspectionData, Charted):
 
     def write(self, path: Path, force: bool = False) -> "Inspection":
         """Write the draft and the files beside it; return the inspection with the files written."""
-        from .draft import write_draft
-
         assert self.draft is not None
         page = "".join(inspection_document(self, self.charts()).html())
         drafted = replace(self.draft, picture=self.picture(), page=page)
         return replace(self, written=tuple(write_draft(drafted, path, force)))
 
-    def charts(self) -> "tuple[Chart, ...]":
+    def charts(self) -> tuple[Chart, ...]:
         """Return what was recognised as charts; none without a receiver."""
-        from ...navigation.prepare.axes import axes_words
-        from ...report.figures.recognition import recognition_charts
-
         recognition = self.recognition
         if recognition is None:
             return ()
@@ -76,7 +93,6 @@ class Inspection(InspectionData, Charted):
     def picture(self) -> bytes | None:
         """Return a PNG of what was recognised; None without a receiver."""
         from ...report.charts.drawn import draw_sheet
-        from ...report.figures.recognition import answers_in_words
 
         if self.recognition is None:
             return None
@@ -97,7 +113,7 @@ class Inspection(InspectionData, Charted):
 
 def inspect_files(
     paths: Sequence[Path], progress: Progress = quiet
-) -> "Inspection | RinexInspection":
+) -> Inspection | RinexInspection:
     """Inspect files and directories that no flight file describes.
 
     Parameters
@@ -116,10 +132,6 @@ def inspect_files(
     InputError
         Where nothing, or not one recording, is found, and where a file cannot be read.
     """
-    from .evidence import in_units_of_file
-    from .rinex.result import RinexInspection
-    from .rinex.survey import survey
-
     progress("looking")
     discovery = discover(paths)
     sensed = bool(discovery.of("imu") or discovery.of("gyro") or discovery.of("accel"))
@@ -155,17 +167,19 @@ def inspect_files(
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
     return _inspection(
-        _name(paths),
-        sources,
-        discovery,
-        imu,
-        gnss,
-        events,
-        recognition,
-        unrecognised,
-        known_week,
-        clock,
-        rinex,
+        Recorded(
+            _name(paths),
+            sources,
+            discovery.left_out,
+            imu,
+            gnss,
+            events,
+            recognition,
+            unrecognised,
+            known_week,
+            clock,
+            rinex,
+        )
     )
 
 
@@ -242,8 +256,6 @@ def _spec(source: Source) -> dict[str, Any]:
 def _read(
     imu: Source, gnss: Source | None, events: Source | None
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
-    from ...io.formats import read_events, read_gnss, read_imu
-
     samples = read_imu(imu.path, **_spec(imu))
     fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
     return samples, fixes, None if events is None else read_events(events.path, **_spec(events))
@@ -253,9 +265,6 @@ def _one_week(
     source: Source, imu: ImuSamples, gnss: GnssFixes | None, events: CameraEvents | None
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None, tuple[int, str] | None]:
     """The records in seconds of one week; and the week with its origin where no file gives it."""
-    from ...navigation.prepare.clock import common_week
-    from ...records.observations import in_week
-
     weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
     week, guess = (weeks[0], None) if weeks else _week_by_date(source.path)
     if gnss is None:
@@ -272,8 +281,6 @@ def _one_week(
 
 def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
     """GPS week by a date in the file, else `NO_WEEK`; the week for the draft, with its origin."""
-    from .tables.grids import date_in
-
     date, origin = date_in(path), f"the date in {path.name}"
     in_file = date is not None
     if date is None:
@@ -283,12 +290,8 @@ def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
     return week if in_file else NO_WEEK, (week, f"of {date}, {origin}")
 
 
-def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
+def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> tuple[Recognition | None, str]:
     """Recognise the samples; None and the reason where that cannot be done."""
-    from ...navigation.prepare.gaps import nominal_interval
-    from ...navigation.recognise.handedness import with_exchanges
-    from ...navigation.recognise.recognition import recognise
-
     if gnss is None:
         return None, "no fixes of a receiver"
     absurd = max(float(np.abs(imu.gyro).max()), float(np.abs(imu.accel).max()))
@@ -314,10 +317,8 @@ def _name(paths: Sequence[Path]) -> str:
     return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
 
 
-def _forces(recognition: "Recognition | None") -> "Forces | None":
+def _forces(recognition: Recognition | None) -> Forces | None:
     """What the forces show of the records as recognised; None where they show no clock."""
-    from ...navigation.recognise.turns import Forces
-
     if recognition is None or not recognition.finding("time offset").confidence:
         return None
     names = ("gyro unit", "gyro triad", "time offset")
@@ -327,38 +328,18 @@ def _forces(recognition: "Recognition | None") -> "Forces | None":
     return Forces(0.0, clock, sure if aligned else 0.0)
 
 
-def _inspection(
-    name: str,
-    sources: tuple[Source, ...],
-    discovery: Discovery,
-    imu: ImuSamples,
-    gnss: GnssFixes | None,
-    events: CameraEvents | None,
-    recognition: "Recognition | None",
-    unrecognised: str,
-    week: tuple[int, str] | None,
-    clock: tuple[str, str, bool],
-    rinex: "Survey | None" = None,
-) -> Inspection:
-    from ...navigation.prepare.axes import parse_axes
-    from ...navigation.prepare.fix_covariance.quality import with_floors
-    from ...navigation.recognise.claims import with_set_clock
-    from ...navigation.recognise.plausibility import check_recording
-    from ...navigation.recognise.streams import classes_apart
-    from .alone import Alone, by_gravity, rest_findings
-    from .content import draft_flight
-    from .evidence import assumed_rate, in_si, likely_axes, strangers, unit_contradictions
-    from .evidence import counts as in_counts
-    from .sensing import sense
-
-    raw, alone = imu, Alone(imu, {}, ())
+def _inspection(recorded: Recorded) -> Inspection:
+    """What the recording shows, the checks of it, and the draft of its flight file."""
+    raw, gnss, recognition = recorded.imu, recorded.gnss, recorded.recognition
+    source = recorded.sources[0]
+    alone = Alone(raw, {}, ())
     if recognition is None:
-        alone = by_gravity(imu, sources[0].header_units == {})
+        alone = by_gravity(raw, source.header_units == {})
     imu = alone.imu if recognition is None else in_si(raw, recognition)
     time_offset = 0.0 if recognition is None else recognition.time_offset_s
     stamped = None if gnss is None else replace(gnss, time=gnss.time + time_offset)
     sensing = sense(imu, stamped)
-    axes, counts = likely_axes(sources[0], imu, recognition), alone.gyro_counts
+    axes, counts = likely_axes(source, imu, recognition), alone.gyro_counts
     findings = (
         (*alone.findings, *rest_findings(sensing, counts is not None))
         if recognition is None
@@ -369,34 +350,22 @@ def _inspection(
         apart = classes_apart(stamped)
         stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in apart.items()})
         of_motion = check_recording(
-            imu, parse_axes(axes.words), stamped, events, None, _forces(recognition)
+            imu, parse_axes(axes.words), stamped, recorded.events, None, _forces(recognition)
         )
         checks += [*stamped.notes, *with_set_clock(of_motion, imu, stamped)]
-        checks += assumed_rate(sources[0])
+        checks += assumed_rate(source)
     if recognition is not None:
-        checks += [
-            *unit_contradictions(sources[0], recognition),
-            *in_counts(sources[0], recognition),
-            *strangers(recognition),
-        ]
-    draft, missing = draft_flight(
-        name, sources, raw, gnss, sensing, recognition, axes, week, alone, clock, rinex
-    )
-    if missing and (damaged := [why for path, why in discovery.left_out if str(path) in why]):
+        checks += unit_contradictions(source, recognition)
+        checks += [*in_counts(source, recognition), *strangers(recognition)]
+    draft, missing = draft_flight(recorded, sensing, axes, alone)
+    if missing and (damaged := [why for path, why in recorded.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"
     return Inspection(
-        name,
-        sources,
-        discovery.left_out,
-        imu,
-        stamped,
-        events,
-        sensing,
-        counts,
-        recognition,
-        unrecognised,
-        findings,
-        tuple(checks),
-        draft,
-        missing,
+        **vars(recorded) | {"imu": imu, "gnss": stamped},
+        checks=tuple(checks),
+        findings=findings,
+        sensing=sensing,
+        gyro_counts=counts,
+        draft=draft,
+        missing=missing,
     )

@@ -5,7 +5,8 @@ A check that finds a contradiction stops the run, unless the flight file accepts
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
 from functools import partial
@@ -18,9 +19,17 @@ from ...base.errors import DataError, InputError, UsageError
 from ...base.findings.remedies import Step
 from ...base.inputs import opened
 from ...base.wording import Settings, spoken_as, toml
+from ...geodesy.crs import is_globe
+from ...geodesy.datums import at_epoch, between_datums
+from ...geodesy.gpstime import calendar_from_gps
+from ...geodesy.projection import MapProjection
+from ...io.exposures.images import image_names
 from ...io.formats import EXPORTS, UNITS
 from ...io.formats.images.exif import CameraTags, camera_tags
 from ...io.formats.orientation.mounting_file import MountingFile
+from ...navigation.align.initial import MOST_ATTITUDE_SIGMA_RAD
+from ...navigation.prepare.gaps import BRIDGE_S
+from ...navigation.recognise import plausibility
 from ...navigation.recognise.positions import VELOCITY_UNITS
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question, Trajectory
 from ...records.cameras.mounting import Mounting
@@ -145,6 +154,35 @@ def _of_objects(key: str, argument: str) -> str:
     return _NOUNS.get(key, argument if argument != key else key.replace(".", "__"))
 
 
+@contextmanager
+def of_flight_file(
+    flight: Flight,
+    key: str = "",
+    refusals: type[Exception] | tuple[type[Exception], ...] = UsageError,
+) -> Iterator[None]:
+    """Refuse what the flight file asks for with its path, and the key that asks.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    key : str
+        The key, where it is known.
+    refusals : type or tuple of type
+        The errors that are of what it asks for.
+
+    Raises
+    ------
+    InputError
+        In the place of each of these.
+    """
+    try:
+        yield
+    except refusals as error:
+        where = f"{flight.path}: {key}" if key else str(flight.path)
+        raise InputError(f"{where}: {error}") from None
+
+
 def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     """Refuse a CRS that cannot be reached from where the flight is, before the flight is solved.
 
@@ -163,9 +201,6 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     UsageError
         Where such a format takes metres only and the CRS counts in feet.
     """
-    from ...geodesy.crs import is_globe
-    from ...geodesy.datums import at_epoch, between_datums
-    from ...geodesy.projection import MapProjection
 
     output = flight.output
     globe = output.crs is not None and is_globe(output.crs)
@@ -176,19 +211,15 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     ends = [0, -1]
     source = flight.gnss.datum, flight.gnss.epoch
     places = gnss.lat[ends], gnss.lon[ends], gnss.height[ends]
-    try:
+    with of_flight_file(flight, "output.crs", (InputError, UsageError)):
         if globe:
             between_datums(*places, source, at_epoch(output.crs, flight.gnss.epoch))
             return
-    except (InputError, UsageError) as error:
-        raise InputError(f"{flight.path}: output.crs: {error}") from None
     projection = MapProjection(
         output.crs, output.geoid, *source, any_unit=all(form.any_unit for form in wanted)
     )
-    try:
+    with of_flight_file(flight, "output.crs", InputError):
         projection.forward(*places)
-    except InputError as error:
-        raise InputError(f"{flight.path}: output.crs: {error}") from None
 
 
 def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
@@ -206,7 +237,6 @@ def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
     DataError
         Where the median standard deviation of an angle is beyond `MOST_ATTITUDE_SIGMA_RAD`.
     """
-    from ...navigation.align.initial import MOST_ATTITUDE_SIGMA_RAD
 
     diagonal = np.diagonal(trajectory.cov, axis1=1, axis2=2)
     sigma = np.median(np.sqrt(diagonal[:, 6:]), axis=0)
@@ -315,7 +345,6 @@ def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Find
     list of Finding
         One a file; silent on what the file or the images do not say.
     """
-    from ...geodesy.gpstime import calendar_from_gps
 
     day = calendar_from_gps(gps_week, tow).date()
     return [_check_mounting_file(flight, source, day) for source in flight.mounting_files]
@@ -348,7 +377,6 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> F
 
 def camera_of(flight: Flight) -> CameraTags | None:
     """What the first image of the flight says of its camera; None where there is none to ask."""
-    from ...io.exposures.images import image_names
 
     match = None if flight.camera is None else flight.camera.match
     if match is None or match.images is None or not match.images.is_dir():
@@ -431,7 +459,6 @@ def check_heading(flight: Flight, trajectory: Trajectory) -> Finding:
     Finding
         The check of `navigation.recognise.plausibility.check_heading`.
     """
-    from ...navigation.recognise import plausibility
 
     return plausibility.check_heading(
         trajectory.time, trajectory.C_nb, trajectory.velocity_ned, flight.imu.C_b_imu
@@ -455,7 +482,6 @@ def check_segments(
     Finding
         The note "IMU gaps".
     """
-    from ...navigation.prepare.gaps import BRIDGE_S
 
     kept = ", ".join(f"{time[0]:.1f} to {time[-1]:.1f} s" for time in times)
     finding = f"the flight falls into segments of their own, {kept}"

@@ -15,7 +15,13 @@ from ...io.exposures.rig import (
     rig_exposures,
     with_names,
 )
+from ...io.formats import read_barometer, read_gnss, read_imu
 from ...io.options.camera_options import ImageMatch
+from ...io.options.schema import reading_of
+from ...navigation.prepare.calibration import load_calibration
+from ...navigation.prepare.fix_covariance.numbers import STATIONARY_SIGMA_M
+from ...navigation.prepare.imu import Device
+from ...navigation.prepare.moved_base import MovedBase
 from ...records import BarometerHeights, Finding, GnssFixes, ImuSamples
 from ...records.measurements import Measurement
 from ..config.barometer_options import BarometerInput
@@ -27,7 +33,6 @@ from ..sensors.options import MeasurementInput
 
 if TYPE_CHECKING:
     from ...gnss.ppk import PpkResult
-    from ...navigation.prepare.imu import Device
 
 STATIONARY_FIX_S = 1.0  # interval of the fixes of a sensor that stands at a known place
 
@@ -141,7 +146,7 @@ def read_files(
     return imus, fixes, cameras, ppk
 
 
-def read_imu_file(options: ImuInput, gps_week: int | None) -> "Device":
+def read_imu_file(options: ImuInput, gps_week: int | None) -> Device:
     """Read the samples of one IMU, or take those that were given as an object.
 
     Parameters
@@ -157,22 +162,10 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> "Device":
         The samples as they were read, with what `navigation.prepare.imu.prepared` has to do to
         them.
     """
-    from ...io.formats import read_imu
-    from ...navigation.prepare.calibration import load_calibration
-    from ...navigation.prepare.imu import Device
 
     imu = options.file
     if isinstance(imu, Path):
-        imu = read_imu(
-            imu,
-            columns=options.columns,
-            units=options.units,
-            quantity=options.quantity,
-            gps_week=gps_week,
-            variable=options.variable,
-            rate_hz=options.rate_hz,
-            accel_file=options.accel_file,
-        )
+        imu = read_imu(imu, gps_week=gps_week, **reading_of(options))
     calibration = None if options.calibration is None else load_calibration(options.calibration)
     return Device(
         *(imu, options.C_b_imu, options.lever_m),
@@ -180,7 +173,7 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> "Device":
     )
 
 
-def read_imus(flight: Flight) -> "tuple[Device, ...]":
+def read_imus(flight: Flight) -> tuple[Device, ...]:
     """Read the samples of all IMUs of a flight.
 
     Parameters
@@ -210,13 +203,10 @@ def read_imus(flight: Flight) -> "tuple[Device, ...]":
     return (first, *further)
 
 
-def _read_fixes(options: GnssInput, gps_week: int | None, imu: "Device") -> GnssFixes:
+def _read_fixes(options: GnssInput, gps_week: int | None, imu: Device) -> GnssFixes:
     """Read ready positions, take those of an object, or make those of a stationary sensor."""
-    from ...io.formats import read_gnss
 
     if options.stationary is not None:
-        from ...navigation.prepare.fix_covariance.numbers import STATIONARY_SIGMA_M
-
         sigma_m = options.sigma_m or STATIONARY_SIGMA_M
         samples = replace(imu.samples, time=imu.samples.time + imu.time_offset_s)
         return stationary_fixes(options.stationary, sigma_m, samples)
@@ -237,7 +227,6 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: "Device") -> Gnss
     )
     if options.moved_base is None:
         return fixes
-    from ...navigation.prepare.moved_base import MovedBase
 
     return MovedBase(*options.moved_base).fixes(fixes)
 
@@ -257,17 +246,10 @@ def read_barometer_file(options: BarometerInput, gps_week: int | None) -> Barome
     BarometerHeights
         The heights, their stamps moved by the time offset of the flight file.
     """
-    from ...io.formats import read_barometer
 
     heights = options.file
     if isinstance(heights, Path):
-        heights = read_barometer(
-            heights,
-            columns=options.columns,
-            units=options.units,
-            variable=options.variable,
-            gps_week=gps_week,
-        )
+        heights = read_barometer(heights, gps_week=gps_week, **reading_of(options))
     return replace(heights, time=heights.time + options.time_offset_s)
 
 

@@ -50,8 +50,14 @@ def output_trajectory(flight: Flight, segments: Sequence[Segment], gps_week: int
     Trajectory
         The poses of all segments, of the navigation centre of the IMU.
     """
+    hz = flight.output.trajectory_hz
     return Trajectory.joined(
-        [_on_grid(segment, flight.output.trajectory_hz, gps_week) for segment in segments]
+        [
+            trajectory(segment.solution, segment.grid, gps_week)
+            if at_epochs(hz)
+            else dense_trajectory(segment.solution, gps_week, hz)
+            for segment in segments
+        ]
     )
 
 
@@ -112,7 +118,7 @@ def orient_images(
             " solved; see the gaps of `insgnss inspect`"
         )
     refuse_unobservable(flight, images[0].exposed)
-    plane = TangentPlane(*_origin(flight, segments[0].fixes))
+    plane = _plane(flight, segments[0].fixes)
     oriented = []
     for own in images:
         taken = own.camera.events[own.rows]
@@ -173,9 +179,9 @@ def strip_covariances(
             made = _strip(rows[strip], chain.covariance_of(instant, T[number][instant]), eo)
             strips += [] if made is None else [made]
         for number, segment in enumerate(segments):
-            A = common_errors(
-                _chain(segment), *_nodes(segment), _with_lever_arm(segment, T[number])
-            )
+            problem, events = segment.solution.problem, segment.solution.event_epochs
+            nodes = nodes_of(problem.layout, problem.epochs.time[events])
+            A = common_errors(_chain(segment), *nodes, _with_lever_arm(segment, T[number]))
             here = own.segment == number
             shared.append((rows[here], number, A[own.instant[here]]))
     common = _common(shared, eo, strips, _lever_arms(segments))
@@ -241,16 +247,20 @@ def pose_chains(
         events = images.instant[rows]
         T = images.derivatives(number, plane)[events]
         cov = _chain(segment).covariance_of(events, T) if rows.size else np.zeros((0, 0))
-        for a, row in enumerate(rows):
-            cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
+        _set_own(cov, rows, eo)
         chains.append(PoseChain(rows, events, T, cov))
     return chains
 
 
-def _strip(rows: NDArray[np.int64], cov: Array, eo: ExteriorOrientation) -> StripCovariance | None:
-    """Return a strip; None where its covariance is not positive definite."""
+def _set_own(cov: Array, rows: NDArray[np.int64], eo: ExteriorOrientation) -> None:
+    """Set each image's own covariance, as the orientation has it, in that of all."""
     for a, row in enumerate(rows):
         cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
+
+
+def _strip(rows: NDArray[np.int64], cov: Array, eo: ExteriorOrientation) -> StripCovariance | None:
+    """Return a strip; None where its covariance is not positive definite."""
+    _set_own(cov, rows, eo)
     if not _positive_definite(cov):
         cov[np.diag_indices_from(cov)] *= 1.0 + VARIANCE_ROUNDING
     return StripCovariance(rows, cov) if _positive_definite(cov) else None
@@ -388,9 +398,8 @@ class _RigPairs:
 
     def _in_segment(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
         """Return those of pairs in one segment whose first images are of one clock."""
-        cov = np.zeros((a.size, 6, 6))
         if not a.size:
-            return cov
+            return np.zeros((0, 6, 6))
         way = self.instant[b] - self.instant[a]
         alike = self.receiver[a] == self.receiver[b]
         together, beside = alike & (way == 0), alike & (way == 1)
@@ -420,12 +429,6 @@ class _RigPairs:
 
     def _instants(self, row: int) -> _Instants:
         return self.images[int(self.number[row])].instants[int(self.segment[row])]
-
-
-def _nodes(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return event and state of what the lines of a segment share."""
-    problem = segment.solution.problem
-    return nodes_of(problem.layout, problem.epochs.time[segment.solution.event_epochs])
 
 
 def _with_lever_arm(segment: Segment, T: Array) -> Array:
@@ -488,20 +491,9 @@ def _positive_definite(cov: Array) -> bool:
     return True
 
 
-def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
-    """Return latitude, longitude (rad) and height (m) of the origin of the tangent plane.
-
-    By default it is the first fix, rounded to `ORIGIN_DIGITS`, on the ellipsoid.
-    """
+def _plane(flight: Flight, fixes: GnssFixes) -> TangentPlane:
+    """Return the tangent plane of the flight file, else at the first fix, rounded, height 0."""
     if flight.tangent_plane is not None:
-        lat, lon, height = flight.tangent_plane.origin
-        return float(lat), float(lon), float(height)
-    lat_deg, lon_deg = np.round(np.degrees([fixes.lat[0], fixes.lon[0]]), ORIGIN_DIGITS)
-    return float(np.radians(lat_deg)), float(np.radians(lon_deg)), 0.0
-
-
-def _on_grid(segment: Segment, hz: float | None, gps_week: int) -> Trajectory:
-    """Return the poses of a segment at a rate, Hz; None is that of the samples."""
-    if at_epochs(hz):
-        return trajectory(segment.solution, segment.grid, gps_week)
-    return dense_trajectory(segment.solution, gps_week, hz)
+        return TangentPlane(*map(float, flight.tangent_plane.origin))
+    near = np.radians(np.round(np.degrees([fixes.lat[0], fixes.lon[0]]), ORIGIN_DIGITS))
+    return TangentPlane(float(near[0]), float(near[1]), 0.0)

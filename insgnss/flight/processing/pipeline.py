@@ -2,12 +2,12 @@
 
     read -> prepare -> align -> filter -> smooth -> orient -> export
 
-`process` runs it for a flight file. `flight.processing.inspect` does only the first step,
+`process` runs it for a flight file. `flight.inspection.described` does only the first step,
 `api.demo` runs it on a flight that it simulates.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +20,8 @@ from ...base.received.trusted import at_home
 from ...base.wording import relative
 from ...io.exposures.instants import refuse_outside
 from ...navigation.prepare.clock import common_span
-from ...records import (
-    Diagnostics,
-    Estimate,
-    ExteriorOrientation,
-    Finding,
-    ImuBiases,
-    Innovations,
-    Trajectory,
-)
+from ...records import Diagnostics, ExteriorOrientation, Finding, Trajectory
 from ...records.strips import CommonErrors, StripCovariance
-from ...report.charts.chart import Chart
-from ...report.charts.run import charts
-from ...report.notebook import Charted
-from ...report.page import run_document
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
 from .checks import (
@@ -46,92 +34,16 @@ from .diagnostics import constants_of, report_rows, run_diagnostics, tried_anten
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
-from .products import (
-    RunResult,
-    output_directory,
-    overwriting,
-    refuse_image_names,
-    write_products,
-)
+from .products import output_directory, overwriting, refuse_image_names, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
+from .result import ProcessResult as ProcessResult
 from .segment import Segment
-from .segment_checks import (
-    check_barometer,
-    check_exposure_clock,
-    check_file_sigmas,
-    check_images,
-    check_measurements,
-    check_motion,
-    check_residuals,
-)
+from .segment_checks import OF_SEGMENTS, check_images
 from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
 Correction = Callable[[Flight, Recording, list[Segment]], list[Segment]]
 """Returns the solved segments of a flight with what further observations make of them."""
-
-
-@dataclass(frozen=True, repr=False)
-class ProcessResult(Charted):
-    """The products of a run, and what it found on the way.
-
-    Parameters
-    ----------
-    report : dict
-        What report.json holds: figures of merit, checks, the resolved flight file, versions.
-    files : tuple of Path
-        The files that were written.
-    eo : ExteriorOrientation or None
-        The orientation of the images; None without camera events.
-    trajectory : Trajectory
-        The trajectory of the IMU's navigation centre, on the output grid.
-    diagnostics : Diagnostics
-        What the report shows: filter and smoothed sigmas, innovations, biases.
-    strips : tuple of StripCovariance
-        The covariance of all poses of each flight line, where the flight file asks for it.
-    common : CommonErrors or None
-        The errors that all flight lines share, beside `strips`.
-    """
-
-    report: dict[str, Any]
-    files: tuple[Path, ...]
-    eo: ExteriorOrientation | None
-    trajectory: Trajectory
-    diagnostics: Diagnostics
-    strips: tuple[StripCovariance, ...] = ()
-    common: CommonErrors | None = None
-
-    @property
-    def checks(self) -> tuple[Finding, ...]:
-        """Every check of the run, those that found nothing wrong among them."""
-        return self.diagnostics.checks
-
-    @property
-    def states(self) -> tuple[Estimate, ...]:
-        """Constants that were estimated besides biases: scale factors, lever arm, time offset."""
-        return self.diagnostics.states
-
-    @property
-    def biases(self) -> ImuBiases:
-        """Biases of the IMU over time, with standard deviations."""
-        return replace(self.diagnostics.biases, gps_week=self.trajectory.gps_week)
-
-    @property
-    def innovations(self) -> Innovations:
-        """Position fixes against what the filter predicted of them."""
-        return replace(self.diagnostics.innovations, gps_week=self.trajectory.gps_week)
-
-    def __repr__(self) -> str:
-        """Return what there is and the headline of the report."""
-        return f"<ProcessResult {self.trajectory!r}, {self.eo!r}: {self.report['headline']}>"
-
-    def charts(self) -> tuple[Chart, ...]:
-        """Return the charts of the report, without those of the source of the fixes."""
-        return charts(self.diagnostics, self.eo, self.report["standing"])
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return run_document(self.report, files=self.files).text()
 
 
 @at_home
@@ -194,7 +106,8 @@ def _process(
     compile_ahead()
 
     clock.step("read")
-    inputs = Beside(lambda: _digests(flight))
+    files = input_files(flight)
+    inputs = Beside(lambda: {relative(f, flight.path.parent): sha256(f) for f in files})
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
     if others is not None:
@@ -246,13 +159,13 @@ def _process(
         flight, recording, segments, diagnostics, eo, history, clock, digests, tried_deg
     )
 
-    files: tuple[Path, ...] = ()
+    result = ProcessResult(report, (), eo, trajectory, diagnostics, strips, common)
     if directory is not None:
         clock.step("write")
-        result = RunResult(eo, trajectory, report, diagnostics, strips, common)
-        files = write_products(flight, directory, result, recording)
+        written = write_products(flight, directory, result, recording)
+        result = replace(result, files=written)
     clock.step("")
-    return ProcessResult(report, files, eo, trajectory, diagnostics, strips, common)
+    return result
 
 
 def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
@@ -270,11 +183,8 @@ def _solve(
     """Solve the segments of a flight; return them and all checks up to there."""
     segments, gaps = solve_segments(flight, recording, step, prepared)
     checks = [check for segment in segments for check in segment.checks]
-    checks += check_residuals(flight, segments)
-    checks += check_file_sigmas(flight, recording, segments)
-    checks += [*check_motion(flight, segments), *check_barometer(segments)]
-    checks += check_measurements(recording, segments)
-    checks += check_exposure_clock(flight, recording, segments)
+    for check in OF_SEGMENTS:
+        checks += check(flight, recording, segments)
 
     def findings() -> dict[str, Any]:
         start = min(float(segment.solution.time[0]) for segment in segments)
@@ -285,11 +195,6 @@ def _solve(
 
     refuse_contradictions(flight, checks, findings)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
-
-
-def _digests(flight: Flight) -> dict[str, str]:
-    """Return the SHA-256 of every input by its path from the flight file."""
-    return {relative(f, flight.path.parent): sha256(f) for f in input_files(flight)}
 
 
 def _report(

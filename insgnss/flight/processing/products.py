@@ -8,7 +8,7 @@ otherwise, or where the one beside it holds positions of others, of which there 
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,14 +19,23 @@ from ...base.provenance import PRODUCTS as HASHES
 from ...base.provenance import hashes_of_products, other_results
 from ...base.received.outputs import refuse_outside
 from ...base.wording import relative
-from ...gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
+from ...geodesy.crs import is_globe
+from ...gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others, write_antenna_files
+from ...io.formats import EXPORTS
+from ...io.formats.orientation.eo_covariance import write_eo_covariance
+from ...io.formats.trajectory.sbet import write_sbet, write_smrmsg
+from ...io.formats.trajectory.trajectory_csv import write_trajectory_csv
 from ...navigation.noise_model.model import NoiseModel
-from ...records import Diagnostics, ExteriorOrientation, Trajectory
+from ...records import ExteriorOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED
-from ...records.strips import CommonErrors, StripCovariance
+from ...records.observations import in_week
+from ...report.page import write_report, write_report_json
 from ..config.flight_file import Flight
+from ..exporting.export import Target, export, refuse_names
+from .checks import of_flight_file
 from .input_files import input_files, measurements
 from .recording import Recording
+from .result import ProcessResult
 
 if TYPE_CHECKING:
     from ...gnss.ppk import PpkResult
@@ -45,35 +54,6 @@ PRODUCTS = (
 OF_MANY_IMAGES = "eo_images.npz"  # numbers of eo.json, from 10 000 images on
 PPK_PRODUCTS = (SOLUTION, *ANTENNA_FILES)
 PUBLISHED, PUBLISHED_PPK = "GPS-INS", "GPS-PPK"  # directories of the published tree
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What a run has to write.
-
-    Parameters
-    ----------
-    eo : ExteriorOrientation or None
-        The orientation of the images; None without a camera.
-    trajectory : Trajectory
-        The trajectory on the output grid.
-    report : dict
-        What report.json is to hold; exports and notes of the PPK solution are added to it.
-    diagnostics : Diagnostics
-        What the report shows.
-    strips : tuple of StripCovariance
-        The covariance of all poses of each flight line; where there is none no file of them is
-        written.
-    common : CommonErrors or None
-        The errors that all flight lines share.
-    """
-
-    eo: ExteriorOrientation | None
-    trajectory: Trajectory
-    report: dict[str, Any]
-    diagnostics: Diagnostics
-    strips: tuple[StripCovariance, ...] = ()
-    common: CommonErrors | None = None
 
 
 def output_directory(flight: Flight, out: Path | None) -> Path:
@@ -98,7 +78,6 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
         first where `out` names it, the second where the flight file does; InputError where the
         flight file names one outside of its own directory.
     """
-    from ...io.formats import EXPORTS
 
     directory = flight.output.directory if out is None else Path(out)
     refusal: type[InsgnssError] = InputError
@@ -174,12 +153,9 @@ def refuse_image_names(flight: Flight, images: Sequence[str]) -> None:
     InputError
         The first such name, or a rule of output.rename that is none.
     """
-    from ..exporting.export import refuse_names
 
-    try:
+    with of_flight_file(flight, "output.formats", (InputError, UsageError)):
         refuse_names(images, flight.output.formats, flight.output.rename)
-    except (InputError, UsageError) as error:
-        raise InputError(f"{flight.path}: output.formats: {error}") from None
 
 
 def ppk_directory(out: Path) -> Path:
@@ -191,7 +167,7 @@ def ppk_directory(out: Path) -> Path:
 
 
 def write_products(
-    flight: Flight, out: Path, result: RunResult, recording: Recording
+    flight: Flight, out: Path, result: ProcessResult, recording: Recording
 ) -> tuple[Path, ...]:
     """Write every product, all of them or none.
 
@@ -203,7 +179,7 @@ def write_products(
         The flight file.
     out : Path
         The directory of the products.
-    result : RunResult
+    result : ProcessResult
         What is to be written; its report is completed by the notes of the writers.
     recording : Recording
         The recording.
@@ -219,10 +195,6 @@ def write_products(
         Where a product would overwrite an input, or cannot be what the flight file asks
         for.
     """
-    from ...io.formats.orientation.eo_covariance import write_eo_covariance
-    from ...io.formats.trajectory.sbet import write_sbet, write_smrmsg
-    from ...io.formats.trajectory.trajectory_csv import write_trajectory_csv
-    from ...report.page import write_report, write_report_json
 
     eo, trajectory, report, ppk = result.eo, result.trajectory, result.report, recording.ppk
     with together() as staging:
@@ -295,8 +267,6 @@ def _write_solution(
     The exposures are those of the run, their times back on the clock of the fixes, as these were
     solved.
     """
-    from ...gnss.antenna_files import write_antenna_files
-    from ...records.observations import in_week
 
     ppk.write(directory / SOLUTION)
     events = recording.events
@@ -319,9 +289,6 @@ def _export(
     The gyroscopes of `noise` give relative control its weight. What the report says of it is
     returned.
     """
-    from ...geodesy.crs import is_globe
-    from ...io.formats import EXPORTS
-    from ..exporting.export import Target, export
 
     form, output = EXPORTS[name], flight.output
     globe = output.crs is not None and is_globe(output.crs)
@@ -331,9 +298,7 @@ def _export(
     if named:
         target = Target(output.crs, geoid, None, None if globe else output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
-    try:
-        rename = output.rename if form.frames else ()  # the master keeps the names of the files
+    rename = output.rename if form.frames else ()  # the master keeps the names of the files
+    with of_flight_file(flight, "output"):
         done = export(eo, name, directory / form.product, target, rename, **options)
-    except UsageError as error:  # the flight file asked for it
-        raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

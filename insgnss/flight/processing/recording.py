@@ -8,12 +8,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import DataError, InputError, UsageError
+from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey, Step
 from ...base.received.trusted import at_home
 from ...gnss.covariance_model import MODEL
+from ...io.exposures.instants import on_clock, within
 from ...io.exposures.rig import CameraExposures, ClockOffsets, merged_instants
+from ...io.formats.imu.exchanged_columns import exchanged_columns
 from ...io.formats.text.stamps import CLOCK_STEP
+from ...navigation.align.turn_on import turn_on_bias
+from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
+from ...navigation.noise_model.model import (
+    GaussMarkov,
+    NoiseModel,
+    load_noise_model,
+    weighted_model,
+)
+from ...navigation.prepare.barometer import refuse_apart
+from ...navigation.prepare.clock import common_week
+from ...navigation.prepare.dead_band import DeadBand
+from ...navigation.prepare.fix_covariance.decision import CovarianceRules, decide
+from ...navigation.prepare.imu import PreparedImu, prepared
+from ...navigation.prepare.stationarity import StationaryPeriods
+from ...navigation.recognise.claims import compare, exchange_in_words, with_set_clock
+from ...navigation.recognise.handedness import with_exchanges
+from ...navigation.recognise.plausibility import check_recording
+from ...navigation.recognise.recognition import Recognition, recognise_liveliest
+from ...navigation.recognise.turns import check_events
 from ...records import (
     Array,
     BarometerHeights,
@@ -24,25 +45,23 @@ from ...records import (
     Question,
 )
 from ...records.measurements import Measurement
+from ...records.observations import in_week
 from ...records.qualities import Quality
+from ...report.charts.gnss import fix_series
 from ..config.flight_file import Flight
 from .checks import (
     check_mounting_files,
     check_mountings,
     check_stationary,
     of_camera,
+    of_flight_file,
     refuse_unreachable_crs,
 )
+from .clocks import clock_offsets, fixes_say_gpst
 from .input_files import read_barometer_file, read_files, read_measurements
 
 if TYPE_CHECKING:
     from ...gnss.ppk import PpkResult
-    from ...navigation.noise_model.model import NoiseModel
-    from ...navigation.prepare.dead_band import DeadBand
-    from ...navigation.prepare.fix_covariance.decision import CovarianceRules
-    from ...navigation.prepare.imu import PreparedImu
-    from ...navigation.prepare.stationarity import StationaryPeriods
-    from ...navigation.recognise.recognition import Recognition
 
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
 # contradictions that a left-handed or reversed triad leads to, with advice about imu.axes
@@ -93,14 +112,14 @@ class Recording:
         error of the IMU's.
     """
 
-    prepared: "PreparedImu"
+    prepared: PreparedImu
     gnss: GnssFixes
     cameras: tuple[CameraExposures, ...]
     gps_week: int
     checks: tuple[Finding, ...]
-    noise: "NoiseModel"
+    noise: NoiseModel
     turn_on: str = ""
-    recognition: "Recognition | None" = None
+    recognition: Recognition | None = None
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
     measurements: tuple[Measurement, ...] = ()
@@ -120,7 +139,7 @@ class Recording:
         return self.prepared.C_b_imu
 
     @property
-    def stationary(self) -> "StationaryPeriods":
+    def stationary(self) -> StationaryPeriods:
         """The stationary periods."""
         return self.prepared.stationary
 
@@ -137,7 +156,6 @@ class Recording:
     @property
     def series(self) -> Mapping[str, Any]:
         """What the source of the fixes says of each epoch, as `report.charts.gnss` takes it."""
-        from ...report.charts.gnss import fix_series
 
         return fix_series(self.gnss) if self.ppk is None else self.ppk.series
 
@@ -192,29 +210,20 @@ def read_recording(flight: Flight) -> Recording:
     InputError, DataError
         Where a file is not what the flight file says, or does not support a check.
     """
-    from ...io.exposures.instants import on_clock, within
-    from ...navigation.noise_model.model import load_noise_model, weighted_model
-    from ...navigation.prepare.barometer import refuse_apart
-    from ...navigation.prepare.clock import common_week
-    from ...navigation.prepare.fix_covariance.decision import decide
-    from ...navigation.prepare.imu import prepared
-    from ...records.observations import in_week
-    from .clocks import clock_offsets, fixes_say_gpst
 
     barometer = None
-    try:
+    with of_flight_file(flight):  # an option that its file's format does not have
         devices, gnss, cameras, ppk = read_files(flight)
         if flight.barometer is not None:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
-    except UsageError as error:  # an option that its file's format does not have
-        raise InputError(f"{flight.path}: {error}") from None
     offsets, dated = clock_offsets(flight, gnss), fixes_say_gpst(flight, gnss)
     gnss = replace(gnss, time=gnss.time + offsets.gnss)
     devices = tuple(device.moved(offsets.unstated) for device in devices)
     of_events = cameras[0].events.gps_week if cameras else None
     week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
     gnss = in_week(gnss, week)
-    measurements, notes_on_rows = _read_measurements(flight, week)
+    with of_flight_file(flight):
+        measurements, notes_on_rows = read_measurements(flight, week)
     all_cameras = on_clock(cameras, flight.camera, offsets, week, devices[0].span_s(week))
     refuse_unreachable_crs(flight, gnss)
     gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
@@ -272,17 +281,7 @@ def read_recording(flight: Flight) -> Recording:
     )
 
 
-def _read_measurements(
-    flight: Flight, week: int
-) -> tuple[tuple[Measurement, ...], tuple[Finding, ...]]:
-    """Read the further sensors; a wrong use of their options is a fault of the flight file."""
-    try:
-        return read_measurements(flight, week)
-    except UsageError as error:
-        raise InputError(f"{flight.path}: {error}") from None
-
-
-def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "CovarianceRules":
+def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> CovarianceRules:
     """Return what the flight file says of the covariances of fixes, which `decide` takes.
 
     Parameters
@@ -292,7 +291,6 @@ def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "Covaria
     ppk : PpkResult or None
         The PPK solution of raw observations, which has calibrated its fixes.
     """
-    from ...navigation.prepare.fix_covariance.decision import CovarianceRules
 
     gnss = flight.gnss
     calibrated = ppk is not None or (isinstance(gnss.file, Path) and gnss.calibrate_covariance)
@@ -305,8 +303,8 @@ def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "Covaria
 
 
 def with_dead_bands(
-    bands: "Mapping[int, DeadBand]", C_b_imu: Array, noise: "NoiseModel"
-) -> "tuple[NoiseModel, list[Finding]]":
+    bands: Mapping[int, DeadBand], C_b_imu: Array, noise: NoiseModel
+) -> tuple[NoiseModel, list[Finding]]:
     """Add the errors of gyros with a dead band to their noise model, with a note that names them.
 
     Parameters
@@ -323,7 +321,6 @@ def with_dead_bands(
     tuple of NoiseModel, list of Finding
         The same model and no note where no band counts.
     """
-    from ...navigation.noise_model.model import GaussMarkov
 
     gyro, named = list(noise.gyro), []
     for k, band in bands.items():
@@ -352,14 +349,10 @@ def _checks(
     gnss: GnssFixes,
     cameras: tuple[CameraExposures, ...],
     C_b_imu: Array,
-    noise: "NoiseModel",
+    noise: NoiseModel,
     more: list[Finding],
 ) -> list[Finding]:
     """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
-    from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
-    from ...navigation.recognise.claims import with_set_clock
-    from ...navigation.recognise.plausibility import check_recording
-    from ...navigation.recognise.turns import check_events
 
     plane = flight.tangent_plane
     origin = None if plane is None else np.asarray(plane.origin)
@@ -384,7 +377,7 @@ def _checks(
     return [*checks, *noise_misfit(noise)]
 
 
-def noise_misfit(noise: "NoiseModel") -> list[Finding]:
+def noise_misfit(noise: NoiseModel) -> list[Finding]:
     """Repeat where a noise model does not fit the recordings that it was estimated from.
 
     Parameters
@@ -409,10 +402,9 @@ def noise_misfit(noise: "NoiseModel") -> list[Finding]:
 
 
 def _turn_on_bias(
-    stationary: "StationaryPeriods", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes
+    stationary: StationaryPeriods, C_b_imu: Array, noise: NoiseModel, gnss: GnssFixes
 ) -> str:
     """Describe the bias in the stationary periods, which the filter finds by itself."""
-    from ...navigation.align.turn_on import turn_on_bias
 
     gyro, accel = (
         [axis.turn_on_bias or LEAST_BIAS for axis in triad] for triad in (noise.gyro, noise.accel)
@@ -427,7 +419,7 @@ def _turn_on_bias(
 def _with_recognised(
     checks: list[Finding],
     disagreements: list[Finding],
-    recognition: "Recognition",
+    recognition: Recognition,
     contradicted: bool,
 ) -> list[Finding]:
     """Add what the recogniser says, in front of contradictions whose advice would mislead.
@@ -450,8 +442,6 @@ def _with_recognised(
 
 def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> Remedy:
     """Say how the flight file exchanges two axes of gyros and accelerometers alike."""
-    from ...io.formats.imu.exchanged_columns import exchanged_columns
-    from ...navigation.recognise.claims import exchange_in_words
 
     options, (a, b) = flight.imu, ("xyz"[k] for k in pair)
     if not isinstance(options.file, Path):
@@ -468,11 +458,8 @@ def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> Remedy:
 
 def _recognised(
     flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
-) -> "tuple[Recognition, list[Finding]]":
+) -> tuple[Recognition, list[Finding]]:
     """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
-    from ...navigation.recognise.claims import compare
-    from ...navigation.recognise.handedness import with_exchanges
-    from ...navigation.recognise.recognition import recognise_liveliest
 
     options = flight.imu
     accel_sign = int(options.accel_sign)

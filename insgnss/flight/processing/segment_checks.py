@@ -77,7 +77,7 @@ MOST_IMAGES_LISTED = 5
 
 def check_exposure_clock(
     flight: Flight, recording: Recording, segments: Sequence[Segment]
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Ask whose clock stamps the exposures, where the clocks differ and nobody has said it.
 
     No data of a flight tell it: exposures of the receiver's clock that are taken as stamped by the
@@ -92,14 +92,13 @@ def check_exposure_clock(
     segments : sequence of Segment
         The solved segments.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         A note for each camera with `camera.clock = "auto"` that was taken as the IMU's and has
         exposures further apart than `CLOCKS_MATTER_M` and `CLOCKS_MATTER_SIGMA`.
     """
     cameras = () if flight.camera is None else flight.camera.all_of_rig
-    checks = []
     for k, (options, exposures) in enumerate(zip(cameras, recording.cameras, strict=False)):
         if options.clock != "auto" or exposures.clock != "imu":
             continue
@@ -126,11 +125,12 @@ def check_exposure_clock(
                 ),
             )
             rig = len(recording.cameras) > 1
-            checks.append(of_camera(check, exposures.name) if rig else check)
-    return checks
+            yield of_camera(check, exposures.name) if rig else check
 
 
-def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
+def check_residuals(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> Iterator[Finding]:
     """Check the fixes against the smoothed solution, minute by minute.
 
     Parameters
@@ -140,34 +140,30 @@ def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Finding
     segments : sequence of Segment
         The solved segments.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         The check "fixes minus solution", a note where the mean of a minute is beyond what the
         sigmas of solution and fixes allow it; nothing where no fix was used, or where the fixes are
         a given place.
     """
     pieces = [piece for segment in segments for piece in segment.residuals]
     if flight.gnss.stationary is not None or not pieces:
-        return []
+        return
     limit = residual_limit(3 * len(pieces))
     worst, axis, sigmas = worst_piece(pieces)
-    bad = sigmas > limit
-    return [
-        Question(
-            "fixes minus solution", f"at most {limit:.1f} sigma in each of {len(pieces)} pieces"
-        ).note(
-            f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
-            f" {millimetres(1e3 * worst.mean_m[axis])} {AXES[axis]}, {sigmas:.1f} sigma",
-            "the solution leaves its fixes there: do not rely on positions or sigmas",
-            when=bad,
-        )
-    ]
+    expected = f"at most {limit:.1f} sigma in each of {len(pieces)} pieces"
+    yield Question("fixes minus solution", expected).note(
+        f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
+        f" {millimetres(1e3 * worst.mean_m[axis])} {AXES[axis]}, {sigmas:.1f} sigma",
+        "the solution leaves its fixes there: do not rely on positions or sigmas",
+        when=sigmas > limit,
+    )
 
 
 def check_file_sigmas(
     flight: Flight, recording: Recording, segments: Sequence[Segment]
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Note where larger errors of the fixes were adopted than their sigmas needed.
 
     Parameters
@@ -179,15 +175,15 @@ def check_file_sigmas(
     segments : sequence of Segment
         The solved segments; the longest is looked at.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         The note "sigmas of the fixes" where the flight file leaves their errors to the data and the
         sigmas of the file, as those of white errors, would have done.
     """
     segment = max(segments, key=lambda segment: segment.solution.time.size)
     if flight.gnss.stationary is not None or flight.gnss.gm_sigma != "auto":
-        return []
+        return
     white = replace(
         requested_errors(flight, segment.fixes),
         gm_sigma=None,
@@ -199,19 +195,14 @@ def check_file_sigmas(
         segment.solution, layout_factory(flight, recording.noise, recording.measurements)(white)
     )
     if wider is None:
-        return []
+        return
     ratio, factor = wider
-    return [
-        Question("sigmas of the fixes", "no larger errors than the innovations need").note(
-            "as white errors they explain the innovations (NIS per degree of freedom"
-            f" {ratio:.2f}, white); with the errors that were adopted besides, sigmas of position"
-            f" are {factor:.1f} times as large",
-            Step(
-                "set {} to take the sigmas of the file at their word",
-                SetKey("gnss.gm_sigma", "off"),
-            ),
-        )
-    ]
+    yield Question("sigmas of the fixes", "no larger errors than the innovations need").note(
+        "as white errors they explain the innovations (NIS per degree of freedom"
+        f" {ratio:.2f}, white); with the errors that were adopted besides, sigmas of position"
+        f" are {factor:.1f} times as large",
+        Step("set {} to take the sigmas of the file at their word", SetKey("gnss.gm_sigma", "off")),
+    )
 
 
 def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, float] | None:
@@ -264,7 +255,9 @@ def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory 
     return history
 
 
-def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
+def check_motion(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> Iterator[Finding]:
     """Check whether the vehicle moves as it is said to.
 
     Parameters
@@ -274,9 +267,9 @@ def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
     segments : sequence of Segment
         The solved segments.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         The check "motion" where anything is measured of the motion itself: most of it must pass its
         test.
     """
@@ -286,10 +279,12 @@ def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
     )
     measured = "zero-velocity updates or non-holonomic constraints"
     remedy = Step("it does not move so: {}", key)
-    return _mostly_used("motion", segments, VELOCITY_CONSTRAINT, measured, remedy)
+    yield from _mostly_used("motion", segments, VELOCITY_CONSTRAINT, measured, remedy)
 
 
-def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
+def check_barometer(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> Iterator[Finding]:
     """Check whether the heights of a barometer follow the flight.
 
     Parameters
@@ -297,19 +292,21 @@ def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
     segments : sequence of Segment
         The solved segments.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         The check "barometer" where there is one: most of its heights must pass their test.
     """
     remedy = Step(
         "its heights do not follow the flight: check {barometer.columns}, time_offset_s (UTC is"
         " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
     )
-    return _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
+    yield from _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
 
 
-def check_measurements(recording: Recording, segments: Sequence[Segment]) -> list[Finding]:
+def check_measurements(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> Iterator[Finding]:
     """Check whether measurements given by their prediction agree with the flight.
 
     Parameters
@@ -319,13 +316,12 @@ def check_measurements(recording: Recording, segments: Sequence[Segment]) -> lis
     segments : sequence of Segment
         The solved segments.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         The check "measurements" of each: some values must lie within the flight, and most of them
         must pass their test.
     """
-    checks = []
     for kind, measurement in enumerate(recording.measurements, start=N_KINDS):
         offered, rejected = offered_and_rejected(segments, kind)
         solutions = [segment.solution for segment in segments]
@@ -357,16 +353,15 @@ def check_measurements(recording: Recording, segments: Sequence[Segment]) -> lis
                 "give the values standard deviations that are larger by this factor, or the states"
                 " that they lack: until then the sigmas of the flight are too small"
             )
-            checks.append(question.note(finding, larger))
+            yield question.note(finding, larger)
         elif narrow and not bad:
             units = Step(
                 "look at the unit of its sigma and of the sigmas of its states, rad for deg say:"
                 " as they stand the flight has next to nothing of it"
             )
-            checks.append(question.note(finding, units))
+            yield question.note(finding, units)
         else:
-            checks.append(question.contradiction(finding, remedy, when=bad))
-    return checks
+            yield question.contradiction(finding, remedy, when=bad)
 
 
 def _moving_states(solutions: Sequence[Solution], measurement: str) -> Iterator[str]:
@@ -411,13 +406,15 @@ def _deviating_states(solution: Solution, measurement: str) -> list[str]:
 
 def _mostly_used(
     name: str, segments: Sequence[Segment], kind: int, measured: str, remedy: Step
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Check that most measurements of a kind pass their test; nothing where there are none."""
     offered, rejected = offered_and_rejected(segments, kind)
-    finding = f"{rejected} of {offered} {measured} rejected"
-    bad = rejected > MOST_REJECTED_FIXES * offered
-    check = Question(name, "most of them used").contradiction(finding, remedy, when=bad)
-    return [check] if offered else []
+    if offered:
+        yield Question(name, "most of them used").contradiction(
+            f"{rejected} of {offered} {measured} rejected",
+            remedy,
+            when=rejected > MOST_REJECTED_FIXES * offered,
+        )
 
 
 def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, int]:
@@ -440,7 +437,7 @@ def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, i
     return int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
 
 
-def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Finding]:
+def check_images(recording: Recording, segments: Sequence[Segment]) -> Iterator[Finding]:
     """Note the exposures that have no orientation.
 
     Parameters
@@ -450,9 +447,9 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Find
     segments : sequence of Segment
         The solved segments.
 
-    Returns
-    -------
-    list of Finding
+    Yields
+    ------
+    Finding
         The note "images" where there are such.
     """
     images: list[str] = []
@@ -462,13 +459,21 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Find
         without = np.setdiff1d(np.arange(len(camera.events)), oriented)
         missing += [camera.events.images[row] for row in without]
         images += camera.events.images
-    if not missing:
-        return []
-    names = ", ".join(missing[:MOST_IMAGES_LISTED])
-    names += ", ..." if len(missing) > MOST_IMAGES_LISTED else ""
-    return [
-        Question("images", "all images within the segments").note(
+    if missing:
+        names = ", ".join(missing[:MOST_IMAGES_LISTED])
+        names += ", ..." if len(missing) > MOST_IMAGES_LISTED else ""
+        yield Question("images", "all images within the segments").note(
             f"{len(missing)} of {len(images)} have no orientation: {names}",
             "they lie in a gap, before the first fix or in a segment left out",
         )
-    ]
+
+
+OF_SEGMENTS = (
+    check_residuals,
+    check_file_sigmas,
+    check_motion,
+    check_barometer,
+    check_measurements,
+    check_exposure_clock,
+)
+"""What is checked of solved segments before contradictions stop a run."""

@@ -80,7 +80,7 @@ def write_proof(
         crs = f"EPSG:{32601 + int((SITE_DEG[1] + 180.0) // 6.0)}"
     target = Target(crs, geoid, frame, ground_m)
     projection = None if crs is None else MapProjection(crs, geoid)
-    kind = PROJECTED if projection is not None else frame or own
+    kind = PROJECTED if projection is not None else target.frame or own
     scene = make_scene(projection)
     with together() as staging:
         work = staging.tree(directory)

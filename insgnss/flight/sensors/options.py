@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...io.options.kinds import check
-from ...io.options.schema import BY_HEADER, Triple, option
+from ...io.options.schema import Triple, columns_of_file, option
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -47,9 +47,7 @@ class MeasurementInput:
     name: str | None = option(
         None, "what the report calls it; no two share it", form="text", usual="the kind"
     )
-    columns: "Columns" = option(
-        None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
-    )
+    columns: "Columns" = columns_of_file("as gnss.columns", of_file=True)
     units: Mapping[str, str] | None = option(
         None,
         "angle: deg, rad; velocity: m/s, cm/s, mm/s, km/h, kn; length: m, cm, mm;"

@@ -28,7 +28,7 @@ class _Images:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at an image."""
-        return InputError.in_file(self.directory / self.names[row], message)
+        return InputError.in_file(Path(self.path) / self.names[row], message)
 
 
 def exif_events(

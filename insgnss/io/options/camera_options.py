@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ...base.errors import OptionError
 from .kinds import check
-from .schema import BY_HEADER, Triple, option, take_record
+from .schema import Triple, columns_of_file, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -243,9 +243,7 @@ class CameraInput:
         cli_meaning="camera events (.MRK, text, dates, directory of images) instead of those of "
         "the rover's file",
     )
-    columns: "Columns" = option(
-        None, "as imu.columns", kind="columns", usual=BY_HEADER, of_file=True
-    )
+    columns: "Columns" = columns_of_file("as imu.columns", of_file=True)
     time_scale: str | None = option(
         None,
         'scale of events given as dates that do not say it: "utc", "gpst", which is 18 s ahead, or '

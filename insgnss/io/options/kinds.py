@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from datetime import date
 from numbers import Real
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, ClassVar, get_args
 
 from ...base.errors import OptionError, UsageError, near
 from ...base.units import LARGEST_UNIT, is_number, time_zone
@@ -121,10 +121,20 @@ def check(instance: Any, table: str) -> None:
 
 @dataclass(frozen=True)
 class Checked:
-    """A record of options that are no keys of a file, such as those of a verb."""
+    """A record of options, whose values `check` holds against what they declare.
+
+    `class Plan(Checked, table="plan")` names the table of a file that they are keys of; options of
+    a verb are keys of none.
+    """
+
+    _table: ClassVar[str] = ""
+
+    def __init_subclass__(cls, table: str = "") -> None:
+        if table:
+            cls._table = table
 
     def __post_init__(self) -> None:
-        check(self, "")
+        check(self, self._table)
 
 
 def register(name: str, kind: Kind) -> None:

@@ -129,6 +129,16 @@ def option(default: Any, meaning: str, **more: Any) -> Any:
     return field(default=default, metadata=metadata)
 
 
+def sigmas(meaning: str, unit: str = "m", **more: Any) -> Any:
+    """Field of a dataclass that is an option of three standard deviations, None by default."""
+    return option(None, meaning, kind="sigmas", unit=unit, **more)
+
+
+def columns_of_file(meaning: str, **more: Any) -> Any:
+    """Field of a dataclass that is an option naming the columns of a file, by default its own."""
+    return option(None, meaning, kind="columns", usual=BY_HEADER, **more)
+
+
 def argument(default: Any, meaning: str, **more: Any) -> Any:
     """Field of a dataclass that is an option of a verb, by its own name where no other is given."""
     if default is ... and not more.get("cli", "-").startswith("-"):
@@ -241,6 +251,12 @@ def options_of(table: str, classes: Sequence[type]) -> Iterator[Declared]:
         for item in declared(kind).values():
             if item.option.only in ("", table):
                 yield item
+
+
+def reading_of(table: Any) -> dict[str, Any]:
+    """The options of a table that say how its file is read, as keywords of the reader."""
+    options = declared(table.__class__).values()
+    return {item.name: getattr(table, item.name) for item in options if item.option.of_file}
 
 
 def take_record(table: Any, name: str, maker: str, *more: Any) -> None:

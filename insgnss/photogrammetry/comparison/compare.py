@@ -6,16 +6,18 @@ It reads, matches, takes the differences, takes off what is recognised, and repo
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
 from ...geodesy.datums import between_datums, fitting_crs
+from ...io.options.comparison_options import ComparisonOptions
 from ...records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
-from .hints import Hints, Origin
+from .hints import Hints
 from .matching import Matched, match
 from .names import by_order
 from .poses import PLANE_M, FarError, NoOriginError, Poses
@@ -32,31 +34,14 @@ MOST_FINDINGS = 2  # findings that may be taken off one part, one after the othe
 def compare_files(
     a: str | Path | ExteriorOrientation | Trajectory,
     b: str | Path | ExteriorOrientation | Trajectory,
-    *,
-    form_a: str | None = None,
-    form_b: str | None = None,
-    undulation_m: tuple[float | None, float | None] = (None, None),
-    origin: Origin | None = None,
-    crs: str | None = None,
-    gps_week: int | None = None,
-    geoid: Path | None = None,
-    time_shift_s: float = 0.0,
-    coordinate_shift: Origin | None = None,
+    **options: Any,
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
     Parameters
     ----------
     a, b : files of any format of `reading.FORMS`, or records.
-    form_a, form_b : theirs, where a file does not show it.
-    undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
-        geoid.
-    origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
-        not give it; without it that of the other file is taken, and noted.
-    crs, geoid : of coordinates whose file does not name it, and in the place of a projected one.
-    gps_week : of files with the time of week only.
-    time_shift_s : to be added to the times of b.
-    coordinate_shift : what was subtracted from projected coordinates, in their unit.
+    options : fields of `ComparisonOptions`.
 
     Raises
     ------
@@ -67,12 +52,16 @@ def compare_files(
     DataError
         Where nothing tells which poses belong together.
     """
-    hints = Hints(origin, crs, gps_week, geoid, shift=coordinate_shift)
-    read, notes = _read_both(
-        ((a, form_a), (b, form_b)),
-        tuple(replace(hints, undulation_m=height) for height in undulation_m),
+    stated = ComparisonOptions(**options)
+    hints = Hints(
+        stated.origin, stated.crs, stated.gps_week, stated.geoid, shift=stated.coordinate_shift
     )
-    return compare_poses(*read, time_shift_s=time_shift_s, notes=notes)
+    undulations = (stated.undulation_a_m, stated.undulation_b_m)
+    read, notes = _read_both(
+        ((a, stated.form_a), (b, stated.form_b)),
+        tuple(replace(hints, undulation_m=height) for height in undulations),
+    )
+    return compare_poses(*read, time_shift_s=stated.time_shift_s, notes=notes)
 
 
 def _read_both(

@@ -134,32 +134,30 @@ def charts_of(source: Path) -> tuple[Path, tuple[Chart, ...]]:
     """
     if not is_file(source):
         kind = "is a directory; give a page" if source.is_dir() else "does not exist; give a page"
-        raise InputError.at_line(source, None, f"{kind}, such as report.html")
+        raise InputError.in_file(source, f"{kind}, such as report.html")
     is_json = source.suffix.lower() == ".json"
     page = source.with_suffix(".html") if is_json else source
     if not page.is_file():
-        raise InputError.at_line(
+        raise InputError.in_file(
             source,
-            None,
             f"its charts would be in {page.name} beside it, which is not there; give report.json"
             " or a page",
         )
     try:
         charts, digest = in_page(read_text(page))
     except UnicodeDecodeError:
-        raise InputError.at_line(page, None, "is no page of insgnss: it is not text") from None
+        raise InputError.in_file(page, "is no page of insgnss: it is not text") from None
     except InputError as error:
-        raise InputError.at_line(page, None, str(error)) from None
+        raise InputError.in_file(page, str(error)) from None
     if is_json and digest != sha256(source):
-        raise InputError.at_line(
+        raise InputError.in_file(
             page,
-            None,
             f"was not written with {source.name}: one of the two is of another run, or was changed;"
             " run the verb again, or give the page itself",
         )
     for chart in charts:
         if problem := _problem(chart):
-            raise InputError.at_line(page, None, f"chart {chart.name!r}: {problem}")
+            raise InputError.in_file(page, f"chart {chart.name!r}: {problem}")
     return page, charts
 
 

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from ...records import GnssFixes
 from ...records.observations import OF_THE_SOLUTION
 from ..marks import Marks
+from ..rules.wording import AXES
 from .chart import AXES_INKS, Array, Axes, Chart, Ink, Layer, Shade
-from .pieces import AXES, band, dots, length_unit, line, rules
+from .pieces import band, dots, length_unit, line, rules
 
 Series = Mapping[str, Any]
 Minutes = Callable[[Any], Array]

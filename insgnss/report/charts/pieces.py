@@ -9,8 +9,6 @@ from ..marks import Marks
 from .chart import Array, Axes, Chart, Ink, Layer
 from .thinned import MOST_DOTS, thinned
 
-AXES = ("north", "east", "down")
-
 
 def length_unit(typical: float) -> tuple[float, str]:
     """Factor and unit in which lengths of about `typical` m are read."""

@@ -15,10 +15,11 @@ from ...records import Diagnostics, ExteriorOrientation
 from ..coverage import outages, stationary_periods
 from ..flightlines import flight_lines
 from ..marks import Marks, marks_of
+from ..rules.wording import AXES
 from ..summary import image_sigmas
 from . import gnss, support
 from .chart import AXES_INKS, Array, Axes, Chart, Layer
-from .pieces import AXES, dots, length_unit, line, over_time
+from .pieces import dots, length_unit, line, over_time
 from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
 _MAP = (
@@ -63,35 +64,23 @@ def charts(
     d = diagnostics
     images = eo if eo is not None and len(eo.images) > 0 else None
     marks = marks_of(d, images)
-    return tuple(_charts(d, images, marks, standing, series))
-
-
-def _charts(
-    d: Diagnostics,
-    images: ExteriorOrientation | None,
-    marks: Marks,
-    standing: bool,
-    series: Mapping[str, Any] | None,
-) -> Iterator[Chart]:
-    if not standing:
-        yield _map(d, images, series)
-    yield _motion(d, images, marks)
-    yield _sigmas(d, marks)
+    shown = [] if standing else [_map(d, images, series)]
+    shown += [_motion(d, images, marks), _sigmas(d, marks)]
     if images is not None:
-        yield _sigmas_by_image(images)
+        shown.append(_sigmas_by_image(images))
     if not standing and np.isfinite(d.innovation).all(axis=1).any():
-        yield support.innovations(d, marks)
-        yield from support.distributions(d)
+        shown += [support.innovations(d, marks), *support.distributions(d)]
     if not standing and d.residuals:
-        yield support.residuals(d, marks)
-    yield support.biases(d, marks)
+        shown.append(support.residuals(d, marks))
+    shown.append(support.biases(d, marks))
     constants = support.constants(d, marks)
     if constants is not None:
-        yield constants
+        shown.append(constants)
     if np.isfinite(d.separation).any():
-        yield support.separation(d, marks)
+        shown.append(support.separation(d, marks))
     if not standing and series is not None:
-        yield from gnss.charts(series, marks)
+        shown += gnss.charts(series, marks)
+    return tuple(shown)
 
 
 def _map(d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None) -> Chart:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ...records import Diagnostics
 from ...records.states import State
 from ..marks import Marks
-from ..rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
+from ..rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 from ..statistics import NIS_95, residual_limit
 from .chart import AXES_INKS, Array, Axes, Chart, Layer
-from .pieces import AXES, band, dots, length_unit, line, middle_limits, over_time, rules
+from .pieces import band, dots, length_unit, line, middle_limits, over_time, rules
 
 _INNOVATIONS = (
     "Each fix minus what was predicted for it; nearly all must lie within the shaded three standard"

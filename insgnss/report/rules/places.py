@@ -4,6 +4,7 @@ Each is judged against the rest of the same flight.
 """
 
 import itertools
+import statistics
 from collections.abc import Callable, Iterator, Sequence
 
 from ...base.findings import Finding, ranked
@@ -45,14 +46,14 @@ def _weakest(f: Figures, key: str) -> Figures | None:
 
 def _ratio(f: Figures, line: Figures, key: str) -> float:
     """Sigma of a line over the median of all lines and LINE_RATIO."""
-    median = _median([other[key] for other in f["lines"]])
+    median = statistics.median(other[key] for other in f["lines"])
     return float(line[key]) / median / LINE_RATIO if median > 0.0 else 0.0
 
 
 def _on_line(
     f: Figures, line: Figures, name: str, key: str, form: Callable[[float], str]
 ) -> Iterator[Finding]:
-    median = _median([other[key] for other in f["lines"]])
+    median = statistics.median(other[key] for other in f["lines"])
     images = f", {image_range(line)}" if line["images"] else ""
     where = f"line {line['line']} ({span(f, line['start_s'], line['end_s'])}{images})"
     reason, help_ = why(f, line)
@@ -192,8 +193,3 @@ def gaps(f: Figures) -> Iterator[Finding]:
         )
         help_ = "check the logger: each gap weakens the images after it"
         yield ranked("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, help_)
-
-
-def _median(x: Sequence[float]) -> float:
-    ordered = sorted(x)
-    return 0.5 * (ordered[(len(x) - 1) // 2] + ordered[len(x) // 2])

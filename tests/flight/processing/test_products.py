@@ -242,7 +242,7 @@ def test_nothing_is_left_where_a_product_cannot_be_written(flight, monkeypatch):
     def fail(*_):
         raise InputError("no room")
 
-    monkeypatch.setattr("insgnss.report.page.write_report_json", fail)
+    monkeypatch.setattr("insgnss.flight.processing.products.write_report_json", fail)
     with pytest.raises(InputError, match="no room"):
         process(flight)
     assert sorted(root.rglob("*")) == before

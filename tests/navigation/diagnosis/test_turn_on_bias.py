@@ -9,7 +9,7 @@ import pytest
 
 from insgnss import Flight, load_flight
 from insgnss.base.errors import InputError
-from insgnss.flight.processing.inspect import inspect
+from insgnss.flight.inspection.described import inspect_flight
 from insgnss.flight.processing.pipeline import process
 from insgnss.navigation.diagnosis.turn_on_bias import TURN_ON, with_turn_on, without_turn_on
 from insgnss.navigation.noise_model.model import NoiseModel, load_noise_model, write_noise_model
@@ -80,7 +80,7 @@ def test_an_imu_without_biases_leaves_it_at_a_note(tmp_path):
     all the same.
     """
     flight = flight_of(tmp_path, BARE)
-    (check,) = (c for c in inspect(flight).checks if c.name == "turn-on bias")
+    (check,) = (c for c in inspect_flight(flight).checks if c.name == "turn-on bias")
     assert check.verdict == "note"
     assert "constant biases are taken for zero" in check.found
     result = process(flight, tmp_path / "out")

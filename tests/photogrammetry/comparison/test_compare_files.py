@@ -298,12 +298,12 @@ def test_heights_above_the_geoid_compare_once_its_height_is_given(
         main(["compare", str(flight["antenna.pos"]), str(lower), "--undulation-b", "47.3", "-q"])
         == 0
     )
-    c = compare_files(flight["antenna.pos"], lower, undulation_m=(None, 47.3))
+    c = compare_files(flight["antenna.pos"], lower, undulation_b_m=47.3)
     assert largest(c, ("east", "north", "up")) < 2e-4
     with pytest.raises(InputError, match="--undulation-a, --undulation-b"):
         compare_files(flight["antenna.pos"], lower)
     with pytest.raises(UsageError, match="leave the height of the geoid out"):
-        compare_files(flight["eo.json"], lower, undulation_m=(47.3, 47.3))
+        compare_files(flight["eo.json"], lower, undulation_a_m=47.3, undulation_b_m=47.3)
 
 
 def test_gaps_are_not_interpolated(flight: Written, tmp_path: Path) -> None:

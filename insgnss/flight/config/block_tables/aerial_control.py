@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Literal
 
 from ....base.errors import OptionError
-from ....io.options.kinds import check
-from ....io.options.schema import Triple, option
+from ....io.options.kinds import Checked
+from ....io.options.schema import Triple, option, sigmas
 
 ControlKind = Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"]
 CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
@@ -14,7 +14,7 @@ CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
 
 
 @dataclass(frozen=True)
-class AerialControlTable:
+class AerialControlTable(Checked, table="aerial_control"):
     """Table [aerial_control]: poses of the images by GNSS and IMU, and what stands between."""
 
     file: Path | None = option(
@@ -37,11 +37,8 @@ class AerialControlTable:
         usual="the poses of the image observations",
         cli="--initial",
     )
-    sigma_m: Triple | None = option(
-        None,
+    sigma_m: Triple | None = sigmas(
         "standard deviations of positions, east, north, up, in place of those of the file",
-        unit="m",
-        kind="sigmas",
         usual="those of the file",
         cli="--position-sigma",
     )
@@ -125,11 +122,8 @@ class AerialControlTable:
         high=180.0,
         cli="--boresight-sigma",
     )
-    lever_arm_sigma_m: Triple | None = option(
-        None,
+    lever_arm_sigma_m: Triple | None = sigmas(
         "standard deviations of what is left of the lever arm, camera x, y, z, which is estimated",
-        unit="m",
-        kind="sigmas",
         usual="it is as the flight file has it",
     )
     time_offset_sigma_s: float = option(
@@ -141,24 +135,19 @@ class AerialControlTable:
         high=10.0,
         cli="--delay-sigma",
     )
-    shift_sigma_m: Triple | None = option(
-        None,
+    shift_sigma_m: Triple | None = sigmas(
         "standard deviations of a shift of each flight line, east, north, up, which is estimated",
-        unit="m",
-        kind="sigmas",
         usual="none",
         cli="--shift-sigma",
     )
-    drift_sigma_mps: Triple | None = option(
-        None,
+    drift_sigma_mps: Triple | None = sigmas(
         "standard deviations of a drift of each flight line, which is estimated",
         unit="m/s",
-        kind="sigmas",
         usual="none",
     )
 
     def __post_init__(self) -> None:
-        check(self, "aerial_control")
+        super().__post_init__()
         for text in self.lines:
             name, _, control = text.rpartition(" ")
             if not name.strip() or control not in CONTROLS:

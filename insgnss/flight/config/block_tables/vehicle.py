@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....base.errors import OptionError
-from ....io.options.kinds import check
-from ....io.options.schema import Triple, option
+from ....io.options.kinds import Checked
+from ....io.options.schema import Triple, columns_of_file, option, sigmas
 
 if TYPE_CHECKING:
     from ....base.tables import Columns
 
 
 @dataclass(frozen=True)
-class VehicleTable:
+class VehicleTable(Checked, table="vehicle"):
     """Table [vehicle]: a vehicle on the ground whose target the images see: kinematic control."""
 
     file: Path | None = option(
@@ -38,11 +38,8 @@ class VehicleTable:
         usual="zero of eo.json and of a table",
         needs=("file",),
     )
-    target_sigma_m: Triple | None = option(
-        None,
+    target_sigma_m: Triple | None = sigmas(
         "standard deviations of what is left of target_m, which is estimated",
-        unit="m",
-        kind="sigmas",
         usual="it is as stated",
         needs=("file",),
     )
@@ -57,12 +54,9 @@ class VehicleTable:
         low=0.0,
         high=10.0,
     )
-    shift_sigma_m: Triple | None = option(
-        None,
+    shift_sigma_m: Triple | None = sigmas(
         "standard deviations of a shift of all positions of the vehicle, east, north, up, which is "
         "estimated",
-        unit="m",
-        kind="sigmas",
         usual="none",
         needs=("file",),
     )
@@ -111,11 +105,9 @@ class VehicleTable:
         None, "of a table: its CRS, as ground.crs", usual="the tangent plane of the images"
     )
     geoid: Path | None = option(None, "of a table: as ground.geoid", needs=("crs",))
-    columns: "Columns" = option(
-        None, "of a table, as images.columns", kind="columns", usual="by header or order"
-    )
+    columns: "Columns" = columns_of_file("of a table, as images.columns")
 
     def __post_init__(self) -> None:
-        check(self, "vehicle")
+        super().__post_init__()
         if not self.target.strip():
             raise OptionError("vehicle.target", "is empty; give a prefix, such as K_, or a name")

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from ....io.formats import load_content
-from ....io.formats.arrays.content import Matrix
+from ....io.formats.arrays.content import Matrix, tables_of, take_columns
+from ....io.formats.arrays.matlab import load_matlab
+from ....io.formats.text.text import read_table
 from ....records import Array
 from .clocks import seconds_and_nanoseconds
 from .names import Grid, squashed
@@ -61,7 +63,6 @@ def tables_of_file(path: Path) -> Iterator[Table]:
 
 def _content_tables(path: Path, content: Any) -> Iterator[Table]:
     """Matrices, structs of columns, and variables of one length."""
-    from ....io.formats.arrays.content import tables_of, take_columns
 
     for info in tables_of(content):
         if info.rows < FEWEST_ROWS or not info.columns:
@@ -113,7 +114,6 @@ def _sensors_apart(content: Any) -> Iterator[Table]:
 
 
 def _text_tables(path: Path) -> Iterator[Table]:
-    from ....io.formats.text.text import read_table
 
     table = read_table(path, whole=False)
     layout, values = table.layout, table.values
@@ -137,7 +137,6 @@ def date_in(path: Path) -> np.datetime64 | None:
     """
     if path.suffix.lower() != ".mat":
         return None
-    from ....io.formats.arrays.matlab import load_matlab
 
     dates: set[np.datetime64] = set()
 

@@ -93,13 +93,12 @@ def _refuse_without_gravity(path: Path, force: Any) -> None:
     spread = float(np.std(size) / max(float(np.median(size)), 1e-12))
     steadiness = float(np.linalg.norm(np.mean(force, axis=0)) / max(float(np.median(size)), 1e-12))
     if spread < EXACT:
-        raise InputError.at_line(
-            path, None, f"{size[0]:g} in every row: gravity as the device estimates it, no sensor"
+        raise InputError.in_file(
+            path, f"{size[0]:g} in every row: gravity as the device estimates it, no sensor"
         )
     if spread > HALF_SCATTER and steadiness < HALF_SCATTER:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"accelerations without gravity (median size {np.median(size):.3g}, scatter"
             f" {spread:.2g} of it): a telephone's linear acceleration; take the file of its"
             " accelerometer with gravity (TotalAcceleration, raw or uncalibrated)",
@@ -129,9 +128,8 @@ def of_two_halves(gyros: tuple[Source, ...], accels: tuple[Source, ...]) -> Sour
         return None
     there = gyros or accels
     if not gyros or not accels:
-        raise InputError.at_line(
+        raise InputError.in_file(
             there[0].path,
-            None,
             f"{there[0].what}: no {OTHER[there[0].role]} beside them; give the file of these as"
             " well, put both into one table, or call them gx gy gz and ax ay az",
         )
@@ -143,9 +141,8 @@ def of_two_halves(gyros: tuple[Source, ...], accels: tuple[Source, ...]) -> Sour
         if _clock(g) == _clock(a)
     ]
     if not pairs:
-        raise InputError.at_line(
+        raise InputError.in_file(
             accel.path,
-            None,
             f"no column of time of the same name and unit as in {gyro.path.name}; call both time",
         )
     first, *others = (_pair(g, a) for g, a in pairs)

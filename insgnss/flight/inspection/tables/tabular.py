@@ -14,10 +14,12 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ....io.formats import UNITS
+from ....io.formats import GNSS_OPTIONS, UNITS
+from ....io.formats.gnss import gnss_text
 from ....io.formats.gnss.cartesian import reference_in
 from ....io.formats.gnss.heights import refused_heights
 from ....io.formats.gnss.rounding import floor_of_zeros
+from ....io.formats.imu import imu_csv
 from ....io.formats.text.columns import TableSpec
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
@@ -97,7 +99,7 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
         and table.variable is None
         and (why := _incomplete(table, fixes, samples))
     ):
-        raise InputError.at_line(path, None, why)
+        raise InputError.in_file(path, why)
     return events
 
 
@@ -206,7 +208,6 @@ def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str,
 
 def _gnss(path: Path, table: Table, roles: Roles) -> Source:
     """Fixes by their first clock; by the others in `other_clocks`."""
-    from ....io.formats import GNSS_OPTIONS
 
     if (
         roles.repeat_column is not None
@@ -217,9 +218,8 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             f"holds each fix until the next ({table.fields[roles.repeat_column]} changes with it),"
             " which text tables are not read by"
         )
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"{message}; write one row a fix into a file of its own, or the whole as .npy or .mat",
         )
     sources = []
@@ -345,7 +345,5 @@ def _spell_out(
 
 def _spec(role: Role, columns: Collection[str]) -> TableSpec:
     """What the reader of text tables takes."""
-    from ....io.formats.gnss import gnss_text
-    from ....io.formats.imu import imu_csv
 
     return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.spec_of(columns)
