@@ -220,7 +220,7 @@ class Table:
         longest = max(len(step) for step in re.split(r"[/\\]", text))
         if longest > LONGEST_FILE_NAME or len(text) > LONGEST_PATH or "\0" in text:
             shown = f"{text[:40]!r}..., {len(text)} characters"
-            raise InputError.at_line(self.path, None, f"{shown}, is no path of a file; correct it")
+            raise InputError.in_file(self.path, f"{shown}, is no path of a file; correct it")
         return self.source(key).path.parent / name
 
     def file(self, key: str) -> Path:
@@ -246,16 +246,15 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
     `keys` names those that each table may hold.
     """
     if not is_file(path):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "does not exist; give the flight file, or the directory that holds flight.toml",
         )
     try:
         text = read_text(path, "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError.at_line(
-            path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
+        raise InputError.in_file(
+            path, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
     return Table(path, _key_lines(text), keys, "", parse_toml(path, text))
 
@@ -272,7 +271,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     """
     if len(text) > LONGEST_TOML:
         problem = f"{len(text)} characters (limit {LONGEST_TOML}); is it a file of settings?"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     for number, line in enumerate(lines_of(text), 1):
         if (
             line.count(".") > DEEPEST_NESTING
@@ -283,7 +282,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     try:
         data = tomllib.loads(text, parse_float=_float)
     except RecursionError:
-        raise InputError.at_line(path, None, f"more than {DEEPEST_NESTING} {NESTED}") from None
+        raise InputError.in_file(path, f"more than {DEEPEST_NESTING} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
         location = re.search(r"at line (\d+)", str(error))
         line_number = int(location[1]) if location else None
@@ -292,7 +291,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
             remedy = "; write paths with /, on Windows too, or in single quotes"
         raise InputError.at_line(path, line_number, f"not TOML: {error}{remedy}") from None
     if too_deep(data):
-        raise InputError.at_line(path, None, f"more than {DEEPEST_NESTING} {NESTED}")
+        raise InputError.in_file(path, f"more than {DEEPEST_NESTING} {NESTED}")
     return data
 
 

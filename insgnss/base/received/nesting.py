@@ -50,7 +50,7 @@ def parse_json(path: object, text: str) -> Any:
         if not too_deep(value):
             return value
     problem = f"objects or lists within each other more than {DEEPEST_NESTING} deep"
-    raise InputError.at_line(path, None, f"{problem}; copy it again")
+    raise InputError.in_file(path, f"{problem}; copy it again")
 
 
 def read_object(path: Path, is_replaced: bool = False) -> dict[str, Any]:

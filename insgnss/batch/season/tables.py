@@ -59,7 +59,7 @@ def read_season(path: Path) -> list[Row]:
     try:
         lines = read_text(path, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError.at_line(path, None, f"cannot be read: {error}") from None
+        raise InputError.in_file(path, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):
         raise InputError.at_line(path, 1, f"is no season.csv; its first line is {HEAD!r}")
     try:

@@ -136,8 +136,8 @@ def check_base_place(
     given = np.array(base_position(options, base.header)[0])
     off = float(np.linalg.norm(location.middle - given))
     if motion := location.motion():
-        raise InputError.at_line(
-            base.header.path, None, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
+        raise InputError.in_file(
+            base.header.path, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
         )
     if options.base_position_m is not None:
         if _is_header_of_rover(given, base.header, rover.header):
@@ -145,13 +145,13 @@ def check_base_place(
                 f"the base coordinates are those of the header of the rover {rover.header.path},"
                 " not of its own; are the two swapped?"
             )
-            raise InputError.at_line(base.header.path, None, message)
+            raise InputError.in_file(base.header.path, message)
         if off > MEASURED_PLACE_M and _stands_at(given, off, rover, whereabouts):
             message = (
                 f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
                 " stands there: they are swapped"
             )
-            raise InputError.at_line(base.header.path, None, message)
+            raise InputError.in_file(base.header.path, message)
     if off > OTHER_PLACE_M:
         whose = (
             "the base coordinates"
@@ -162,8 +162,8 @@ def check_base_place(
             f"stands {off:.0f} m from {whose} (limit {OTHER_PLACE_M:.0f} m), by codes at"
             f" {in_degrees(location.middle)}"
         )
-        raise InputError.at_line(
-            base.header.path, None, f"{message}; {_mistaken(given, location.middle, options)}"
+        raise InputError.in_file(
+            base.header.path, f"{message}; {_mistaken(given, location.middle, options)}"
         )
     return _coordinate_notes(options, base.header, off)
 

@@ -80,9 +80,8 @@ def solution_of(rows: PosRows) -> Solution:
     """
     columns, roots = rows.columns, ROOTS[rows.header.kind]
     if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
-        raise InputError.at_line(
+        raise InputError.in_file(
             rows.table.path,
-            None,
             f"the header does not name {missing[0]}; is it a solution of an engine?",
         )
     odd = _without_covariance(np.column_stack([columns[name] for name in roots]))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import DataError, InputError
+from ...base.errors import DataError, InputError, words_of
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from .header import codes_of, load_rinex
 from .observations import read_observations
@@ -97,16 +97,12 @@ class ReaderComparison:
             f" {self.stamps_s:.1e} s at most",
             "signal        both   differ     largest  this alone  georinex alone",
         ]
-        return "\n".join(
-            [
-                *lines,
-                *(
-                    f"{s.system} {s.signal:4} {s.shared:10d} {s.different:8d} {s.largest:11.3e}"
-                    f" {s.ours_alone:11d} {s.theirs_alone:15d}"
-                    for s in self.signals
-                ),
-            ]
-        )
+        lines += [
+            f"{s.system} {s.signal:4} {s.shared:10d} {s.different:8d} {s.largest:11.3e}"
+            f" {s.ours_alone:11d} {s.theirs_alone:15d}"
+            for s in self.signals
+        ]
+        return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
@@ -142,8 +138,8 @@ def compare_with_georinex(
         if table.time.size == 0:
             raise ValueError("no epoch is one to it")
     except (AssertionError, LookupError, TypeError, ValueError) as error:
-        message = f"georinex cannot read it: {' '.join(str(error).split())[:120]}"
-        raise InputError.at_line(path, None, f"{message}; insgnss ppk reads it") from None
+        message = f"georinex cannot read it: {words_of(error)}; insgnss ppk reads it"
+        raise InputError.in_file(path, message) from None
     start = int(GPS_EPOCH_UNIX_S + ours.gps_week * WEEK_S) * 10**9
     our_stamps = start + 100 * np.rint(1e7 * ours.time).astype(np.int64)
     stamps = table.time.values.astype("datetime64[ns]").astype(np.int64)

@@ -107,13 +107,13 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
             f"no external event has a record line with {shown(wanted.events_containing)}; read the"
             " lines of the events"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     if not records:
         message = (
             "holds no external event (flag 5); convert the receiver's log with its events (time"
             " marks), or give a file of events"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     if not invalid:
         return records, ()
     those = _those(records, invalid)

@@ -117,7 +117,7 @@ class Observations:
     def column(self, signal: str) -> int:
         """Return the index of a signal among the columns."""
         if signal not in self.signals:
-            raise InputError.at_line(
-                self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
+            raise InputError.in_file(
+                self.header.path, f"has no {signal}; there are {', '.join(self.signals)}"
             )
         return self.signals.index(signal)

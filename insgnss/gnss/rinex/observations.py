@@ -44,9 +44,9 @@ from .header import (
     types_of,
 )
 from .observation_record import EventRecord, Observations
+from .systems import BEIDOU_LAG_S
 
 TICKS_PER_WEEK = 6_048_000_000_000  # 604 800 s of `_kernels.TICKS_PER_S`
-BDT_BEHIND_S = 14  # BeiDou time behind GPST: leap seconds from 1980 to 2006
 # weeks that a recording may last: 52, since stamps of a receiver that does not know the date are
 # years away, and seconds of a week years away are doubles too coarse for the others
 LONGEST_WEEKS = 52
@@ -414,5 +414,5 @@ def _gpst(
     if header.clock == "GLO":
         leap = int(leap_seconds(float(ticks[flags < SLIPS][0]) / second + GPS_EPOCH_UNIX_S))
         return ticks + leap * second, event_ticks + leap * second
-    shift = BDT_BEHIND_S * second if header.clock == "BDT" else 0
+    shift = int(BEIDOU_LAG_S) * second if header.clock == "BDT" else 0
     return ticks + shift, event_ticks + shift

@@ -32,7 +32,6 @@ from ...gnss.rinex.navigation_message import (
     CIC,
     CIS,
     COLUMNS,
-    CONSTANTS,
     CRC,
     CRS,
     CUC,
@@ -57,6 +56,7 @@ from ...gnss.rinex.navigation_message import (
     TOE,
     Navigation,
 )
+from ...gnss.rinex.systems import CONSTANTS
 from ...gnss.satellites.constants import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
