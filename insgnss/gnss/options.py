@@ -238,11 +238,8 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, 
         f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in"
         f" {named('gnss.rtklib_options')}"
     )
-    return (
-        Question("engine dynamics", f"on, with epochs every {longest:.1f} s at most").note(
-            finding, advice
-        ),
-    )
+    expected = f"on, with epochs every {longest:.1f} s at most"
+    return (Question("engine dynamics", expected).note(finding, advice),)
 
 
 def option_file(

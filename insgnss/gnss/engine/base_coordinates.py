@@ -15,6 +15,7 @@ above sea level in the place of one above the ellipsoid where the two are furthe
 as in most of Europe (40 to 55 m).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -182,26 +183,21 @@ def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str
     lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
     if options.base_position_m is None:
         return f"give {_coordinates()}"
+
+    def agree(lat: float, lon: float, height: float) -> bool:
+        apart = np.linalg.norm(geodetic_to_ecef(lat, lon, height) - code_position)
+        return bool(abs(lat) <= np.pi / 2.0 and apart < MEASURED_PLACE_M)
+
     mistakes = {
         "latitude and longitude exchanged": (lon, lat, height),
-        "latitude and longitude in radians": (
-            float(np.degrees(lat)),
-            float(np.degrees(lon)),
-            height,
-        ),
+        "latitude and longitude in radians": (math.degrees(lat), math.degrees(lon), height),
         "the height in feet": (lat, lon, FOOT_M * height),
     }
     for mistake, taken in mistakes.items():
-        if (
-            abs(taken[0]) <= np.pi / 2.0
-            and np.linalg.norm(geodetic_to_ecef(*taken) - code_position) < MEASURED_PLACE_M
-        ):
+        if agree(*taken):
             return f"with {mistake} they agree"
     above = float(ecef_to_geodetic(code_position)[2]) - height
-    if (
-        np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - code_position)
-        < MEASURED_PLACE_M
-    ):
+    if agree(lat, lon, height + above):
         side = "above" if above > 0.0 else "below"
         return (
             f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea"

@@ -87,13 +87,10 @@ def _check_base_times(
 ) -> tuple[Finding, ...]:
     """A note where epochs of the rover are without one of the base, InputError where all are."""
     time, reference, pace = absolute(rover), absolute(base), interval(base)
-    near, within_pace = (
-        _near(time, reference, max_age_s),
-        _near(time, reference, max(max_age_s, pace)),
-    )
-    rare = (
-        f"raise max_age_s (--max-age) to {pace:g} s at least: the base has epochs every {pace:g} s"
-    )
+    near = _near(time, reference, max_age_s)
+    within_pace = _near(time, reference, max(max_age_s, pace))
+    rare = f"raise max_age_s (--max-age) to {pace:g} s at least"
+    rare += f": the base has epochs every {pace:g} s"
     if not within_pace.any():
         message = (
             f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
