@@ -157,10 +157,8 @@ class FlightPlan:
     def ground_speed(self, course: Array) -> Array:
         """Speed over ground, m/s, on `course`, rad (L.2)."""
         north, east, _ = self.wind_l
-        along, across = (
-            north * np.cos(course) + east * np.sin(course),
-            east * np.cos(course) - north * np.sin(course),
-        )
+        along = north * np.cos(course) + east * np.sin(course)
+        across = east * np.cos(course) - north * np.sin(course)
         return along + np.sqrt(self.airspeed_ms**2 - across**2)
 
 

@@ -168,10 +168,8 @@ def _states(
 ) -> SatelliteStates:
     from . import _orbit_kernels
 
-    time, pseudorange = (
-        np.ascontiguousarray(time, dtype=np.float64),
-        np.ascontiguousarray(pseudorange, dtype=np.float64),
-    )
+    time = np.ascontiguousarray(time, dtype=np.float64)
+    pseudorange = np.ascontiguousarray(pseudorange, dtype=np.float64)
     message = select_messages(navigation, satellite, time) if message is None else message
     out = np.empty((time.size, 8))
     _orbit_kernels.states(navigation.table, message, time, pseudorange, out)

@@ -210,10 +210,8 @@ def simulate_raw_gnss(
 
 def _rover(flight: Flight, rig: Rig, options: RawGnssOptions, rng: np.random.Generator) -> Antenna:
     motion, frame = flight.motion, flight.motion.frame
-    first, last = (
-        np.ceil(motion.start * options.rate_hz - 1e-6),
-        np.floor(motion.end * options.rate_hz + 1e-6),
-    )
+    first = np.ceil(motion.start * options.rate_hz - 1e-6)
+    last = np.floor(motion.end * options.rate_hz + 1e-6)
     stamp = np.arange(first, last + 1.0) / options.rate_hz
     if stamp.size < FEWEST_EPOCHS:
         raise UsageError(
@@ -373,10 +371,8 @@ def _values(
     troposphere, ionosphere = _air(antenna, scene, paths)
     sine = np.sin(np.maximum(paths.elevation, np.radians(LOWEST_STRENGTH_DEG)))
     common = paths.distance + LIGHT * antenna.clock_s[:, None] - paths.clock + troposphere
-    rate, own_rate = (
-        paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT),
-        antenna.clock_rate[:, None],
-    )
+    rate = paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT)
+    own_rate = antenna.clock_rate[:, None]
     glonass = np.array([code[0] == "R" for code in scene.satellites.code])
     channel = scene.satellites.channel
     strength, zenith, less, spread = STRENGTH_DBHZ
