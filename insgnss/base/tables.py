@@ -21,7 +21,7 @@ from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST_NESTING, too_deep
 from .received.trusted import trusting
-from .units import LARGEST_UNIT, is_number, spells_zero
+from .units import LARGEST_UNIT, exact_float, is_number
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -280,7 +280,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         ):
             raise InputError.at_line(path, number, f"{key[0].count('.')} {NESTED}")
     try:
-        data = tomllib.loads(text, parse_float=_float)
+        data = tomllib.loads(text, parse_float=exact_float)
     except RecursionError:
         raise InputError.in_file(path, f"more than {DEEPEST_NESTING} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
@@ -293,14 +293,6 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     if too_deep(data):
         raise InputError.in_file(path, f"more than {DEEPEST_NESTING} {NESTED}")
     return data
-
-
-def _float(text: str) -> float:
-    """Return a number of TOML; ValueError for one too small for a float, which would be zero."""
-    x = float(text)
-    if x == 0.0 and not spells_zero(text):
-        raise ValueError(f"{text} is too small a number; write 0")
-    return x
 
 
 def line_of_key(path: Path, key: str) -> int | None:

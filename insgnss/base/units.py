@@ -137,24 +137,22 @@ class _Parser:
     """Recursive descent over the tokens of one unit."""
 
     def __init__(self, text: str, quantity: str) -> None:
-        if len(text) > LONGEST_UNIT:
-            raise InputError(
-                f"{quantity[:40]!r}...: a unit of {len(text)} characters (limit {LONGEST_UNIT});"
-                " write as in 'deg/h/sqrt(Hz)'"
-            )
         self.quantity = quantity
+        if len(text) > LONGEST_UNIT:
+            self.quantity = f"{quantity[:40]}..."
+            raise self.refused(f"a unit of {len(text)} characters (limit {LONGEST_UNIT})")
         self.tokens: list[str] = []
         position = 0
         text = text.rstrip()
         while position < len(text):
             match = _TOKEN.match(text, position)
             if match is None:
-                raise InputError(
-                    f"{quantity!r}: {text[position:].strip()!r} does not belong in a unit; write as"
-                    " in 'deg/h/sqrt(Hz)'"
-                )
+                raise self.refused(f"{text[position:].strip()!r} does not belong in a unit")
             self.tokens.append(match.group(1))
             position = match.end()
+
+    def refused(self, problem: str, example: str = "'deg/h/sqrt(Hz)'") -> InputError:
+        return InputError(f"{self.quantity!r}: {problem}; write as in {example}")
 
     def _next(self) -> str:
         return self.tokens.pop(0) if self.tokens else ""
@@ -162,18 +160,12 @@ class _Parser:
     def _expect(self, token: str) -> None:
         actual = self._next()
         if actual != token:
-            raise InputError(
-                f"{self.quantity!r}: {token!r} expected, found {actual or 'the end'!r}; write as in"
-                " 'deg/h/sqrt(Hz)'"
-            )
+            raise self.refused(f"{token!r} expected, found {actual or 'the end'!r}")
 
     def whole(self) -> Unit:
         unit = self.product()
         if self.tokens:
-            raise InputError(
-                f"{self.quantity!r}: {self.tokens[0]!r} is not joined by * or /; write as in"
-                " 'deg/h/sqrt(Hz)'"
-            )
+            raise self.refused(f"{self.tokens[0]!r} is not joined by * or /")
         return unit
 
     def product(self) -> Unit:
@@ -187,14 +179,10 @@ class _Parser:
         if self.tokens and self.tokens[0] == "^":
             self._next()
             exponent = self._next()
-            if (
-                not re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent)
-                or abs(float(exponent)) > LARGEST_EXPONENT
-            ):
-                raise InputError(
-                    f"{self.quantity!r}: {exponent or 'the end'!r} is no exponent; write as in"
-                    " 's^2' or 's^-0.5'"
-                )
+            number = re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent)
+            if not number or abs(float(exponent)) > LARGEST_EXPONENT:
+                problem = f"{exponent or 'the end'!r} is no exponent"
+                raise self.refused(problem, "'s^2' or 's^-0.5'")
             unit = unit ** Fraction(exponent)
         return unit
 
@@ -209,10 +197,7 @@ class _Parser:
         if name in UNITS:
             return UNITS[name]
         if not name[:1].isalpha():
-            raise InputError(
-                f"{self.quantity!r}: a unit is expected where {name or 'the end'!r} stands; write"
-                " as in 'deg/h/sqrt(Hz)'"
-            )
+            raise self.refused(f"a unit is expected where {name or 'the end'!r} stands")
         raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
 
 
@@ -225,6 +210,14 @@ def is_number(value: Any) -> bool:
 def spells_zero(text: str) -> bool:
     """Tell whether a number whose float is zero is zero, and not one too small for a float."""
     return not any(digit in text.lower().partition("e")[0] for digit in "123456789")
+
+
+def exact_float(text: str) -> float:
+    """Return the number of a text; ValueError where it is too small for one and would be zero."""
+    x = float(text)
+    if x == 0.0 and not spells_zero(text):
+        raise ValueError(f"{text[:40]} is too small a number; write 0")
+    return x
 
 
 def parse_unit(text: str) -> Unit:

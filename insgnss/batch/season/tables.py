@@ -8,7 +8,7 @@ from typing import Any
 
 from ...base.errors import InputError, UsageError
 from ...base.inputs import read_text
-from ...base.units import spells_zero
+from ...base.units import exact_float
 from ...base.wording import DOCTOR
 from .row import COLUMNS, TEXTS, Row, is_number
 
@@ -85,9 +85,8 @@ def read_season(path: Path) -> list[Row]:
 
 def _number(cell: str) -> float:
     """Return a finite number of ASCII digits; ValueError for what else Python takes for one."""
-    value = float(cell)
-    small = value == 0.0 and not spells_zero(cell)
-    if small or not (cell.isascii() and "_" not in cell and is_number(value)):
+    value = exact_float(cell)
+    if not (cell.isascii() and "_" not in cell and is_number(value)):
         raise ValueError(cell)
     return value
 

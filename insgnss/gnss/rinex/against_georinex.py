@@ -7,6 +7,7 @@ is told and counts for nothing, what georinex alone has, or has otherwise, is a 
 """
 
 import io
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ from ...base.errors import DataError, InputError, words_of
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from .header import codes_of, load_rinex
 from .observations import read_observations
-from .through_georinex import library, quiet
+from .through_georinex import library
 
 SAME_EPOCH_NS = 10_000_000  # stamps of both readers (ns): 10 ms, as epochs are 50 ms apart at least
 AS_VERSION_3 = "     3.05"
@@ -133,7 +134,7 @@ def compare_with_georinex(
     text = AS_VERSION_3 + text[len(AS_VERSION_3) :] if ours.header.version >= 4.0 else text
     progress("georinex")
     try:
-        with quiet():
+        with warnings.catch_warnings(action="ignore"):
             table = georinex.load(io.StringIO(text), useindicators=True)
         if table.time.size == 0:
             raise ValueError("no epoch is one to it")

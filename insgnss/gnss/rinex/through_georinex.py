@@ -12,8 +12,6 @@ by 1 mm 10 km from its base.
 import io
 import warnings
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -66,14 +64,6 @@ def library(path: str | Path, kind: str) -> ModuleType:
     return georinex
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keep to itself what xarray and numpy say of how georinex calls them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
-
-
 def messages_of_netcdf(path: str | Path) -> list[str]:
     """Return the navigation messages of a netCDF file of georinex as lines of RINEX 3.04.
 
@@ -84,7 +74,7 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
     """
     georinex = library(path, "netCDF")
     try:
-        with quiet():
+        with warnings.catch_warnings(action="ignore"):
             table = georinex.rinexnav(Path(path)).load()
     except (LookupError, ValueError, OSError) as error:
         message = f"no navigation of georinex: {words_of(error)}"
@@ -142,7 +132,7 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
         message = f"times of SP3 in {scale}; GPS time is read, convert it"
         raise InputError.in_file(path, message)
     try:
-        with quiet():
+        with warnings.catch_warnings(action="ignore"):
             table = georinex.load_sp3(io.StringIO(text), None)
     except (AssertionError, ValueError, IndexError) as error:
         message = f"georinex cannot read it: {words_of(error)}; fetch the file again"
