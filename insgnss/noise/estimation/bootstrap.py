@@ -36,7 +36,7 @@ from ..moments.haar_covariance import haar_covariance
 from ..moments.theory import Sampling, haar_variance
 from ..moments.wavelet import in_threads, wavelet_variance
 from ..processes.realisation import simulate_noise
-from .gmwm import Fit, fit, interval_weights
+from .gmwm import Fit, fit_alike, interval_weights
 
 _BLOCKS = 15  # binary logarithm of the least number of blocks of "reduced"
 _FIRST = 4  # level, counted in blocks, from which the block means serve
@@ -202,13 +202,7 @@ def refit(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
     other weights stay.
     """
     weights = None if has_interval_weights(fitted) else fitted.weights
-    return fit(
-        curves,
-        fitted.composition,
-        weights=weights,
-        sampling=fitted.sampling,
-        times_s=fitted.times_s,
-    )
+    return fit_alike(fitted, curves, weights)
 
 
 def bootstrap(fitted: Fit, draws: int = 100, *, seed: int = 0) -> Bootstrap:
