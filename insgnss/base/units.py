@@ -90,40 +90,27 @@ LENGTH_UNITS = {
 """Units of lengths that tables may stand in, by the names that PROJ has for them."""
 
 
-def _base(scale: float, angle: int = 0, length: int = 0, time: int = 0) -> Unit:
-    return Unit(scale, (Fraction(angle), Fraction(length), Fraction(time)))
-
-
 DEG = math.pi / 180.0  # rad of a degree
 ARCSEC = DEG / 3600.0  # rad of a second of arc
+# exponents of angle, length and time: the units of that dimension in rad, m and s
+_OF_DIMENSION: dict[tuple[int, int, int], dict[str, float]] = {
+    (0, 0, 0): {"1": 1.0, "%": 1e-2, "ppt": 1e-3, "ppm": 1e-6},
+    (1, 0, 0): {
+        **{"rad": 1.0, "mrad": 1e-3, "urad": 1e-6},
+        **{"deg": DEG, "arcmin": DEG / 60.0, "arcsec": ARCSEC},
+    },
+    (0, 1, 0): {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3},
+    (0, 0, 1): {"s": 1.0, "ms": 1e-3, "min": 60.0, "day": 86400.0, "h": 3600.0, "hr": 3600.0},
+    (0, 0, -1): {"Hz": 1.0},
+    (0, 1, -2): {
+        **{"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY},
+        **{"Gal": 1e-2, "mGal": 1e-5},
+    },
+}
 UNITS: dict[str, Unit] = {
-    **{
-        name: _base(scale)
-        for name, scale in (("1", 1.0), ("%", 1e-2), ("ppt", 1e-3), ("ppm", 1e-6))
-    },
-    **{
-        name: _base(scale, angle=1)
-        for name, scale in (("rad", 1.0), ("mrad", 1e-3), ("urad", 1e-6))
-    },
-    **{
-        name: _base(scale, angle=1)
-        for name, scale in (("deg", DEG), ("arcmin", DEG / 60.0), ("arcsec", ARCSEC))
-    },
-    **{
-        name: _base(scale, length=1)
-        for name, scale in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3))
-    },
-    **{
-        name: _base(scale, time=1)
-        for name, scale in (("s", 1.0), ("ms", 1e-3), ("min", 60.0), ("day", 86400.0))
-    },
-    **{name: _base(3600.0, time=1) for name in ("h", "hr")},
-    "Hz": _base(1.0, time=-1),
-    **{
-        name: _base(scale * STANDARD_GRAVITY, length=1, time=-2)
-        for name, scale in (("g", 1.0), ("mg", 1e-3), ("ug", 1e-6))
-    },
-    **{name: _base(scale, length=1, time=-2) for name, scale in (("Gal", 1e-2), ("mGal", 1e-5))},
+    name: Unit(scale, (Fraction(angle), Fraction(length), Fraction(time)))
+    for (angle, length, time), units in _OF_DIMENSION.items()
+    for name, scale in units.items()
 }
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)

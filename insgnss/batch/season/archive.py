@@ -11,7 +11,7 @@ import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -113,20 +113,7 @@ class ArchiveResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
-        return {
-            "directory": str(self.directory),
-            "runs": [
-                {
-                    "document": str(run.document),
-                    "problems": list(run.problems),
-                    "notes": list(run.notes),
-                    "remade": run.remade,
-                }
-                for run in self.runs
-            ],
-            "orphans": [str(path) for path in self.orphans],
-            "unprocessed": [str(path) for path in self.unprocessed],
-        }
+        return dict(json_ready(asdict(self)))
 
 
 def examine_archive(directory: Path, remake: bool, progress: Progress) -> ArchiveResult:

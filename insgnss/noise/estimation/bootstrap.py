@@ -73,13 +73,8 @@ def simulate_axis(
     All of it is normal, rounding errors too, as `haar_covariance` has it. The drift is a slope of
     known size, and the turn-on bias, which no wavelet variance shows, is left out.
     """
-    out = simulate_noise(
-        replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0),
-        n,
-        1.0 / rate_hz,
-        rng,
-        sampling,
-    )
+    plain = replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0)
+    out = simulate_noise(plain, n, 1.0 / rate_hz, rng, sampling)
     if axis.quantization:
         out += axis.quantization * rate_hz * np.diff(rng.standard_normal(n + 1))
     if axis.drift:
@@ -110,13 +105,8 @@ def _series(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, in
         options |= {"robust": True, "efficiency": robust_efficiency(curve)}
 
     def one(k: int) -> Array:
-        x = simulate_axis(
-            fitted.axis,
-            curve.samples,
-            curve.rate_hz,
-            np.random.default_rng([*seed, k]),
-            fitted.sampling,
-        )
+        rng = np.random.default_rng([*seed, k])
+        x = simulate_axis(fitted.axis, curve.samples, curve.rate_hz, rng, fitted.sampling)
         return wavelet_variance(x, curve.rate_hz, levels=highest, **options).variance[
             curve.level - 1
         ]

@@ -326,13 +326,8 @@ def _observe(
             f" {FEWEST_ABOVE_MASKS})"
         )
         raise UsageError(f"raw GNSS: {shortage}; lower a mask")
-    locks = track(
-        visible,
-        antenna.bank,
-        1.0 / receiver.rate_hz,
-        options.tracking.times(receiver.share),
-        lock_rng,
-    )
+    tracking = options.tracking.times(receiver.share)
+    locks = track(visible, antenna.bank, 1.0 / receiver.rate_hz, tracking, lock_rng)
     epoch, column = np.nonzero(locks.held[:, :, 0])
     values = _values(antenna, scene, paths, locks, receiver, (noise_rng, bias_rng))[epoch, column]
     k, j = np.nonzero(locks.slips.any(axis=2))
@@ -344,18 +339,8 @@ def _observe(
     )
     report = locks.report[epoch, column].astype(np.int8)
     truth = (antenna.time, antenna.clock_s, antenna.position, antenna.velocity)
-    return (
-        RawObservations(
-            scene.flight.gps_week,
-            antenna.stamp,
-            epoch,
-            satellites.code[column],
-            values,
-            report,
-            *truth,
-        ),
-        slips,
-    )
+    rows = (epoch, satellites.code[column], values, report)
+    return RawObservations(scene.flight.gps_week, antenna.stamp, *rows, *truth), slips
 
 
 def _values(
@@ -383,26 +368,19 @@ def _values(
         )
         wavelength, dispersed = LIGHT / frequency, ionosphere * (GPS_HZ[0] / frequency) ** 2
         hardware = options.hardware_bias_m * bias_rng.standard_normal(2)[glonass.astype(int)]
-        hardware = (
-            hardware
-            + glonass
-            * options.glonass_code_bias_m
-            * bias_rng.standard_normal(GLONASS_CHANNEL_COUNT)[channel + GLONASS_CHANNEL_COUNT // 2]
-        )
+        of_channels = bias_rng.standard_normal(GLONASS_CHANNEL_COUNT)
+        bias_of_channel = of_channels[channel + GLONASS_CHANNEL_COUNT // 2]
+        hardware = hardware + glonass * options.glonass_code_bias_m * bias_of_channel
         fraction = (
             bias_rng.uniform(0.0, 1.0, 2)[glonass.astype(int)]
             + glonass * channel * receiver.phase_slope_m / wavelength
         )
-        code = noise(
-            sine, options.code_sigma_m, options.code_multipath_m, options.multipath_s, interval, rng
-        )
-        phase = noise(
-            sine,
-            options.phase_sigma_m,
-            options.phase_multipath_m,
-            options.multipath_s,
-            interval,
-            rng,
+        code, phase = (
+            noise(sine, white, multipath, options.multipath_s, interval, rng)
+            for white, multipath in (
+                (options.code_sigma_m, options.code_multipath_m),
+                (options.phase_sigma_m, options.phase_multipath_m),
+            )
         )
         air_rate = np.gradient(troposphere - dispersed, interval, axis=0)
         doppler = (
@@ -431,9 +409,8 @@ def _air(antenna: Antenna, scene: _Scene, paths: Paths) -> tuple[Array, Array]:
     low = np.radians(LOWEST_STRENGTH_DEG)
     elevation = np.maximum(paths.elevation, low)
     table = scene.troposphere.table(float(height.min()), float(height.max()), low)
-    troposphere = table(
-        np.broadcast_to(height[:, None], elevation.shape), elevation, grid=False
-    ) / np.sin(elevation)
+    heights = np.broadcast_to(height[:, None], elevation.shape)
+    troposphere = table(heights, elevation, grid=False) / np.sin(elevation)
     elapsed = antenna.time - scene.flight.motion.start
     return troposphere, scene.ionosphere.delay(
         elapsed, (lat, lon, height), paths.azimuth, elevation
