@@ -82,9 +82,8 @@ def rewritten(path: Path) -> None:
 
 def _remember(files: dict[str, Identity], name: str, identity: Identity) -> None:
     if files.setdefault(name, identity) != identity:
-        raise InputError.at_line(
+        raise InputError.in_file(
             name,
-            None,
             "changed after it was read; wait until the program that writes it is done, then run"
             " the command again (in Python, load the flight file again)",
         )
@@ -135,14 +134,14 @@ def is_file(path: Path) -> bool:
     """Tell whether a path is a regular file; pipes and devices raise InputError, links count."""
     if path.is_file() or path.is_dir() or not path.exists():
         return path.is_file()
-    raise InputError.at_line(path, None, NOT_REGULAR)
+    raise InputError.in_file(path, NOT_REGULAR)
 
 
 def _check(path: Source, state: os.stat_result) -> None:
     if stat.S_ISDIR(state.st_mode):
         raise IsADirectoryError(errno.EISDIR, "is a directory, a file is expected", os.fspath(path))
     if not stat.S_ISREG(state.st_mode):
-        raise InputError.at_line(path, None, NOT_REGULAR)
+        raise InputError.in_file(path, NOT_REGULAR)
     if (files := _READ.get()) is not None:
         _remember(files, os.path.realpath(path), identity_of(state))
 
@@ -178,7 +177,7 @@ def first_bytes(path: Source, count: int, advice: str = "check the path") -> byt
             return stream.read(count).removeprefix(BOM)
     except OSError as error:
         message = f"cannot be read: {error.strerror or error}; {advice}"
-        raise InputError.at_line(path, None, message) from None
+        raise InputError.in_file(path, message) from None
 
 
 def sha256(path: Source) -> str:

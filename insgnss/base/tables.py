@@ -21,7 +21,7 @@ from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST_NESTING, too_deep
 from .received.trusted import trusting
-from .units import LARGEST_UNIT, is_number, parse_quantity, spells_zero
+from .units import LARGEST_UNIT, exact_float, is_number, parse_quantity
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -231,7 +231,7 @@ class Table:
         longest = max(len(step) for step in re.split(r"[/\\]", text))
         if longest > LONGEST_FILE_NAME or len(text) > LONGEST_PATH or "\0" in text:
             shown = f"{text[:40]!r}..., {len(text)} characters"
-            raise InputError.at_line(self.path, None, f"{shown}, is no path of a file; correct it")
+            raise InputError.in_file(self.path, f"{shown}, is no path of a file; correct it")
         return self.source(key).path.parent / name
 
     def file(self, key: str) -> Path:
@@ -257,16 +257,15 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
     `keys` names those that each table may hold.
     """
     if not is_file(path):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "does not exist; give the flight file, or the directory that holds flight.toml",
         )
     try:
         text = read_text(path, "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError.at_line(
-            path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
+        raise InputError.in_file(
+            path, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
     return table_of_text(path, text, keys)
 
@@ -288,7 +287,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     """
     if len(text) > LONGEST_TOML:
         problem = f"{len(text)} characters (limit {LONGEST_TOML}); is it a file of settings?"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.in_file(path, problem)
     for number, line in enumerate(lines_of(text), 1):
         if (
             line.count(".") > DEEPEST_NESTING
@@ -297,9 +296,9 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         ):
             raise InputError.at_line(path, number, f"{key[0].count('.')} {NESTED}")
     try:
-        data = tomllib.loads(text, parse_float=_float)
+        data = tomllib.loads(text, parse_float=exact_float)
     except RecursionError:
-        raise InputError.at_line(path, None, f"more than {DEEPEST_NESTING} {NESTED}") from None
+        raise InputError.in_file(path, f"more than {DEEPEST_NESTING} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
         location = re.search(r"at line (\d+)", str(error))
         line_number = int(location[1]) if location else None
@@ -308,16 +307,8 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
             remedy = "; write paths with /, on Windows too, or in single quotes"
         raise InputError.at_line(path, line_number, f"not TOML: {error}{remedy}") from None
     if too_deep(data):
-        raise InputError.at_line(path, None, f"more than {DEEPEST_NESTING} {NESTED}")
+        raise InputError.in_file(path, f"more than {DEEPEST_NESTING} {NESTED}")
     return data
-
-
-def _float(text: str) -> float:
-    """Return a number of TOML; ValueError for one too small for a float, which would be zero."""
-    x = float(text)
-    if x == 0.0 and not spells_zero(text):
-        raise ValueError(f"{text} is too small a number; write 0")
-    return x
 
 
 def line_of_key(path: Path, key: str) -> int | None:

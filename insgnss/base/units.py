@@ -90,40 +90,27 @@ LENGTH_UNITS = {
 """Units of lengths that tables may stand in, by the names that PROJ has for them."""
 
 
-def _base(scale: float, angle: int = 0, length: int = 0, time: int = 0) -> Unit:
-    return Unit(scale, (Fraction(angle), Fraction(length), Fraction(time)))
-
-
 DEG = math.pi / 180.0  # rad of a degree
 ARCSEC = DEG / 3600.0  # rad of a second of arc
+# exponents of angle, length and time: the units of that dimension in rad, m and s
+_OF_DIMENSION: dict[tuple[int, int, int], dict[str, float]] = {
+    (0, 0, 0): {"1": 1.0, "%": 1e-2, "ppt": 1e-3, "ppm": 1e-6},
+    (1, 0, 0): {
+        **{"rad": 1.0, "mrad": 1e-3, "urad": 1e-6},
+        **{"deg": DEG, "arcmin": DEG / 60.0, "arcsec": ARCSEC},
+    },
+    (0, 1, 0): {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3},
+    (0, 0, 1): {"s": 1.0, "ms": 1e-3, "min": 60.0, "day": 86400.0, "h": 3600.0, "hr": 3600.0},
+    (0, 0, -1): {"Hz": 1.0},
+    (0, 1, -2): {
+        **{"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY},
+        **{"Gal": 1e-2, "mGal": 1e-5},
+    },
+}
 UNITS: dict[str, Unit] = {
-    **{
-        name: _base(scale)
-        for name, scale in (("1", 1.0), ("%", 1e-2), ("ppt", 1e-3), ("ppm", 1e-6))
-    },
-    **{
-        name: _base(scale, angle=1)
-        for name, scale in (("rad", 1.0), ("mrad", 1e-3), ("urad", 1e-6))
-    },
-    **{
-        name: _base(scale, angle=1)
-        for name, scale in (("deg", DEG), ("arcmin", DEG / 60.0), ("arcsec", ARCSEC))
-    },
-    **{
-        name: _base(scale, length=1)
-        for name, scale in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3))
-    },
-    **{
-        name: _base(scale, time=1)
-        for name, scale in (("s", 1.0), ("ms", 1e-3), ("min", 60.0), ("day", 86400.0))
-    },
-    **{name: _base(3600.0, time=1) for name in ("h", "hr")},
-    "Hz": _base(1.0, time=-1),
-    **{
-        name: _base(scale * STANDARD_GRAVITY, length=1, time=-2)
-        for name, scale in (("g", 1.0), ("mg", 1e-3), ("ug", 1e-6))
-    },
-    **{name: _base(scale, length=1, time=-2) for name, scale in (("Gal", 1e-2), ("mGal", 1e-5))},
+    name: Unit(scale, (Fraction(angle), Fraction(length), Fraction(time)))
+    for (angle, length, time), units in _OF_DIMENSION.items()
+    for name, scale in units.items()
 }
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
@@ -137,24 +124,22 @@ class _Parser:
     """Recursive descent over the tokens of one unit."""
 
     def __init__(self, text: str, quantity: str) -> None:
-        if len(text) > LONGEST_UNIT:
-            raise InputError(
-                f"{quantity[:40]!r}...: a unit of {len(text)} characters (limit {LONGEST_UNIT});"
-                " write as in 'deg/h/sqrt(Hz)'"
-            )
         self.quantity = quantity
+        if len(text) > LONGEST_UNIT:
+            self.quantity = f"{quantity[:40]}..."
+            raise self.refused(f"a unit of {len(text)} characters (limit {LONGEST_UNIT})")
         self.tokens: list[str] = []
         position = 0
         text = text.rstrip()
         while position < len(text):
             match = _TOKEN.match(text, position)
             if match is None:
-                raise InputError(
-                    f"{quantity!r}: {text[position:].strip()!r} does not belong in a unit; write as"
-                    " in 'deg/h/sqrt(Hz)'"
-                )
+                raise self.refused(f"{text[position:].strip()!r} does not belong in a unit")
             self.tokens.append(match.group(1))
             position = match.end()
+
+    def refused(self, problem: str, example: str = "'deg/h/sqrt(Hz)'") -> InputError:
+        return InputError(f"{self.quantity!r}: {problem}; write as in {example}")
 
     def _next(self) -> str:
         return self.tokens.pop(0) if self.tokens else ""
@@ -162,18 +147,12 @@ class _Parser:
     def _expect(self, token: str) -> None:
         actual = self._next()
         if actual != token:
-            raise InputError(
-                f"{self.quantity!r}: {token!r} expected, found {actual or 'the end'!r}; write as in"
-                " 'deg/h/sqrt(Hz)'"
-            )
+            raise self.refused(f"{token!r} expected, found {actual or 'the end'!r}")
 
     def whole(self) -> Unit:
         unit = self.product()
         if self.tokens:
-            raise InputError(
-                f"{self.quantity!r}: {self.tokens[0]!r} is not joined by * or /; write as in"
-                " 'deg/h/sqrt(Hz)'"
-            )
+            raise self.refused(f"{self.tokens[0]!r} is not joined by * or /")
         return unit
 
     def product(self) -> Unit:
@@ -187,14 +166,10 @@ class _Parser:
         if self.tokens and self.tokens[0] == "^":
             self._next()
             exponent = self._next()
-            if (
-                not re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent)
-                or abs(float(exponent)) > LARGEST_EXPONENT
-            ):
-                raise InputError(
-                    f"{self.quantity!r}: {exponent or 'the end'!r} is no exponent; write as in"
-                    " 's^2' or 's^-0.5'"
-                )
+            number = re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent)
+            if not number or abs(float(exponent)) > LARGEST_EXPONENT:
+                problem = f"{exponent or 'the end'!r} is no exponent"
+                raise self.refused(problem, "'s^2' or 's^-0.5'")
             unit = unit ** Fraction(exponent)
         return unit
 
@@ -209,10 +184,7 @@ class _Parser:
         if name in UNITS:
             return UNITS[name]
         if not name[:1].isalpha():
-            raise InputError(
-                f"{self.quantity!r}: a unit is expected where {name or 'the end'!r} stands; write"
-                " as in 'deg/h/sqrt(Hz)'"
-            )
+            raise self.refused(f"a unit is expected where {name or 'the end'!r} stands")
         raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
 
 
@@ -225,6 +197,14 @@ def is_number(value: Any) -> bool:
 def spells_zero(text: str) -> bool:
     """Tell whether a number whose float is zero is zero, and not one too small for a float."""
     return not any(digit in text.lower().partition("e")[0] for digit in "123456789")
+
+
+def exact_float(text: str) -> float:
+    """Return the number of a text; ValueError where it is too small for one and would be zero."""
+    x = float(text)
+    if x == 0.0 and not spells_zero(text):
+        raise ValueError(f"{text[:40]} is too small a number; write 0")
+    return x
 
 
 def parse_unit(text: str) -> Unit:

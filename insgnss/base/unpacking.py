@@ -100,7 +100,7 @@ def check_unpacked(
         of = f" for a file of {_gb(packed)}" if limit < unpacked_limit() else ""
         problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{of})"
         advice = f"where its source is trusted, set {UNPACKED_GB}={enough} in the environment"
-        raise InputError.at_line(path, None, f"{problem}; {advice}")
+        raise InputError.in_file(path, f"{problem}; {advice}")
     left = available()
     if left is not None and size > left:
         problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(left)} left"
@@ -126,7 +126,7 @@ def check_archive(path: object, archive: zipfile.ZipFile) -> None:
     members = archive.infolist()
     if len(members) > MEMBERS:
         problem = f"holds {len(members)} files (limit {MEMBERS})"
-        raise InputError.at_line(path, None, f"{problem}; unpack it and give the file itself")
+        raise InputError.in_file(path, f"{problem}; unpack it and give the file itself")
     # the list of its members stands at the end
     check_unpacked(path, sum(member.file_size for member in members), packed=archive.start_dir)
 
@@ -163,7 +163,7 @@ def unpack(path: object, data: bytes) -> bytes:
     except DAMAGED as error:
         why = " ".join(str(error).split())[:200] or type(error).__name__
         problem = f"cannot be unpacked: {why}; copy it again from its source"
-        raise InputError.at_line(path, None, problem) from None
+        raise InputError.in_file(path, problem) from None
     return data
 
 

@@ -213,8 +213,7 @@ def fitting_crs(
     for info in query_crs_info("EPSG", PJType.PROJECTED_CRS, area):
         try:
             crs = CRS.from_epsg(int(info.code))
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # that a PROJ text has no datum: it need not
+            with warnings.catch_warnings(action="ignore"):  # that a PROJ text has no datum
                 distance = np.linalg.norm(Proj(crs)(lon_deg, lat_deg) - middle)
             if distance > FITTING + extent + OF_DATUM:
                 continue

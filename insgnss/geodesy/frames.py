@@ -103,6 +103,25 @@ def rotation_en(lat: ArrayLike, lon: ArrayLike) -> Array:
     return C
 
 
+def moved_geodetic(
+    lat: Array, lon: Array, h: Array, offset_ned: Array
+) -> tuple[Array, Array, Array]:
+    """Return places that are moved by offsets north, east, down.
+
+    Parameters
+    ----------
+    lat, lon : (n,) rad.
+    h : (n,) ellipsoidal height, m.
+    offset_ned : (n, 3) m.
+
+    Returns
+    -------
+    Latitude, longitude, ellipsoidal height.
+    """
+    offset = np.einsum("nij,nj->ni", rotation_en(lat, lon), offset_ned)
+    return ecef_to_geodetic(geodetic_to_ecef(lat, lon, h) + offset)
+
+
 def rotation_em(lat: ArrayLike, lon: ArrayLike) -> Array:
     """Return C_em, the rotation of east, north, up (ENU) at a point into ECEF.
 

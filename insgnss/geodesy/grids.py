@@ -131,8 +131,7 @@ def operations(source: Any, target: Any, lat: Array, lon: Array) -> Any:
     """
     from pyproj.transformer import TransformerGroup
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # pyproj's own words on what callers refuse
+    with warnings.catch_warnings(action="ignore"):  # pyproj's own words on what callers refuse
         return TransformerGroup(
             source,
             target,

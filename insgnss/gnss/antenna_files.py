@@ -21,11 +21,9 @@ from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_i
 from ..records import Array, CameraEvents, Finding, GnssFixes, Question
 
 SOLUTION = "ppk.pos"
-ALL, IMAGES, PLANE = (
-    "AntennaPos_WGS84.txt",
-    "AntennaPos_Img_WGS84.txt",
-    "AntennaPos_Img_WGS84_tangentplane.txt",
-)
+ALL = "AntennaPos_WGS84.txt"
+IMAGES = "AntennaPos_Img_WGS84.txt"
+PLANE = "AntennaPos_Img_WGS84_tangentplane.txt"
 ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES, PLANE)
 LONGEST_GAP_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer

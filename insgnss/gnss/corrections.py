@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.errors import DataError
-from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, moved_geodetic, rotation_en
 from ..geodesy.gpstime import WEEK_S
 from ..navigation.prepare.fix_covariance.classes import SAME_EPOCH_S
 from ..records import Array, Finding, GnssFixes, Question
@@ -123,10 +123,7 @@ def _at_base(air: Atmosphere | Mapping[str, float] | None, base_ecef: Array) -> 
 
 def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
     """Fixes with a correction (n, 3) m and its covariance (n, 3, 3) added."""
-    position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum(
-        "nij,nj->ni", rotation_en(fixes.lat, fixes.lon), ned
-    )
-    lat, lon, height = ecef_to_geodetic(position)
+    lat, lon, height = moved_geodetic(fixes.lat, fixes.lon, fixes.height, ned)
     return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)
 
 
@@ -172,7 +169,6 @@ def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
     moved = np.einsum(
         "nji,nj->ni", rotation_en(fixes.lat, fixes.lon), position[after] - position[before]
     )
-    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[
-        :, None, None
-    ] ** 2 + BETWEEN_MPS**2 * np.eye(3)
+    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[:, None, None] ** 2
+    cov += BETWEEN_MPS**2 * np.eye(3)
     return moved / interval[:, None], cov

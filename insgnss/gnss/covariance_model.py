@@ -7,6 +7,7 @@ classes are, and where the numbers come from, stands in
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 from ..base.errors import OptionError
@@ -22,6 +23,13 @@ def _classes() -> tuple[str, ...]:
     return CLASSES
 
 
+_TRIPLE: dict[str, Any] = {"kind": "triple", "low": 0.0, "high": LARGEST_FACTOR}
+_BY_CLASS = _TRIPLE | {"kind": "triples", "members": _classes, "usual": "below"}
+_satellites = partial(option, low=4, high=99)
+_share = partial(option, low=0.0, high=1.0)
+_time = partial(option, unit="s", low=0.0, high=3600.0)
+
+
 @dataclass(frozen=True)
 class CovarianceModel(CalibrationNumbers):
     """Numbers of (V.1) to (V.6) of `navigation.prepare.fix_covariance.classes`, as options.
@@ -32,90 +40,50 @@ class CovarianceModel(CalibrationNumbers):
     scale: Mapping[str, Triple] = option(
         lambda: dict(MEASURED.scale),
         "factor k of the engine's standard deviations, a table by class",
-        kind="triples",
-        low=0.0,
-        high=LARGEST_FACTOR,
-        members=_classes,
-        usual="below",
+        **_BY_CLASS,
     )
     floor_m: Mapping[str, Triple] = option(
-        lambda: dict(MEASURED.floor_m),
-        "floor, a table by class",
-        kind="triples",
-        unit="m",
-        low=0.0,
-        high=LARGEST_FACTOR,
-        members=_classes,
-        usual="below",
+        lambda: dict(MEASURED.floor_m), "floor, a table by class", unit="m", **_BY_CLASS
     )
-    ppm: Triple = option(
-        MEASURED.ppm,
-        "parts per million of the distance to the base",
-        kind="triple",
-        low=0.0,
-        high=LARGEST_FACTOR,
-    )
+    ppm: Triple = option(MEASURED.ppm, "parts per million of the distance to the base", **_TRIPLE)
     acceleration_mps2: Triple = option(
         MEASURED.acceleration_mps2,
         "largest acceleration; a single epoch that needs more to lie on the path is an outlier",
-        kind="triple",
         unit="m/s^2",
-        low=0.0,
-        high=LARGEST_FACTOR,
+        **_TRIPLE,
     )
-    least_satellites: int = option(
-        MEASURED.least_satellites,
-        "least number of satellites of a fixed epoch that is validated",
-        low=4,
-        high=99,
+    least_satellites: int = _satellites(
+        MEASURED.least_satellites, "least number of satellites of a fixed epoch that is validated"
     )
-    unsupported_satellites: int = option(
+    unsupported_satellites: int = _satellites(
         MEASURED.unsupported_satellites,
         "with fewer satellites an epoch that nothing confirms is unsupported",
-        low=4,
-        high=99,
     )
-    support_s: float = option(
+    support_s: float = _time(
         MEASURED.support_s,
         "time to either side within which neighbours confirm an epoch",
-        unit="s",
-        low=0.0,
         high=600.0,
     )
-    support_share: float = option(
-        MEASURED.support_share,
-        "share of the epochs within support_s that must be fixed as well",
-        low=0.0,
-        high=1.0,
+    support_share: float = _share(
+        MEASURED.support_share, "share of the epochs within support_s that must be fixed as well"
     )
-    island_s: float = option(
+    island_s: float = _time(
         MEASURED.island_s,
         "time to either side in which island_share of the epochs must be fixed where forward and "
         "backward do not both fix an island; 0 switches that off",
-        unit="s",
-        low=0.0,
-        high=3600.0,
     )
-    island_share: float = option(
+    island_share: float = _share(
         MEASURED.island_share,
         "share of the epochs within island_s that must be fixed; half of it of a ready `.pos`",
-        low=0.0,
-        high=1.0,
     )
-    degraded_s: float = option(
-        MEASURED.degraded_s,
-        "time to either side in which a degraded epoch shows",
-        unit="s",
-        low=0.0,
-        high=3600.0,
+    degraded_s: float = _time(
+        MEASURED.degraded_s, "time to either side in which a degraded epoch shows"
     )
-    degraded_share: float = option(
+    degraded_share: float = _share(
         MEASURED.degraded_share,
         "fixed epochs with a smaller share of validated ones within degraded_s are degraded; "
         "epochs before the first and after the last validated one do not count; 0 "
         "switches that off",
-        low=0.0,
-        high=1.0,
     )
     gate: float = option(
         MEASURED.gate,

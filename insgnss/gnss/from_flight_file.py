@@ -4,6 +4,7 @@ positions would give.
 
 from dataclasses import fields, replace
 
+from ..base.files import picked
 from ..io.exposures.naming import ImageMatch
 from .covariance_model import MODEL, CovarianceModel
 from .options import options_at
@@ -40,11 +41,13 @@ def solve_raw_gnss(
     InputError, UsageError, DataError
         As `ppk.solve_ppk` raises them.
     """
-    given = replace(ppk_input(raw), covariance=covariance)
+    given = replace(
+        ppk_input(raw),
+        covariance=covariance,
+        events=exposures if exposures is None else bool(exposures),
+    )
     if isinstance(exposures, tuple):
-        given = replace(given, events=True, rover_events=exposures[0], match=exposures[1])
-    else:
-        given = replace(given, events=exposures)
+        given = replace(given, rover_events=exposures[0], match=exposures[1])
     result = solve_ppk(given)
     event_notes = () if result.events is None else result.events.notes
     return replace(
@@ -54,15 +57,9 @@ def solve_raw_gnss(
 
 def ppk_input(raw: RawGnss) -> PpkInput:
     """Return the input of the solver that raw observations and their options are."""
-    settings = {f.name: getattr(raw, f.name) for f in fields(EngineSettings)}
-    options = options_at(raw.base_position, **settings)
+    settings = picked(raw, *(f.name for f in fields(EngineSettings)))
     return PpkInput(
-        raw.rover,
-        raw.base,
-        raw.navigation,
-        options,
-        wet_delay=raw.wet_delay,
-        ionosphere=raw.ionosphere,
-        atmosphere=raw.atmosphere,
+        **picked(raw, "rover", "base", "navigation", "wet_delay", "ionosphere", "atmosphere"),
+        options=options_at(raw.base_position, **settings),
         velocity=raw.phase_velocity,
     )

@@ -174,7 +174,7 @@ def base_position(
             f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
             " base's coordinates"
         )
-        raise InputError.at_line(base.path, None, message)
+        raise InputError.in_file(base.path, message)
     return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
 
 
@@ -202,9 +202,8 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         antennas = "\n" + read_text(options.antex, errors="replace")
     except OSError as error:
-        raise InputError.at_line(
+        raise InputError.in_file(
             options.antex,
-            None,
             f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
         ) from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
@@ -213,7 +212,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
             f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or"
             f" {setting('gnss.base_point', 'apc')}"
         )
-        raise InputError.at_line(options.antex, None, message)
+        raise InputError.in_file(options.antex, message)
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
 
@@ -239,11 +238,8 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, 
         f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in"
         f" {named('gnss.rtklib_options')}"
     )
-    return (
-        Question("engine dynamics", f"on, with epochs every {longest:.1f} s at most").note(
-            finding, advice
-        ),
-    )
+    expected = f"on, with epochs every {longest:.1f} s at most"
+    return (Question("engine dynamics", expected).note(finding, advice),)
 
 
 def option_file(

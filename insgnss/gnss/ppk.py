@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.files import picked
 from ..base.output.scratch import scratch_directory
 from ..base.output.staging import together
 from ..geodesy.frames import ecef_to_geodetic
@@ -249,12 +250,7 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     if MIXED in "".join(run.codes):
         summary += f"; codes of the rover {run.codes[0]}, of the base {run.codes[1]}"
     fixes = replace(fixes, source=str(given.rover), notes=())
-    files = {
-        "combined": run.combined,
-        "forward": run.forward,
-        "backward": run.backward,
-        "solution": directory / SOLUTION,
-    }
+    files = picked(run, "combined", "forward", "backward") | {"solution": directory / SOLUTION}
     files |= {f"options of {direction}": path for direction, path in run.option_files.items()}
     series = solution_series(
         solved.combined, solved.kind, *solved.from_base, solved.separation, signals
@@ -362,18 +358,11 @@ def _events(
     check_delay(given.camera_delay_s)
     if given.events is False:
         return None, ()
-    plain = (given.rover_events, given.match, given.camera_delay_s) == (
-        RoverEvents(),
-        ImageMatch(),
-        0.0,
-    )
+    options = given.rover_events, given.match, given.camera_delay_s
+    plain = options == (RoverEvents(), ImageMatch(), 0.0)
     if isinstance(given.events, Path):
-        events = events_of(
-            given.events,
-            given.match.image_ending,
-            gps_week=rover.gps_week,
-            time_scale=given.time_scale,
-        )
+        stamps = {"gps_week": rover.gps_week, "time_scale": given.time_scale}
+        events = events_of(given.events, given.match.image_ending, **stamps)
         return named(events, given.match), ()
     if given.events is None and plain:
         return unasked_events(rover)
@@ -387,9 +376,8 @@ def _checks_of(
     checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
     if isinstance(given.events, Path) and rover.events.size:
         stamps = np.unique(rover.events)
-        own = CameraEvents(
-            tuple(map(str, range(stamps.size))), stamps, rover.gps_week, str(given.rover)
-        )
+        names = tuple(map(str, range(stamps.size)))
+        own = CameraEvents(names, stamps, rover.gps_week, str(given.rover))
         beside = check_beside(events, to_gpst(own, rover, fixes), rover.gps_week)
         checks += [] if beside is None else [beside]
     return checks

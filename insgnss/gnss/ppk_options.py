@@ -23,7 +23,7 @@ ENGINES = ("auto", "pyrtklib5", "rnx2rtkp")
 """What a flight file may name: a file that came from others must not choose a program to run."""
 
 # RTKLIB takes a part of a name for the whole: "ile-tempdir" would set file-tempdir
-_NAME = re.compile(r"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+")
+OPTION_NAME = r"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+"
 _OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
 _SET_BY = {
     "out-": "the output has the form that is read again",
@@ -202,7 +202,7 @@ register("rtklib", Kind(_no_rtklib, _as_texts, several=True))
 
 def rtklib_problem(name: str, value: object) -> str:
     """What is wrong with a further option of RTKLIB, empty where it may be set."""
-    if not _NAME.fullmatch(name):
+    if not re.fullmatch(OPTION_NAME, name):
         return f"{name[:60]!r} is no name of an option of RTKLIB, such as pos2-arminfix"
     if _OURS.match(name):
         keys = (

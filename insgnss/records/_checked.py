@@ -1,5 +1,6 @@
 """What every record checks at its birth."""
 
+from collections.abc import Mapping
 from datetime import date, timedelta
 from typing import Any
 
@@ -106,6 +107,21 @@ def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool =
         a.flags.writeable = False
     object.__setattr__(record, name, a)
     return a
+
+
+def freeze(record: Any, shapes: Mapping[str, tuple[int | None, ...]]) -> None:
+    """Freeze the arrays of a record as `frozen` does; None may be one whose default is None."""
+    for name, shape in shapes.items():
+        if getattr(record, name) is not None or getattr(type(record), name, ...) is not None:
+            frozen(record, name, shape)
+
+
+def frozen_integers(record: Any, name: str) -> NDArray[np.int64]:
+    """Return the integers of a field of a frozen record, which holds a copy that stays as it is."""
+    numbers = np.array(getattr(record, name), dtype=np.int64)
+    numbers.setflags(write=False)
+    object.__setattr__(record, name, numbers)
+    return numbers
 
 
 def _where(record: Any, values: Array, row: int, column: list[int]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, frozen
+from ._checked import Array, frozen, frozen_integers
 
 INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 RADIAL = INTERIOR[5:9]
@@ -181,11 +181,9 @@ class ImageObservations:
         n = frozen(self, "uv", (None, 2)).shape[0]
         frozen(self, "sigma_px", (n, 2))
         for name in ("image", "point"):
-            rows = np.ascontiguousarray(getattr(self, name), dtype=np.int64).view()
+            rows = frozen_integers(self, name)
             if rows.shape != (n,) or (rows < 0).any():
                 raise InputError(f"ImageObservations.{name}: {n} rows from 0 must stand there")
-            rows.flags.writeable = False
-            object.__setattr__(self, name, rows)
         if n and not self.sigma_px.min() > 0.0:
             raise InputError(
                 f"ImageObservations.sigma_px: {self.sigma_px.min():g} px in row"
@@ -241,10 +239,9 @@ class GroundPoints:
     def __post_init__(self) -> None:
         n = frozen(self, "position_m", (None, 3)).shape[0]
         frozen(self, "cov", (n, 3, 3))
-        rows = np.ascontiguousarray(self.point, dtype=np.int64)
+        rows = frozen_integers(self, "point")
         if rows.shape != (n,):
             raise InputError(f"GroundPoints.point: {rows.size} rows for {n} positions")
-        object.__setattr__(self, "point", rows)
         if n and (smallest := np.linalg.eigvalsh(self.cov)[:, 0]).min() <= 0.0:
             raise InputError(
                 f"GroundPoints.cov: of row {int(smallest.argmin())} not positive definite; give"

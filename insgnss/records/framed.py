@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.units import METRE, LengthUnit
-from ._checked import Array, frozen
+from ._checked import Array, freeze, frozen
 from .cameras.rig import RigImages
 
 KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
@@ -136,14 +136,11 @@ class FramedOrientation:
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
         n = len(self.images)
-        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
-            ("coordinates", "geodetic"), (n, 3)
-        ) | dict.fromkeys(("C_fc", "C_fE"), (n, 3, 3))
-        shapes |= {"time": (n,), "cov": (n, 6, 6), "boresight": (3, 3), "camera_from_body": (3, 3)}
+        freeze(self, {"time": (n,), "coordinates": (n, 3), "geodetic": (n, 3), "cov": (n, 6, 6)})
+        freeze(self, {"C_fc": (n, 3, 3), "C_fE": (n, 3, 3)})
+        freeze(self, {"boresight": (3, 3), "camera_from_body": (3, 3)})
         if self.cross is not None:
-            shapes["cross"] = (max(n - 1, 0), 6, 6)
-        for name, shape in shapes.items():
-            frozen(self, name, shape)
+            frozen(self, "cross", (max(n - 1, 0), 6, 6))
 
     @property
     def C_cb(self) -> Array:

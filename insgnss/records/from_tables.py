@@ -33,11 +33,9 @@ ANGLES = {
     "lat": ("lat_deg", "lat", "latitude"),
     "lon": ("lon_deg", "lon", "lng", "long", "longitude"),
 }
-SIGMA, VELOCITY, VELOCITY_SIGMA = (
-    ("sd_n_m", "sd_e_m", "sd_d_m"),
-    ("vn", "ve", "vd"),
-    ("sd_vn", "sd_ve", "sd_vd"),
-)
+SIGMA = ("sd_n_m", "sd_e_m", "sd_d_m")
+VELOCITY = ("vn", "ve", "vd")
+VELOCITY_SIGMA = ("sd_vn", "sd_ve", "sd_vd")
 PLAIN_SIGMA = {"sd_n": "sd_n_m", "sd_e": "sd_e_m", "sd_d": "sd_d_m", "sd_u": "sd_d_m"}
 EPOCH_FROM_S = 1e8  # three years: no time of week, however far it runs on
 GNSS_COLUMNS = (4, 7)

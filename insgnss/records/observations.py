@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ..geodesy.gpstime import WEEK_S
-from ._checked import Array, float_array, frozen, increasing
-from .rows import Rows
+from ._checked import Array, float_array, freeze, frozen, increasing
+from .rows import Rows, RowShapes
 from .verdicts import Finding
 
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
@@ -57,7 +57,7 @@ class ImuSamples(Rows):
     <ImuSamples 101 samples, TOW 1.0 to 2.0 s, 100 Hz, mean_rate>
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("time", "gyro", "accel")
+    _ROWS: ClassVar[RowShapes] = {"time": (), "gyro": (3,), "accel": (3,)}
     _NOUN: ClassVar[str] = "samples"
 
     time: Array
@@ -70,16 +70,13 @@ class ImuSamples(Rows):
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        n = frozen(self, "time", (None,)).size
-        frozen(self, "gyro", (n, 3))
-        frozen(self, "accel", (n, 3))
-        if n < 2:
+        super().__post_init__()
+        if (n := len(self)) < 2:
             raise InputError(f"{self.source or 'ImuSamples'}: {n} samples; at least 2 are needed")
         if self.quantity not in QUANTITIES:
             raise InputError(
                 f"ImuSamples.quantity: {self.quantity!r} is none of {', '.join(QUANTITIES)}"
             )
-        increasing(self, self.time)
 
     @classmethod
     def from_array(
@@ -163,12 +160,8 @@ class Increments:
 
     def __post_init__(self) -> None:
         n = frozen(self, "dt", (None,)).size
-        frozen(self, "dtheta", (n, 3))
-        frozen(self, "dvel", (n, 3))
         m = frozen(self, "marks", (None,)).size
-        frozen(self, "rate", (m, 3))
-        if self.bridged is not None:
-            frozen(self, "bridged", (m, 6))
+        freeze(self, {"dtheta": (n, 3), "dvel": (n, 3), "rate": (m, 3), "bridged": (m, 6)})
         increasing(self, self.marks)
 
 
@@ -208,10 +201,11 @@ class GnssFixes(Rows):
         fix; the field, the row and the time are named.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = (
-        *("time", "lat", "lon", "height", "cov_ned"),
-        *("velocity_ned", "velocity_cov_ned", "quality", *OF_THE_SOLUTION, "sigma_assumed"),
-    )
+    _ROWS: ClassVar[RowShapes] = {
+        **{"time": (), "lat": (), "lon": (), "height": (), "cov_ned": (3, 3)},
+        **dict.fromkeys(("velocity_ned", "velocity_cov_ned", "quality", *OF_THE_SOLUTION)),
+        "sigma_assumed": None,
+    }
     _NOUN: ClassVar[str] = "fixes"
 
     time: Array
@@ -235,21 +229,17 @@ class GnssFixes(Rows):
     source_format: str = ""
 
     def __post_init__(self) -> None:
-        n = frozen(self, "time", (None,)).size
-        for name in ("lat", "lon", "height"):
-            frozen(self, name, (n,))
-        frozen(self, "cov_ned", (n, 3, 3))
+        super().__post_init__()
+        n = len(self)
         if self.velocity_ned is not None:
             frozen(self, "velocity_ned", (n, 3))
             frozen(self, "velocity_cov_ned", (n, 3, 3))
         for name in OF_THE_SOLUTION:
             if getattr(self, name) is not None:
                 frozen(self, name, (n,), finite=False)
-        if self.base_ecef is not None:
-            frozen(self, "base_ecef", (3,))
+        freeze(self, {"base_ecef": (3,)})
         if n < 1:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix; give one at least")
-        increasing(self, self.time)
 
     @classmethod
     def from_degrees(
@@ -331,13 +321,8 @@ class GnssFixes(Rows):
         return [_rate(self.time), *velocity]
 
     def _columns(self) -> dict[str, Any]:
-        position = {
-            "lat_deg": np.degrees(self.lat),
-            "lon_deg": np.degrees(self.lon),
-            "h_m": self.height,
-        }
         sigma = np.sqrt(np.diagonal(self.cov_ned, axis1=1, axis2=2))
-        columns = {"tow": self.time, **position}
+        columns = self._position_columns()
         columns |= dict(zip(("sd_n_m", "sd_e_m", "sd_d_m"), sigma.T, strict=True))
         if self.velocity_ned is not None and self.velocity_cov_ned is not None:
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
@@ -376,7 +361,7 @@ class CameraEvents(Rows):
     <CameraEvents 1 images, TOW 12.0 to 12.0 s, week 2008>
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("images", "time", "offset_ned", "sigma_s")
+    _ROWS: ClassVar[RowShapes] = {"images": None, "time": (), "offset_ned": (3,), "sigma_s": ()}
     _NOUN: ClassVar[str] = "images"
     _NAMES: ClassVar[str | None] = "images"
 
@@ -388,18 +373,6 @@ class CameraEvents(Rows):
     offset_ned: Array | None = None
     sigma_s: Array | None = None
     time_scale: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "images", tuple(self.images))
-        frozen(self, "time", (len(self.images),))
-        if self.offset_ned is not None:
-            frozen(self, "offset_ned", (len(self.images), 3))
-        if self.sigma_s is not None:
-            frozen(self, "sigma_s", (len(self.images),))
-        increasing(self, self.time)
-        if len(set(self.images)) != len(self.images):
-            twice = next(name for i, name in enumerate(self.images) if name in self.images[:i])
-            raise InputError(f"{self.source or 'CameraEvents'}: image {twice} occurs twice")
 
     def _columns(self) -> dict[str, Any]:
         return {"image": list(self.images), "tow": self.time}
@@ -423,7 +396,7 @@ class BarometerHeights(Rows):
         height.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("time", "height")
+    _ROWS: ClassVar[RowShapes] = {"time": (), "height": ()}
     _NOUN: ClassVar[str] = "heights"
 
     time: Array
@@ -433,11 +406,9 @@ class BarometerHeights(Rows):
     notes: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        n = frozen(self, "time", (None,)).size
-        frozen(self, "height", (n,))
-        if n < 1:
+        super().__post_init__()
+        if not len(self):
             raise InputError(f"{self.source or 'BarometerHeights'}: no height; give one at least")
-        increasing(self, self.time)
 
     def _details(self) -> list[str]:
         return [_rate(self.time)]

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ._checked import Array, frozen
+from ._checked import Array, freeze
 
 Form = Literal["mapping", "camera"]
 FORMS: tuple[Form, ...] = ("mapping", "camera")
@@ -69,16 +69,10 @@ class RelativeControl:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
-        frozen(self, "time", (len(self.images),))
         k = self.i.size
-        shapes: dict[str, tuple[int, ...]] = {
-            "offset": (k, 3),
-            "rotation": (k, 3, 3),
-            "boresight": (3, 3),
-        }
-        shapes |= dict.fromkeys(("smoothed", "independent", "gyro"), (k, 6, 6))
-        for name, shape in shapes.items():
-            frozen(self, name, shape)
+        freeze(self, {"time": (len(self.images),), "offset": (k, 3), "rotation": (k, 3, 3)})
+        freeze(self, {"boresight": (3, 3)})
+        freeze(self, dict.fromkeys(("smoothed", "independent", "gyro"), (k, 6, 6)))
 
     @property
     def dt(self) -> Array:

@@ -17,7 +17,7 @@ covariance between rows that were no neighbours is not known. It is never taken 
 """
 
 import difflib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.errors import DataError, UsageError
+from ..base.errors import DataError, InputError, UsageError
 from ..base.wording import DOCTOR
-from ._checked import Array
+from ._checked import Array, freeze, frozen, increasing
 
 if TYPE_CHECKING:
     import pandas
@@ -42,6 +42,7 @@ SHOWN_ROWS = 5
 _AXES = {3: "axis", 6: "pose", 9: "state"}  # names of dimensions in xarray, by their length
 
 Chosen = slice | NDArray[np.int64]
+RowShapes = Mapping[str, tuple[int, ...] | None]
 
 
 def rows_of(
@@ -97,16 +98,40 @@ def covariance_of_rows(cov: Array, rows: NDArray[np.int64], size: int = 6) -> Ar
 class Rows:
     """Access to the rows of a record, for its sub-classes.
 
-    A sub-class names the fields that have one row each in `_ROWS`, the noun for one row in `_NOUN`,
-    and, where it has them, the field of names in `_NAMES` and the field of n - 1 matrices that tie
+    A sub-class names the fields that have one row each in `_ROWS`, with the shape of the array of a
+    row (None: no array of finite numbers), the noun for one row in `_NOUN`, and, where it has them,
+    the field of names in `_NAMES` and the field of n - 1 matrices of the shape of `cov` that tie
     each row to the next in `_CROSS`. Its field `time` is in s.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ()
+    _ROWS: ClassVar[RowShapes] = {}
     _NOUN: ClassVar[str] = "rows"
     _NAMES: ClassVar[str | None] = None
     _CROSS: ClassVar[str | None] = None
     time: Array
+
+    def __post_init__(self) -> None:
+        """Check and freeze the rows, whose time must increase and whose names must differ."""
+        self._freeze_rows()
+        increasing(self, self.time)
+        names = () if self._NAMES is None else getattr(self, self._NAMES)
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            source = getattr(self, "source", "") or type(self).__name__
+            raise InputError(f"{source}: image {twice[:80]} occurs twice; leave one of them out")
+
+    def _freeze_rows(self) -> int:
+        """Check and freeze names and arrays, and return how many rows there are."""
+        if self._NAMES is None:
+            n = frozen(self, "time", (None,)).size
+        else:
+            names = tuple(getattr(self, self._NAMES))
+            object.__setattr__(self, self._NAMES, names)
+            n = len(names)
+        freeze(self, {name: (n, *of) for name, of in self._ROWS.items() if of is not None})
+        if self._CROSS is not None and getattr(self, self._CROSS) is not None:
+            frozen(self, self._CROSS, (max(n - 1, 0), *(self._ROWS["cov"] or ())))
+        return n
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -252,6 +277,11 @@ class Rows:
     def _columns(self) -> dict[str, Any]:
         """Columns (n,) of the table, by names with units; `tow` and, with names, `image` first."""
         raise NotImplementedError
+
+    def _position_columns(self: Any) -> dict[str, Any]:
+        """The columns of time and of a geodetic position."""
+        lat, lon = np.degrees(self.lat), np.degrees(self.lon)
+        return {"tow": self.time, "lat_deg": lat, "lon_deg": lon, "h_m": self.height}
 
     def _nearest(self, wanted: Array) -> NDArray[np.int64]:
         if not len(self):

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ._checked import Array, frozen, increasing
-from .rows import Rows
+from ._checked import Array
+from .rows import Rows, RowShapes
 from .states import State
 
 DEG_H_OF_RAD_S, MG_OF_MS2 = np.degrees(1.0) * 3600.0, 1e3 / 9.80665
@@ -33,7 +33,9 @@ class ImuBiases(Rows):
     InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("time", "gyro", "accel", "gyro_sigma", "accel_sigma")
+    _ROWS: ClassVar[RowShapes] = {"time": ()} | dict.fromkeys(
+        ("gyro", "accel", "gyro_sigma", "accel_sigma"), (3,)
+    )
     _NOUN: ClassVar[str] = "epochs"
 
     time: Array
@@ -42,12 +44,6 @@ class ImuBiases(Rows):
     gyro_sigma: Array
     accel_sigma: Array
     gps_week: int | None = None
-
-    def __post_init__(self) -> None:
-        n = frozen(self, "time", (None,)).size
-        for name in self._ROWS[1:]:
-            frozen(self, name, (n, 3))
-        increasing(self, self.time)
 
     def _columns(self) -> dict[str, Any]:
         columns: dict[str, Any] = {"tow": self.time}
@@ -81,7 +77,10 @@ class Innovations(Rows):
     InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("time", "position", "sigma", "nis", "used")
+    _ROWS: ClassVar[RowShapes] = {
+        **{"time": (), "position": (3,), "sigma": (3,), "nis": ()},
+        "used": None,
+    }
     _NOUN: ClassVar[str] = "fixes"
 
     time: Array
@@ -90,12 +89,6 @@ class Innovations(Rows):
     nis: Array
     used: NDArray[np.bool_]
     gps_week: int | None = None
-
-    def __post_init__(self) -> None:
-        n = frozen(self, "time", (None,)).size
-        for name, shape in (("position", (n, 3)), ("sigma", (n, 3)), ("nis", (n,))):
-            frozen(self, name, shape)
-        increasing(self, self.time)
 
     def _details(self) -> list[str]:
         return [f"{int(np.count_nonzero(self.used))} used"]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, frozen, increasing
+from ._checked import Array, freeze
 from .cameras.rig import RigImages
-from .rows import Chosen, Rows
+from .rows import Chosen, Rows, RowShapes
 from .series import ConstantSeries, ImuBiases, Innovations
 from .verdicts import Estimate, Finding, MeanResidual, TimeCorrelatedError
 
@@ -41,10 +41,10 @@ class Trajectory(Rows):
     InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = (
-        *("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov"),
-        *("acceleration_b", "rate_b"),
-    )
+    _ROWS: ClassVar[RowShapes] = {
+        **{"time": (), "lat": (), "lon": (), "height": (), "velocity_ned": (3,), "C_nb": (3, 3)},
+        **{"cov": (9, 9), "acceleration_b": (3,), "rate_b": (3,)},
+    }
     _NOUN: ClassVar[str] = "epochs"
     _CROSS: ClassVar[str | None] = "cross"
 
@@ -59,25 +59,6 @@ class Trajectory(Rows):
     acceleration_b: Array | None = None
     rate_b: Array | None = None
     cross: Array | None = None
-
-    def __post_init__(self) -> None:
-        n = frozen(self, "time", (None,)).size
-        shapes = {
-            "lat": (n,),
-            "lon": (n,),
-            "height": (n,),
-            "velocity_ned": (n, 3),
-            "C_nb": (n, 3, 3),
-            "cov": (n, 9, 9),
-        }
-        for name, shape in shapes.items():
-            frozen(self, name, shape)
-        if self.cross is not None:
-            frozen(self, "cross", (max(n - 1, 0), 9, 9))
-        for name in ("acceleration_b", "rate_b"):
-            if getattr(self, name) is not None:
-                frozen(self, name, (n, 3))
-        increasing(self, self.time)
 
     @property
     def rpy(self) -> Array:
@@ -116,17 +97,12 @@ class Trajectory(Rows):
         return [f"{1.0 / float(np.median(np.diff(self.time))):.4g} Hz"] if len(self) > 1 else []
 
     def _columns(self) -> dict[str, Any]:
-        position = {
-            "lat_deg": np.degrees(self.lat),
-            "lon_deg": np.degrees(self.lon),
-            "h_m": self.height,
-        }
         velocity = zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True)
         rpy = np.degrees(self.rpy)
         # -1e-15 % 360 is 360
         rpy[:, 2] = np.where((heading := rpy[:, 2] % 360.0) < 360.0, heading, 0.0)
         angles = zip(("roll_deg", "pitch_deg", "heading_deg"), rpy.T, strict=True)
-        return {"tow": self.time, **position, **dict(velocity), **dict(angles), **self._sigmas()}
+        return {**self._position_columns(), **dict(velocity), **dict(angles), **self._sigmas()}
 
     def _sigmas(self) -> dict[str, Any]:
         """Return standard deviations; a heading has none at the zenith, by its Jacobian."""
@@ -153,26 +129,17 @@ class Trajectory(Rows):
         """
         if len(segments) == 1:
             return segments[0]
-        rows = {
-            name: np.concatenate([getattr(segment, name) for segment in segments])
-            for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov")
-        }
-        for name in ("acceleration_b", "rate_b"):
-            given = [
-                x
-                for segment in segments
-                if segment.time.size and (x := getattr(segment, name)) is not None
-            ]
-            if len(given) == sum(segment.time.size > 0 for segment in segments):
-                rows[name] = np.concatenate(given)
-        cross = None
-        crosses = [
-            segment.cross for segment in segments if segment.time.size and segment.cross is not None
-        ]
-        if len(crosses) == sum(segment.time.size > 0 for segment in segments):
+        filled = [segment for segment in segments if len(segment)] or segments[:1]
+        rows = {}
+        for name in cls._ROWS:
+            pieces = [getattr(segment, name) for segment in filled]
+            if not any(piece is None for piece in pieces):
+                rows[name] = np.concatenate(pieces)
+        crosses = [segment.cross for segment in filled if segment.cross is not None]
+        if len(crosses) == len(filled):
             between = [x for own in crosses for x in (own, np.zeros((1, 9, 9)))]
-            cross = np.concatenate(between[:-1]) if between else np.zeros((0, 9, 9))
-        return cls(gps_week=segments[0].gps_week, cross=cross, **rows)
+            rows["cross"] = np.concatenate(between[:-1])
+        return cls(gps_week=segments[0].gps_week, **rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -208,10 +175,10 @@ class ExteriorOrientation(Rows):
     InputError : a shape is wrong or a value is not finite.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = (
-        *("images", "time", "position_m", "C_mc", "cov"),
-        *("velocity_mps", "rate_radps"),
-    )
+    _ROWS: ClassVar[RowShapes] = {
+        **{"images": None, "time": (), "position_m": (3,), "C_mc": (3, 3), "cov": (6, 6)},
+        **{"velocity_mps": (3,), "rate_radps": (3,)},
+    }
     _NOUN: ClassVar[str] = "images"
     _NAMES: ClassVar[str | None] = "images"
     _CROSS: ClassVar[str | None] = "cross"
@@ -234,21 +201,8 @@ class ExteriorOrientation(Rows):
     rig: RigImages | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "images", tuple(self.images))
-        n = len(self.images)
-        shapes: dict[str, tuple[int, ...]] = {
-            "time": (n,),
-            "position_m": (n, 3),
-            "C_mc": (n, 3, 3),
-            "cov": (n, 6, 6),
-        }
-        shapes |= {"origin": (3,), "boresight": (3, 3), "camera_from_body": (3, 3)}
-        if self.cross is not None:
-            shapes["cross"] = (max(n - 1, 0), 6, 6)
-        motion = ("velocity_mps", "rate_radps")
-        shapes |= {name: (n, 3) for name in motion if getattr(self, name) is not None}
-        for name, shape in shapes.items():
-            frozen(self, name, shape)
+        n = self._freeze_rows()
+        freeze(self, {"origin": (3,), "boresight": (3, 3), "camera_from_body": (3, 3)})
         if self.rig is not None and self.rig.number.size != n:
             raise InputError(f"ExteriorOrientation.rig: {self.rig.number.size} of {n} images")
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, frozen
+from ._checked import Array, freeze, frozen, frozen_integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,9 @@ class StripCovariance:
     cov: Array
 
     def __post_init__(self) -> None:
-        rows = np.array(self.rows, dtype=np.int64)
+        rows = frozen_integers(self, "rows")
         if rows.ndim != 1 or (np.diff(rows) <= 0).any():
             raise InputError("StripCovariance.rows: they must be one-dimensional and increase")
-        rows.setflags(write=False)
-        object.__setattr__(self, "rows", rows)
         frozen(self, "cov", (6 * rows.size, 6 * rows.size))
 
     @property
@@ -71,18 +69,13 @@ class CommonErrors:
     lever_arm_m: Array | None = None
 
     def __post_init__(self) -> None:
-        segment = np.array(self.segment, dtype=np.int64)
+        segment = frozen_integers(self, "segment")
         if segment.ndim != 1 or (segment < 0).any() or np.ndim(self.factor) != 3:
             raise InputError("CommonErrors: one segment, from 0, and 6 x q values of each image")
-        segment.setflags(write=False)
-        object.__setattr__(self, "segment", segment)
         q = self.factor.shape[2]
-        frozen(self, "factor", (segment.size, 6, q))
-        segments = int(segment.max(initial=-1)) + 1
-        if self.lever_arm is not None:
-            frozen(self, "lever_arm", (segments, 3, q))
-        if self.lever_arm_m is not None:
-            frozen(self, "lever_arm_m", (segments, 3))
+        count = int(segment.max(initial=-1)) + 1
+        freeze(self, {"factor": (segment.size, 6, q), "lever_arm": (count, 3, q)})
+        freeze(self, {"lever_arm_m": (count, 3)})
 
     def rest(self, rows: NDArray[np.int64], cov: Array) -> Array:
         """Return the covariance of the rest of images of one segment.

@@ -62,12 +62,10 @@ from .description import (
 from .faults import ImuFaults, RowFaults
 from .image_block import BlockOptions, SimulatedBlock, simulate_block
 from .layout import FlightPlan
-from .raw_gnss.options import RawGnssOptions
-from .raw_gnss.receiver import GnssOptions
 from .raw_gnss.rinex_files import ObservationTable, Station, write_navigation, write_observations
 from .raw_gnss.scenario import SIGNALS, RawGnss, RawObservations
 from .scenario import SimulatedFlight, simulate_flight
-from .sensors import ImuOptions, Rig, SecondImu, antenna_states
+from .sensors import ImuOptions, antenna_states
 
 Array = NDArray[np.float64]
 
@@ -105,11 +103,6 @@ def write_dataset(
     quantity: Quantity = "mean_rate",
     imu_faults: ImuFaults | None = None,
     vibration: float = 1.0,
-    gnss: GnssOptions | None = None,
-    raw_gnss: RawGnssOptions | None = None,
-    rig: Rig | None = None,
-    second_imu: SecondImu | None = None,
-    missing_events: float = 0.0,
     imu_rows: RowFaults | None = None,
     gnss_rows: RowFaults | None = None,
     flight_file: Tables | None = None,
@@ -123,9 +116,8 @@ def write_dataset(
     Parameters
     ----------
     directory : is created; it may exist if it is empty.
-    flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
-    raw_gnss : RINEX of rover and master, which the flight file then names in place of the
-        positions; None: none.
+    flight, minutes, seed, changes : as in `simulate_flight`; of raw GNSS observations the flight
+        file names the RINEX of rover and master in place of the positions.
     imu_rate : Hz.
     noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the noise.
     imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file, block : as in
@@ -143,17 +135,7 @@ def write_dataset(
         imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults(), vibration=vibration
     )
     with within(0.0, SIMULATED):
-        simulated = simulate_flight(
-            *(flight, minutes),
-            seed=seed,
-            imu=imu,
-            gnss=gnss,
-            raw_gnss=raw_gnss,
-            rig=rig,
-            second_imu=second_imu,
-            missing_events=missing_events,
-            **changes,
-        )
+        simulated = simulate_flight(flight, minutes, seed=seed, imu=imu, **changes)
     with within(SIMULATED, 1.0):
         return write_simulated(
             target,

@@ -147,7 +147,7 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
         -position[:, 2] / _FREE_M
     )
     gust = [
-        _gusts(bands, s.size, rng) * airborne * plan.turbulence
+        gusts(bands, s.size, rng) * airborne * plan.turbulence
         for bands in (_LATERAL_M, _HEIGHT_M, _ROLL, _PITCH, _YAW)
     ]
     position[:, 0] -= ahead[:, 1] * gust[0]
@@ -180,7 +180,7 @@ def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
     return np.column_stack([tilt, np.unwrap(np.arctan2(air[:, 1], air[:, 0]))])
 
 
-def _gusts(bands: tuple[tuple[float, float], ...], n: int, rng: np.random.Generator) -> Array:
+def gusts(bands: tuple[tuple[float, float], ...], n: int, rng: np.random.Generator) -> Array:
     """(n,) sum of white noises smoothed by Gaussians; (standard deviation, width in s) of each."""
     from scipy.ndimage import gaussian_filter1d
 

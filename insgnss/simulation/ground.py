@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
-from .flights import MOTION_KNOT_S, SITE, START_TOW, Flight, flight_along
+from .flights import MOTION_KNOT_S, SITE, START_TOW, Flight, flight_along, gusts
 from .motion import Motion
-from .path import Path, Route
+from .path import Path, Route, times_along
 
 Array = NDArray[np.float64]
 
@@ -109,17 +109,12 @@ def walk(
     position[:, 2] += 0.025 * moving * np.sin(2.0 * step)
     swing = [0.06 * np.sin(step), 0.05 * np.sin(2.0 * step + 1.0), 0.04 * np.sin(step + 2.0)]
     angles = [moving * (angle + 0.05 * _swing(s.size, 1.5, rng)) for angle in swing]
-    return _flight(
-        "walk", position, np.column_stack([angles[0], angles[1], course + angles[2]]), start_tow
-    )
+    return _flight("walk", position, np.column_stack([*angles[:2], course + angles[2]]), start_tow)
 
 
 def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flight:
-    return flight_along(
-        Motion(SITE, start_tow, MOTION_KNOT_S, np.hstack([position, angles])[:-_KNOTS_BEYOND]),
-        name,
-        5.0,
-    )
+    control = np.hstack([position, angles])[:-_KNOTS_BEYOND]
+    return flight_along(Motion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)
 
 
 def _journey(
@@ -153,17 +148,11 @@ def _journey(
 def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tuple[Array, Array]:
     """Times, with the halts as pauses, and path lengths, from a stand."""
     s = np.arange(0.0, path.total, _TIMETABLE_STEP_M)
-    k = np.abs(
-        path.curvature[np.clip(np.searchsorted(path.s0, s, side="right") - 1, 0, path.s0.size - 1)]
-    )
+    k = np.abs(path.curvature[path.segment_at(s)])
     square = np.minimum(gait.speed_ms**2, gait.across_ms2 / np.maximum(k, 1e-9))
     stops = np.array([round(distance / _TIMETABLE_STEP_M) for distance, _ in halts], dtype=np.int64)
     square[[0, *stops]] = 0.0
-    slope = 2.0 * gait.along_ms2 * s
-    square = np.minimum.accumulate(square - slope) + slope
-    square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
-    speed = np.sqrt(np.maximum(square, 0.0))
-    time = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
+    time = times_along(s, square, gait.along_ms2)
     # a halt is reached and left at the same place
     node = np.insert(np.arange(s.size), stops + 1, stops)
     wait = np.zeros(node.size)
@@ -188,9 +177,4 @@ def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
 
 def _swing(n: int, width_s: float, rng: np.random.Generator) -> Array:
     """(n,) smooth noise of unit standard deviation."""
-    from scipy.ndimage import gaussian_filter1d
-
-    knots = width_s / MOTION_KNOT_S
-    return np.sqrt(2.0 * np.sqrt(np.pi) * knots) * gaussian_filter1d(
-        rng.standard_normal(n), knots, mode="wrap"
-    )
+    return gusts(((1.0, width_s),), n, rng)

@@ -47,16 +47,15 @@ _TARGET_RAYS = 3  # least images of a target: two do not show a gross error
 _TARGET_DRAWS = 40  # places drawn for each target, of which those far from each other stay (chosen)
 
 
-def _digicam(name: str, free: tuple[str, ...], **values: float) -> BrownCamera:
+def _digicam(name: str, **values: float) -> BrownCamera:
     """Return a camera of Table 3 of paper 000, whose cx, cy count from the image's centre."""
     values = {**values, "cx": 2560.0 + values["cx"], "cy": 1920.0 + values["cy"]}
     interior = np.array([values.get(key, 0.0) for key in INTERIOR])
-    return BrownCamera(name, 5120, 3840, interior, free=free)
+    return BrownCamera(name, 5120, 3840, interior, free=PAPER_FREE)
 
 
 IGN8 = _digicam(
     "ign8",
-    PAPER_FREE,
     f=5608.347,
     cx=30.283,
     cy=52.558,
@@ -71,7 +70,6 @@ IGN8 = _digicam(
 """The digiCAM as it was in flight ign8 of paper 000: the true camera."""
 IGN_CAL2 = _digicam(
     "ignCal2",
-    PAPER_FREE,
     f=5606.998,
     cx=30.441,
     cy=51.870,

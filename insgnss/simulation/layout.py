@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..base.advance import share as share_done
 from ..base.advance import through, within
 from ..base.errors import UsageError
-from .path import Path, Pose, Route, advance
+from .path import Path, Pose, Route, advance, times_along
 
 Array = NDArray[np.float64]
 Line = tuple[Pose, float, float]  # start, height above ground m, length m
@@ -157,10 +157,8 @@ class FlightPlan:
     def ground_speed(self, course: Array) -> Array:
         """Speed over ground, m/s, on `course`, rad (L.2)."""
         north, east, _ = self.wind_l
-        along, across = (
-            north * np.cos(course) + east * np.sin(course),
-            east * np.cos(course) - north * np.sin(course),
-        )
+        along = north * np.cos(course) + east * np.sin(course)
+        across = east * np.cos(course) - north * np.sin(course)
         return along + np.sqrt(self.airspeed_ms**2 - across**2)
 
 
@@ -337,8 +335,4 @@ def _timetable(path: Path, plan: FlightPlan, at_rest: bool) -> tuple[Array, Arra
     square = plan.ground_speed(path.pose_at(s)[1]) ** 2
     if at_rest:
         square[0] = square[-1] = 0.0
-    slope = 2.0 * _ACCELERATION * s
-    square = np.minimum.accumulate(square - slope) + slope
-    square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
-    speed = np.sqrt(np.maximum(square, 0.0))
-    return s, np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
+    return s, times_along(s, square, _ACCELERATION)

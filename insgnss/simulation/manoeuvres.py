@@ -26,8 +26,8 @@ from .flights import (
     START_TOW,
     Flight,
     _coordinated,
-    _gusts,
     flight_along,
+    gusts,
 )
 from .motion import Motion
 
@@ -69,7 +69,7 @@ def circles(
     phase = begin + sense * speed_ms / radius * time
     wind = wind_ms * np.array([np.cos(towards), np.sin(towards), 0.0])
     ring = radius * np.stack([np.cos(phase), np.sin(phase)], axis=-1)
-    gust = [_gusts(bands, time.size, rng) for bands in (((0.4, 3.0),),) * 2 + (((0.3, 3.0),),)]
+    gust = [gusts(bands, time.size, rng) for bands in (((0.4, 3.0),),) * 2 + (((0.3, 3.0),),)]
     position = np.column_stack([ring, np.full(time.size, -_FLYING_HEIGHT_M)]) + time[:, None] * wind
     position += np.stack(gust, axis=-1)
     ahead = np.stack([-np.sin(phase), np.cos(phase), np.zeros(time.size)], axis=-1) * sense
@@ -127,7 +127,7 @@ def multirotor(
     rounded = _LEG_SMOOTH_S / MOTION_KNOT_S
     velocity = gaussian_filter1d(velocity, rounded, axis=0, mode="nearest")
     position = np.cumsum(velocity, axis=0) * MOTION_KNOT_S
-    position += np.stack([_gusts(_HOVER_WANDER, time.size, rng) for _ in range(3)], axis=-1)
+    position += np.stack([gusts(_HOVER_WANDER, time.size, rng) for _ in range(3)], axis=-1)
     position[:, 2] -= _FLYING_HEIGHT_M
     towards = rng.uniform(0.0, 2.0 * np.pi)
     wind = wind_ms * np.array([np.cos(towards), np.sin(towards), 0.0])
@@ -151,7 +151,7 @@ def _leaning(position: Array, yaw: Array, wind: Array) -> Array:
 def _shaking(n: int, rng: np.random.Generator) -> list[Array]:
     """What turbulence adds to roll, pitch and yaw, rad."""
     bands = ((1.0, 0.8), (0.3, 0.15))
-    return [np.radians(_gusts(bands, n, rng)) for _ in range(3)]
+    return [np.radians(gusts(bands, n, rng)) for _ in range(3)]
 
 
 def _clock(minutes: float) -> Array:

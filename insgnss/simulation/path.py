@@ -170,13 +170,17 @@ class Path:
         """Length of the whole path, m."""
         return float(self.s0[-1] + self.length[-1])
 
+    def segment_at(self, s: Array) -> NDArray[np.int64]:
+        """Return the segment at each path length s."""
+        return np.clip(np.searchsorted(self.s0, s, side="right") - 1, 0, self.s0.size - 1)
+
     def pose_at(self, s: Array) -> tuple[Array, Array]:
         """Return north, east, down (n, 3), m, and course (n,), rad, after the lengths s (n,), m.
 
         Beyond the path's ends the pose is that of the end (P.1).
         """
         s = np.clip(s, 0.0, self.total)
-        i = np.clip(np.searchsorted(self.s0, s, side="right") - 1, 0, self.s0.size - 1)
+        i = self.segment_at(s)
         along = s - self.s0[i]
         half = 0.5 * self.curvature[i] * along
         chord, middle = along * np.sinc(half / np.pi), self.course[i] + half
@@ -186,3 +190,16 @@ class Path:
             axis=-1,
         )
         return position, self.course[i] + 2.0 * half
+
+
+def times_along(s: Array, square: Array, acceleration: float) -> Array:
+    """Return the times (n,) s at path lengths s (n,) m, from zero on.
+
+    The speed is as high as its limits, whose squares are `square` (n,) m^2/s^2, and the
+    acceleration, m/s^2, allow.
+    """
+    slope = 2.0 * acceleration * s
+    square = np.minimum.accumulate(square - slope) + slope
+    square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
+    speed = np.sqrt(np.maximum(square, 0.0))
+    return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])

@@ -96,13 +96,6 @@ def simulate_flight(
     minutes: float | None = None,
     *,
     seed: int = 0,
-    imu: ImuOptions | None = None,
-    gnss: GnssOptions | None = None,
-    raw_gnss: RawGnssOptions | None = None,
-    rig: Rig | None = None,
-    second_imu: SecondImu | None = None,
-    missing_events: float = 0.0,
-    truth_hz: float = 10.0,
     start_tow: float = START_TOW,
     **changes: Any,
 ) -> SimulatedFlight:
@@ -113,10 +106,9 @@ def simulate_flight(
     flight : "ign8", "ign6x1", "car", "walk", or a plan.
     minutes : of the record; None for the plan's own, of a journey 5.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
-    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.
     start_tow : s, of the first instant, GPS week 2008.
-    changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or
-        line_length_m; of a journey stand_s.
+    changes : keywords of `observe`, and fields of `FlightPlan`, such as start_in_air, wind_ms,
+        turbulence, ground_s or line_length_m; of a journey stand_s.
 
     Raises
     ------
@@ -124,6 +116,7 @@ def simulate_flight(
     """
     if not isinstance(flight, FlightPlan) and flight not in FLIGHTS:
         raise UsageError(f"flight {flight!r} is unknown; {near(str(flight), FLIGHTS)}")
+    sensors = {name: changes.pop(name) for name in OF_SENSORS if name in changes}
     sensor_seed: int | np.random.SeedSequence = seed
     if isinstance(flight, str) and flight in JOURNEYS:
         if extra := [name for name in changes if name != "stand_s"]:
@@ -138,16 +131,7 @@ def simulate_flight(
         with within(0.0, PATH_SHARE):
             path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
     with within(PATH_SHARE, 1.0):
-        return observe(
-            *(path, sensor_seed),
-            imu=imu,
-            gnss=gnss,
-            raw_gnss=raw_gnss,
-            rig=rig,
-            second_imu=second_imu,
-            missing_events=missing_events,
-            truth_hz=truth_hz,
-        )
+        return observe(path, sensor_seed, **sensors)
 
 
 def observe(
@@ -197,6 +181,9 @@ def observe(
     return SimulatedFlight(
         flight, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
     )
+
+
+OF_SENSORS = tuple(observe.__kwdefaults__ or ())  # names of its options
 
 
 def _seeds(seed: int) -> list[np.random.SeedSequence]:

@@ -102,9 +102,8 @@ def refuse_unfinished(path: Path) -> None:
         A run was killed while it moved this file and others.
     """
     if is_unfinished(path):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"a run was killed while it moved its files into {path.absolute().parent}, so that"
             " this file may be older than those beside it; run that command again. Where you know"
             f" that the files belong together, delete {MARK} there",

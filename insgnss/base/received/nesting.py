@@ -6,7 +6,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..inputs import read_text
-from ..units import spells_zero
+from ..units import exact_float
 
 # levels: what people and programs write has below 20, and recursions take 1000
 DEEPEST_NESTING = 100
@@ -23,13 +23,6 @@ def too_deep(value: object) -> bool:
     return True
 
 
-def _float(text: str) -> float:
-    value = float(text)
-    if value == 0.0 and not spells_zero(text):
-        raise ValueError(f"{text[:40]} is too small for a number")
-    return value
-
-
 def parse_json(path: object, text: str) -> Any:
     """Return the value of the JSON text of a file.
 
@@ -40,7 +33,7 @@ def parse_json(path: object, text: str) -> Any:
         small for a float, which would become zero.
     """
     try:
-        value = json.loads(text, parse_float=_float)
+        value = json.loads(text, parse_float=exact_float)
     except RecursionError:
         value = None
     except ValueError as error:  # JSONDecodeError, or an integer of thousands of digits
@@ -50,7 +43,7 @@ def parse_json(path: object, text: str) -> Any:
         if not too_deep(value):
             return value
     problem = f"objects or lists within each other more than {DEEPEST_NESTING} deep"
-    raise InputError.at_line(path, None, f"{problem}; copy it again")
+    raise InputError.in_file(path, f"{problem}; copy it again")
 
 
 def read_object(path: Path, is_replaced: bool = False) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from importlib import metadata
 from typing import NamedTuple
 
 from ...base.findings import Finding, Question
+from ...base.provenance import installed_version
 
 IMPORT_S = 60.0  # for all packages to load (s): a library that takes longer hangs (chosen)
 _REQUIREMENT = re.compile(r"([\w.-]+)\s*(?:\[[^]]*\])?\s*([^;]*)(?:;(.*))?")
@@ -100,7 +101,7 @@ def package_findings(package: str = "insgnss") -> list[Finding]:
                 value, "unknown", "pip install . in the sources"
             )
         ]
-    versions = {r.name: version_of(r.name) for r in needed}
+    versions = {r.name: installed_version(r.name) for r in needed}
     modules = {name: module_of(name) for name, version in versions.items() if version}
     failures = import_failures([module for module in modules.values() if module])
     states = {
@@ -180,25 +181,6 @@ def import_failures(modules: list[str]) -> dict[str, str]:
         if rest:  # the first of them ended the process
             failures[rest.pop(0)] = ending
     return failures
-
-
-def version_of(distribution: str) -> str | None:
-    """Return the version of an installed distribution.
-
-    Parameters
-    ----------
-    distribution : str
-        Its name.
-
-    Returns
-    -------
-    str or None
-        None where it is not installed.
-    """
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _state(requirement: Requirement, version: str | None, failure: str) -> tuple[str, bool]:

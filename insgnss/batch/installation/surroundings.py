@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from ...base import __version__
+from ...base.beside import processors
 from ...base.caches import KERNELS_AT
 from ...base.errors import InsgnssError
 from ...base.findings import Finding, Question, Verdict
 from ...base.memory import available
+from ...base.provenance import installed_version
 from ...base.shipped import VARIABLES, read_processor
 
 GRIDS = (".tif", ".gtx", ".gsb")
@@ -39,7 +41,7 @@ def machine_findings(cpuinfo: Path = CPUINFO) -> list[Finding]:
         _installed_version(),
         _machine("Python").ok(f"{platform.python_version()}, {sys.executable}"),
         _machine("operating system").ok(platform.platform()),
-        _machine("processor").ok(f"{_processor(cpuinfo)}, {_processors()} to be used"),
+        _machine("processor").ok(f"{_processor(cpuinfo)}, {processors()} to be used"),
         _memory(),
     ]
 
@@ -146,9 +148,8 @@ def engine_finding() -> Finding:
 def _installed_version() -> Finding:
     """Whether what pip knows is what runs."""
     installed = _machine("installed as")
-    try:
-        version = metadata.version("insgnss")
-    except metadata.PackageNotFoundError:
+    version = installed_version("insgnss")
+    if version is None:
         value, advice = "not installed: it runs from its sources", "pip install . in the sources"
         return installed.note(value, advice)
     if version == __version__:
@@ -165,12 +166,6 @@ def _processor(cpuinfo: Path) -> str:
     return f"{match[1].strip() if match else platform.processor() or 'unknown'}, " + (
         platform.machine()
     )
-
-
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _memory() -> Finding:

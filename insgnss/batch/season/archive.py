@@ -11,7 +11,7 @@ import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from ...base import __version__
 from ...base.errors import DataError, InsgnssError, UsageError
 from ...base.files import json_ready
 from ...base.inputs import read_bytes, sha256
-from ...base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
+from ...base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products, installed_version
 from ...base.received.nesting import read_object
 from ...base.wording import relative
 from .gathering import FLIGHT_FILE
@@ -113,20 +113,7 @@ class ArchiveResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
-        return {
-            "directory": str(self.directory),
-            "runs": [
-                {
-                    "document": str(run.document),
-                    "problems": list(run.problems),
-                    "notes": list(run.notes),
-                    "remade": run.remade,
-                }
-                for run in self.runs
-            ],
-            "orphans": [str(path) for path in self.orphans],
-            "unprocessed": [str(path) for path in self.unprocessed],
-        }
+        return dict(json_ready(asdict(self)))
 
 
 def examine_archive(directory: Path, remake: bool, progress: Progress) -> ArchiveResult:
@@ -291,16 +278,9 @@ def _products(content: Mapping[str, Any], folder: Path) -> Iterator[str]:
 
 def _other_versions(versions: Mapping[str, str]) -> Iterator[str]:
     """Yield which libraries have another version now."""
-    from importlib.metadata import PackageNotFoundError, version
-
     for name, then in versions.items():
-        if name in ("insgnss", "python"):
-            continue
-        try:
-            now = version(name)
-        except PackageNotFoundError:
-            continue
-        if now != then:
+        now = None if name in ("insgnss", "python") else installed_version(name)
+        if now not in (None, then):
             yield f"{name} {now} is installed, it was {then}: last digits may differ"
 
 
@@ -309,8 +289,7 @@ def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]
     from ...flight.config.load import load_flight
 
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             flight = load_flight(base / str(content["flight"]["path"]))
     except InsgnssError as error:
         return [f"the flight file cannot be read: {error}"]
@@ -335,8 +314,7 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "made" / (PUBLISHED if outside else "products")
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with warnings.catch_warnings(action="ignore"):
                 process(load_flight(base / str(content["flight"]["path"])), out)
         except InsgnssError as error:
             return [f"cannot be processed again: {error}"]

@@ -122,7 +122,7 @@ def _table(path: Path, overview: Path | None) -> list[SeasonFlight]:
         try:
             return _of_rows(path, list(rows), overview)
         except (csv.Error, UnicodeDecodeError) as error:
-            raise InputError.at_line(path, None, f"is no CSV file in UTF-8: {error}") from None
+            raise InputError.in_file(path, f"is no CSV file in UTF-8: {error}") from None
 
 
 def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[SeasonFlight]:
@@ -157,9 +157,7 @@ def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[S
             raise InputError.at_line(path, number, f"{problem}; {advice}")
         flights.append(SeasonFlight(file, of.get("name", ""), out))
     if not flights:
-        raise InputError.at_line(
-            path, None, "names no flight; give a flight file or a directory a line"
-        )
+        raise InputError.in_file(path, "names no flight; give a flight file or a directory a line")
     return flights
 
 

@@ -216,10 +216,10 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
         yield Chart("season-sigmas", "Sigmas of the flights", reading, panels, "flight, number")
 
 
-def is_ours(path: Path) -> bool:
-    """Tell whether a file is a page of a season."""
+def is_ours(path: Path, mark: str = MARK) -> bool:
+    """Tell whether a file is a page of a season, or has another mark at its beginning."""
     try:
         with path.open(encoding="utf-8") as stream:
-            return MARK in stream.read(2000)
+            return mark in stream.read(2000)
     except (OSError, UnicodeDecodeError):
         return False

@@ -31,12 +31,6 @@ TRY = (
 )
 
 
-def processors() -> int:
-    """Return how many processors this process may use."""
-    usable = getattr(os, "sched_getaffinity", None)
-    return len(usable(0)) if usable else os.cpu_count() or 1
-
-
 def run_side_by_side(
     tasks: Sequence[Task], count: int, tell: Tell, tick: Callable[[], None]
 ) -> list[Task]:

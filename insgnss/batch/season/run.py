@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from ...base.ahead import compile_ahead
+from ...base.beside import processors
 from ...base.errors import InsgnssError, UsageError
 from ...base.files import atomic_write, picked
 from ...base.output.staging import together
 from ...base.wording import relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
-from .page import is_ours, page_html, season_document
-from .pool import processors, run_alone, run_side_by_side
+from .page import MARK, is_ours, page_html, season_document
+from .pool import run_alone, run_side_by_side
 from .request import SeasonRequest
 from .row import COLUMNS, Row, with_own_names
 from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
@@ -237,8 +238,7 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
         needed = PROGRAM_BYTES
         out = "" if flight.out is None else str(flight.out)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # its worker says them
+            with warnings.catch_warnings(action="ignore"):  # its worker says them
                 loaded = load_flight(flight.file)
             needed = forecast_bytes(loaded)
             outputs.append((flight.name, flight.out or loaded.output.directory))
@@ -251,21 +251,13 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
 
 def _refuse_files_of_others(request: SeasonRequest) -> None:
     """Raise UsageError where index.html or season.csv are there and no season's."""
-    page, table = (request.directory / name for name in (SEASON_PAGE, TABLE))
-    if request.force:
-        return
-    ours = {page: lambda: is_ours(page), table: lambda: _begins(table, HEAD[:16])}
-    for path, check in ours.items():
-        if path.exists() and not check():
+    for name, mark in {SEASON_PAGE: MARK, TABLE: HEAD[:16]}.items():
+        path = request.directory / name
+        if not request.force and path.exists() and not is_ours(path, mark):
             raise UsageError(
                 f"batch: {path} is there and not of a season; give another directory with --out, or"
                 " --force"
             )
-
-
-def _begins(path: Path, text: str) -> bool:
-    with path.open("rb") as stream:
-        return stream.read(len(text)) == text.encode()
 
 
 def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float) -> SeasonResult:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...base.errors import InputError, UsageError
 from ...base.inputs import read_text
-from ...base.units import spells_zero
+from ...base.units import exact_float
 from ...base.wording import DOCTOR
 from .row import COLUMNS, TEXTS, Row, is_number
 
@@ -59,7 +59,7 @@ def read_season(path: Path) -> list[Row]:
     try:
         lines = read_text(path, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError.at_line(path, None, f"cannot be read: {error}") from None
+        raise InputError.in_file(path, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):
         raise InputError.at_line(path, 1, f"is no season.csv; its first line is {HEAD!r}")
     try:
@@ -85,9 +85,8 @@ def read_season(path: Path) -> list[Row]:
 
 def _number(cell: str) -> float:
     """Return a finite number of ASCII digits; ValueError for what else Python takes for one."""
-    value = float(cell)
-    small = value == 0.0 and not spells_zero(cell)
-    if small or not (cell.isascii() and "_" not in cell and is_number(value)):
+    value = exact_float(cell)
+    if not (cell.isascii() and "_" not in cell and is_number(value)):
         raise ValueError(cell)
     return value
 

@@ -244,14 +244,9 @@ def trends(rows: Iterable[Row]) -> list[Trend]:
             if not with_it:
                 continue
             with_it.sort(key=_days)
-            days, value, sigma = (
-                np.array([of(row) for row in with_it], dtype=np.float64)
-                for of in (
-                    lambda row: _days(row) - first,
-                    lambda row, q=q: q.factor * row[q.column],
-                    lambda row, q=q: q.factor * row[q.sigma],
-                )
-            )
+            days = np.array([_days(row) - first for row in with_it])
+            value = np.array([q.factor * row[q.column] for row in with_it])
+            sigma = np.array([q.factor * row[q.sigma] for row in with_it])
             names = [str(row["name"]) for row in with_it]
             out.append(judged(equipment, q, days, value, sigma, names))
     return out

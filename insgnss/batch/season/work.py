@@ -149,10 +149,8 @@ def failed(
     constants : mapping, optional
         What it tells all the same, by column.
     """
-    row: Row = dict.fromkeys(COLUMNS) | dict(constants or {})
-    row |= {"name": task.name, "flight": task.file, "status": FAILED, "judgement": "bad"}
-    row |= {"reason": " ".join(reason.split()), "seconds": round(seconds, 3)}
-    row["version"] = __version__
+    row = _row_without_products(task, FAILED, " ".join(reason.split())) | dict(constants or {})
+    row |= {"judgement": "bad", "seconds": round(seconds, 3)}
     with contextlib.suppress(Exception):
         from ...flight.config.load import load_flight
 
@@ -168,10 +166,13 @@ def not_reached(task: Task) -> Outcome:
     task : Task
         The flight.
     """
-    row: Row = dict.fromkeys(COLUMNS)
-    row |= {"name": task.name, "flight": task.file, "status": WAITING, "version": __version__}
-    row["reason"] = "the run ended before it was done; give the same command again"
-    return Outcome(task.name, WAITING, row)
+    reason = "the run ended before it was done; give the same command again"
+    return Outcome(task.name, WAITING, _row_without_products(task, WAITING, reason))
+
+
+def _row_without_products(task: Task, status: str, reason: str) -> Row:
+    row: Row = dict.fromkeys(COLUMNS) | {"name": task.name, "flight": task.file, "status": status}
+    return row | {"reason": reason, "version": __version__}
 
 
 def _processed(task: Task) -> tuple[str, Row]:

@@ -15,6 +15,7 @@ above sea level in the place of one above the ellipsoid where the two are furthe
 as in most of Europe (40 to 55 m).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -136,8 +137,8 @@ def check_base_place(
     given = np.array(base_position(options, base.header)[0])
     off = float(np.linalg.norm(location.middle - given))
     if motion := location.motion():
-        raise InputError.at_line(
-            base.header.path, None, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
+        raise InputError.in_file(
+            base.header.path, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
         )
     if options.base_position_m is not None:
         if _is_header_of_rover(given, base.header, rover.header):
@@ -145,13 +146,13 @@ def check_base_place(
                 f"the base coordinates are those of the header of the rover {rover.header.path},"
                 " not of its own; are the two swapped?"
             )
-            raise InputError.at_line(base.header.path, None, message)
+            raise InputError.in_file(base.header.path, message)
         if off > MEASURED_PLACE_M and _stands_at(given, off, rover, whereabouts):
             message = (
                 f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
                 " stands there: they are swapped"
             )
-            raise InputError.at_line(base.header.path, None, message)
+            raise InputError.in_file(base.header.path, message)
     if off > OTHER_PLACE_M:
         whose = (
             "the base coordinates"
@@ -162,8 +163,8 @@ def check_base_place(
             f"stands {off:.0f} m from {whose} (limit {OTHER_PLACE_M:.0f} m), by codes at"
             f" {in_degrees(location.middle)}"
         )
-        raise InputError.at_line(
-            base.header.path, None, f"{message}; {_mistaken(given, location.middle, options)}"
+        raise InputError.in_file(
+            base.header.path, f"{message}; {_mistaken(given, location.middle, options)}"
         )
     return _coordinate_notes(options, base.header, off)
 
@@ -182,26 +183,21 @@ def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str
     lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
     if options.base_position_m is None:
         return f"give {_coordinates()}"
+
+    def agree(lat: float, lon: float, height: float) -> bool:
+        apart = np.linalg.norm(geodetic_to_ecef(lat, lon, height) - code_position)
+        return bool(abs(lat) <= np.pi / 2.0 and apart < MEASURED_PLACE_M)
+
     mistakes = {
         "latitude and longitude exchanged": (lon, lat, height),
-        "latitude and longitude in radians": (
-            float(np.degrees(lat)),
-            float(np.degrees(lon)),
-            height,
-        ),
+        "latitude and longitude in radians": (math.degrees(lat), math.degrees(lon), height),
         "the height in feet": (lat, lon, FOOT_M * height),
     }
     for mistake, taken in mistakes.items():
-        if (
-            abs(taken[0]) <= np.pi / 2.0
-            and np.linalg.norm(geodetic_to_ecef(*taken) - code_position) < MEASURED_PLACE_M
-        ):
+        if agree(*taken):
             return f"with {mistake} they agree"
     above = float(ecef_to_geodetic(code_position)[2]) - height
-    if (
-        np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - code_position)
-        < MEASURED_PLACE_M
-    ):
+    if agree(lat, lon, height + above):
         side = "above" if above > 0.0 else "below"
         return (
             f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea"

@@ -10,7 +10,6 @@ the file is converted.
 import importlib.util
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,28 +20,18 @@ from ...base.output.scratch import refuse_cut_off
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import calendar_from_gps
 from ...io.formats.logs.ulog import receiver_bytes
-from ...records import Finding, Question
+from ...records import Question
+from ..rinex.joined import RinexFile
 from ..rinex.navigation_message import TOE, read_navigation
 from ..rinex.observations import read_observations
 
 MODULE = "pyrtklib5"
 MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3", "ULOG": "PX4"}
 BY_HAND = "convert it to RINEX by hand, and give that"
-HEAD_BYTES, FRAMES = (
-    1 << 14,
-    3,
-)  # first bytes of a log, and frames in them that tell its format (chosen)
+HEAD_BYTES, FRAMES = 1 << 14, 3  # first bytes of a log, and frames that tell its format (chosen)
 CONVERTED_WITHIN_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
 RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
 UBX_SYNC, SBF_SYNC, ULOG = b"\xb5\x62", b"$@", b"ULog\x01\x12\x35"
-
-
-@dataclass(frozen=True)
-class Converted:
-    """RINEX observations of a log, and what is to be said of it."""
-
-    path: Path
-    checks: tuple[Finding, ...] = ()
 
 
 def log_format(path: Path) -> str:
@@ -76,7 +65,7 @@ def _rtcm_frames(head: bytes) -> int:
     return count
 
 
-def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Converted:
+def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> RinexFile:
     """Convert a receiver's log to RINEX 3.04; a file that is none stays as it is.
 
     Parameters
@@ -97,11 +86,10 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
     """
     form = log_format(path)
     if not form:
-        return Converted(path)
+        return RinexFile(path)
     if importlib.util.find_spec(MODULE) is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"is a log of {MAKERS[form]}; its converter comes with pip install 'insgnss[ppk]'"
             f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name}); {DOCTOR}",
         )
@@ -129,10 +117,10 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
     epochs = read_observations(observations).time.size
     finding = f"{path.name} is of {MAKERS[form]}: {epochs} epochs as RINEX 3.04{week}"
     check = Question("receiver log", "RINEX, or a log that the converter reads").ok(finding)
-    return Converted(observations, (check,))
+    return RinexFile(observations, (check,))
 
 
-def _of_autopilot(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Converted:
+def _of_autopilot(path: Path, directory: Path, navigation: tuple[Path, ...]) -> RinexFile:
     """Convert what a receiver sent to the autopilot of a PX4 log, as `converted` does its own log.
 
     Raises

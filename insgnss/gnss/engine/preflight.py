@@ -52,8 +52,8 @@ def check_observations(
         For observations by which no ambiguity can be resolved.
     """
     if rover.header.path == base.header.path:
-        raise InputError.at_line(
-            rover.header.path, None, "is given as rover and as base; give the base's own file"
+        raise InputError.in_file(
+            rover.header.path, "is given as rover and as base; give the base's own file"
         )
     for observations in (rover, base):
         _check_frequencies(observations, options)
@@ -87,25 +87,22 @@ def _check_base_times(
 ) -> tuple[Finding, ...]:
     """A note where epochs of the rover are without one of the base, InputError where all are."""
     time, reference, pace = absolute(rover), absolute(base), interval(base)
-    near, within_pace = (
-        _near(time, reference, max_age_s),
-        _near(time, reference, max(max_age_s, pace)),
-    )
-    rare = (
-        f"raise max_age_s (--max-age) to {pace:g} s at least: the base has epochs every {pace:g} s"
-    )
+    near = _near(time, reference, max_age_s)
+    within_pace = _near(time, reference, max(max_age_s, pace))
+    rare = f"raise max_age_s (--max-age) to {pace:g} s at least"
+    rare += f": the base has epochs every {pace:g} s"
     if not within_pace.any():
         message = (
             f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
             " it the base of another day?"
         )
-        raise InputError.at_line(base.header.path, None, message)
+        raise InputError.in_file(base.header.path, message)
     if not near.any():
         message = (
             f"no epoch within max_age_s = {max_age_s:g} s of any of the rover {rover.header.path};"
             f" {rare}"
         )
-        raise InputError.at_line(base.header.path, None, message)
+        raise InputError.in_file(base.header.path, message)
     if near.all():
         return ()
     finding = f"{near.mean():.1%} of {near.size} epochs; the base's file is {_span(base)}"
@@ -150,7 +147,7 @@ def _date(seconds: float) -> str:
 def _check_frequencies(observations: Observations, options: EngineOptions) -> None:
     path, n = observations.header.path, observations.time.size
     if n == 0:
-        raise InputError.at_line(path, None, "has no epochs; is the file truncated?")
+        raise InputError.in_file(path, "has no epochs; is the file truncated?")
     rows = satellites_with_phases(observations, options)
     count = np.bincount(observations.epoch[rows], minlength=n)
     share = float(np.mean(count >= FEWEST_SATELLITES))

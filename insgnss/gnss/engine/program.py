@@ -16,8 +16,9 @@ from pathlib import Path
 
 from ...base.errors import OptionError, UsageError
 from ...base.wording import DOCTOR
-from ...records import Finding
+from ...records import Finding, Question
 from ..options import EngineOptions
+from ..ppk_options import OPTION_NAME
 from .worker import nearest
 
 MODULE = "pyrtklib5"
@@ -77,45 +78,21 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         return ()
     held = binary(Path(command[0]))
     requested = [line.split("=")[0] for line in text.splitlines()]
+    ask = Question("engine options", "options that it knows")
     if OF_ALL_VERSIONS not in held:
-        finding, advice = (
-            f"{command[0]} does not show which it knows",
-            "an unknown one is left out without a word; name the program itself",
-        )
-        names = " ".join(options.rtklib_options)
-        return (
-            (
-                Finding(
-                    "engine options", f"{finding}: {names}", "options that it knows", "note", advice
-                ),
-            )
-            if options.rtklib_options
-            else ()
-        )
+        finding = f"{command[0]} does not show which it knows: {' '.join(options.rtklib_options)}"
+        advice = "an unknown one is left out without a word; name the program itself"
+        return (ask.note(finding, advice),) if options.rtklib_options else ()
     unknown = [name for name in requested if name.encode() + b"\0" not in held]
     if wrong := [name for name in unknown if name in options.rtklib_options]:
-        available = [
-            option.decode()
-            for option in re.findall(
-                rb"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+(?=\0)", held
-            )
-        ]
-        raise OptionError(
-            "gnss.rtklib_options",
-            f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], available)}",
-        )
+        options_held = re.findall(OPTION_NAME.encode() + rb"(?=\0)", held)
+        available = [name.decode() for name in options_held]
+        problem = f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], available)}"
+        raise OptionError("gnss.rtklib_options", problem)
     if not unknown:
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
-    return (
-        Finding(
-            "engine options",
-            f"unknown to {command[0]}: {' '.join(unknown)}",
-            "options that it knows",
-            "note",
-            advice,
-        ),
-    )
+    return (ask.note(f"unknown to {command[0]}: {' '.join(unknown)}", advice),)
 
 
 def binary(program: Path) -> bytes:
@@ -143,8 +120,5 @@ def check_version(engine: str) -> tuple[Finding, ...]:
         "pip install 'insgnss[ppk]'; 2.4.3 b34 of Debian fixed 0.6 % of a drive with the options by"
         f" which EX 2.5.0 fixed 98 %; {DOCTOR}"
     )
-    return (
-        Finding(
-            "engine", engine, "RTKLIB EX 2.5.0 or later, for which the options hold", "note", advice
-        ),
-    )
+    expected = "RTKLIB EX 2.5.0 or later, for which the options hold"
+    return (Question("engine", expected).note(engine, advice),)

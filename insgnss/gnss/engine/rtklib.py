@@ -178,11 +178,8 @@ def _check_refused(ends: Mapping[str, "RunEnd"]) -> tuple[Finding, ...]:
     if not names:
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 takes them"
-    return (
-        Question("engine options", "values that it takes").note(
-            f"values that it refused: {' '.join(names)}", advice
-        ),
-    )
+    finding = f"values that it refused: {' '.join(names)}"
+    return (Question("engine options", "values that it takes").note(finding, advice),)
 
 
 def _in_order(path: Path) -> list[bytes]:
@@ -190,9 +187,7 @@ def _in_order(path: Path) -> list[bytes]:
     epoch to the first.
     """
     lines = path.read_bytes().splitlines(keepends=True)
-    head, rows = (
-        [line for line in lines if line.startswith(b"%")],
-        [line for line in lines if not line.startswith(b"%") and line.strip()],
-    )
+    head = [line for line in lines if line.startswith(b"%")]
+    rows = [line for line in lines if not line.startswith(b"%") and line.strip()]
     first, last = ([float(field) for field in rows[k].split()[:2]] for k in (0, -1))
     return head + (rows if first <= last else rows[::-1])

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import DataError
-from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ...geodesy.frames import geodetic_to_ecef, moved_geodetic, rotation_en
 from ...geodesy.gpstime import WEEK_S
 from ...io.exposures.match import delayed
 from ...io.exposures.naming import ImageMatch, events_of, named
@@ -87,7 +87,7 @@ def camera_positions(
     )
     lat, lon, height = geodetic.T
     if events.offset_ned is not None:
-        lat, lon, height = _moved(geodetic, events.offset_ned)
+        lat, lon, height = moved_geodetic(lat, lon, height, events.offset_ned)
     positions = CameraPositions(
         events.images,
         events.time,
@@ -132,14 +132,6 @@ def exposures_between(
     if outside := len(events) - len(positions):
         notes.append(f"{outside} of {len(events)} exposures lie outside of {fixes.name}")
     return positions, tuple(notes)
-
-
-def _moved(geodetic: Array, offset_ned: Array) -> tuple[Array, Array, Array]:
-    """Latitude, longitude, height of places (n, 3) moved by offsets (n, 3) m north, east, down."""
-    lat, lon, height = geodetic.T
-    moved = np.einsum("nij,nj->ni", rotation_en(lat, lon), offset_ned)
-    lat, lon, height = ecef_to_geodetic(geodetic_to_ecef(lat, lon, height) + moved)
-    return np.asarray(lat), np.asarray(lon), np.asarray(height)
 
 
 def _covariance(fixes: GnssFixes, time: Array, sigma_s: Array | None) -> tuple[Array, Array]:

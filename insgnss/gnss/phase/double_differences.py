@@ -158,19 +158,9 @@ def double_differences(
 
 
 def _no_differences() -> DoubleDifferences:
-    none, number = np.empty(0), np.empty(0, dtype=np.int64)
-    return DoubleDifferences(
-        none,
-        number,
-        number,
-        number,
-        np.empty((0, 2)),
-        np.empty((0, 2)),
-        np.empty((0, 3)),
-        none,
-        none,
-        none,
-    )
+    none, number, pairs = np.empty(0), np.empty(0, dtype=np.int64), np.empty((0, 2))
+    numbers = number, number, number
+    return DoubleDifferences(none, *numbers, pairs, pairs, np.empty((0, 3)), none, none, none)
 
 
 def measurable(fixes: GnssFixes, base_ecef: Array) -> NDArray[np.bool_]:
@@ -242,16 +232,9 @@ def _two_bands(
 
 def _bands(letter: str) -> list[str]:
     """Bands of a system: the engine's, and those that it leaves out."""
-    first, *further = ENGINE_BANDS[letter]
-    return [
-        first,
-        *further,
-        *(
-            b
-            for b, hertz in HERTZ[letter].items()
-            if b not in (first, *further) and hertz < LOWER_HERTZ
-        ),
-    ]
+    bands = ENGINE_BANDS[letter]
+    lower = [b for b, hertz in HERTZ[letter].items() if b not in bands and hertz < LOWER_HERTZ]
+    return [*bands, *lower]
 
 
 def _phase(observations: "Observations", rows: Index, band: str) -> Array:

@@ -305,11 +305,9 @@ def fit(d: DoubleDifferences) -> Ionosphere | None:
     units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5, 1e-3, 1e-3]])
     expected, information = expectation(knots)
     least = max(CORRELATED_S / float(np.median(np.diff(epochs))), 1.0)
-    N, b, kinds = (
-        information * units[:, None] * units,
-        units * (information @ expected),
-        _kinds(d, knots, units),
-    )
+    N = information * units[:, None] * units
+    b = units * (information @ expected)
+    kinds = _kinds(d, knots, units)
     sigma, correlation = [], []
     for kind in kinds:
         X, y, weight, sd, q = kind.weighted(d, least)

@@ -26,9 +26,9 @@ from ...base.errors import DataError
 from ...navigation.prepare.gaps import LEAST_GAP_INTERVALS
 from ...records import Array
 from ..rinex.observation_record import Observations
-from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
-from ..satellites.orbits import LIGHT
-from .time_differences import LOCK_LOST
+from ..satellites.frequencies import carriers
+from ..satellites.orbits import LIGHT, unique_satellites
+from .time_differences import LOCK_LOST, medians
 
 Index = NDArray[np.int64]
 
@@ -158,7 +158,7 @@ class _Arcs:
         if one is None:
             return None
         columns = [one, two if two is not None else one]
-        length = np.column_stack([_wavelength(o, rows, system, o.signals[k][1]) for k in columns])
+        length = np.column_stack([_wavelength(o, rows, o.signals[k][1]) for k in columns])
         phase = length * o.values[rows][:, columns]
         if two is None:
             phase[:, 1] = np.nan
@@ -184,12 +184,7 @@ class _Arcs:
         """(n,) slips within an arc: flagged, or a step of (Q.1)."""
         free = self.phase[:, 0] - self.phase[:, 1]
         step = np.where(self.begins, np.nan, np.abs(free - np.roll(free, 1)))
-        finite = np.isfinite(step)
-        usual = (
-            _medians(step[finite], self.track[finite], int(self.track.max()) + 1)
-            if finite.any()
-            else np.zeros(int(self.track.max()) + 1)
-        )
+        usual = medians(step, self.track, int(self.track.max()) + 1)
         return ~self.begins & (
             self.flagged | (step > np.maximum(STEP_M, STEP_NOISE * usual[self.track]))
         )
@@ -225,15 +220,10 @@ def _busiest(o: Observations, rows: Index, kind: str, bands: str) -> int | None:
     return None
 
 
-def _wavelength(o: Observations, rows: Index, system: str, band: str) -> Array:
+def _wavelength(o: Observations, rows: Index, band: str) -> Array:
     """Wavelength (n,) m of rows of one system; NaN where it is not known."""
-    hertz = np.full(rows.size, HERTZ.get(system, {}).get(band, np.nan))
-    if system == "R":
-        slots = o.header.glonass_slots
-        hertz += CHANNEL_HERTZ.get(band, 0.0) * np.array(
-            [slots.get(name, np.nan) for name in o.satellite[rows].tolist()]
-        )
-    return LIGHT / hertz
+    codes, satellite = unique_satellites(o.satellite[rows])
+    return LIGHT / carriers(codes, [band], o.header.glonass_slots)[satellite, 0]
 
 
 def _cn0(o: Observations) -> tuple[Array, dict[str, Array]]:
@@ -245,20 +235,9 @@ def _cn0(o: Observations) -> tuple[Array, dict[str, Array]]:
             [o.values[:, k] for k, name in enumerate(o.signals) if name.startswith("S" + band)]
         )
         best = np.fmax.reduce(level, axis=1)
-        good = np.isfinite(best)
-        if good.any():
-            out[f"band {band}"] = _medians(best[good], index[good], seconds.size)
+        if np.isfinite(best).any():
+            out[f"band {band}"] = medians(best, index, seconds.size)
     return seconds, out
-
-
-def _medians(x: Array, group: Index, count: int) -> Array:
-    """Median (count,) of x by group; NaN of an empty one."""
-    order = np.lexsort((x, group))
-    x, size = x[order], np.bincount(group, minlength=count)
-    first = np.cumsum(size) - size
-    low, high = first + np.maximum(size - 1, 0) // 2, first + size // 2
-    middle = 0.5 * (x[np.minimum(low, x.size - 1)] + x[np.minimum(high, x.size - 1)])
-    return np.where(size > 0, middle, np.nan)
 
 
 def signal_numbers(signals: Signals) -> dict[str, Any]:
@@ -275,11 +254,12 @@ def signal_numbers(signals: Signals) -> dict[str, Any]:
         "cycle_slips_per_satellite_hour": (
             signals.slip_time.size / signals.hours if signals.hours > 0.0 else None
         ),
-        "cn0_dbhz": {band: _middle(level) for band, level in signals.cn0.items()},
+        "cn0_dbhz": {band: median(level) for band, level in signals.cn0.items()},
         "multipath_m": dict(signals.multipath_m),
     }
 
 
-def _middle(x: Array) -> float | None:
+def median(x: Array) -> float | None:
+    """Return the median of the finite values, None where there is none."""
     x = x[np.isfinite(x)]
     return float(np.median(x)) if x.size else None

@@ -20,7 +20,7 @@ from ...records import GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..rinex.navigation_message import Navigation
 from ..rinex.observation_record import Observations
-from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
+from ..satellites.frequencies import HERTZ, carriers
 from ..satellites.orbits import (
     LIGHT,
     SatelliteStates,
@@ -158,7 +158,7 @@ def antenna_states(
     states = emission_states(navigation, observations.satellite, stamp[epoch], code)
     position = _interpolate(stamp, given, fixed)
     rho, _ = ranges(states.position, position[epoch])
-    clock = _medians((code - rho) / LIGHT + states.clock_s, epoch, stamp.size)
+    clock = medians((code - rho) / LIGHT + states.clock_s, epoch, stamp.size)
     time = stamp - clock
     position = _interpolate(time, given, fixed)
     after = np.clip(np.searchsorted(given, time), 1, max(given.size - 1, 1))
@@ -178,14 +178,12 @@ def _interpolate(time: Array, given: Array, values: Array) -> Array:
     return np.column_stack([np.interp(time, given, values[:, axis]) for axis in range(3)])
 
 
-def _medians(values: Array, epoch: Index, n: int) -> Array:
-    """Median (n,) of the finite values (m,) of each epoch, epochs not decreasing; NaN where there
-    is none.
-    """
+def medians(values: Array, group: Index, n: int) -> Array:
+    """Return the median (n,) of the finite values (m,) of each group; NaN where there is none."""
     finite = np.isfinite(values)
-    values, epoch = values[finite], epoch[finite]
-    values = values[np.lexsort((values, epoch))]
-    count = np.bincount(epoch, minlength=n)
+    values, group = values[finite], group[finite]
+    values = values[np.lexsort((values, group))]
+    count = np.bincount(group, minlength=n)
     start = np.concatenate([[0], np.cumsum(count)[:-1]])
     out = np.full(n, np.nan)
     there = count > 0
@@ -286,9 +284,8 @@ def phase_pairs(
     first, second = modelled.first, modelled.second
     codes, satellite = unique_satellites(observations.satellite[second])
     bands = sorted({signal[1] for signal in observations.signals if signal[0] == "L"})
-    hertz = _carriers(
-        codes, bands, dict(observations.header.glonass_slots) | navigation.channels()
-    )[satellite]
+    channels = dict(observations.header.glonass_slots) | navigation.channels()
+    hertz = carriers(codes, bands, channels)[satellite]
     phase = np.full((second.size, len(bands)), np.nan)
     free = np.ones(phase.shape, dtype=np.bool_)
     for k, signal in enumerate(observations.signals):
@@ -360,17 +357,4 @@ def _ionosphere_rate(y: Array, kappa: Array, satellite: Index, time: Array, leng
         out[mine] = np.where(
             total[:, 1] >= LEAST_SMOOTHED_S, total[:, 0] / np.maximum(total[:, 1], 1e-3), np.nan
         )
-    return out
-
-
-def _carriers(codes: list[str], bands: list[str], channels: dict[str, int]) -> Array:
-    """Carrier frequencies (codes, bands), Hz; NaN where a satellite has none, or its GLONASS
-    channel is unknown.
-    """
-    out = np.full((len(codes), len(bands)), np.nan)
-    for i, code in enumerate(codes):
-        for k, band in enumerate(bands):
-            out[i, k] = HERTZ.get(code[0], {}).get(band, np.nan)
-            if code[0] == "R" and band in CHANNEL_HERTZ:
-                out[i, k] += CHANNEL_HERTZ[band] * channels.get(code, np.nan)
     return out

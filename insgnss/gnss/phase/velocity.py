@@ -344,10 +344,8 @@ def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
         k = joined[these]
         weights = np.zeros((these.size, max(2 * half, 2)))
         middle = weights.shape[1] // 2
-        weights[:, middle - 1], weights[:, middle] = (
-            T[k + 1] / (T[k] + T[k + 1]),
-            T[k] / (T[k] + T[k + 1]),
-        )
+        weights[:, middle - 1] = T[k + 1] / (T[k] + T[k + 1])
+        weights[:, middle] = T[k] / (T[k] + T[k + 1])
         bend = T[k] * T[k + 1] / 6.0
         rows = k[:, None] + np.arange(1 - middle, 1 + middle)
         bent = np.zeros((these.size, 3))

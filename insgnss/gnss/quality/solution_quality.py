@@ -32,7 +32,7 @@ from ...navigation.prepare.fix_covariance.classes import (
 from ...navigation.prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
 from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
-from ..phase.signal_quality import Signals
+from ..phase.signal_quality import Signals, median
 
 GOOD_RATE, FAIR_RATE = 0.99, 0.90  # share of fixed epochs: good above, poor below (chosen)
 FEW_SATELLITES = 8  # of all systems: below it one lost satellite is felt (chosen)
@@ -81,9 +81,8 @@ def solution_of(rows: PosRows) -> Solution:
     """
     columns, roots = rows.columns, ROOTS[rows.header.kind]
     if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
-        raise InputError.at_line(
+        raise InputError.in_file(
             rows.table.path,
-            None,
             f"the header does not name {missing[0]}; is it a solution of an engine?",
         )
     odd = _without_covariance(np.column_stack([columns[name] for name in roots]))
@@ -196,7 +195,7 @@ def solution_numbers(
             "median": float(np.median(solution.satellites)),
             "least": int(solution.satellites.min()),
         },
-        "ratio_median": _median(solution.ratio[fixed]),
+        "ratio_median": median(solution.ratio[fixed]),
         "age_s": {
             "median": float(np.median(solution.age_s)),
             "largest": float(np.abs(solution.age_s).max()),
@@ -204,7 +203,7 @@ def solution_numbers(
         "base_distance_m": {"least": float(distance_m.min()), "largest": float(distance_m.max())},
         "height_above_base_m": [float(height_difference_m.min()), float(height_difference_m.max())],
         "sigma_m": {
-            "fixed_median": [_median(s) for s in sigma[fixed].T],
+            "fixed_median": [median(s) for s in sigma[fixed].T],
             "largest": sigma.max(axis=0).tolist(),
         },
         "longest_gap_s": float(np.diff(fixes.time).max(initial=0.0)),
@@ -258,11 +257,6 @@ def _separation_numbers(separation: Separation, gate: float) -> dict[str, Any]:
         "fixed_rms_m": np.sqrt(np.mean(apart**2, axis=0)).tolist() if apart.size else None,
         "fixed_largest_m": np.abs(apart).max(axis=0).tolist() if apart.size else None,
     }
-
-
-def _median(x: Array) -> float | None:
-    x = x[np.isfinite(x)]
-    return float(np.median(x)) if x.size else None
 
 
 def longest_without(time: Array, good: NDArray[np.bool_]) -> float:

@@ -7,6 +7,7 @@ is told and counts for nothing, what georinex alone has, or has otherwise, is a 
 """
 
 import io
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import DataError, InputError
+from ...base.errors import DataError, InputError, words_of
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from .header import codes_of, load_rinex
 from .observations import read_observations
-from .through_georinex import library, quiet
+from .through_georinex import library
 
 SAME_EPOCH_NS = 10_000_000  # stamps of both readers (ns): 10 ms, as epochs are 50 ms apart at least
 AS_VERSION_3 = "     3.05"
@@ -97,16 +98,12 @@ class ReaderComparison:
             f" {self.stamps_s:.1e} s at most",
             "signal        both   differ     largest  this alone  georinex alone",
         ]
-        return "\n".join(
-            [
-                *lines,
-                *(
-                    f"{s.system} {s.signal:4} {s.shared:10d} {s.different:8d} {s.largest:11.3e}"
-                    f" {s.ours_alone:11d} {s.theirs_alone:15d}"
-                    for s in self.signals
-                ),
-            ]
-        )
+        lines += [
+            f"{s.system} {s.signal:4} {s.shared:10d} {s.different:8d} {s.largest:11.3e}"
+            f" {s.ours_alone:11d} {s.theirs_alone:15d}"
+            for s in self.signals
+        ]
+        return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
@@ -137,13 +134,13 @@ def compare_with_georinex(
     text = AS_VERSION_3 + text[len(AS_VERSION_3) :] if ours.header.version >= 4.0 else text
     progress("georinex")
     try:
-        with quiet():
+        with warnings.catch_warnings(action="ignore"):
             table = georinex.load(io.StringIO(text), useindicators=True)
         if table.time.size == 0:
             raise ValueError("no epoch is one to it")
     except (AssertionError, LookupError, TypeError, ValueError) as error:
-        message = f"georinex cannot read it: {' '.join(str(error).split())[:120]}"
-        raise InputError.at_line(path, None, f"{message}; insgnss ppk reads it") from None
+        message = f"georinex cannot read it: {words_of(error)}; insgnss ppk reads it"
+        raise InputError.in_file(path, message) from None
     start = int(GPS_EPOCH_UNIX_S + ours.gps_week * WEEK_S) * 10**9
     our_stamps = start + 100 * np.rint(1e7 * ours.time).astype(np.int64)
     stamps = table.time.values.astype("datetime64[ns]").astype(np.int64)

@@ -56,17 +56,10 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
     notes = (*left_out_notes, *odd)
     span = observations.time
     if outside := int(np.sum((time < span[0]) | (time > span[-1]))):
-        finding = (
-            f"{outside} of {time.size} lie outside of the epochs, {span[0]:.3f} to {span[-1]:.3f} s"
-        )
-        notes += (
-            note(
-                "camera events",
-                finding,
-                "epochs before and behind each",
-                "they get no position; leave these images out",
-            ),
-        )
+        finding = f"{outside} of {time.size} lie outside of the epochs"
+        finding += f", {span[0]:.3f} to {span[-1]:.3f} s"
+        advice = "they get no position; leave these images out"
+        notes += (note("camera events", finding, "epochs before and behind each", advice),)
     names, unnamed = numbered(time.size)
     return CameraEvents(names, time, observations.gps_week, path, (*notes, unnamed))
 
@@ -107,25 +100,19 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
             f"no external event has a record line with {shown(wanted.events_containing)}; read the"
             " lines of the events"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     if not records:
         message = (
             "holds no external event (flag 5); convert the receiver's log with its events (time"
             " marks), or give a file of events"
         )
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     if not invalid:
         return records, ()
     those = _those(records, invalid)
     if wanted.invalid_events:
-        return records, (
-            note(
-                "time marks",
-                f"{those}, and are taken",
-                "valid ones",
-                "their stamps may be off by anything",
-            ),
-        )
+        advice = "their stamps may be off by anything"
+        return records, (note("time marks", f"{those}, and are taken", "valid ones", advice),)
     if len(invalid) == len(records):
         raise InputError.at_line(path, invalid[0].line, f"camera events: {those}; {_keep()}")
     advice = (

@@ -16,6 +16,7 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -179,9 +180,8 @@ def _restored(path: Source, content: bytes) -> tuple[bytes, tuple[str, ...]]:
         try:
             content = hatanaka.decompress(content)
         except (hatanaka.HatanakaException, ValueError, OSError, EOFError) as error:
-            raise InputError.at_line(
-                path, None, f"cannot be unpacked: {_one_line(error)}; copy it again from its source"
-            ) from None
+            problem = f"cannot be unpacked: {_one_line(error)}; copy it again from its source"
+            raise InputError.in_file(path, problem) from None
     return content, tuple(_one_line(item.message) for item in complaints)
 
 
@@ -200,6 +200,11 @@ def _one_line(message: object) -> str:
     return " ".join(str(message).split())[:200]
 
 
+def _incorrect(path: Source, line: int | None, problem: str) -> InputError:
+    """The refusal of a header that is to be corrected."""
+    return InputError.at_line(path, line, f"{problem}; correct the header")
+
+
 def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
     """Return the header at the start of `buf`, and the offset behind it."""
     version, system = _first_line(path, decode(bytes(buf[:400])).split("\n")[0].rstrip("\r"))
@@ -207,30 +212,22 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
     offset = 0
     while not records or records[-1][1] != "END OF HEADER":
         if offset >= buf.size:
-            raise InputError.at_line(
-                path,
-                len(records),
-                "truncated: the file ends without END OF HEADER; copy it again from its source",
-            )
+            problem = "the file ends without END OF HEADER; copy it again from its source"
+            raise InputError.at_line(path, len(records), f"truncated: {problem}")
         text, offset = line_at(buf, offset)
         records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
         if records[-1][1] == "" and text.strip():
-            if offset >= buf.size:
-                raise InputError.at_line(
-                    path,
-                    len(records),
-                    "truncated: the file ends within its header; copy it again from its source",
-                )
-            raise InputError.at_line(
-                path,
-                len(records),
-                f"no header record: {shown(text.strip())}; complete the header, or copy the file"
-                " again",
+            problem = (
+                "truncated: the file ends within its header; copy it again from its source"
+                if offset >= buf.size
+                else f"no header record: {shown(text.strip())}; complete the header, or copy the"
+                " file again"
             )
+            raise InputError.at_line(path, len(records), problem)
         label = next((name for name in TAKEN if text.rstrip().endswith(name)), records[-1][1])
         if records[-1][1] not in (label, "COMMENT"):
-            message = f"{label} stands beside columns 61 to 80: {shown(text.strip())}"
-            raise InputError.at_line(path, len(records), f"{message}; correct the header")
+            problem = f"{label} stands beside columns 61 to 80: {shown(text.strip())}"
+            raise _incorrect(path, len(records), problem)
     return _header(path, version, system, records), offset
 
 
@@ -242,47 +239,36 @@ def line_at(buf: NDArray[np.uint8], offset: int) -> tuple[str, int]:
     size = 128
     while not (ends := np.flatnonzero(buf[offset : offset + size] == ord("\n"))).size:
         size *= 4
-    return decode(bytes(buf[offset : offset + int(ends[0])])).rstrip("\r"), offset + int(
-        ends[0]
-    ) + 1
+    end = offset + int(ends[0])
+    return decode(bytes(buf[offset:end])).rstrip("\r"), end + 1
 
 
 def _first_line(path: Source, text: str) -> tuple[float, str]:
     """Version and system; InputError for what cannot be read here."""
+    refused = partial(InputError.at_line, path, 1)
     if "RINEX VERSION / TYPE" not in text[LABEL:]:
         content = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
-        raise InputError.at_line(
-            path,
-            1,
+        raise refused(
             f"{content}; give a RINEX 2 to 4 observation file (convert a receiver's own format"
-            " first)",
+            " first)"
         )
     version, kind = text[:9].strip(), text[20:21].upper()
     if not re.fullmatch(r"[0-9](\.[0-9]+)?", version):
-        raise InputError.at_line(
-            path, 1, f"RINEX version {shown(version)} is no number; copy the file again"
-        )
+        raise refused(f"RINEX version {shown(version)} is no number; copy the file again")
     if version[0] not in "234":
-        raise InputError.at_line(
-            path,
-            1,
+        raise refused(
             f"RINEX {version}; versions 2 to 4 are read here; convert it to RINEX 3 (gfzrnx -vo 3,"
-            " convbin -v 3)",
+            " convbin -v 3)"
         )
     if kind != "O":
         content = KINDS.get(kind, f"type {shown(kind)}")
-        raise InputError.at_line(
-            path,
-            1,
-            f"holds {content} where observations must stand; give the observation file here",
+        raise refused(
+            f"holds {content} where observations must stand; give the observation file here"
         )
     letter = text[40:41].upper().strip() or "G"
     if letter not in SYSTEMS + "M":
-        raise InputError.at_line(
-            path,
-            1,
-            f"satellite system {letter!r} is none of {', '.join(SYSTEMS)}, M; correct the header",
-        )
+        problem = f"satellite system {letter!r} is none of {', '.join(SYSTEMS)}, M"
+        raise _incorrect(path, 1, problem)
     return float(version), letter
 
 
@@ -292,11 +278,8 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         by_label.setdefault(label, []).append(text)
     types = types_of(path, version, records)
     if not types:
-        raise InputError.at_line(
-            path,
-            len(records),
-            f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again",
-        )
+        problem = f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again"
+        raise InputError.at_line(path, len(records), problem)
 
     def text_of(label: str, start: int = 0, stop: int = LABEL) -> str:
         return by_label[label][-1][start:stop].strip() if label in by_label else ""
@@ -304,19 +287,12 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
     def numbers(label: str, count: int) -> Array | None:
         return _numbers(path, records, label, count) if label in by_label else None
 
-    approx, delta, interval = (
-        numbers(label, n)
-        for label, n in (("APPROX POSITION XYZ", 3), ("ANTENNA: DELTA H/E/N", 3), ("INTERVAL", 1))
-    )
-    leap = numbers("LEAP SECONDS", 1)
+    approx, delta = numbers("APPROX POSITION XYZ", 3), numbers("ANTENNA: DELTA H/E/N", 3)
+    interval, leap = numbers("INTERVAL", 1), numbers("LEAP SECONDS", 1)
     clock = "".join(LETTERS.findall(text_of("TIME OF FIRST OBS"))).upper() or CLOCKS.get(system)
     if clock is not None and clock not in CLOCKS.values():
-        raise InputError.at_line(
-            path,
-            None,
-            f"the header's time system {clock!r} is none of {', '.join(CLOCKS.values())}; correct"
-            " the header",
-        )
+        problem = f"the header's time system {clock!r} is none of {', '.join(CLOCKS.values())}"
+        raise _incorrect(path, None, problem)
     return RinexHeader(
         str(path),
         version,
@@ -347,12 +323,8 @@ def _numbers(path: Source, records: Iterable[Record], label: str, count: int) ->
         return np.zeros(count)
     values = [float_of(item.strip()) for item in fields]
     if None in values:
-        raise InputError.at_line(
-            path,
-            line,
-            f"{label}: {shown(text.strip())}, expected {count} number{'s' * (count > 1)}; correct"
-            " the header",
-        )
+        expected = f"expected {count} number{'s' * (count > 1)}"
+        raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
     return np.array(values, dtype=np.float64)
 
 
@@ -370,33 +342,22 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
         count = text[:6] if version < 3 else text[1:6]
         if count.strip():
             if missing:
-                raise InputError.at_line(
-                    path, line, f"{label}: {missing} codes fewer than announced; correct the header"
-                )
+                raise _incorrect(path, line, f"{label}: {missing} codes fewer than announced")
             system = "" if version < 3 else text[0].upper()
             if not COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEMS):
-                raise InputError.at_line(
-                    path,
-                    line,
-                    f"{label}: {shown(text.rstrip())}, expected a system and a number of codes;"
-                    " correct the header",
-                )
+                expected = "expected a system and a number of codes"
+                raise _incorrect(path, line, f"{label}: {shown(text.rstrip())}, {expected}")
             missing, types[system] = int(count), []
         codes = [
             text[6 + size * k : 6 + size * (k + 1)].strip() for k in range(min(width, missing))
         ]
         if not all(codes) or not types:
-            raise InputError.at_line(
-                path,
-                line,
-                f"{label}: fewer codes than announced: {shown(text.rstrip())}; correct the header",
-            )
+            problem = f"{label}: fewer codes than announced: {shown(text.rstrip())}"
+            raise _incorrect(path, line, problem)
         types[system] += codes
         missing, last = missing - len(codes), line
     if missing:
-        raise InputError.at_line(
-            path, last, f"{label}: {missing} codes fewer than announced; correct the header"
-        )
+        raise _incorrect(path, last, f"{label}: {missing} codes fewer than announced")
     return {name: tuple(codes) for name, codes in types.items()}
 
 
@@ -445,8 +406,8 @@ def _slots(path: Source, records: Iterable[Record]) -> dict[str, int]:
     for line, label, text in records:
         if label == "GLONASS SLOT / FRQ #":
             if not SLOTS.fullmatch(text):
-                message = f"{label}: {shown(text.strip())}, expected pairs such as R01  1"
-                raise InputError.at_line(path, line, f"{message}; correct the header")
+                expected = "expected pairs such as R01  1"
+                raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
             pairs += re.findall(r"R *([0-9]{1,2}) +([+-]?[0-9]+)", text)
     return {f"R{int(slot):02d}": int(number) for slot, number in pairs}
 
@@ -463,8 +424,8 @@ def scale_of(
         if hit := SCALE.fullmatch(text[:6].strip()):
             system, factor = hit[1], float(hit[2])
         elif text[:10].strip() or not system:
-            message = f"{label}: {shown(text.strip())}, expected a system and 1, 10, 100 or 1000"
-            raise InputError.at_line(path, line, f"{message}; correct the header")
+            expected = "expected a system and 1, 10, 100 or 1000"
+            raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
         for code in text[10:].split() or (types.get(system, ()) if hit else ()):
             factors[system, code] = factor
     return factors

@@ -27,14 +27,14 @@ SAME_EPOCH_S = 1e-3  # between stamps of one epoch: receivers steer clocks to a 
 
 
 @dataclass(frozen=True)
-class Joined:
-    """A file of one receiver, and what is to be said of it."""
+class RinexFile:
+    """Observations of one receiver, and what is to be said of them."""
 
     path: Path
     checks: tuple[Finding, ...] = ()
 
 
-def joined(paths: Sequence[Path], directory: Path) -> Joined:
+def joined(paths: Sequence[Path], directory: Path) -> RinexFile:
     """Join observation files of one receiver; a single one stays where it is.
 
     Parameters
@@ -50,7 +50,7 @@ def joined(paths: Sequence[Path], directory: Path) -> Joined:
         Where a file cannot be read, headers differ, or files overlap.
     """
     if len(paths) == 1:
-        return Joined(paths[0])
+        return RinexFile(paths[0])
     read = sorted((read_observations(path) for path in paths), key=_first)
     for one, other in pairwise(read):
         _check_alike(read[0].header, other.header)
@@ -59,7 +59,7 @@ def joined(paths: Sequence[Path], directory: Path) -> Joined:
                 f"begins {_last(one) - _first(other):.3f} s before {one.header.path} ends; give"
                 " files that follow each other, each once"
             )
-            raise InputError.at_line(other.header.path, None, message)
+            raise InputError.in_file(other.header.path, message)
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / f"{Path(read[0].header.path).name} and {len(read) - 1} more"
     with path.open("wb") as file:
@@ -73,7 +73,7 @@ def joined(paths: Sequence[Path], directory: Path) -> Joined:
     check = Question("GNSS files", "files that follow each other").ok(
         f"{finding}, at most {max(gaps):g} s between them"
     )
-    return Joined(path, (check, *(note for one in read for note in one.notes)))
+    return RinexFile(path, (check, *(note for one in read for note in one.notes)))
 
 
 def _first(observations: Observations) -> float:
@@ -91,10 +91,7 @@ def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
         "the RINEX version": (first.version, other.version),
         "the kinds of observations": (first.types, other.types),
         "the antenna": (first.antenna, other.antenna),
-        "the antenna's height": (
-            first.antenna_delta_m.tolist(),
-            other.antenna_delta_m.tolist(),
-        ),
+        "the antenna's height": tuple(header.antenna_delta_m.tolist() for header in (first, other)),
         "the time system": (first.clock, other.clock),
         "scale factors": (first.scale, other.scale),
     }
@@ -104,7 +101,7 @@ def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
                 f"{name} is not that of {first.path}: {str(another)[:60]}, not {str(one)[:60]};"
                 " files of one receiver and setting are joined, convert them alike"
             )
-            raise InputError.at_line(other.path, None, message)
+            raise InputError.in_file(other.path, message)
     if first.approx_position_m is None or other.approx_position_m is None:
         return
     apart = float(np.linalg.norm(first.approx_position_m - other.approx_position_m))
@@ -113,4 +110,4 @@ def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
             f"is of {other.marker or 'another marker'}, {apart:.0f} m from {first.marker} of"
             f" {first.path}; join files of one station"
         )
-        raise InputError.at_line(other.path, None, message)
+        raise InputError.in_file(other.path, message)

@@ -33,6 +33,7 @@ from ...base.unpacking import unpack
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
 from ...io.formats.text.layout import float_of, shown
 from .navigation_4 import as_rinex_3
+from .systems import BEIDOU_LAG_S, CONSTANTS, is_geostationary
 from .through_georinex import messages_of_netcdf, messages_of_sp3
 
 Array = NDArray[np.float64]
@@ -67,26 +68,20 @@ PLACES = {
 }
 PLACES |= {CIS: 14, I0: 15, CRC: 16, PERIGEE: 17, NODE_DOT: 18, I_DOT: 19}
 SOURCE, HEALTH = 20, 24  # their places among the numbers of a Galileo message
-# gravitational constant, m^3/s^2, and rotation of the Earth, rad/s, that the interface documents
-# prescribe
-CONSTANTS = {
-    "G": (3.986005e14, 7.2921151467e-5),
-    "J": (3.986005e14, 7.2921151467e-5),
-    "E": (3.986004418e14, 7.2921151467e-5),
-    "C": (3.986004418e14, 7.292115e-5),
-}
 LINES = {"G": 8, "J": 8, "E": 8, "C": 8, "R": 4}
 LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
 CHANNEL, CHANNELS = 10, (-7, 24)  # of GLONASS: place and range; those up to 24 until 1998
 SPARE = {"G": (28, 29, 30), "J": (28, 29, 30), "E": (22, 28, 29, 30), "C": (20, 22, 29, 30)}
 SPARE |= {"R": (14,)}  # places of numbers that neither this package nor the engine needs
+# distances of GLONASS from the Earth's centre (m), roots of the semi-major axes of others (m^1/2)
+# and their eccentricities: none of a navigation satellite lies outside
+GLONASS_RADIUS_M, ROOT_A_LIMITS, MOST_ECCENTRICITY = (2.4e7, 2.7e7), (5e3, 7e3), 0.5
 SHORTEST = 23  # columns before a message's first number; a shorter line begins none
 # words that a message must have: their place among its numbers, and their range
 WORDS = {
     "R": ((CHANNEL, "the frequency number", *CHANNELS),),
     "E": ((SOURCE, "the data source", 0, 1023), (HEALTH, "the health", 0, 511)),
 }
-BEIDOU_LAG_S = 14.0  # of BeiDou time behind GPST: leap seconds from 1980 to 2006
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
 FITTED = "messages fitted to precise orbits (SP3)"
 NETCDF = re.compile("\x89HDF|CDF")
@@ -176,13 +171,8 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
                 left_out["unhealthy"] += 1
             else:
                 week = gps_from_calendar(message.toc, "gpst")[0] if week is None else week
-                rows.append(
-                    (
-                        message.satellite,
-                        _row(path, message, week),
-                        int(message.values[CHANNEL]) if system == "R" else 0,
-                    )
-                )
+                channel = int(message.values[CHANNEL]) if system == "R" else 0
+                rows.append((message.satellite, _row(path, message, week), channel))
     source = " ".join(str(path) for path in paths)
     if week is None:
         raise InputError(
@@ -190,16 +180,9 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
             " BeiDou, QZSS); give the broadcast ephemerides of the day"
         )
     rows.sort(key=lambda row: row[1][TOE])
-    satellite, table, channel = (list(column) for column in zip(*rows, strict=True))
-    return Navigation(
-        np.array(satellite),
-        np.array(table),
-        np.array(channel),
-        week,
-        source,
-        tuple(sorted(left_out.items())),
-        tuple(sorted(mended.items())),
-    )
+    satellite, table, channels = (np.array(column) for column in zip(*rows, strict=True))
+    counts = (tuple(sorted(count.items())) for count in (left_out, mended))
+    return Navigation(satellite, table, channels, week, source, *counts)
 
 
 def navigation_bytes(path: Source) -> bytes:
@@ -253,30 +236,20 @@ class _NavigationText:
             lines[torn], self.mended["pieces of a line"] = "", self.mended["pieces of a line"] + 1
         for begin, after in pairwise([*first, len(lines)]):
             line = lines[begin]
-            satellite = (
-                f"{line[0]}{line[1:3].replace(' ', '0')}"
-                if version >= 3.0
-                else f"{self.system}{line[:2].replace(' ', '0')}"
-            )
-            if (
-                satellite[0] not in (*LINES, *LEFT_OUT)
-                or not satellite[1:].isdigit()
-                or not satellite.isascii()
-            ):
-                raise InputError.at_line(
-                    path,
-                    begin + 1,
-                    f"{line[:8]!r} begins no message of a known satellite; is the file damaged?",
-                )
-            if satellite[0] in LEFT_OUT:
+            system, number = (line[0], line[1:3]) if version >= 3.0 else (self.system, line[:2])
+            satellite = system + number.replace(" ", "0")
+            known = system in (*LINES, *LEFT_OUT) and satellite[1:].isdigit()
+            if not known or not satellite.isascii():
+                message = f"{line[:8]!r} begins no message of a known satellite"
+                raise InputError.at_line(path, begin + 1, f"{message}; is the file damaged?")
+            if system in LEFT_OUT:
                 yield _Message(satellite, datetime.min, [], begin + 1)
                 continue
-            needed = LINES[satellite[0]]
+            needed = LINES[system]
             if after - begin < needed:
                 message = (
                     f"message of {satellite} has {after - begin} lines of {needed}; the file is cut"
-                    " short"
-                    " or damaged, fetch it again"
+                    " short or damaged, fetch it again"
                 )
                 raise InputError.at_line(path, begin + 1, message)
             width = 23 if version >= 3.0 else 22
@@ -284,12 +257,8 @@ class _NavigationText:
             for more in lines[begin + 1 : begin + needed]:
                 fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
             values = [self.number(begin, k, field, satellite) for k, field in enumerate(fields)]
-            yield _Message(
-                satellite,
-                _stamp(path, begin + 1, line[3:width] if version >= 3.0 else line[2:width]),
-                values,
-                begin + 1,
-            )
+            toc = _stamp(path, begin + 1, line[width - 20 : width])
+            yield _Message(satellite, toc, values, begin + 1)
 
     def number(self, begin: int, k: int, field: str, satellite: str) -> float:
         """Number k of a satellite's message that begins at line `begin`; a spare one that is none
@@ -315,39 +284,29 @@ def _text(path: Source) -> str:
     try:
         return unpack(path, read_bytes(path)).decode("latin-1")
     except FileNotFoundError:
-        raise InputError.at_line(
-            path, None, "no such file; check the path of the navigation file"
-        ) from None
+        problem = "no such file; check the path of the navigation file"
     except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
-        ) from None
+        problem = f"cannot be read: {error.strerror or error}; check path and permission"
+    raise InputError.in_file(path, problem)
 
 
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     """Version, system of a RINEX 2 file, and the place of the first line after the header."""
     first = lines[0] if lines else ""
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
-        raise InputError.at_line(
-            path,
-            1,
-            "no RINEX navigation file (RINEX VERSION / TYPE with N or G), nor SP3; are the files in"
-            " the right places?",
-        )
+        message = "no RINEX navigation file (RINEX VERSION / TYPE with N or G), nor SP3"
+        raise InputError.at_line(path, 1, f"{message}; are the files in the right places?")
     version = _number(path, 0, 0, first[:9].strip())
     if not 2.0 <= version < 5.0:
-        raise InputError.at_line(
-            path, 1, f"RINEX {version:.2f}; 2, 3 and 4 are read, convert it to 3.04"
-        )
+        message = f"RINEX {version:.2f}; 2, 3 and 4 are read, convert it to 3.04"
+        raise InputError.at_line(path, 1, message)
     if version < 3.0 and first[20] == "H":
-        raise InputError.at_line(
-            path, 1, "messages of SBAS satellites alone; give GPS or GLONASS messages"
-        )
+        message = "messages of SBAS satellites alone; give GPS or GLONASS messages"
+        raise InputError.at_line(path, 1, message)
     end = next((i for i, line in enumerate(lines) if line[60:80].strip() == "END OF HEADER"), None)
     if end is None:
-        raise InputError.at_line(
-            path, len(lines), "the header has no end; the file is cut short, fetch it again"
-        )
+        message = "the header has no end; the file is cut short, fetch it again"
+        raise InputError.at_line(path, len(lines), message)
     return version, "R" if first[20] == "G" else "G", end + 1
 
 
@@ -382,11 +341,8 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
             raise ValueError
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
     except ValueError:
-        raise InputError.at_line(
-            path,
-            line,
-            f"{shown(field.strip())} is no date and time of a clock; is the file damaged?",
-        ) from None
+        problem = f"{shown(field.strip())} is no date and time of a clock; is the file damaged?"
+        raise InputError.at_line(path, line, problem) from None
 
 
 def _check_words(path: Source, message: _Message) -> None:
@@ -397,10 +353,8 @@ def _check_words(path: Source, message: _Message) -> None:
             line = message.line + (number + 1) // 4
             shown_value = "blank" if math.isnan(value) else f"{value:g}"
             problem = f"message of {message.satellite}: {word} is {shown_value}"
-            expected = f"a whole number from {low} to {high} is expected"
-            raise InputError.at_line(
-                path, line, f"{problem}; {expected}, fetch the file again or delete the message"
-            )
+            problem += f"; a whole number from {low} to {high} is expected, fetch the file again"
+            raise InputError.at_line(path, line, f"{problem} or delete the message")
 
 
 def _healthy(message: _Message) -> bool:
@@ -425,7 +379,7 @@ def _row(path: Source, message: _Message, week: int) -> Array:
         row[TOC] = row[TOE] = toc + (toc_week - week) * WEEK_S
     else:
         row[[*PLACES]] = [values[column] for column in PLACES.values()]
-        row[KIND] = GEOSTATIONARY if system == "C" and _geostationary(message.satellite) else KEPLER
+        row[KIND] = GEOSTATIONARY if is_geostationary(message.satellite) else KEPLER
         row[MU], row[RATE] = CONSTANTS[system]
         since = (row[SOW] - toc + 0.5 * WEEK_S) % WEEK_S - 0.5 * WEEK_S
         lag = BEIDOU_LAG_S if system == "C" else 0.0
@@ -435,38 +389,19 @@ def _row(path: Source, message: _Message, week: int) -> Array:
     return row
 
 
-def _geostationary(satellite: str) -> bool:
-    number = int(satellite[1:])
-    return number <= 5 or number >= 59
-
-
 def _check(path: Source, message: _Message, row: Array) -> None:
     """Raise InputError where an element is missing or out of all bounds."""
+    satellite = message.satellite
     if not np.isfinite(row).all():
-        raise InputError.at_line(
-            path,
-            message.line,
-            f"message of {message.satellite} lacks a number; the file is damaged, fetch it again",
-        )
-    if message.satellite[0] == "R":
-        size, low, high, quantity = (
-            float(np.linalg.norm(row[STATE : STATE + 3])),
-            2.4e7,
-            2.7e7,
-            "distance from the Earth's centre, m",
-        )
+        problem = f"message of {satellite} lacks a number; the file is damaged, fetch it again"
+        raise InputError.at_line(path, message.line, problem)
+    if satellite[0] == "R":
+        size, (low, high) = float(np.linalg.norm(row[STATE : STATE + 3])), GLONASS_RADIUS_M
+        quantity = "distance from the Earth's centre, m"
     else:
-        size, low, high, quantity = (
-            float(row[ROOT_A]),
-            5e3,
-            7e3,
-            "root of the semi-major axis, m^1/2",
-        )
-    if not low < size < high or (message.satellite[0] != "R" and not 0.0 <= row[ECC] < 0.5):
-        raise InputError.at_line(
-            path,
-            message.line,
-            f"message of {message.satellite}: {quantity}, {size:g} (eccentricity {row[ECC]:g}) is"
-            " no"
-            " orbit",
-        )
+        size, (low, high) = float(row[ROOT_A]), ROOT_A_LIMITS
+        quantity = "root of the semi-major axis, m^1/2"
+    eccentric = satellite[0] != "R" and not 0.0 <= row[ECC] < MOST_ECCENTRICITY
+    if not low < size < high or eccentric:
+        problem = f"{quantity}, {size:g} (eccentricity {row[ECC]:g}) is no orbit"
+        raise InputError.at_line(path, message.line, f"message of {satellite}: {problem}")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.gpstime import WEEK_S
 from ...records import Array, Finding
+from ...records.rows import rows_of
 from .header import RinexHeader
 
 
@@ -103,21 +104,17 @@ class Observations:
             self,
             gps_week=week,
             time=self.time[taken] - back,
-            flag=self.flag[taken],
-            clock_offset_s=self.clock_offset_s[taken],
             epoch=(np.cumsum(taken) - 1)[self.epoch][rows],
-            satellite=self.satellite[rows],
-            values=self.values[rows],
-            loss_of_lock=self.loss_of_lock[rows],
-            strength=self.strength[rows],
             events=self.events - back,
             records=records,
+            **rows_of(self, taken, ("flag", "clock_offset_s")),
+            **rows_of(self, rows, ("satellite", "values", "loss_of_lock", "strength")),
         )
 
     def column(self, signal: str) -> int:
         """Return the index of a signal among the columns."""
         if signal not in self.signals:
-            raise InputError.at_line(
-                self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
+            raise InputError.in_file(
+                self.header.path, f"has no {signal}; there are {', '.join(self.signals)}"
             )
         return self.signals.index(signal)

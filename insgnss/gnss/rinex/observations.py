@@ -44,9 +44,9 @@ from .header import (
     types_of,
 )
 from .observation_record import EventRecord, Observations
+from .systems import BEIDOU_LAG_S
 
 TICKS_PER_WEEK = 6_048_000_000_000  # 604 800 s of `_kernels.TICKS_PER_S`
-BDT_BEHIND_S = 14  # BeiDou time behind GPST: leap seconds from 1980 to 2006
 # weeks that a recording may last: 52, since stamps of a receiver that does not know the date are
 # years away, and seconds of a week years away are doubles too coarse for the others
 LONGEST_WEEKS = 52
@@ -111,9 +111,8 @@ class _Reading:
         self.state[_kernels.OFFSET], self.state[_kernels.LINE] = offset, header.lines + 1
         self.sats = np.empty(1000, dtype=np.int64)
         self.seen = np.full(100 * len(SYSTEMS), -1, dtype=np.int64)
-        self.event_records: list[
-            tuple[int, int, int, tuple[str, ...]]
-        ] = []  # flag, ticks, line, records
+        # flag, ticks, line, records
+        self.event_records: list[tuple[int, int, int, tuple[str, ...]]] = []
         self.notes: list[Finding] = []
         if header.version >= 3:
             for system in self.types:
@@ -127,31 +126,19 @@ class _Reading:
 
     def allocate(self, epochs: int, rows: int) -> None:
         """Make room, keeping what there is."""
-        n, m, k = (
-            int(self.state[self.kernels.EPOCHS]),
-            int(self.state[self.kernels.ROWS]),
-            len(self.signals),
-        )
-        old = self.__dict__.copy()
+        n, m = (int(self.state[k]) for k in (self.kernels.EPOCHS, self.kernels.ROWS))
+        old, shape = self.__dict__.copy(), (rows, len(self.signals))
         self.ticks, self.lines = np.empty(epochs, dtype=np.int64), np.empty(epochs, dtype=np.int64)
         self.flags, self.clock = np.empty(epochs, dtype=np.int8), np.empty(epochs)
         self.epoch, self.satellite = np.empty(rows, dtype=np.int64), np.empty(rows, dtype=np.int16)
-        self.values = np.empty((rows, k))
-        self.lock, self.strength = (
-            np.empty((rows, k), dtype=np.int8),
-            np.empty((rows, k), dtype=np.int8),
-        )
+        self.values, self.lock = np.empty(shape), np.empty(shape, dtype=np.int8)
+        self.strength = np.empty(shape, dtype=np.int8)
         if n == 0:
             return
-        for name, size in {
-            "ticks": n,
-            "lines": n,
-            "flags": n,
-            "clock": n,
-            "epoch": m,
-            "satellite": m,
-        }.items():
-            getattr(self, name)[:size] = old[name][:size]
+        for name in ("ticks", "lines", "flags", "clock"):
+            getattr(self, name)[:n] = old[name][:n]
+        for name in ("epoch", "satellite"):
+            getattr(self, name)[:m] = old[name][:m]
         for name, missing in {"values": np.nan, "lock": 0, "strength": 0}.items():
             width = old[name].shape[1]
             getattr(self, name)[:m, :width] = old[name][:m]
@@ -177,34 +164,28 @@ class _Reading:
     def read(self) -> None:
         """Parse to the end, event by event."""
         k = self.kernels
-        three, blank = (
-            self.header.version >= 3,
-            SYSTEMS.find(self.header.system if self.header.system in SYSTEMS else "G"),
-        )
+        three = self.header.version >= 3
+        blank = SYSTEMS.find(self.header.system if self.header.system in SYSTEMS else "G")
         while True:
             status = k.parse(
-                *(
-                    self.buf,
-                    three,
-                    blank,
-                    self.widths,
-                    self.columns,
-                    self.scale,
-                    self.state,
-                    self.sats,
-                    self.seen,
-                ),
-                *(
-                    self.ticks,
-                    self.flags,
-                    self.clock,
-                    self.lines,
-                    self.epoch,
-                    self.satellite,
-                    self.values,
-                    self.lock,
-                    self.strength,
-                ),
+                self.buf,
+                three,
+                blank,
+                self.widths,
+                self.columns,
+                self.scale,
+                self.state,
+                self.sats,
+                self.seen,
+                self.ticks,
+                self.flags,
+                self.clock,
+                self.lines,
+                self.epoch,
+                self.satellite,
+                self.values,
+                self.lock,
+                self.strength,
             )
             if status == k.DONE:
                 break
@@ -217,7 +198,8 @@ class _Reading:
                 self.seen[:] = -1
                 self.allocate(self.ticks.size, self.satellite.size)
             elif not (status == k.BAD_EPOCH and (self.skip_comment() or self.bring_in_columns())):
-                raise self.refusal(int(status))
+                line = int(self.state[k.MARK_LINE])
+                raise InputError.at_line(self.path, line, self.fault(int(status)))
         self.refuse_cut_line()
 
     def take_event(self) -> None:
@@ -227,12 +209,8 @@ class _Reading:
         lines: list[str] = []
         for number in range(line + 1, line + 1 + int(state[k.COUNT])):
             if offset >= self.buf.size:
-                raise InputError.at_line(
-                    self.path,
-                    line,
-                    f"truncated: {len(lines)} of {state[k.COUNT]} records of this event; copy it"
-                    " again",
-                )
+                problem = f"{len(lines)} of {state[k.COUNT]} records of this event; copy it again"
+                raise InputError.at_line(self.path, line, f"truncated: {problem}")
             text, offset = line_at(self.buf, offset)
             if text.startswith(">") or (flag < 5 and not text[LABEL:].strip()):
                 message = (
@@ -244,9 +222,8 @@ class _Reading:
                 )
             lines.append(text.rstrip())
         if flag == 5 and state[k.TICKS] < 0:
-            raise InputError.at_line(
-                self.path, line, "an external event without a stamp; delete it or give it one"
-            )
+            problem = "an external event without a stamp; delete it or give it one"
+            raise InputError.at_line(self.path, line, problem)
         state[k.OFFSET], state[k.LINE] = offset, line + 1 + len(lines)
         self.event_records.append((flag, int(state[k.TICKS]), line, tuple(lines)))
         records = [
@@ -267,14 +244,8 @@ class _Reading:
         if flag < 5 and (flag != 4 or records):
             labels = ", ".join(dict.fromkeys(label for _, label, _ in records))
             finding = f"line {line}: {MEANINGS[flag]}" + (f" ({labels})" if labels else "")
-            self.notes.append(
-                note(
-                    "event records",
-                    finding,
-                    "one site and one header",
-                    "see whether the antenna or its height changed there",
-                )
-            )
+            advice = "see whether the antenna or its height changed there"
+            self.notes.append(note("event records", finding, "one site and one header", advice))
 
     def bring_in_columns(self) -> bool:
         """Bring the numbers of all further epoch lines into their columns; whether one moved."""
@@ -308,60 +279,43 @@ class _Reading:
         self.state[self.kernels.LINE] += 1
         return True
 
-    def refusal(self, status: int) -> InputError:
-        """What is wrong at the state's fault."""
+    def fault(self, status: int) -> str:
+        """What is wrong at the state's fault, and what to do about it."""
         k, state = self.kernels, self.state
         text, behind = (
             line_at(self.buf, int(state[k.MARK]))
             if state[k.MARK] < self.buf.size
             else ("", self.buf.size)
         )
-        line, seen = int(state[k.MARK_LINE]), shown(text.strip())
+        seen = shown(text.strip())
         if status == k.CUT or (behind >= self.buf.size and not self.complete):
             start, _ = line_at(self.buf, int(state[k.OFFSET]))
             epoch = f"the epoch of line {state[k.LINE]} ({start[:32].strip(' >')})"
-            return InputError.at_line(
-                self.path,
-                line,
+            return (
                 f"truncated: the file ends within {epoch}; copy it again, or delete the lines from"
-                f" {state[k.LINE]} on",
+                f" {state[k.LINE]} on"
             )
         if status == k.BAD_EPOCH and "RINEX VERSION" in text[LABEL:]:
-            return InputError.at_line(
-                self.path,
-                line,
+            return (
                 "a second header: files were put together; give one of them, or join them with"
-                " gfzrnx or teqc",
+                " gfzrnx or teqc"
             )
         if status == k.BAD_EPOCH:
-            return InputError.at_line(
-                self.path, line, f"{seen} where an epoch must begin; {DAMAGED}"
-            )
+            return f"{seen} where an epoch must begin; {DAMAGED}"
         if status == k.BAD_SATELLITE:
-            return InputError.at_line(
-                self.path,
-                line,
-                f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {DAMAGED}",
-            )
+            return f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {DAMAGED}"
         if status == k.NEW_SYSTEM:
             name = SYSTEM_NAMES[SYSTEMS[int(state[k.SYSTEM])]]
-            return InputError.at_line(
-                self.path,
-                line,
-                f"{seen}: the header lists no types of observation of {name}; complete the header",
+            return (
+                f"{seen}: the header lists no types of observation of {name}; complete the header"
             )
         if status == k.TWICE:
-            return InputError.at_line(
-                self.path,
-                line,
-                f"{seen}: this satellite stands twice in the epoch of line {state[k.LINE]};"
-                f" {DAMAGED}",
-            )
-        message = (
+            twice = f"this satellite stands twice in the epoch of line {state[k.LINE]}"
+            return f"{seen}: {twice}; {DAMAGED}"
+        return (
             "a field of 14 columns is no number with a decimal point, or something stands behind"
-            " the last type"
+            f" the last type: {seen}; {DAMAGED}"
         )
-        return InputError.at_line(self.path, line, f"{message}: {seen}; {DAMAGED}")
 
     def refuse_cut_line(self) -> None:
         """Refuse a last line without an end whose last number is cut, and note a whole one."""
@@ -371,19 +325,10 @@ class _Reading:
         width = len(tail.rstrip()) - (3 if self.header.version >= 3 else 0)
         if width > 0 and width % 16 not in (14, 15, 0):
             line = int(self.state[self.kernels.LINE]) - 1
-            raise InputError.at_line(
-                self.path,
-                line,
-                f"truncated: the file ends within a number: {shown(tail.strip())}; copy it again",
-            )
-        self.notes.append(
-            note(
-                "end of the file",
-                "the last line has no end, so the file may be cut",
-                "a line's end",
-                "copy it again",
-            )
-        )
+            problem = f"the file ends within a number: {shown(tail.strip())}; copy it again"
+            raise InputError.at_line(self.path, line, f"truncated: {problem}")
+        finding = "the last line has no end, so the file may be cut"
+        self.notes.append(note("end of the file", finding, "a line's end", "copy it again"))
 
     def observations(self) -> Observations:
         """What was read; epochs that repeat the one before are left out and counted."""
@@ -392,16 +337,10 @@ class _Reading:
         ticks, flags = self.ticks[:n], self.flags[:n]
         real = flags < SLIPS
         if not real.any():
-            raise InputError.at_line(
-                self.path, None, "holds no epoch; check that the recording was copied whole"
-            )
-        stamps = _gpst(
-            self.header,
-            self.notes,
-            ticks,
-            flags,
-            [ticks for _, ticks, _, _ in self.event_records],
-        )
+            problem = "holds no epoch; check that the recording was copied whole"
+            raise InputError.in_file(self.path, problem)
+        of_events = [ticks for _, ticks, _, _ in self.event_records]
+        stamps = _gpst(self.header, self.notes, ticks, flags, of_events)
         far = np.abs(stamps[0] - np.median(stamps[0][real])) > LONGEST_WEEKS * TICKS_PER_WEEK
         week = int(stamps[0][np.argmax(real & ~far)] // TICKS_PER_WEEK)
         time, when = ((instants - week * TICKS_PER_WEEK) / k.TICKS_PER_S for instants in stamps)
@@ -450,12 +389,8 @@ class _Reading:
                 )
             taken[again] = False
         if bad.size:
-            self.notes.append(
-                note(
-                    "epochs",
-                    f"{bad.size} of {places.size} epochs repeat the one before and were left out",
-                )
-            )
+            finding = f"{bad.size} of {places.size} epochs repeat the one before and were left out"
+            self.notes.append(note("epochs", finding))
         return taken
 
 
@@ -479,5 +414,5 @@ def _gpst(
     if header.clock == "GLO":
         leap = int(leap_seconds(float(ticks[flags < SLIPS][0]) / second + GPS_EPOCH_UNIX_S))
         return ticks + leap * second, event_ticks + leap * second
-    shift = BDT_BEHIND_S * second if header.clock == "BDT" else 0
+    shift = int(BEIDOU_LAG_S) * second if header.clock == "BDT" else 0
     return ticks + shift, event_ticks + shift

@@ -12,18 +12,17 @@ by 1 mm 10 km from its base.
 import io
 import warnings
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from ...base.errors import InputError, installed
+from ...base.errors import InputError, installed, words_of
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, calendar_from_gps
 from ...records import Array
+from .systems import BEIDOU_LAG_S, CONSTANTS, is_geostationary
 
 # of a fit's window (s): 3600, since elements that hold for two hours miss by cm
 FIT_HALF_WINDOW_S = 3600.0
@@ -32,12 +31,7 @@ LARGEST_MISS_M = 1.0  # rms of a fit (m): 1, as broadcast orbits have; beyond it
 # of Gauss and Newton: 4, the last of which moves a satellite by less than 1 mm
 GAUSS_NEWTON_STEPS = 4
 NO_CLOCK_US = 999999.0  # clocks without a value (us): 999999 and more, as SP3 says
-# BeiDou time behind GPST (s) and weeks before its first: 14, 1356, as it began in 2006
-BEIDOU_LAG_S, BEIDOU_WEEKS = 14.0, 1356
-GPS_WEEKS_OF = {"C": -BEIDOU_WEEKS}
-MU_OF_SYSTEM = {"G": 3.986005e14, "J": 3.986005e14, "E": 3.986004418e14, "C": 3.986004418e14}
-GPS_EARTH_RATE = 7.2921151467e-5  # rad/s, that of IS-GPS-200, which all but BeiDou take
-BEIDOU_RATE = 7.292115e-5  # rad/s, of the ICD of BeiDou
+GPS_WEEKS_OF = {"C": -1356}  # GPS weeks before the first of BeiDou, which began in 2006
 SOURCE_OF_SYSTEM = {"E": 517.0}  # I/NAV of E1-B with clocks of E1 and E5b
 # elements in the order of a fit, with a step (rad, m, 1) that moves a satellite by metres
 ELEMENTS = {"root_a": 1e-4, "ecc": 1e-7, "m0": 1e-7, "dn": 1e-11, "i0": 1e-7, "idot": 1e-11}
@@ -70,14 +64,6 @@ def library(path: str | Path, kind: str) -> ModuleType:
     return georinex
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keep to itself what xarray and numpy say of how georinex calls them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
-
-
 def messages_of_netcdf(path: str | Path) -> list[str]:
     """Return the navigation messages of a netCDF file of georinex as lines of RINEX 3.04.
 
@@ -88,11 +74,11 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
     """
     georinex = library(path, "netCDF")
     try:
-        with quiet():
+        with warnings.catch_warnings(action="ignore"):
             table = georinex.rinexnav(Path(path)).load()
     except (LookupError, ValueError, OSError) as error:
-        message = f"no navigation of georinex: {' '.join(str(error).split())[:120]}"
-        raise InputError.at_line(path, None, f"{message}; give RINEX or SP3") from None
+        message = f"no navigation of georinex: {words_of(error)}"
+        raise InputError.in_file(path, f"{message}; give RINEX or SP3") from None
     lines = [*NAVIGATION_HEAD]
     for satellite in table.sv.values.astype(str):
         rows = table.sel(sv=satellite)
@@ -112,12 +98,9 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
 
 def message_lines(begin: str, values: list[float]) -> list[str]:
     """Return the lines of a message that begins so: three numbers, then four a line."""
-    fields = ["".join(f"{np.nan_to_num(x):19.12E}" for x in values[:3])]
-    fields += [
-        "".join(f"{np.nan_to_num(x):19.12E}" for x in values[k : k + 4])
-        for k in range(3, len(values), 4)
-    ]
-    return [begin + fields[0], *(f"    {field}" for field in fields[1:])]
+    fields = [f"{np.nan_to_num(x):19.12E}" for x in values]
+    more = ["    " + "".join(fields[k : k + 4]) for k in range(3, len(values), 4)]
+    return [begin + "".join(fields[:3]), *more]
 
 
 @lru_cache(maxsize=4)  # read for the engine and for its checks
@@ -147,20 +130,20 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
     scale = next((line[9:12] for line in text.splitlines() if line.startswith("%c")), "GPS")
     if scale not in ("GPS", "ccc", "   "):
         message = f"times of SP3 in {scale}; GPS time is read, convert it"
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     try:
-        with quiet():
+        with warnings.catch_warnings(action="ignore"):
             table = georinex.load_sp3(io.StringIO(text), None)
     except (AssertionError, ValueError, IndexError) as error:
-        message = f"georinex cannot read it: {' '.join(str(error).split())[:120]}"
-        raise InputError.at_line(path, None, f"{message}; fetch the file again") from None
+        message = f"georinex cannot read it: {words_of(error)}; fetch the file again"
+        raise InputError.in_file(path, message) from None
     time = table.time.values.astype("datetime64[ns]").astype(np.int64) / 1e9 - GPS_EPOCH_UNIX_S
     position, clock = 1e3 * table.position.values, 1e-6 * table.clock.values
     position[(position == 0.0).all(axis=2)] = np.nan
     clock[np.abs(clock) >= 1e-6 * NO_CLOCK_US] = np.nan
     lines, left_out = [*NAVIGATION_HEAD], Counter[str]()
     for k, satellite in enumerate(table.sv.values.astype(str)):
-        if satellite[0] not in MU_OF_SYSTEM or (satellite[0] == "C" and _geostationary(satellite)):
+        if satellite[0] not in CONSTANTS or is_geostationary(satellite):
             left_out["satellites of SP3 whose orbits are no Kepler elements"] += 1
             continue
         good = np.isfinite(position[:, k]).all(axis=1) & np.isfinite(clock[:, k])
@@ -169,12 +152,8 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
         lines += fitted
     if len(lines) == len(NAVIGATION_HEAD):
         message = f"no orbit of an hour at least in {time.size} epochs; give the SP3 of the day"
-        raise InputError.at_line(path, None, message)
+        raise InputError.in_file(path, message)
     return tuple(lines), +left_out
-
-
-def _geostationary(satellite: str) -> bool:
-    return int(satellite[1:]) <= 5 or int(satellite[1:]) >= 59
 
 
 def _messages(satellite: str, time: Array, position: Array, clock: Array) -> list[str]:
@@ -182,30 +161,23 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
     if time.size < LEAST_NODES:
         return []
     system, lines = satellite[0], list[str]()
-    hours = (
-        np.arange(
-            np.ceil(time[0] / FIT_HALF_WINDOW_S), np.floor(time[-1] / FIT_HALF_WINDOW_S) + 1.0
-        )
-        * FIT_HALF_WINDOW_S
-    )
+    mu, rate = CONSTANTS[system]
+    first, last = time[[0, -1]] / FIT_HALF_WINDOW_S
+    hours = np.arange(np.ceil(first), np.floor(last) + 1.0) * FIT_HALF_WINDOW_S
     inner = hours[(hours >= time[0] + FIT_HALF_WINDOW_S) & (hours <= time[-1] - FIT_HALF_WINDOW_S)]
     for toe in inner if inner.size else hours[hours.size // 2 : hours.size // 2 + 1]:
         near = np.abs(time - toe) <= FIT_HALF_WINDOW_S
         if near.sum() < LEAST_NODES:
             continue
-        rate = BEIDOU_RATE if system == "C" else GPS_EARTH_RATE
-        elements, miss = _fitted(time[near] - toe, position[near], MU_OF_SYSTEM[system], rate)
+        elements, miss = _fitted(time[near] - toe, position[near], mu, rate)
         if not miss < LARGEST_MISS_M:
             continue
         week, sow = divmod(toe - (BEIDOU_LAG_S if system == "C" else 0.0), WEEK_S)
         elements["node"] = (elements["node"] + rate * sow + np.pi) % (2.0 * np.pi) - np.pi
         drift, bias = np.polyfit(time[near] - toe, clock[near], 1)
-        elements |= {"sow": sow, "week": week + GPS_WEEKS_OF.get(system, 0), "fit": 4.0}
-        elements |= {
-            "iode": float(len(lines) // 8 % 255),
-            "source": SOURCE_OF_SYSTEM.get(system, 0.0),
-            "sent": sow,
-        }
+        elements |= {"sow": sow, "sent": sow, "week": week + GPS_WEEKS_OF.get(system, 0)}
+        elements |= {"fit": 4.0, "source": SOURCE_OF_SYSTEM.get(system, 0.0)}
+        elements["iode"] = float(len(lines) // 8 % 255)
         stamp = calendar_from_gps(int(week), sow, "gpst")
         values = [bias, drift, 0.0, *(elements.get(name, 0.0) for name in MESSAGE.split())]
         lines += message_lines(f"{satellite} {stamp:%Y %m %d %H %M %S}", values)

@@ -64,11 +64,9 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
     n = 3 + int(satellites.system.max(initial=0)) + 1
     cos, sin = np.cos(satellites.elevation), np.sin(satellites.elevation)
     A = np.zeros((satellites.epoch.size, n))
-    A[:, 0], A[:, 1], A[:, 2] = (
-        -cos * np.cos(satellites.azimuth),
-        -cos * np.sin(satellites.azimuth),
-        sin,
-    )
+    A[:, 0] = -cos * np.cos(satellites.azimuth)
+    A[:, 1] = -cos * np.sin(satellites.azimuth)
+    A[:, 2] = sin
     A[np.arange(satellites.epoch.size), 3 + satellites.system] = 1.0
     PA = A * (satellites.weight / (1.0 + sin**-2))[:, None]
     N, b = np.zeros((epochs, n, n)), np.zeros((epochs, n))

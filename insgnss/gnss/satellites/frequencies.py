@@ -11,11 +11,13 @@ GLONASS has two bands in a place, by frequency and by code division; it takes th
 former, of which the channels differ by 0.3 % at most.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...records import Array
 from .orbits import unique_satellites
 
 if TYPE_CHECKING:
@@ -70,3 +72,16 @@ def rows_of_systems(satellite: NDArray[np.str_]) -> dict[str, NDArray[np.int64]]
     codes, which = unique_satellites(satellite)
     system = np.array([code[0] for code in codes], dtype="U1")[which]
     return {letter: np.flatnonzero(system == letter) for letter in np.unique(system).tolist()}
+
+
+def carriers(codes: list[str], bands: list[str], channels: Mapping[str, int]) -> Array:
+    """Return carrier frequencies (codes, bands), Hz; NaN where a satellite has none, or its GLONASS
+    channel is unknown.
+    """
+    out = np.full((len(codes), len(bands)), np.nan)
+    for i, code in enumerate(codes):
+        for k, band in enumerate(bands):
+            out[i, k] = HERTZ.get(code[0], {}).get(band, np.nan)
+            if code[0] == "R" and band in CHANNEL_HERTZ:
+                out[i, k] += CHANNEL_HERTZ[band] * channels.get(code, np.nan)
+    return out

@@ -40,12 +40,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...geodesy.frames import ecef_to_geodetic, rotation_en
 from ..rinex.navigation_message import TOE, Navigation
+from ..rinex.systems import CONSTANTS
 from .constants import LIGHT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-GPS_EARTH_RATE = 7.2921151467e-5  # rad/s, of IS-GPS-200
+_, GPS_EARTH_RATE = CONSTANTS["G"]  # rad/s
 # farthest time from the time of ephemeris
 REACH_S = {"G": 7200.0, "J": 7200.0, "E": 14400.0, "C": 21600.0, "R": 1800.0}
 
@@ -167,10 +168,8 @@ def _states(
 ) -> SatelliteStates:
     from . import _orbit_kernels
 
-    time, pseudorange = (
-        np.ascontiguousarray(time, dtype=np.float64),
-        np.ascontiguousarray(pseudorange, dtype=np.float64),
-    )
+    time = np.ascontiguousarray(time, dtype=np.float64)
+    pseudorange = np.ascontiguousarray(pseudorange, dtype=np.float64)
     message = select_messages(navigation, satellite, time) if message is None else message
     out = np.empty((time.size, 8))
     _orbit_kernels.states(navigation.table, message, time, pseudorange, out)

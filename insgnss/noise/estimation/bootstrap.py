@@ -36,7 +36,7 @@ from ..moments.haar_covariance import haar_covariance
 from ..moments.theory import Sampling, haar_variance
 from ..moments.wavelet import in_threads, wavelet_variance
 from ..processes.realisation import simulate_noise
-from .gmwm import Fit, fit, interval_weights
+from .gmwm import Fit, fit_alike, interval_weights
 
 _BLOCKS = 15  # binary logarithm of the least number of blocks of "reduced"
 _FIRST = 4  # level, counted in blocks, from which the block means serve
@@ -73,13 +73,8 @@ def simulate_axis(
     All of it is normal, rounding errors too, as `haar_covariance` has it. The drift is a slope of
     known size, and the turn-on bias, which no wavelet variance shows, is left out.
     """
-    out = simulate_noise(
-        replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0),
-        n,
-        1.0 / rate_hz,
-        rng,
-        sampling,
-    )
+    plain = replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0)
+    out = simulate_noise(plain, n, 1.0 / rate_hz, rng, sampling)
     if axis.quantization:
         out += axis.quantization * rate_hz * np.diff(rng.standard_normal(n + 1))
     if axis.drift:
@@ -110,13 +105,8 @@ def _series(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, in
         options |= {"robust": True, "efficiency": robust_efficiency(curve)}
 
     def one(k: int) -> Array:
-        x = simulate_axis(
-            fitted.axis,
-            curve.samples,
-            curve.rate_hz,
-            np.random.default_rng([*seed, k]),
-            fitted.sampling,
-        )
+        rng = np.random.default_rng([*seed, k])
+        x = simulate_axis(fitted.axis, curve.samples, curve.rate_hz, rng, fitted.sampling)
         return wavelet_variance(x, curve.rate_hz, levels=highest, **options).variance[
             curve.level - 1
         ]
@@ -202,13 +192,7 @@ def refit(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
     other weights stay.
     """
     weights = None if has_interval_weights(fitted) else fitted.weights
-    return fit(
-        curves,
-        fitted.composition,
-        weights=weights,
-        sampling=fitted.sampling,
-        times_s=fitted.times_s,
-    )
+    return fit_alike(fitted, curves, weights)
 
 
 def bootstrap(fitted: Fit, draws: int = 100, *, seed: int = 0) -> Bootstrap:

@@ -18,6 +18,7 @@ the recording. `Fit.at_bound` names such parameters.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -174,6 +175,18 @@ def fit(
         _at_bound(moments, composition, values),
         times_s,
     )
+
+
+def fit_alike(
+    fitted: Fit,
+    curves: Sequence[WaveletVariance],
+    weights: Sequence[Array] | None,
+    composition: Composition | None = None,
+) -> Fit:
+    """Return the fit of other curves, weights or another composition in the manner of `fitted`."""
+    composition = composition or fitted.composition
+    options: dict[str, Any] = {"sampling": fitted.sampling, "times_s": fitted.times_s}
+    return fit(curves, composition, weights=weights, **options)
 
 
 def _chosen(

@@ -27,7 +27,6 @@ three times that.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -35,7 +34,7 @@ from ...records import Array
 from ..moments.theory import haar_variance_parts
 from ..processes.composition import GAUSS_MARKOV, NoiseTerm
 from .estimates import Estimate, Linearised, estimates
-from .gmwm import Fit, fit
+from .gmwm import Fit, fit_alike
 
 LONGEST_SHARE = 1.0 / 3.0  # of the recording's length, for a correlation time
 SHORTEST_SHARE = 0.2  # of the sampling interval
@@ -87,12 +86,8 @@ def _smaller(fitted: Fit, inverses: Sequence[Array]) -> Fit | None:
     if not composition.gauss_markov or composition.size == 2:
         return None
     fewer = replace(composition, gauss_markov=composition.gauss_markov - 1)
-    options: dict[str, Any] = {
-        "weights": inverses,
-        "sampling": fitted.sampling,
-        "times_s": fitted.times_s,
-    }
-    larger_fit, one = (fit(fitted.curves, c, **options) for c in (composition, fewer))
+    larger_fit = fit_alike(fitted, fitted.curves, inverses)
+    one = fit_alike(fitted, fitted.curves, inverses, fewer)
     return one if one.objective - larger_fit.objective < _SUPERFLUOUS else None
 
 

@@ -29,7 +29,7 @@ from ..moments.haar_covariance import haar_covariance
 from ._profile import polished
 from .bootstrap import bootstrap, robust_efficiency
 from .estimates import Estimate, Linearised, estimates
-from .gmwm import Fit, fit
+from .gmwm import Fit, fit_alike
 from .goodness import GoodnessOfFit, goodness_of_fit
 from .identifiability import ProcessVerdict, verdicts
 
@@ -63,9 +63,8 @@ def covariances(fitted: Fit) -> tuple[Array, ...]:
 
     Raises UsageError for a "dwt" curve.
     """
-    computed: dict[
-        tuple[object, ...], Array
-    ] = {}  # recordings of the same length and rate share it
+    # recordings of the same length and rate share it
+    computed: dict[tuple[object, ...], Array] = {}
     out = []
     for curve in fitted.curves:
         if curve.decomposition != "modwt":
@@ -114,22 +113,11 @@ def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
         weights = [inverse(block) for block in V]
         singular = [i for i, W in enumerate(weights, start=1) if not np.isfinite(W).all()]
         if singular:
-            return (
-                fitted,
-                (
-                    f"the covariance of the wavelet variance of curve {singular[0]} is singular at"
-                    f" step {step}; weights of the step before"
-                ),
-            )
+            which = f"the covariance of the wavelet variance of curve {singular[0]}"
+            return fitted, f"{which} is singular at step {step}; weights of the step before"
         scored_fits += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
         if step <= iterations:
-            after = fit(
-                first.curves,
-                first.composition,
-                weights=weights,
-                sampling=first.sampling,
-                times_s=first.times_s,
-            )
+            after = fit_alike(first, first.curves, weights)
         else:
             after = polished(fitted, weights)
         moved, fitted = _distance(fitted, after), after

@@ -20,10 +20,10 @@ from ...base.errors import UsageError
 from ...records import Array
 from .bootstrap import draw_variances, redrawn
 from .estimates import Linearised
-from .gmwm import Fit, fit, objective
+from .gmwm import Fit, fit_alike, objective
 from .goodness import p_text
 from .inference import covariances, efficient
-from .selection import recording_numbers, refitted
+from .selection import recording_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def near_stationarity(
     p, error = math.nan, math.nan
     if draws:
         null = [
-            _excess(refitted(joint, curves), groups)[0]
+            _excess(fit_alike(joint, curves, joint.weights), groups)[0]
             for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))
         ]
         p = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
@@ -123,13 +123,7 @@ def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ..
     for recording in np.unique(groups):
         members = np.flatnonzero(groups == recording)
         curves, weights = [joint.curves[i] for i in members], [joint.weights[i] for i in members]
-        single_fit = fit(
-            curves,
-            joint.composition,
-            weights=weights,
-            sampling=joint.sampling,
-            times_s=joint.times_s,
-        )
+        single_fit = fit_alike(joint, curves, weights)
         single.append(single_fit)
         shares.append(objective(joint.axis, curves, weights, joint.sampling) - single_fit.objective)
     return float(np.sum(shares)), np.array(shares), tuple(single)

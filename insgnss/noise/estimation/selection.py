@@ -46,7 +46,7 @@ from ..moments.theory import Sampling
 from ..processes.composition import Composition, families
 from .bootstrap import draw_variances, redrawn
 from .estimates import Linearised
-from .gmwm import Fit, fit, interval_weights, objective
+from .gmwm import Fit, fit, fit_alike, interval_weights, objective
 from .goodness import goodness_of_fit
 from .inference import covariances, efficient, inverse
 
@@ -303,7 +303,7 @@ def closed_optimism(fitted: Fit, linear: Linearised) -> float:
 
 def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...]) -> float:
     """Penalty (S.1) over re-fits with the same weights."""
-    fits = [refitted(fitted, curves) for curves in drawn]
+    fits = [fit_alike(fitted, curves, fitted.weights) for curves in drawn]
     total = 0.0
     for i, Omega in enumerate(fitted.weights):
         nu = np.array([curves[i].variance for curves in drawn])
@@ -318,20 +318,10 @@ def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
     for recording in np.unique(groups):
         inside, outside = np.flatnonzero(groups != recording), np.flatnonzero(groups == recording)
         weights = [fitted.weights[i] for i in inside]
-        fit_of_others = fit(
-            [fitted.curves[i] for i in inside],
-            fitted.composition,
-            weights=weights,
-            sampling=fitted.sampling,
-        )
-        out.append(
-            objective(
-                fit_of_others.axis,
-                [fitted.curves[i] for i in outside],
-                [fitted.weights[i] for i in outside],
-                fitted.sampling,
-            )
-        )
+        others = fit_alike(fitted, [fitted.curves[i] for i in inside], weights)
+        curves = [fitted.curves[i] for i in outside]
+        weights = [fitted.weights[i] for i in outside]
+        out.append(objective(others.axis, curves, weights, fitted.sampling))
     return np.array(out)
 
 
@@ -372,17 +362,6 @@ def _indistinguishable(candidate: Candidate, best: Candidate) -> bool:
     return (
         float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
         > _SIGNIFICANCE
-    )
-
-
-def refitted(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
-    """Return the fit of other curves with the same weights."""
-    return fit(
-        curves,
-        fitted.composition,
-        weights=fitted.weights,
-        sampling=fitted.sampling,
-        times_s=fitted.times_s,
     )
 
 

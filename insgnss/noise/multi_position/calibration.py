@@ -378,10 +378,8 @@ def _turn_covariance(
     noise = _mean_sigma(periods.accel_std, periods.samples, "accel") * np.sqrt(
         max(1.0, accel.variance_factor["gravity"])
     )
-    by_period, by_parameter = (
-        np.zeros((len(turns), 2, len(up), 3)),
-        np.zeros((len(turns), 2, len(accel.states))),
-    )
+    by_period = np.zeros((len(turns), 2, len(up), 3))
+    by_parameter = np.zeros((len(turns), 2, len(accel.states)))
     effect = np.zeros((len(up), 3, len(accel.states)))  # of the parameters on u, to first order
     effect[:, :, :3] = -np.eye(3) / STANDARD_GRAVITY
     for column, (j, k) in enumerate(places(accel.states), 3):

@@ -8,6 +8,7 @@ first fit is kept.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ from ..estimation.inference import covariances, infer, second_step
 from ..moments.theory import haar_variance, haar_variance_parts
 from ..processes.composition import MOST_GAUSS_MARKOV, Composition
 from .options import FAMILY, TuneOptions, chosen_levels
-from .products.words import FITS_P
+from .products.words import FITS_P, span_text
 from .recordings import AXES, StaticRecording
 from .result import Tuned
 from .usable import usable_axis
@@ -126,11 +127,8 @@ def tune_axes(
     goodness = goodness or inference.goodness
     noise, remarks = usable_axis(inference)
     option = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
-    remarks = (
-        *notes,
-        *remarks,
-        *_finer_scales(first, goodness, inference.goodness.misfits, option, options),
-    )
+    finer = _finer_scales(first, goodness, inference.goodness.misfits, option, options)
+    remarks = (*notes, *remarks, *finer)
     stationarity = None
     if len(recordings) > 1:
         from ..estimation.near_stationarity import near_stationarity
@@ -191,35 +189,17 @@ def _ranking(
     from ..estimation.selection import rank
 
     candidates = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
-    out = [str(composition) for composition in family if composition not in candidates]
-    notes = (
-        (
-            (
-                "not tried, for more parameters than the scales determine or no noise at all:"
-                f" {', '.join(out)}"
-            ),
-        )
-        if out
-        else ()
-    )
+    notes: tuple[str, ...] = ()
+    if out := [str(composition) for composition in family if composition not in candidates]:
+        why = "for more parameters than the scales determine or no noise at all"
+        notes = (f"not tried, {why}: {', '.join(out)}",)
+    ranked = partial(rank, recordings=groups, sampling=options.sampling, below_a_sample=False)
     try:
-        ranking = rank(
-            curves, candidates, recordings=groups, sampling=options.sampling, below_a_sample=False
-        )
-        return ranking, notes
+        return ranked(curves, candidates), notes
     except UsageError as error:  # a singular covariance, of scales that hardly differ
-        ranking = rank(
-            curves,
-            candidates,
-            weights="interval",
-            recordings=groups,
-            sampling=options.sampling,
-            below_a_sample=False,
-        )
-        return ranking, (
-            *notes,
-            f"the models compete with the weights of the intervals: {str(error).partition(';')[0]}",
-        )
+        why = str(error).partition(";")[0]
+        notes += (f"the models compete with the weights of the intervals: {why}",)
+        return ranked(curves, candidates, weights="interval"), notes
 
 
 def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | None]:
@@ -232,22 +212,12 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
     second, sentence = second_step(first)
     if second is first or options.weights == "full":
         return second, sentence, None
+    kept = "weights of the intervals kept: efficient ones"
     if "not settled" in sentence:
-        return (
-            first,
-            (
-                "weights of the intervals kept: efficient ones do not settle, as happens where the"
-                " model does not fit"
-            ),
-            None,
-        )
+        return first, f"{kept} do not settle, as happens where the model does not fit", None
     goodness = _j_test(second)
     if _tested(goodness) and goodness.p_value < MISFIT_P:
-        return (
-            first,
-            "weights of the intervals kept: efficient ones would trust a model that does not fit",
-            goodness,
-        )
+        return first, f"{kept} would trust a model that does not fit", goodness
     return second, sentence, None
 
 
@@ -302,13 +272,8 @@ def _finer_scales(
 
 def _fine_misfit(composition: Composition) -> str:
     """Advise what to try where the misfit is at scales that determine the white noise."""
-    more = (
-        [replace(composition, gauss_markov=composition.gauss_markov + 1)]
-        if composition.gauss_markov < MOST_GAUSS_MARKOV
-        else []
-    )
-    more += [] if composition.quantization else [replace(composition, quantization=True)]
-    advice = f"; add a short process: --model {' or '.join(map(str, more))}" if more else ""
+    more = _larger(composition, "quantization")
+    advice = f"; add a short process: --model {more}" if more else ""
     return (
         "fine scales that do not fit are among those that determine the white noise, and are not to"
         f" be left out{advice}"
@@ -347,28 +312,23 @@ def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
     middle = float(np.mean([curve.level[[0, -1]].mean() for curve in fitted.curves]))
     if not misfits or min(j for _, j in misfits) <= middle:
         return ""
-    scales = sorted(2.0**j / fitted.curves[i].rate_hz for i, j in misfits)
-    composition = fitted.composition
-    more = (
-        [replace(composition, gauss_markov=composition.gauss_markov + 1)]
-        if composition.gauss_markov < MOST_GAUSS_MARKOV
-        else []
-    )
-    more += [] if composition.random_walk else [replace(composition, random_walk=True)]
-    advice = (
-        f"add a slow process: --model {' or '.join(map(str, more))}"
-        if more
-        else "look for a drift or a disturbance"
-    )
-    span = (
-        f"{scales[0]:.3g} s"
-        if scales[0] == scales[-1]
-        else f"{scales[0]:.3g} to {scales[-1]:.3g} s"
-    )
+    scales = [2.0**j / fitted.curves[i].rate_hz for i, j in misfits]
+    more = _larger(fitted.composition, "random_walk")
+    advice = f"add a slow process: --model {more}" if more else "look for a drift or a disturbance"
     return (
-        f"the misfit is at long scales, {span}, and leaving out fine ones does not cure it;"
-        f" {advice}"
+        f"the misfit is at long scales, {span_text(scales)}, and leaving out fine ones does not"
+        f" cure it; {advice}"
     )
+
+
+def _larger(composition: Composition, process: str) -> str:
+    """The composition with one more Gauss-Markov process or with a process of its own kind."""
+    more = []
+    if composition.gauss_markov < MOST_GAUSS_MARKOV:
+        more.append(replace(composition, gauss_markov=composition.gauss_markov + 1))
+    if not getattr(composition, process):
+        more.append(replace(composition, **{process: True}))
+    return " or ".join(map(str, more))
 
 
 def _tested_p(fitted: Fit, options: TuneOptions) -> float:

@@ -24,7 +24,7 @@ from ...io.formats.text.headers import TIME_FACTORS, factor_of, kinds_like, unit
 from ...navigation.prepare.gaps import nominal_interval
 from ...records import ImuSamples, Question
 from .options import TuneOptions
-from .some_channels import columns_by_names, fields_of_some, read_some
+from .some_channels import columns_by_names, fields_of_some, no_unit, read_some
 
 PLAIN = ("tow", *GYRO, *ACCEL)
 FILE_HEAD_BYTES = 1 << 13  # of a file, which hold its header and its first rows (chosen)
@@ -199,9 +199,8 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
     ):
         units = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
         if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in units):
-            raise UsageError(
-                f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such"
-                f" as {example} or that of one count"
+            raise no_unit(
+                path, sensor, f"of the {sensor} columns", f"{example} or that of one count"
             )
 
 

@@ -22,7 +22,7 @@ from ...records import Array, Finding, Question, WaveletVariance
 from ..moments.wavelet import wavelet_variances
 from .options import TuneOptions
 from .reading import FILE_HEAD_BYTES, own_words, read_samples
-from .some_channels import chosen_channels
+from .some_channels import chosen_channels, no_unit
 
 Progress = Callable[[str], None]
 
@@ -172,11 +172,8 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)
     ):
         raise UsageError(f"{path}: the variances carry their rate; leave --rate out")
-    units = {
-        sensor: unit
-        for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit))
-        if unit
-    }
+    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
+    units = {sensor: unit for sensor, unit in given.items() if unit}
     variances = read_variances(
         path, member=options.variable, units=units or None, rate_hz=options.rate_hz
     )
@@ -186,10 +183,7 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         sensor, _, letter = name.partition("_")
         if sensor not in units and not unit_line:
             example = "rad/s" if sensor == "gyro" else "m/s^2"
-            raise UsageError(
-                f"{path}: nothing says the unit that the {sensor} variances are of; give"
-                f" --{sensor}-unit, such as {example}"
-            )
+            raise no_unit(path, sensor, f"that the {sensor} variances are of", example)
         curves[sensor, AXES.index(letter)] = curve
     longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
     source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)

@@ -158,10 +158,8 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
         "intervals": t.inference.intervals,
         "j_test": asdict(t.goodness),
         "verdicts": [asdict(v) for v in t.inference.verdicts],
-        "ranking": None if t.ranking is None else _ranking(t.ranking),
-        "near_stationarity": (
-            None if t.stationarity is None else _stationarity(t.stationarity, recordings)
-        ),
+        "ranking": t.ranking and _ranking(t.ranking),
+        "near_stationarity": t.stationarity and _stationarity(t.stationarity, recordings),
         "trends": [
             {"recording": name, "axis": AXES[k], **asdict(trend)} for name, k, trend in t.trends
         ],

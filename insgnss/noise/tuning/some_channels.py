@@ -157,6 +157,12 @@ def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
     return with_required(tuple(fields)).read(path, fields).numbers()
 
 
+def no_unit(path: Path, sensor: str, of: str, example: str) -> UsageError:
+    """Return the refusal of a file that does not say the unit of its numbers."""
+    advice = f"give --{sensor}-unit, such as {example}"
+    return UsageError(f"{path}: nothing says the unit {of}; {advice}")
+
+
 def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:
     """Units by sensor; of one that is not there any, since its values are not taken."""
     units = {}
@@ -167,8 +173,7 @@ def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[
         cols = [fields[name] for name in names if name in fields]
         header = next(filter(None, (unit_in(field, kinds_like(sensor)) for field in cols)), None)
         if cols and not (unit_option or header):
-            problem = f"nothing says the unit of the {sensor} columns; give --{sensor}-unit"
-            raise UsageError(f"{path}: {problem}, such as {example}")
+            raise no_unit(path, sensor, f"of the {sensor} columns", example)
         units[sensor] = str(unit_option or header or example)
     time = options.time_unit or (unit_in(fields["tow"], ("time",)) if "tow" in fields else None)
     return units | ({"time": time} if time else {})

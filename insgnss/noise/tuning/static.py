@@ -121,10 +121,8 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
         log_ratio = size - [np.median(np.delete(size, i)) for i in range(size.size)]
         i = int(np.argmax(log_ratio)) if size.size == 2 else int(np.argmax(np.abs(log_ratio)))
         if abs(log_ratio[i]) > np.log(OTHER_IMU_RATIO):
-            factor, compared_with = (
-                float(np.exp(log_ratio[i])),
-                "the others" if size.size > 2 else recordings[1 - i].name,
-            )
+            factor = float(np.exp(log_ratio[i]))
+            compared_with = "the others" if size.size > 2 else recordings[1 - i].name
             scales = curves[i].scale_s[fine[i]]
             raise DataError(
                 f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of"

@@ -3,10 +3,16 @@
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ...base.errors import UsageError
 from ...base.inputs import is_file
-from ...base.provenance import other_results
+from ...base.output.staging import together
+from ...base.provenance import made_from, other_results
+from ...navigation.noise_model.model import NoiseModel, write_noise_model
+
+if TYPE_CHECKING:
+    from ...report.document import Document
 
 
 def check_target(target: Path) -> Path:
@@ -27,7 +33,46 @@ def check_target(target: Path) -> Path:
     return target
 
 
-def make_directory(target: Path) -> None:
+def beside(target: Path) -> tuple[Path, Path]:
+    """Return the paths of the table and the page beside a noise model."""
+    return target.with_suffix(".json"), target.with_suffix(".html")
+
+
+def write_tuning(
+    target: Path,
+    model: NoiseModel | None,
+    remarks: Sequence[str],
+    measured: Iterable[Path],
+    document: "Document",
+    numbers: dict[str, Any],
+) -> None:
+    """Write the noise model, where there is one, the table and the page: all or none.
+
+    Parameters
+    ----------
+    target : Path
+        The noise model.
+    model : NoiseModel, optional
+        What it holds.
+    remarks : sequence of str
+        Comments of its file.
+    measured : iterable of Path
+        The files that the result was made from.
+    document, numbers : Document, dict
+        What stands on the page, and what in the table.
+    """
+    from ...report.document import write_with_page
+
+    table, page = beside(target)
+    _make_directory(target)
+    with together():
+        if model is not None:
+            write_noise_model(model, target, remarks)
+        numbers |= made_from(measured, table, (target,) if model else ())
+        write_with_page(document, numbers, table, page)
+
+
+def _make_directory(target: Path) -> None:
     """Make the directory of `target` where it is missing. Raises UsageError where it cannot be."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -36,20 +81,20 @@ def make_directory(target: Path) -> None:
         raise UsageError(f"{target.parent}: {reason}; give another --out FILE") from None
 
 
-def refuse_others(files: Sequence[Path], measured: Iterable[Path]) -> None:
-    """Raise UsageError where one of `files` is there and not of a tuning of the same recordings.
+def refuse_others(target: Path, measured: Iterable[Path]) -> None:
+    """Raise UsageError where a file is there that is not of a tuning of the same recordings.
 
     Parameters
     ----------
-    files : sequence of Path
-        What is going to be written, the JSON document among them.
+    target : Path
+        The noise model.
     measured : iterable of Path
         The recordings.
     """
-    existing = [str(path) for path in files if path.exists()]
+    table, page = beside(target)
+    existing = [str(path) for path in (target, table, page) if path.exists()]
     if not existing:
         return
-    table = next(path for path in files if path.suffix == ".json")
     if not is_file(table):
         verb = "is" if len(existing) == 1 else "are"
         reason = f"{', '.join(existing)} {verb} there already, and not of a tuning"

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...base.errors import InputError
-from .._checked import Array, frozen, increasing
-from ..rows import Rows
+from .._checked import Array
+from ..rows import Rows, RowShapes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,16 +28,10 @@ class CameraPositions(Rows):
     InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = (
-        "images",
-        "time",
-        "lat",
-        "lon",
-        "height",
-        "cov_ned",
-        "quality",
-        "of_camera",
-    )
+    _ROWS: ClassVar[RowShapes] = {
+        **{"images": None, "time": (), "lat": (), "lon": (), "height": (), "cov_ned": (3, 3)},
+        **{"quality": (), "of_camera": ()},
+    }
     _NOUN: ClassVar[str] = "images"
     _NAMES: ClassVar[str | None] = "images"
 
@@ -52,15 +45,3 @@ class CameraPositions(Rows):
     of_camera: Array
     gps_week: int | None = None
     source: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "images", tuple(self.images))
-        n = len(self.images)
-        for name in ("time", "lat", "lon", "height", "quality", "of_camera"):
-            frozen(self, name, (n,))
-        frozen(self, "cov_ned", (n, 3, 3))
-        increasing(self, self.time)
-        if len(set(self.images)) != n:
-            twice = next(name for name in self.images if self.images.count(name) > 1)
-            problem = f"image {twice[:80]!r} occurs twice; leave one of both out"
-            raise InputError(f"{self.source or 'CameraPositions'}: {problem}")

@@ -218,10 +218,8 @@ class Mounting:
         >>> mounting.antenna_lever_b.tolist()
         [0.1, 0.0, -1.2]
         """
-        T, B = (
-            _as_rotation("camera_from_body", camera_from_body),
-            _as_rotation("boresight", boresight),
-        )
+        T = _as_rotation("camera_from_body", camera_from_body)
+        B = _as_rotation("boresight", boresight)
         imu_m = T @ B @ -_as_vector("camera_lever_b", camera_lever_b)
         antenna_m = T @ B @ _as_vector("antenna_lever_b", antenna_lever_b) + imu_m
         return cls(antenna_m, imu_m, T, B, antenna_sigma_m)

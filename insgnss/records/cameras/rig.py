@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from .._checked import Array, frozen
+from .._checked import Array, freeze, frozen_integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,7 @@ class RigCamera:
     camera_from_body: Array
 
     def __post_init__(self) -> None:
-        frozen(self, "boresight", (3, 3))
-        frozen(self, "camera_from_body", (3, 3))
+        freeze(self, {"boresight": (3, 3), "camera_from_body": (3, 3)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +60,13 @@ class RigImages:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
-        number = np.array(self.number, dtype=np.int64)
+        number = frozen_integers(self, "number")
         names = self.names
         if len(set(names)) < len(names):
             raise InputError(f"RigImages: two cameras of one name among {', '.join(names)}")
         if number.ndim != 1 or ((number < 0) | (number >= len(names))).any():
             raise InputError(f"RigImages.number: numbers of {len(names)} cameras, from 0")
-        number.setflags(write=False)
-        object.__setattr__(self, "number", number)
-        if self.cross is not None:
-            frozen(self, "cross", (number.size, 6, 6))
+        freeze(self, {"cross": (number.size, 6, 6)})
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -32,7 +32,6 @@ from ...gnss.rinex.navigation_message import (
     CIC,
     CIS,
     COLUMNS,
-    CONSTANTS,
     CRC,
     CRS,
     CUC,
@@ -57,6 +56,7 @@ from ...gnss.rinex.navigation_message import (
     TOE,
     Navigation,
 )
+from ...gnss.rinex.systems import CONSTANTS
 from ...gnss.satellites.constants import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
@@ -152,12 +152,10 @@ def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
     row[:, I0], row[:, I_DOT] = np.radians(normal(55.0, 0.7)), normal(0.0, 2e-10)
     row[:, NODE0] = rng.uniform(0.0, 2.0 * np.pi) + np.pi / 3.0 * plane + normal(0.0, 0.03)
     row[:, NODE_DOT], row[:, DELTA_N] = normal(-8.0e-9, 2e-10), normal(4.6e-9, 3e-10)
-    row[:, CUC], row[:, CUS], row[:, CRC], row[:, CRS] = (
-        normal(0.0, 3e-6),
-        normal(6e-6, 3e-6),
-        normal(230.0, 60.0),
-        normal(0.0, 60.0),
-    )
+    row[:, CUC] = normal(0.0, 3e-6)
+    row[:, CUS] = normal(6e-6, 3e-6)
+    row[:, CRC] = normal(230.0, 60.0)
+    row[:, CRS] = normal(0.0, 60.0)
     row[:, CIC], row[:, CIS] = normal(0.0, 1e-7), normal(0.0, 1e-7)
     return row
 
@@ -221,10 +219,8 @@ def _glonass_start(rng: np.random.Generator) -> tuple[Array, Array]:
     true = u - perigee
     p = axis * (1.0 - ecc**2)
     r = p / (1.0 + ecc * np.cos(true))
-    radial, across = (
-        np.sqrt(PZ90_MU / p) * ecc * np.sin(true),
-        np.sqrt(PZ90_MU / p) * (1.0 + ecc * np.cos(true)),
-    )
+    radial = np.sqrt(PZ90_MU / p) * ecc * np.sin(true)
+    across = np.sqrt(PZ90_MU / p) * (1.0 + ecc * np.cos(true))
     toward = _in_plane(u, incl, node)
     ahead = _in_plane(u + 0.5 * np.pi, incl, node)
     position = r[:, None] * toward
@@ -234,14 +230,12 @@ def _glonass_start(rng: np.random.Generator) -> tuple[Array, Array]:
 
 def _in_plane(u: Array, incl: Array, node: Array) -> Array:
     """(n, 3) unit vectors at arguments of latitude u in planes of inclination and node."""
-    su, cu, si, ci, sn, cn = (
-        np.sin(u),
-        np.cos(u),
-        np.sin(incl),
-        np.cos(incl),
-        np.sin(node),
-        np.cos(node),
-    )
+    su = np.sin(u)
+    cu = np.cos(u)
+    si = np.sin(incl)
+    ci = np.cos(incl)
+    sn = np.sin(node)
+    cn = np.cos(node)
     return np.stack([cn * cu - sn * su * ci, sn * cu + cn * su * ci, su * si], axis=-1)
 
 

@@ -148,10 +148,8 @@ def signal_paths(antenna: Antenna, satellites: Satellites) -> Paths:
         states = satellite_states(
             satellites.navigation, codes, (antenna.time[:, None] - tau).ravel(), message
         )
-        position, moved = (
-            states.position.reshape(n, s, 3) + satellites.orbit_error,
-            states.velocity.reshape(n, s, 3),
-        )
+        position = states.position.reshape(n, s, 3) + satellites.orbit_error
+        moved = states.velocity.reshape(n, s, 3)
         tau = np.linalg.norm(_turned(position, tau) - antenna.position[:, None, :], axis=2) / LIGHT
     away = _turned(position, tau) - antenna.position[:, None, :]
     distance = np.linalg.norm(away, axis=2)

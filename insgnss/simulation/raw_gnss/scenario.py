@@ -210,10 +210,8 @@ def simulate_raw_gnss(
 
 def _rover(flight: Flight, rig: Rig, options: RawGnssOptions, rng: np.random.Generator) -> Antenna:
     motion, frame = flight.motion, flight.motion.frame
-    first, last = (
-        np.ceil(motion.start * options.rate_hz - 1e-6),
-        np.floor(motion.end * options.rate_hz + 1e-6),
-    )
+    first = np.ceil(motion.start * options.rate_hz - 1e-6)
+    last = np.floor(motion.end * options.rate_hz + 1e-6)
     stamp = np.arange(first, last + 1.0) / options.rate_hz
     if stamp.size < FEWEST_EPOCHS:
         raise UsageError(
@@ -328,13 +326,8 @@ def _observe(
             f" {FEWEST_ABOVE_MASKS})"
         )
         raise UsageError(f"raw GNSS: {shortage}; lower a mask")
-    locks = track(
-        visible,
-        antenna.bank,
-        1.0 / receiver.rate_hz,
-        options.tracking.times(receiver.share),
-        lock_rng,
-    )
+    tracking = options.tracking.times(receiver.share)
+    locks = track(visible, antenna.bank, 1.0 / receiver.rate_hz, tracking, lock_rng)
     epoch, column = np.nonzero(locks.held[:, :, 0])
     values = _values(antenna, scene, paths, locks, receiver, (noise_rng, bias_rng))[epoch, column]
     k, j = np.nonzero(locks.slips.any(axis=2))
@@ -346,18 +339,8 @@ def _observe(
     )
     report = locks.report[epoch, column].astype(np.int8)
     truth = (antenna.time, antenna.clock_s, antenna.position, antenna.velocity)
-    return (
-        RawObservations(
-            scene.flight.gps_week,
-            antenna.stamp,
-            epoch,
-            satellites.code[column],
-            values,
-            report,
-            *truth,
-        ),
-        slips,
-    )
+    rows = (epoch, satellites.code[column], values, report)
+    return RawObservations(scene.flight.gps_week, antenna.stamp, *rows, *truth), slips
 
 
 def _values(
@@ -373,10 +356,8 @@ def _values(
     troposphere, ionosphere = _air(antenna, scene, paths)
     sine = np.sin(np.maximum(paths.elevation, np.radians(LOWEST_STRENGTH_DEG)))
     common = paths.distance + LIGHT * antenna.clock_s[:, None] - paths.clock + troposphere
-    rate, own_rate = (
-        paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT),
-        antenna.clock_rate[:, None],
-    )
+    rate = paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT)
+    own_rate = antenna.clock_rate[:, None]
     glonass = np.array([code[0] == "R" for code in scene.satellites.code])
     channel = scene.satellites.channel
     strength, zenith, less, spread = STRENGTH_DBHZ
@@ -387,26 +368,19 @@ def _values(
         )
         wavelength, dispersed = LIGHT / frequency, ionosphere * (GPS_HZ[0] / frequency) ** 2
         hardware = options.hardware_bias_m * bias_rng.standard_normal(2)[glonass.astype(int)]
-        hardware = (
-            hardware
-            + glonass
-            * options.glonass_code_bias_m
-            * bias_rng.standard_normal(GLONASS_CHANNEL_COUNT)[channel + GLONASS_CHANNEL_COUNT // 2]
-        )
+        of_channels = bias_rng.standard_normal(GLONASS_CHANNEL_COUNT)
+        bias_of_channel = of_channels[channel + GLONASS_CHANNEL_COUNT // 2]
+        hardware = hardware + glonass * options.glonass_code_bias_m * bias_of_channel
         fraction = (
             bias_rng.uniform(0.0, 1.0, 2)[glonass.astype(int)]
             + glonass * channel * receiver.phase_slope_m / wavelength
         )
-        code = noise(
-            sine, options.code_sigma_m, options.code_multipath_m, options.multipath_s, interval, rng
-        )
-        phase = noise(
-            sine,
-            options.phase_sigma_m,
-            options.phase_multipath_m,
-            options.multipath_s,
-            interval,
-            rng,
+        code, phase = (
+            noise(sine, white, multipath, options.multipath_s, interval, rng)
+            for white, multipath in (
+                (options.code_sigma_m, options.code_multipath_m),
+                (options.phase_sigma_m, options.phase_multipath_m),
+            )
         )
         air_rate = np.gradient(troposphere - dispersed, interval, axis=0)
         doppler = (
@@ -435,9 +409,8 @@ def _air(antenna: Antenna, scene: _Scene, paths: Paths) -> tuple[Array, Array]:
     low = np.radians(LOWEST_STRENGTH_DEG)
     elevation = np.maximum(paths.elevation, low)
     table = scene.troposphere.table(float(height.min()), float(height.max()), low)
-    troposphere = table(
-        np.broadcast_to(height[:, None], elevation.shape), elevation, grid=False
-    ) / np.sin(elevation)
+    heights = np.broadcast_to(height[:, None], elevation.shape)
+    troposphere = table(heights, elevation, grid=False) / np.sin(elevation)
     elapsed = antenna.time - scene.flight.motion.start
     return troposphere, scene.ionosphere.delay(
         elapsed, (lat, lon, height), paths.azimuth, elevation

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 from ....base.errors import UsageError
 from ....base.inputs import sha256
-from ....base.output.staging import together
-from ....base.provenance import made_from
 from ....base.units import rounded
 from ....flight.config.flight_file import Flight
 from ....flight.processing.input_files import input_files, measurements
@@ -20,11 +18,10 @@ from ....navigation.noise_model.model import (
     AxisNoise,
     NoiseModel,
     RecordingSource,
-    write_noise_model,
 )
 from ....navigation.prepare.gaps import nominal_interval
 from ....records import ImuSamples
-from ..targets import check_target, make_directory, refuse_others
+from ..targets import beside, check_target, refuse_others, write_tuning
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise
@@ -43,20 +40,14 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     """
     target = check_target(flight.path.parent / IN_FLIGHT_MODEL if out is None else Path(out))
     inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
-    files = (target, *beside(target))
-    taken = [str(file) for file in files if file.resolve() in inputs]
+    taken = [str(file) for file in (target, *beside(target)) if file.resolve() in inputs]
     if taken:
         raise UsageError(
             f"{taken[0]}: is an input of this flight and stays as it is; give another --out FILE"
         )
     if not force:
-        refuse_others(files, measurements(flight))
+        refuse_others(target, measurements(flight))
     return target
-
-
-def beside(target: Path) -> tuple[Path, Path]:
-    """Return the paths of the table and the page beside a noise model."""
-    return target.with_suffix(".json"), target.with_suffix(".html")
 
 
 def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning":
@@ -76,18 +67,12 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
     FlightTuning
         The result, with the files named.
     """
-    from ....report.document import write_with_page
     from .spectrum import spectra
 
-    table, page = beside(target)
-    model_files = (target,) if tuning.accepted else ()
-    tuning = replace(tuning, files=(*model_files, table, page))
-    make_directory(target)
-    with together():
-        if tuning.accepted:
-            write_noise_model(tuning.model, target, tuning.reasons)
-        document = tuning.as_dict() | made_from(input_files(flight), table, model_files)
-        write_with_page(tuning.document(spectra(tuning)), document, table, page)
+    model = tuning.model if tuning.accepted else None
+    tuning = replace(tuning, files=(*([target] if model else []), *beside(target)))
+    document, numbers = tuning.document(spectra(tuning)), tuning.as_dict()
+    write_tuning(target, model, tuning.reasons, input_files(flight), document, numbers)
     return tuning
 
 

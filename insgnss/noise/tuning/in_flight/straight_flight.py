@@ -253,10 +253,8 @@ def _floor(frequency: Array, S: Array, freedom: float) -> Array:
     from scipy.special import chdtri
 
     mean = freedom / float(chdtri(freedom, 0.5))
-    low, high = (
-        np.searchsorted(frequency, frequency / np.sqrt(2.0)),
-        np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right"),
-    )
+    low = np.searchsorted(frequency, frequency / np.sqrt(2.0))
+    high = np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right")
     return mean * np.array(
         [[np.median(row[a:b]) for a, b in zip(low, high, strict=True)] for row in S]
     )
@@ -319,8 +317,6 @@ def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, 
     for c, mean in enumerate(means.T):
         count = int(np.argmax(np.append(np.abs(mean / mean[0] - 1.0) > EVEN_POWER, True)))
         if count > 1:
-            level[c], begin[c] = (
-                S[c, (frequency >= edges[count]) & (frequency < highest)].mean(),
-                edges[count],
-            )
+            level[c] = S[c, (frequency >= edges[count]) & (frequency < highest)].mean()
+            begin[c] = edges[count]
     return means.min(axis=0), level, begin

@@ -131,7 +131,7 @@ def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     )
     which = (
         f"{len(large)} of {sum(curve.level.size for curve in t.kept.curves)} scales stand out,"
-        f" {_span([s for _, s, _ in large])}"
+        f" {span_text([s for _, s, _ in large])}"
     )
     size = f"{abs(worst):.1%} too {'high' if worst > 0.0 else 'low'}"
     amount = f"its deviation is {size} at {where}, off by {_median(large)} in the median of these"
@@ -144,12 +144,10 @@ def _median(deviations: Sequence[tuple[float, float, int]]) -> str:
     return f"{float(np.median([abs(x) for x, _, _ in deviations])):.1%}"
 
 
-def _span(scales: Sequence[float]) -> str:
-    return (
-        f"{min(scales):.3g} s"
-        if len(set(scales)) == 1
-        else f"{min(scales):.3g} to {max(scales):.3g} s"
-    )
+def span_text(scales: Sequence[float]) -> str:
+    """Return the scales, s, from the shortest to the longest."""
+    least, most = min(scales), max(scales)
+    return f"{least:.3g} s" if least == most else f"{least:.3g} to {most:.3g} s"
 
 
 def curve_name(t: "Tuned", recordings: Sequence[StaticRecording], i: int) -> str:

@@ -5,13 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....base.errors import DataError
-from ....base.output.staging import together
-from ....base.provenance import made_from
-from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
+from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel
 from ....navigation.noise_model.noise_file import model_of_text, text_of_model
 from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
-from ..targets import check_target, make_directory, refuse_others
+from ..targets import beside, check_target, refuse_others, write_tuning
 from ..usable import envelope, rounded_axis
 from .words import FITS_P, goodness_p, misfit, verdict
 
@@ -25,15 +23,8 @@ def planned(out: Path | None, force: bool, measured: Sequence[Path]) -> Path:
     """
     target = check_target(out or TUNED_MODEL)
     if not force:
-        refuse_others((target, *_beside(target)), measured)
+        refuse_others(target, measured)
     return target
-
-
-def _beside(target: Path) -> list[Path]:
-    return [
-        target.with_suffix(".json"),
-        target.with_suffix(".html"),
-    ]
 
 
 def noise_model(
@@ -75,25 +66,18 @@ def noise_model(
 
 def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneResult:
     """Write all files, made from the recordings `measured`; the result that names them."""
-    from ....report.document import write_with_page
     from .charts import sensor_chart
 
-    table, page = _beside(target)
-    model_files = (target,) if result.model is not None else ()
-    files = (*model_files, table, page)
-    notes = result.notes
+    table, page = beside(target)
     if result.model is None:
-        notes = (*notes, _why_no_model(result.tuned, table))
-    result = replace(result, files=files, notes=notes)
-    if result.model is not None:
+        notes = (*result.notes, _why_no_model(result.tuned, table))
+        result = replace(result, files=(table, page), notes=notes)
+    else:
+        result = replace(result, files=(target, table, page))
         _read_back(result, target)
-    make_directory(target)
-    with together():
-        if result.model is not None:
-            write_noise_model(result.model, target, _remarks(result))
-        document = result.as_dict() | made_from(measured, table, model_files)
-        charts = [chart for s in SENSORS if (chart := sensor_chart(result, s)) is not None]
-        write_with_page(result.document(charts), document, table, page)
+    charts = [chart for s in SENSORS if (chart := sensor_chart(result, s)) is not None]
+    document, numbers = result.document(charts), result.as_dict()
+    write_tuning(target, result.model, _remarks(result), measured, document, numbers)
     return result
 
 
