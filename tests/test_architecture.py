@@ -503,8 +503,7 @@ WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "batch/installation/surroundings.py": "what the kernel says of the processor",
     "photogrammetry/mounting_calibration/products.py": "a file that is going to be replaced",
     "report/markup.py": "files of the package",
-    "batch/season/page.py": "a page that is going to be replaced",
-    "batch/season/run.py": "a table that is going to be replaced",
+    "batch/season/page.py": "a page or a table that is going to be replaced",
     "simulation/faults.py": "a data set that is being made",
     "photogrammetry/target_measurement/run.py": "a table that is going to be replaced",
 }

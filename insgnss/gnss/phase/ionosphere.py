@@ -102,6 +102,7 @@ from ..rinex.navigation_message import Navigation
 from ..satellites.engine_weighting import displacement
 from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
 from ..satellites.satellite_geometry import Sky, common_bands
+from ..satellites.visible_satellites import directions
 from .double_differences import DoubleDifferences, double_differences, measurable
 from .ionosphere_shell import shell_design
 from .troposphere import Atmosphere, mapping
@@ -396,7 +397,7 @@ def _spread(size: Array) -> float:
 
 def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
     """(I.2) and (I.3)."""
-    sine, cos = np.sin(d.elevation), np.cos(d.elevation)
+    sine = np.sin(d.elevation)
     H = (hats(knots, d.time)[:, :, None] * d.design[:, None, :]).reshape(d.time.size, -1)
     none = np.zeros(d.time.size)
     clocks = (d.system[:, None] == np.unique(d.system)).astype(np.float64)
@@ -405,7 +406,7 @@ def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Ki
     difference = np.column_stack([between, sine, none, none, 1.0 / sine]) * units
     early = -d.kappa.mean(axis=1)[:, None] * H
     mean = np.column_stack([early, none, d.rise * slant, slant, none]) * units
-    sight = np.column_stack([-cos * np.cos(d.azimuth), -cos * np.sin(d.azimuth), sine])
+    sight = -directions(d.azimuth, d.elevation)
     return (
         _Kind(difference, d.parts[:, 0] - d.parts[:, 1], clocks, d.epoch),
         _Kind(mean, d.parts.mean(axis=1), np.column_stack([sight, clocks]), d.epoch),
@@ -418,20 +419,12 @@ def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[A
     """
     n, p = int(group.max()) + 1, A.shape[1]
     WA = A * weight[:, None]
-    N = np.stack(
-        [
-            np.stack([np.bincount(group, WA[:, i] * A[:, j], n) for j in range(p)], axis=1)
-            for i in range(p)
-        ],
-        axis=1,
-    )
-    b = np.stack(
-        [
-            np.stack([np.bincount(group, WA[:, i] * column, n) for column in values.T], axis=1)
-            for i in range(p)
-        ],
-        axis=1,
-    )
+
+    def sums(columns: Array) -> Array:
+        of_rows = ([np.bincount(group, row * column, n) for column in columns.T] for row in WA.T)
+        return np.stack([np.stack(row, axis=1) for row in of_rows], axis=1)
+
+    N, b = sums(A), sums(values)
     inverse = np.linalg.inv(N + NORMAL_RIDGE * np.eye(p))
     redundancy = 1.0 - np.einsum("mi,mij,mj->m", WA, inverse[group], A)
     return values - np.einsum("mi,mic->mc", A, (inverse @ b)[group]), redundancy

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...records import GnssFixes
 from ..satellites.satellite_geometry import Sky
+from ..satellites.visible_satellites import directions
 
 Array = NDArray[np.float64]
 
@@ -18,14 +19,7 @@ ORBIT_M = 2.66e7
 
 def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
     """Return D (m, 5) of (I.1) for each of the satellites; base (3,) in m ECEF."""
-    cos = np.cos(satellites.elevation)
-    ned = np.column_stack(
-        [
-            cos * np.cos(satellites.azimuth),
-            cos * np.sin(satellites.azimuth),
-            -np.sin(satellites.elevation),
-        ]
-    )
+    ned = directions(satellites.azimuth, satellites.elevation)
     sight = np.einsum("mij,mj->mi", rotation_en(fixes.lat, fixes.lon)[satellites.epoch], ned)
     antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch]
     lat, lon, _ = ecef_to_geodetic(base)

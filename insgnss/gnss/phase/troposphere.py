@@ -289,13 +289,11 @@ def wet_delay_correction(
         k = int(np.argmax(uncorrectable))
         message = (
             f"{int(uncorrectable.sum())} positions, the first at {fixes.time[k]:.3f} s, have too"
-            " few"
-            " satellites common with the base"
+            " few satellites common with the base"
         )
         raise DataError(
             f"{fixes.source or 'positions'}: {message}; check that positions and observations"
-            " belong"
-            " together, or switch it off"
+            " belong together, or switch it off"
         )
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
     zenith, slope = np.where(corrected, zenith, 0.0), np.where(corrected[:, None], slope, 0.0)

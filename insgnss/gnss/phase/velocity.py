@@ -100,6 +100,7 @@ JERK_S = 0.6  # to either side of an epoch, in which its jerk is found
 UNEVEN = 0.1  # of an interval, by which those around an epoch may differ
 MISSED_SHARE = 0.2  # of what the jerk bends, that a cubic through the epochs around does not see
 UNKNOWN_JERK, UNSEEN_JERK = 1.0, 5.0  # m/s^3, beside the jerk that is found, and where none is
+OF_ANOTHER_FLIGHT = "check that positions and navigation are of this flight"
 FIRST_NOISE_M = 0.01  # of the phase at zenith, before it is known
 
 
@@ -182,11 +183,7 @@ def time_differenced_velocity(
             "no phase is there in two neighbouring epochs with a position, an ephemeris and no loss"
             " of lock"
         )
-        raise DataError(
-            f"{observations.header.path}: {message}; check that positions and navigation are of"
-            " this"
-            " flight"
-        )
+        raise DataError(f"{observations.header.path}: {message}; {OF_ANOTHER_FLIGHT}")
     return _solve(observations, antenna, pairs, options)
 
 
@@ -212,11 +209,7 @@ def _solve(
             f"none of {ends.size} intervals has {options.fewest} satellites that agree to"
             f" {options.largest_sd:g} m/s"
         )
-        raise DataError(
-            f"{observations.header.path}: {message}; check that positions and navigation are of"
-            " this"
-            " flight"
-        )
+        raise DataError(f"{observations.header.path}: {message}; {OF_ANOTHER_FLIGHT}")
     ends, length = ends[good], length[good]
     displacement = antenna.position[ends] - antenna.position[ends - 1] + solution[good, :3]
     lat, lon, _ = ecef_to_geodetic(antenna.position[ends])

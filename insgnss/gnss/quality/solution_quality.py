@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.files import picked
 from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
 from ...io.formats.gnss.pos_header import ROOTS
 from ...io.formats.gnss.rtklib_pos import PosRows, fixes_of_rows
@@ -129,26 +130,15 @@ def solution_series(
     signals: Signals | None,
 ) -> dict[str, Any]:
     """Return arrays by name, as `report.charts.gnss` draws them."""
-    series: dict[str, Any] = {
-        "time": solution.fixes.time,
-        "kind": kind,
-        "satellites": solution.satellites,
-        "ratio": solution.ratio,
-    }
-    series |= {
-        "age_s": solution.age_s,
-        "distance_m": distance_m,
-        "height_difference_m": height_difference_m,
-    }
+    series: dict[str, Any] = {"time": solution.fixes.time, "kind": kind}
+    series |= picked(solution, "satellites", "ratio", "age_s")
+    series |= {"distance_m": distance_m, "height_difference_m": height_difference_m}
     if separation is not None:
         sigma = np.sqrt(np.diagonal(separation.cov, axis1=1, axis2=2))
         series |= {"separation_m": separation.ned, "separation_sigma_m": sigma}
     if signals is not None:
-        series |= {
-            "gaps": signals.gaps,
-            "slip_time": signals.slip_time,
-            "slip_satellite": signals.slip_satellite.tolist(),
-        }
+        series |= picked(signals, "gaps", "slip_time")
+        series |= {"slip_satellite": signals.slip_satellite.tolist()}
         series |= {"cn0_time": signals.cn0_time, "cn0": dict(signals.cn0)}
     return series
 
@@ -283,37 +273,30 @@ def verdict(
         checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
     if "signals" in numbers:
         checks += _check_signals(numbers["signals"])
-    doubts = [
-        c
-        for c in before
-        if c.verdict == "contradiction" or (c.verdict == "note" and c.name in BASE_CHECKS)
-    ]
+    of_base = [c for c in before if c.verdict == "note" and c.name in BASE_CHECKS]
+    doubts = [c for c in before if c.verdict == "contradiction" or c in of_base]
     rate = numbers["fix_rate_observed"]
-    word = (
-        "poor" if rate < FAIR_RATE else "usable with care" if rate < GOOD_RATE or doubts else "good"
-    )
-    summary = (
-        f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs are fixed and confirmed"
-    )
+    word = "usable with care" if rate < GOOD_RATE or doubts else "good"
+    word = "poor" if rate < FAIR_RATE else word
+    summary = f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs"
+    summary += " are fixed and confirmed"
     if degraded := numbers["classes"][CLASSES[DEGRADED]]:
         summary += f", {degraded} of them degraded"
     summary += f", {numbers['unsolved']} have no solution" if numbers["unsolved"] else ""
-    if sigma := numbers["sigma_m"]["fixed_median"]:
-        summary += (
-            ""
-            if None in sigma
-            else ", standard deviations north, east, down "
-            + ", ".join(f"{1e3 * s:.0f}" for s in sigma)
-            + " mm"
-        )
+    sigma = numbers["sigma_m"]["fixed_median"]
+    if sigma and None not in sigma:
+        summary += f", standard deviations north, east, down {_in_mm(sigma)}"
     others = [
         c.name.removeprefix("GNSS ")
         for c in (*doubts, *checks)
         if c.verdict != "ok" and c.name != "GNSS fix rate"
     ]
-    return summary + (f"; look at {', '.join(dict.fromkeys(others))}" if others else ""), tuple(
-        checks
-    )
+    summary += f"; look at {', '.join(dict.fromkeys(others))}" if others else ""
+    return summary, tuple(checks)
+
+
+def _in_mm(metres: Iterable[float]) -> str:
+    return f"{', '.join(f'{1e3 * x:.0f}' for x in metres)} mm"
 
 
 def _check_rate(n: Mapping[str, Any]) -> Finding:
@@ -324,9 +307,8 @@ def _check_rate(n: Mapping[str, Any]) -> Finding:
         "check base coordinates, antenna, navigation files and the mask; float epochs carry"
         " decimetres, and the IMU must bridge them"
     )
-    return Question("GNSS fix rate", f"{100 * GOOD_RATE:.0f} % at least").note(
-        finding, advice, when=n["fix_rate_observed"] < GOOD_RATE
-    )
+    ask = Question("GNSS fix rate", f"{100 * GOOD_RATE:.0f} % at least")
+    return ask.note(finding, advice, when=n["fix_rate_observed"] < GOOD_RATE)
 
 
 def _check_unsolved(n: Mapping[str, Any]) -> Finding:
@@ -365,9 +347,8 @@ def _check_satellites(n: Mapping[str, Any]) -> Finding:
         "few satellites make incorrect ambiguity fixes likely: use all systems that rover and base"
         " have in common, or a lower mask"
     )
-    return Question("GNSS satellites", f"{FEW_SATELLITES} at least").note(
-        finding, advice, when=s["least"] < FEW_SATELLITES
-    )
+    ask = Question("GNSS satellites", f"{FEW_SATELLITES} at least")
+    return ask.note(finding, advice, when=s["least"] < FEW_SATELLITES)
 
 
 def _check_distance(n: Mapping[str, Any]) -> Finding:
@@ -380,36 +361,28 @@ def _check_distance(n: Mapping[str, Any]) -> Finding:
     advice = (
         "the atmosphere differs over such a distance: use a nearer or a virtual reference station"
     )
-    return Question("GNSS base distance", f"below {1e-3 * LONG_BASELINE_M:.0f} km").note(
-        finding, advice, when=d["largest"] > LONG_BASELINE_M
-    )
+    ask = Question("GNSS base distance", f"below {1e-3 * LONG_BASELINE_M:.0f} km")
+    return ask.note(finding, advice, when=d["largest"] > LONG_BASELINE_M)
 
 
 def _check_age(n: Mapping[str, Any]) -> Finding:
     finding = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
     advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
-    return Question("GNSS base age", f"below {OLD_S:.0f} s").note(
-        finding, advice, when=n["age_s"]["largest"] > OLD_S
-    )
+    ask = Question("GNSS base age", f"below {OLD_S:.0f} s")
+    return ask.note(finding, advice, when=n["age_s"]["largest"] > OLD_S)
 
 
 def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
     rms = s["fixed_rms_m"]
     finding = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
-    finding += (
-        ""
-        if rms is None
-        else ", rms where both are fixed "
-        + ", ".join(f"{1e3 * x:.0f}" for x in rms)
-        + " mm north, east, down"
-    )
+    if rms is not None:
+        finding += f", rms where both are fixed {_in_mm(rms)} north, east, down"
     advice = (
         "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down"
         " by their whole difference"
     )
-    return Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most").note(
-        finding, advice, when=s["contradicting"] > APART_SHARE * epochs
-    )
+    ask = Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most")
+    return ask.note(finding, advice, when=s["contradicting"] > APART_SHARE * epochs)
 
 
 def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
@@ -436,25 +409,19 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
     checks.append(ask.note(finding, advice, when=n["longest_gap_s"] > LONG_GAP_S))
     levels = {band: level for band, level in n["cn0_dbhz"].items() if level is not None}
     if levels:
-        finding = (
-            ", ".join(f"{band} {level:.1f}" for band, level in levels.items())
-            + " dB-Hz in the median"
-        )
+        each = ", ".join(f"{band} {level:.1f}" for band, level in levels.items())
+        finding = f"{each} dB-Hz in the median"
         advice = (
             "antenna, its ground plane and cable, or a transmitter aboard (video link, USB 3,"
             " payload)"
         )
-        bad = any(
-            level < (LOW_DBHZ if band == "band 1" else LOW_SECOND_DBHZ)
-            for band, level in levels.items()
-        )
+        limits = {"band 1": LOW_DBHZ}
+        bad = any(level < limits.get(band, LOW_SECOND_DBHZ) for band, level in levels.items())
         expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
         checks.append(Question("GNSS C/N0", expected).note(finding, advice, when=bad))
     if n["multipath_m"]:
-        finding = (
-            ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
-            + " m rms of code"
-        )
+        each = ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
+        finding = f"{each} m rms of code"
         advice = "reflections near the antenna, or a low C/N0"
         bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
         ask = Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m")

@@ -238,8 +238,8 @@ class _NavigationText:
             line = lines[begin]
             system, number = (line[0], line[1:3]) if version >= 3.0 else (self.system, line[:2])
             satellite = system + number.replace(" ", "0")
-            known = system in (*LINES, *LEFT_OUT) and satellite[1:].isdigit()
-            if not known or not satellite.isascii():
+            described = system in (*LINES, *LEFT_OUT) and satellite[1:].isdigit()
+            if not described or not satellite.isascii():
                 message = f"{line[:8]!r} begins no message of a known satellite"
                 raise InputError.at_line(path, begin + 1, f"{message}; is the file damaged?")
             if system in LEFT_OUT:

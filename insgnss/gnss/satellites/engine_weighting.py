@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..options import EngineOptions
-from .visible_satellites import Sky
+from .visible_satellites import Sky, directions
 
 Array = NDArray[np.float64]
 
@@ -62,11 +62,9 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
     It is NaN where satellites are too few.
     """
     n = 3 + int(satellites.system.max(initial=0)) + 1
-    cos, sin = np.cos(satellites.elevation), np.sin(satellites.elevation)
+    sin = np.sin(satellites.elevation)
     A = np.zeros((satellites.epoch.size, n))
-    A[:, 0] = -cos * np.cos(satellites.azimuth)
-    A[:, 1] = -cos * np.sin(satellites.azimuth)
-    A[:, 2] = sin
+    A[:, :3] = -directions(satellites.azimuth, satellites.elevation)
     A[np.arange(satellites.epoch.size), 3 + satellites.system] = 1.0
     PA = A * (satellites.weight / (1.0 + sin**-2))[:, None]
     N, b = np.zeros((epochs, n, n)), np.zeros((epochs, n))
@@ -78,7 +76,6 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
         N[:, j, j] += N[:, j, j] == 0.0  # a system without satellites in the epoch has no clock
     out = np.full((epochs, 3), np.nan)
     ill_conditioned = np.linalg.cond(N) > LARGEST_CONDITION
-    out[~ill_conditioned] = np.linalg.solve(N[~ill_conditioned], b[~ill_conditioned][:, :, None])[
-        :, :3, 0
-    ]
+    good = ~ill_conditioned
+    out[good] = np.linalg.solve(N[good], b[good][:, :, None])[:, :3, 0]
     return out

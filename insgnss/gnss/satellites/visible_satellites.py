@@ -36,6 +36,13 @@ class Sky:
     row: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
+def directions(azimuth: Array, elevation: Array) -> Array:
+    """Return unit vectors (n, 3) north, east, down towards azimuths and elevations (n,) rad."""
+    across = np.cos(elevation)
+    ned = [across * np.cos(azimuth), across * np.sin(azimuth), -np.sin(elevation)]
+    return np.stack(ned, axis=1)
+
+
 def position_dilution(sky: Sky, epochs: int) -> Array:
     """Return the position dilution of precision (PDOP) of each epoch, of one receiver clock.
 
@@ -53,16 +60,8 @@ def position_dilution(sky: Sky, epochs: int) -> Array:
     ndarray, shape (n,)
         PDOP, NaN where fewer than four satellites, or such in one plane, do not determine it.
     """
-    across = np.cos(sky.elevation)
-    rows = np.stack(
-        [
-            across * np.cos(sky.azimuth),
-            across * np.sin(sky.azimuth),
-            np.sin(sky.elevation),
-            np.ones(sky.elevation.size),
-        ],
-        axis=1,
-    )
+    sight = directions(sky.azimuth, sky.elevation)
+    rows = np.column_stack([sight, np.ones(sky.elevation.size)])
     normal = np.zeros((epochs, 4, 4))
     np.add.at(normal, sky.epoch, rows[:, :, None] * rows[:, None, :])
     regular = np.linalg.det(normal) > SMALLEST_DETERMINANT

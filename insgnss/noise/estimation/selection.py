@@ -318,10 +318,10 @@ def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
     for recording in np.unique(groups):
         inside, outside = np.flatnonzero(groups != recording), np.flatnonzero(groups == recording)
         weights = [fitted.weights[i] for i in inside]
-        others = fit_alike(fitted, [fitted.curves[i] for i in inside], weights)
+        refitted = fit_alike(fitted, [fitted.curves[i] for i in inside], weights)
         curves = [fitted.curves[i] for i in outside]
         weights = [fitted.weights[i] for i in outside]
-        out.append(objective(others.axis, curves, weights, fitted.sampling))
+        out.append(objective(refitted.axis, curves, weights, fitted.sampling))
     return np.array(out)
 
 

@@ -172,8 +172,8 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)
     ):
         raise UsageError(f"{path}: the variances carry their rate; leave --rate out")
-    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
-    units = {sensor: unit for sensor, unit in given.items() if unit}
+    stated = {"gyro": options.gyro_unit, "accel": options.accel_unit}
+    units = {sensor: unit for sensor, unit in stated.items() if unit}
     variances = read_variances(
         path, member=options.variable, units=units or None, rate_hz=options.rate_hz
     )
