@@ -143,7 +143,7 @@ def table_of_dates(path: Source) -> TextTable:
         if len(fields) != count:
             problem = f"{len(fields)} fields, expected {count}"
             raise line.error(f"{problem}; correct or delete the line")
-    layout = Layout(delimiter, ".", count, None, None, None, 0, rows[0][0].number)
+    layout = Layout(delimiter, ".", count, first_line=rows[0][0].number)
     if header is not None:
         names = tuple(name.strip() for name in header[1])
         layout = replace(

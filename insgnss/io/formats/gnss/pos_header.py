@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.files import lines_of
+from ....records import Array
 from ..text.layout import NUMBER, decode, float_of, is_comment, shown
 from ..text.text import Source
 
@@ -61,7 +62,7 @@ class Header:
     dated : bool
         Whether time is a date.
     base : tuple of float, optional
-        The base's position (3,) or, sexagesimal, (7,), as the header gives it.
+        The base's position (3,): latitude, longitude, deg, height, m, or geocentric, m.
     given : bool
         Whether there is a header.
     """
@@ -187,7 +188,7 @@ def _without_header(path: Source, first: str) -> Header:
 
 
 def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
-    """Numbers of `% ref pos :`, three or, sexagesimal, seven; None without such a line."""
+    """The three numbers of `% ref pos :`, degrees and metres; None without such a line."""
     line = next((line for line in comments if re.match(r"\s*%\s*ref pos\s*:", line)), None)
     if line is None:
         return None
@@ -195,4 +196,13 @@ def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
     if None in numbers or len(numbers) not in (3, 7):
         message = f"{shown(line.strip())} is no position of the base; correct or delete the line"
         raise InputError.in_file(path, message)
-    return tuple(x for x in numbers if x is not None)
+    values = [x for x in numbers if x is not None]
+    if len(values) == 3:
+        return tuple(values)
+    lat, lon = (float(degrees_of(*np.array(values[k : k + 3]))) for k in (0, 3))
+    return (lat, lon, values[6])
+
+
+def degrees_of(d: Array, m: Array, s: Array) -> Array:
+    """Return degrees of degrees, minutes and seconds, whose sign stands before the degrees."""
+    return np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)

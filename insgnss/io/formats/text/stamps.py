@@ -328,13 +328,9 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     ):  # uneven, or as even as can be
         return time, ()
     ends = np.flatnonzero(~near) + 1
-    out = time.copy()
-    off = np.zeros(time.size)
-    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
-        if last - first >= LEAST_STAMPS:
-            out[first:last] = _line(time[first:last], interval)
-            off[first:last] = np.abs(out[first:last] - time[first:last])
-    if np.mean(off > MOST_RESIDUAL_DIGITS * digit) > ODD or not (np.diff(out) > 0.0).all():
+    out = _lines(time, ends, interval)
+    distance = np.abs(out - time)
+    if np.mean(distance > MOST_RESIDUAL_DIGITS * digit) > ODD or not (np.diff(out) > 0.0).all():
         return time, ()
     rate = f"an even {1.0 / interval:.6g} Hz"
     finding = f"stamps rounded to {1e3 * digit:g} ms at {rate} were spread evenly"
@@ -394,10 +390,7 @@ def without_jitter(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     if not shared and _share_uneven(stamps, interval) < LEAST_JITTERY:
         return time, ()  # rows out of order, or double
     ends = _gaps(time, interval)
-    out = time.copy()
-    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
-        if last - first >= LEAST_STAMPS:
-            out[first:last] = _line(time[first:last], interval)
+    out = _lines(time, ends, interval)
     delay, step = time - out, np.delete(np.diff(time), ends - 1)
     scatter = float(np.std(step))
     if (
@@ -464,6 +457,15 @@ def _last_digit(time: Array) -> float:
         else:
             return digit
     return 0.0
+
+
+def _lines(time: Array, ends: NDArray[np.intp], interval: float) -> Array:
+    """Return stamps on lines between ends; those of few rows stay."""
+    out = time.copy()
+    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
+        if last - first >= LEAST_STAMPS:
+            out[first:last] = _line(time[first:last], interval)
+    return out
 
 
 def _line(time: Array, interval: float) -> Array:
