@@ -198,8 +198,7 @@ def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
     InputError : with file and line, for what cannot be read.
     UsageError : the format does not take an option, or needs one.
     """
-    imu: ImuSamples = _read("imu", path, spec)
-    return imu
+    return _read("imu", path, spec)
 
 
 def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
@@ -222,8 +221,7 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
     InputError : with file and line, for what cannot be read, and without standard deviations.
     UsageError : the format does not take an option, or needs one.
     """
-    fixes: GnssFixes = _read("gnss", path, spec)
-    return fixes
+    return _read("gnss", path, spec)
 
 
 def read_events(path: str | Path, **spec: Any) -> CameraEvents:
@@ -245,8 +243,7 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
     InputError : with file and line, for what cannot be read, and an image that occurs twice.
     UsageError : the format does not take an option.
     """
-    events: CameraEvents = _read("events", path, spec)
-    return events
+    return _read("events", path, spec)
 
 
 def read_barometer(path: str | Path, **spec: Any) -> BarometerHeights:
@@ -267,8 +264,7 @@ def read_barometer(path: str | Path, **spec: Any) -> BarometerHeights:
     InputError : with file and line, for what cannot be read.
     UsageError : the format does not take an option.
     """
-    heights: BarometerHeights = _read("barometer", path, spec)
-    return heights
+    return _read("barometer", path, spec)
 
 
 def describe(path: str | Path) -> list[TableInfo]:
