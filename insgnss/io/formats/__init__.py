@@ -152,7 +152,7 @@ def _options(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
             f" {', '.join(accepted)}"
         )
-    if form in ("matlab", "npy") and "columns" not in options:
+    if form in LOADERS and "columns" not in options:
         tables = "; ".join(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )

@@ -18,7 +18,7 @@ from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import clock_of, gps_time
 from ..text.columns import Columns, NamedTable, TableSpec
-from ..text.direct import Bytes, Rows, Target, read_columns
+from ..text.direct import Bytes, Rows, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
@@ -168,19 +168,15 @@ def _direct(
 ) -> tuple[dict[str, Array], Array, Array] | None:
     """Return columns of the clock, and both triads, as `direct` reads them."""
     factors = _factors(scales, _backward(table))
-    targets, widths = {}, {"gyro": 3, "accel": 3}
-    for name, i in table.index.items():
-        if name in factors:
-            sensor, names = ("gyro", GYRO) if name in GYRO else ("accel", ACCEL)
-            targets[i] = Target(sensor, names.index(name), factors[name])
-        else:
-            targets[i], widths[name] = Target(name, 0), 1
-    arrays = read_columns(buf, table.table.layout, targets, widths)
+    wanted = {
+        sensor: [(table.index.get(name), factors[name]) for name in names]
+        for sensor, names in (("gyro", GYRO), ("accel", ACCEL))
+    }
+    wanted |= {name: [(k, 1.0)] for name, k in table.index.items() if name not in factors}
+    arrays = read_columns(buf, table.table.layout, wanted)
     if arrays is None:
         return None
     gyro, accel = arrays.pop("gyro"), arrays.pop("accel")
-    for triad, names in ((gyro, GYRO), (accel, ACCEL)):
-        triad[:, [k for k, name in enumerate(names) if name not in table]] = 0.0
     return {name: array[:, 0] for name, array in arrays.items()}, gyro, accel
 
 
