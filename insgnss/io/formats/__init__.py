@@ -106,6 +106,8 @@ READERS = {
     },
 }
 """Readers by the kind of what they read and by format, in the order in which formats are told."""
+OF_RATES = ("ardupilot", "ulog", "rosbag")
+"""Formats of samples that are no increments."""
 IMU_OPTIONS, GNSS_OPTIONS, EVENT_OPTIONS, BAROMETER_OPTIONS = (
     {form: tuple(reader.options.split()) for form, reader in readers.items()}
     for readers in READERS.values()
@@ -152,6 +154,9 @@ def _options(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
             f" {', '.join(accepted)}"
         )
+    if form in OF_RATES and options.get("quantity") == "increments":
+        rates = "which holds rates; set quantity to mean_rate or instant_rate"
+        raise UsageError(f"{path}: is of the format {form}, {rates}")
     if form in LOADERS and "columns" not in options:
         tables = "; ".join(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)

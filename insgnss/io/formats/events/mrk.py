@@ -27,7 +27,6 @@ from .events import events_in_order
 
 _WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
 _TOKEN = re.compile(r"[^\s,;]+")
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
@@ -143,9 +142,6 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
         text = text[: week.start()] + " " + text[week.end() :]
     tokens, unnamed, i = _TOKEN.findall(text), [], 0
     while i < len(tokens):
-        if not _NUMBER.fullmatch(tokens[i]):
-            wrong = f"{shown(tokens[i])} where a number must stand: {shown(text.strip())}"
-            raise line.error(f"{wrong}; correct the line")
         value = line.value(tokens[i])
         name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
         if name in NAMES:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError
+from ....base.errors import InputError
 from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..read_options import ReadOptions
@@ -69,15 +69,9 @@ def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
 
     Raises
     ------
-    UsageError
-        Increments, which such a log does not hold.
     InputError
         A log that cannot be read.
     """
-    if options.quantity == "increments":
-        raise UsageError(
-            f"{path}: an ArduPilot log holds rates; set quantity to instant_rate or mean_rate"
-        )
     log = read_log(path)
     message, notes = log.message(IMU_MESSAGES, options.variable), tuple[Finding, ...]()
     if IMU_FIELDS[3] not in message:

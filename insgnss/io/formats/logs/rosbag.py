@@ -111,13 +111,11 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
     Raises
     ------
     UsageError
-        Increments, which the message does not hold; several topics and none named.
+        Several topics and none named.
     InputError
         A bag that cannot be read, or has no such topic.
     """
     variable = options.variable
-    if options.quantity == "increments":
-        raise UsageError(f"{path}: sensor_msgs/Imu holds rates; set quantity to mean_rate")
     with _opened(path) as reader:
         topics = _topics(reader)
         names = ", ".join(topics) or "none"

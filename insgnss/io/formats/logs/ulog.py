@@ -14,7 +14,7 @@ import warnings
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError, installed, legible
+from ....base.errors import InputError, installed, legible
 from ....base.wording import DOCTOR
 from ....geodesy.gpstime import gps_from_unix_utc
 from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
@@ -146,15 +146,9 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
 
     Raises
     ------
-    UsageError
-        Increments, which are not read here.
     InputError
         A log that cannot be read.
     """
-    if options.quantity == "increments":
-        raise UsageError(
-            f"{path}: a PX4 log gives mean rates here; set quantity to mean_rate or instant_rate"
-        )
     log = read_log(path)
     message = log.message(("sensor_combined", "vehicle_imu"), options.variable)
     if "delta_angle[0]" in message:
