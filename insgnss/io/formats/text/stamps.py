@@ -138,9 +138,7 @@ def on_one_clock(
         if undated and not _is_undated(seconds[0], seconds[undated] - seconds[0]):
             undated = 0
         if undated:
-            finding = (
-                f"{undated} rows before {_line_of(lines, undated)} left out, of {seconds.size}"
-            )
+            finding = f"{undated} rows before {line_of(lines, undated)} left out, of {seconds.size}"
             advice = "they were stamped before the date was known"
             notes.append(note(name, finding, "stamps of one clock", advice))
     else:
@@ -187,7 +185,7 @@ def undated_rows(name: str, count: int, first: str) -> Finding:
     return note(name, finding, "stamps of one clock", "switch on earlier, if they are missed")
 
 
-def _line_of(lines: Lines, row: int) -> str:
+def line_of(lines: Lines, row: int) -> str:
     """File and line of a row."""
     return str(lines.error_at(row, "")).strip(": ")
 
@@ -211,7 +209,7 @@ def _counted_on(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]
 
 
 def _begins_anew(lines: Lines, name: str, row: int, length: float) -> Finding:
-    finding = f"the counter begins anew at {_line_of(lines, row)}, after {length:.6f} s; counted on"
+    finding = f"the counter begins anew at {line_of(lines, row)}, after {length:.6f} s; counted on"
     return note(name, finding, "a clock that counts on", "nothing to do")
 
 
@@ -234,7 +232,7 @@ def _without_steps(
     count = f"{len(steps)} times, first" if len(steps) > 1 else "once,"
     finding = (
         f"the clock was set in the recording {count} by {steps[0][1]:+.3f} s at"
-        f" {_line_of(lines, steps[0][0])}; the rows {moved}"
+        f" {line_of(lines, steps[0][0])}; the rows {moved}"
     )
     advice = "no row is taken to be missing there; exposures of that clock need the same steps"
     return out, (note(CLOCK_STEP, f"{name}: {finding}", "a clock that nobody sets", advice),)
