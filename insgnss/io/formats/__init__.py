@@ -142,14 +142,14 @@ def sniff_events(path: str | Path) -> str:
 def _options(
     path: str | Path, form: str, accepted: list[str], given: dict[str, Any]
 ) -> dict[str, Any]:
-    options = {key: value for key, value in given.items() if value is not None}
-    extra = [key for key in options if key not in accepted]
     # standard deviations stand in where a file has none; a format that always has them does not
     # need them
-    for key in [key for key in extra if key in ("sigma_m", "sigma_velocity")]:
-        del options[key]
-        extra.remove(key)
-    if extra:
+    options = {
+        key: value
+        for key, value in given.items()
+        if value is not None and (key in accepted or key not in ("sigma_m", "sigma_velocity"))
+    }
+    if extra := [key for key in options if key not in accepted]:
         raise UsageError(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
             f" {', '.join(accepted)}"

@@ -90,11 +90,8 @@ def read_log(path: Source) -> Log:
         }
     odd = ["damaged messages left out"] if log.file_corruption else []
     odd += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
-    odd += (
-        [f"the file ends within a message at byte {end}, which is left out"]
-        if end != buf.size and not log.file_corruption
-        else []
-    )
+    if end != buf.size and not log.file_corruption:
+        odd.append(f"the file ends within a message at byte {end}, which is left out")
     return Log(str(path), tables, tuple(odd), "topic")
 
 

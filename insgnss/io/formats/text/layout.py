@@ -258,11 +258,8 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
     delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
     fields = [split_fields(text, delimiter) for text in texts]
     flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
-    decimal = (
-        ","
-        if delimiter != "," and any("," in f for f in flat) and not any("." in f for f in flat)
-        else "."
-    )
+    commas = delimiter != "," and any("," in field for field in flat)
+    decimal = "," if commas and not any("." in field for field in flat) else "."
     n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
     line, offset, _ = data[0]
     if n_fields > MOST_FIELDS:

@@ -110,16 +110,9 @@ def open_end(name: str, complete: bool) -> tuple[Finding, ...]:
 
     Such a line may have been cut in a number.
     """
-    if complete:
-        return ()
-    return (
-        note(
-            name,
-            "the last line has no end, so it may be cut",
-            "a line's end",
-            "compare it with the line before; end the file properly",
-        ),
-    )
+    finding = "the last line has no end, so it may be cut"
+    advice = "compare it with the line before; end the file properly"
+    return () if complete else (note(name, finding, "a line's end", advice),)
 
 
 def put_in_order(
@@ -174,14 +167,11 @@ def put_in_order(
             row, f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; {remedy}"
         )
     done = [f"{doubles} double rows left out"] if doubles else []
-    done += (
-        [
+    if clashes:
+        done.append(
             f"{len(clashes)} rows that contradict an earlier one of their stamp left out, the first"
             f" at {time[min(clashes)[0]]:.3f} s"
-        ]
-        if clashes
-        else []
-    )
+        )
     out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
     done += [f"{out_of_order.sum()} out-of-order rows sorted"] if out_of_order.any() else []
     return order[keep[order]], (note(name, f"{', '.join(done)}, of {time.size}"),)
@@ -197,11 +187,7 @@ def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> 
         return
     worst = int(np.argmax(by))
     if by[worst] >= LATE_LIMIT_S or out_of_order.sum() >= SHARE_LIMIT * time.size:
-        k = (
-            int(np.argmax(by >= LATE_LIMIT_S))
-            if by[worst] >= LATE_LIMIT_S
-            else int(np.argmax(out_of_order))
-        )
+        k = int(np.argmax(by >= LATE_LIMIT_S if by[worst] >= LATE_LIMIT_S else out_of_order))
         before = float(np.maximum.accumulate(kept)[k])
         message = (
             f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()}"
