@@ -79,16 +79,14 @@ class Header:
     @property
     def columns(self) -> list[str]:
         """Names of the fields: year ... second or week, tow; parts of sexagesimal angles apart."""
-        names = (
-            ["year", "month", "day", "hour", "minute", "second"] if self.dated else ["week", "tow"]
-        )
+        names = ["week", "tow"]
+        if self.dated:
+            names = ["year", "month", "day", "hour", "minute", "second"]
         for name in self.names:
-            split = self.sexagesimal and name in ("latitude", "longitude")
-            names += (
-                [f"{name}:{component}" for component in "dms"]
-                if split
-                else [_OTHER_NAMES.get(self.kind, {}).get(name, name)]
-            )
+            if self.sexagesimal and name in ("latitude", "longitude"):
+                names += [f"{name}:{component}" for component in "dms"]
+            else:
+                names.append(_OTHER_NAMES.get(self.kind, {}).get(name, name))
         return names
 
 
@@ -141,34 +139,20 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     if not column_lines:
         return _without_header(path, first)
     if len({" ".join(line.split()) for line in column_lines}) > 1:
-        raise InputError.in_file(
-            path,
-            f"holds {len(column_lines)} headers that differ; was it put together from two"
-            " files? split it",
+        problem = (
+            f"holds {len(column_lines)} headers that differ; was it put together from two files"
         )
+        raise InputError.in_file(path, f"{problem}? split it")
     kind = next(name for name in POSITION if f"{name}(" in column_lines[0])
-    tokens = (
-        re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% "))
-        .replace(",", " ")
-        .replace(";", " ")
-        .split()
-    )
+    tokens = re.findall(r"[^\s,;]+", re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% ")))
     geodetic = any("WGS84/geodetic" in line for line in comments)
     dated = DATE.match(first.encode("utf-8", "replace")) is not None
     if tokens[0] not in SCALES:
-        raise InputError.in_file(
-            path,
-            f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}; let RTKLIB write GPST",
-        )
-    return Header(
-        kind,
-        tuple(tokens[1:]),
-        tokens[0],
-        not geodetic,
-        "(d'\")" in column_lines[0],
-        dated,
-        _base(path, comments),
-    )
+        problem = f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}"
+        raise InputError.in_file(path, f"{problem}; let RTKLIB write GPST")
+    sexagesimal = "(d'\")" in column_lines[0]
+    names, base = tuple(tokens[1:]), _base(path, comments)
+    return Header(kind, names, tokens[0], not geodetic, sexagesimal, dated, base)
 
 
 def _without_header(path: Source, first: str) -> Header:

@@ -123,9 +123,8 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
             raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:
-            raise InputError.in_file(
-                path, f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
-            )
+            problem = f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
+            raise InputError.in_file(path, problem)
         table = _samples(reader, topics[chosen])
         count = sum(connection.msgcount for connection in topics[chosen])
     if len(table) < count:

@@ -249,17 +249,11 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
     interval = float(np.mean(usual_steps))
     steps: list[tuple[int, float]] = []
     for first, row, end in zip([0, *rows], rows, [*rows[1:], time.size], strict=False):
-        before, after = (
-            time[max(first, row - LEVEL_ROWS) : row],
-            time[row : min(end, row + LEVEL_ROWS)],
-        )
+        before = time[max(first, row - LEVEL_ROWS) : row]
+        after = time[row : min(end, row + LEVEL_ROWS)]
         count_back = interval * np.arange(1 - before.size, 1)
-        change = (
-            float(
-                np.median(after - interval * np.arange(after.size)) - np.median(before - count_back)
-            )
-            - interval
-        )
+        level_after = np.median(after - interval * np.arange(after.size))
+        change = float(level_after - np.median(before - count_back)) - interval
         undated = _is_undated(min(time[first], time[row]), abs(change))
         leads = undated and first == 0 and change > 0.0
         if (min(before.size, after.size) < LEAST_LEVEL_ROWS and not leads) or (
