@@ -22,6 +22,7 @@ from ....records import Array, CameraEvents
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
+from ..text.order import AtLines
 from ..text.text import TRUNCATED, FileLine, Source, data_lines, load
 from .events import events_in_order
 
@@ -38,7 +39,7 @@ LEAST_MRK_VALUES = 2  # number and time of week
 
 
 @dataclass(frozen=True, eq=False)
-class MrkFile:
+class MrkFile(AtLines):
     """What the lines hold of the exposures' times.
 
     Attributes
@@ -67,10 +68,6 @@ class MrkFile:
     offset_ned: Array | None = None
     camera: Array | None = None
     sigma_neu: Array | None = None
-
-    def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at the line of `row`."""
-        return InputError.at_line(self.path, self.lines[row], message)
 
 
 def is_mrk(head: bytes) -> bool:

@@ -124,7 +124,7 @@ class _Work:
             while not end:
                 piece = self.buf[start : start + size]
                 whole = start + size >= self.buf.size
-                end = piece.size if whole else _after_last_newline(piece)
+                end = piece.size if whole else piece.tobytes().rfind(NEWLINE) + 1
                 size *= 2
             lines = int(_kernels.count_newlines(piece[:end]))
             yield _Piece(piece[:end], start, first, lines)
@@ -208,14 +208,6 @@ class _Work:
             work()
             for helper in helpers:
                 helper.result()
-
-
-def _after_last_newline(piece: NDArray[np.uint8]) -> int:
-    """Index behind the last newline, 0 without one."""
-    near = piece[-4096:].tobytes().rfind(NEWLINE)
-    if near >= 0:
-        return piece.size - min(4096, piece.size) + near + 1
-    return piece.tobytes().rfind(NEWLINE) + 1
 
 
 def _without_holes(array: Array, placed: Sequence[tuple[int, int]]) -> Array:

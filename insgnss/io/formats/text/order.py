@@ -11,7 +11,7 @@ and everything beyond is refused at the first such row. What was done is a note 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,17 @@ class Lines(Protocol):
     def error_at(self, row: int, message: str, /) -> InputError:
         """Return the error `message` at the line of `row`."""
         ...
+
+
+class AtLines:
+    """Rows of a file, each at its line, for records that hold both."""
+
+    path: str
+    lines: Any
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """Return the error `message` at the line of `row`."""
+        return InputError.at_line(self.path, int(self.lines[row]), message)
 
 
 @dataclass(frozen=True)
