@@ -20,7 +20,8 @@ Where to look
         `formats/orientation/`, one entry in `formats/exports.py`, one page in `data_specs/`; to be
         read by `compare`: `insgnss/photogrammetry/comparison/tables.py`, `reading.py` there; what
         an adjustment gives back: `formats/returned/reading.py`
-    options of the camera: `options/camera_options.py`, of a comparison: `comparison_options.py`
+    options of the camera: `options/camera_options.py`, of a comparison: `comparison_options.py`;
+    of readers `formats/read_options.py`
     what is a number, and what is refused in its place: `float_of` in `formats/text/layout.py`; in
         XML, attributes, JSON `formats/text/numbers.py`
     columns of a large IMU table in two threads: `formats/text/direct.py`; what it refuses is read

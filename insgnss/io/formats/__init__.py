@@ -106,6 +106,8 @@ READERS = {
     },
 }
 """Readers by the kind of what they read and by format, in the order in which formats are told."""
+OF_RATES = ("ardupilot", "ulog", "rosbag")
+"""Formats of samples that are no increments."""
 IMU_OPTIONS, GNSS_OPTIONS, EVENT_OPTIONS, BAROMETER_OPTIONS = (
     {form: tuple(reader.options.split()) for form, reader in readers.items()}
     for readers in READERS.values()
@@ -140,19 +142,22 @@ def sniff_events(path: str | Path) -> str:
 def _options(
     path: str | Path, form: str, accepted: list[str], given: dict[str, Any]
 ) -> dict[str, Any]:
-    options = {key: value for key, value in given.items() if value is not None}
-    extra = [key for key in options if key not in accepted]
     # standard deviations stand in where a file has none; a format that always has them does not
     # need them
-    for key in [key for key in extra if key in ("sigma_m", "sigma_velocity")]:
-        del options[key]
-        extra.remove(key)
-    if extra:
+    options = {
+        key: value
+        for key, value in given.items()
+        if value is not None and (key in accepted or key not in ("sigma_m", "sigma_velocity"))
+    }
+    if extra := [key for key in options if key not in accepted]:
         raise UsageError(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
             f" {', '.join(accepted)}"
         )
-    if form in ("matlab", "npy") and "columns" not in options:
+    if form in OF_RATES and options.get("quantity") == "increments":
+        rates = "which holds rates; set quantity to mean_rate or instant_rate"
+        raise UsageError(f"{path}: is of the format {form}, {rates}")
+    if form in LOADERS and "columns" not in options:
         tables = "; ".join(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )
@@ -198,8 +203,7 @@ def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
     InputError : with file and line, for what cannot be read.
     UsageError : the format does not take an option, or needs one.
     """
-    imu: ImuSamples = _read("imu", path, spec)
-    return imu
+    return _read("imu", path, spec)
 
 
 def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
@@ -222,8 +226,7 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
     InputError : with file and line, for what cannot be read, and without standard deviations.
     UsageError : the format does not take an option, or needs one.
     """
-    fixes: GnssFixes = _read("gnss", path, spec)
-    return fixes
+    return _read("gnss", path, spec)
 
 
 def read_events(path: str | Path, **spec: Any) -> CameraEvents:
@@ -245,8 +248,7 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
     InputError : with file and line, for what cannot be read, and an image that occurs twice.
     UsageError : the format does not take an option.
     """
-    events: CameraEvents = _read("events", path, spec)
-    return events
+    return _read("events", path, spec)
 
 
 def read_barometer(path: str | Path, **spec: Any) -> BarometerHeights:
@@ -267,8 +269,7 @@ def read_barometer(path: str | Path, **spec: Any) -> BarometerHeights:
     InputError : with file and line, for what cannot be read.
     UsageError : the format does not take an option.
     """
-    heights: BarometerHeights = _read("barometer", path, spec)
-    return heights
+    return _read("barometer", path, spec)
 
 
 def describe(path: str | Path) -> list[TableInfo]:

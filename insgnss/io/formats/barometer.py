@@ -18,7 +18,10 @@ from .text.text import Source
 
 ROWS = "barometer rows"  # name of the notes on rows left out or put in order
 HIGHEST_PA = 120e3  # far below sea level
-BAROMETRIC_HEIGHTS_M = (-2000.0, 11000.0)  # above whatever level it counts from
+LIMITS = {  # of each column: lowest, highest, their unit and its key
+    "pressure": (LOWEST_PA, HIGHEST_PA, "Pa", "pressure"),
+    "h": (-2000.0, 11000.0, "m", "length"),  # above whatever level it counts from
+}
 SPEC = TableSpec(
     BAROMETER,
     required="tow",
@@ -101,10 +104,7 @@ def heights_from_columns(
         problem = "no column h or pressure; set columns = [...] of tow, h, pressure"
         raise InputError.in_file(lines.path, problem)
     values = cols[name]
-    low, high, unit = (
-        (LOWEST_PA, HIGHEST_PA, "Pa") if name == "pressure" else (*BAROMETRIC_HEIGHTS_M, "m")
-    )
-    key = "pressure" if unit == "Pa" else "length"
+    low, high, unit, key = LIMITS[name]
     message = (
         f"{name} {{:g}} {unit} of a barometer; it must be between {low:g} and {high:g} {unit}; set"
         f" units = {{{{ {key} = ... }}}} or the columns"

@@ -8,6 +8,15 @@ from typing import Any
 from ...base.inputs import first_bytes
 
 LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
+BY_BYTES = {
+    b"ULog\x01\x12\x35": "ulog",
+    b"\xa3\x95\x80": "ardupilot",
+    b"FMT,": "ardupilot",
+    b"#ROSBAG V2.0": "rosbag",
+    b"\x89MCAP0\r\n": "rosbag",
+    b"\x93NUMPY": "npy",
+    b"MATLAB 5.0 MAT-file": "matlab",
+}
 _BY_ENDING = {
     ".mat": "matlab",
     ".npy": "npy",
@@ -23,24 +32,16 @@ def by_bytes(path: str | Path, head: bytes) -> str:
 
     The ending decides for binary formats that have no such bytes.
     """
-    if head.startswith(b"ULog\x01\x12\x35"):
-        return "ulog"
-    if head.startswith((b"\xa3\x95\x80", b"FMT, ", b"FMT,")):
-        return "ardupilot"
-    if head.startswith((b"#ROSBAG V2.0", b"\x89MCAP0\r\n")):
+    file = Path(path)
+    for begin, form in BY_BYTES.items():
+        if head.startswith(begin):
+            return form
+    if head.startswith(b"SQLite format 3\0") and file.suffix.lower() == ".db3":
         return "rosbag"
-    if head.startswith(b"SQLite format 3\0") and Path(path).suffix.lower() == ".db3":
-        return "rosbag"
-    if head.startswith(b"\x93NUMPY"):
-        return "npy"
-    if head.startswith(b"MATLAB 5.0 MAT-file"):
-        return "matlab"
-    name = Path(path).name.lower()
-    return (
-        "sbet"
-        if name.startswith("sbet") and name.endswith(".out")
-        else _BY_ENDING.get(Path(path).suffix.lower(), "")
-    )
+    name = file.name.lower()
+    if name.startswith("sbet") and name.endswith(".out"):
+        return "sbet"
+    return _BY_ENDING.get(file.suffix.lower(), "")
 
 
 def head_of(path: str | Path) -> bytes:

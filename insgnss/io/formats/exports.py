@@ -114,8 +114,7 @@ class Export:
 def function_at(location: str) -> Callable[..., Any]:
     """Import the function that "module:name" names inside this room, when it is used."""
     module, _, name = location.partition(":")
-    function: Callable[..., Any] = getattr(import_module(f".{module}", __package__), name)
-    return function
+    return getattr(import_module(f".{module}", __package__), name)
 
 
 _REFERENCE = "Metashape camera reference: "

@@ -6,18 +6,16 @@ alone, which reports it: it may mean something else, such as a height above the 
 the others; a header with two of them is refused.
 """
 
-from collections.abc import Iterable
 from functools import cache
 from itertools import product
 
 Names = dict[str, str]
 
 
-def spelled(heads: str, tails: str, glues: Iterable[str] = ("_", "")) -> str:
+def spelled(heads: str, tails: str) -> str:
     """Return all names of a head, a glue and a tail, blanks between them."""
-    return " ".join(
-        f"{head}{glue}{tail}" for head, glue, tail in product(heads.split(), glues, tails.split())
-    )
+    parts = product(heads.split(), ("_", ""), tails.split())
+    return " ".join(f"{head}{glue}{tail}" for head, glue, tail in parts)
 
 
 def sigma_names(axes: str) -> str:

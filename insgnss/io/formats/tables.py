@@ -6,30 +6,27 @@ from pathlib import Path
 
 from ...base.errors import InputError
 from .arrays.content import TableInfo, tables_of
-from .detect import by_bytes, head_of, is_nmea, load_content
+from .detect import LOADERS, by_bytes, head_of, is_nmea, load_content
+from .exports import function_at
 from .text.headers import kinds_like, unit_in
 from .text.sentences import read_sentences
 from .text.text import read_table, read_text_table
+
+LOGS = {"ardupilot": "logs.dataflash:read_log", "ulog": "logs.ulog:read_log"}
 
 
 def tables_in(path: str | Path) -> list[TableInfo]:
     """List the tables of a file, as `io.formats.describe` states."""
     head = head_of(path)
     form = by_bytes(path, head)
-    if form in ("matlab", "npy"):
+    if form in LOADERS:
         return list(tables_of(load_content(form, path)))
-    if form == "ardupilot":
-        from .logs.dataflash import read_log
-
-        return list(tables_of(read_log(path).tables))
+    if form in LOGS:
+        return list(tables_of(function_at(LOGS[form])(path).tables))
     if form == "rosbag":
         from .logs.rosbag import tables_of_bag
 
         return tables_of_bag(path)
-    if form == "ulog":
-        from .logs.ulog import read_log as read_ulog
-
-        return list(tables_of(read_ulog(path).tables))
     if form == "sbet":
         from .trajectory.sbet import FIELDS, read_sbet
 

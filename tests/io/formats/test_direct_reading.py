@@ -172,9 +172,7 @@ def test_of_a_large_file_pieces_are_in_memory(
         assert isinstance(buf, FileBytes)
         tracemalloc.start()
         try:
-            table = direct.read_columns(
-                buf, direct_layout(path, buf), {1: direct.Target("g", 0)}, {"g": 1}
-            )
+            table = direct.read_columns(buf, direct_layout(path, buf), {"g": [(1, 1.0)]})
             peak = tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

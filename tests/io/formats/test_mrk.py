@@ -54,7 +54,11 @@ def test_variants(tmp_path: Path, form: str) -> None:
             "",
             r":2: truncated: the file ends within this line; 12 values, expected 13",
         ),
-        (LINE.format(2, 6.0).replace("19,E", "x,E"), "\n", r":2: 'x' where a number must stand"),
+        (
+            LINE.format(2, 6.0).replace("19,E", "x,E"),
+            "\n",
+            r":2: 'x' where a finite number must stand",
+        ),
         (LINE.format(2, 6.0).replace("1.368525, ", ""), "\n", r":2: 4 values without a name"),
         (LINE.format(2, 6.0).replace("191,V", "191,N"), "\n", r":2: N stands twice"),
         (LINE.format(2, 6.0).replace("16,Q", "1.5,Q"), "\n", r":2: q 1.5 is no whole number"),

@@ -129,11 +129,8 @@ def take_columns(
 def _joined(variable: str | None, field: str) -> str:
     if not variable:
         return field
-    return (
-        variable + field
-        if _INDEXED.fullmatch(field) and field.startswith("[")
-        else f"{variable}.{field}"
-    )
+    is_index = field.startswith("[") and _INDEXED.fullmatch(field)
+    return variable + field if is_index else f"{variable}.{field}"
 
 
 def _reach(path: object, content: Content, name: str) -> Any:

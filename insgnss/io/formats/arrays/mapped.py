@@ -122,19 +122,17 @@ def gnss_of_content(path: object, content: Content, options: ReadOptions) -> Gns
     table = _taken(spec, path, content, options)
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
-        mark = (
-            table[repeat_column]
-            if repeat_column in table
-            else take_columns(path, content, {"mark": repeat_column}, options.variable)["mark"]
-        )
+        mark = table.get(repeat_column)
+        if mark is None:
+            wanted = {"mark": repeat_column}
+            mark = take_columns(path, content, wanted, options.variable)["mark"]
         if mark.size != table["tow"].size:
             raise InputError(
                 f"{path}: {repeat_column} has {mark.size} rows, the columns have"
                 f" {table['tow'].size}; name a field of the same recording"
             )
-        rows = (
-            np.flatnonzero(np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])) + 1
-        )
+        is_new = np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])
+        rows = np.flatnonzero(is_new) + 1
         if rows.size == 0:
             raise InputError(
                 f"{path}: {repeat_column} never changes to a new value; no fix; set repeat_column"

@@ -90,21 +90,17 @@ def _plain(node: Any) -> Any:
     if not isinstance(node, np.ndarray) or type(node).__name__ == "MatlabOpaque":
         return None
     if node.dtype.names is not None or node.dtype == object:
-        items = [
-            _struct(item) if node.dtype.names is not None else _plain(item)
-            for item in node.reshape(-1)
-        ]
+        plain = _plain if node.dtype.names is None else _struct
+        items = [plain(item) for item in node.reshape(-1)]
         if node.dtype.names is not None and len(items) == 1:
             return items[0]
         out = np.empty(len(items), dtype=object)
         out[:] = items
         return out.reshape(node.shape)
     if node.dtype.kind == "U":
-        return (
-            "".join(node)
-            if node.size <= 1
-            else np.array([text.rstrip() for text in node.reshape(-1)], dtype=object)
-        )
+        if node.size <= 1:
+            return "".join(node)
+        return np.array([text.rstrip() for text in node.reshape(-1)], dtype=object)
     return np.real(node)
 
 

@@ -57,9 +57,7 @@ def _labelled(content: dict[str, Any]) -> dict[str, Any]:
     out = dict(content)
     for name, node in content.items():
         if isinstance(node, Matrix) and (labels := content.get(name + LABEL)) is not None:
-            texts = tuple(
-                printable(str(text)) for text in np.asarray(labels, dtype=object).reshape(-1)
-            )
+            texts = tuple(printable(str(text)) for text in np.asarray(labels, object).reshape(-1))
             if len(texts) == node.values.shape[1]:
                 out[name] = Matrix(node.values, texts)
     return out

@@ -143,7 +143,7 @@ def table_of_dates(path: Source) -> TextTable:
         if len(fields) != count:
             problem = f"{len(fields)} fields, expected {count}"
             raise line.error(f"{problem}; correct or delete the line")
-    layout = Layout(delimiter, ".", count, None, None, None, 0, rows[0][0].number)
+    layout = Layout(delimiter, ".", count, first_line=rows[0][0].number)
     if header is not None:
         names = tuple(name.strip() for name in header[1])
         layout = replace(
@@ -192,14 +192,26 @@ def dated_events(
     CameraEvents
         GPST, with standard deviations where stamps have few digits.
     """
-    time, week, sigma, notes, scale = _times(texts, title, options.time_scale, lines)
-    if options.gps_week is not None:
-        time, week = time + (week - options.gps_week) * WEEK_S, options.gps_week
+    stamps = [_stamp(text, lines, row) for row, text in enumerate(texts)]
+    stated = stated_scale(title, {stamp[8] for stamp in stamps if stamp[8]})
+    scale = stated or options.time_scale
+    if scale is None:
+        raise lines.error_at(
+            0,
+            "dates do not say whether they are UTC or GPS time, which are 18 s apart; give"
+            f" {named('camera.time_scale')}: {SCALES}",
+        )
+    times = [_gpst(stamp, scale, lines, row) for row, stamp in enumerate(stamps)]
+    week = times[0][0] if options.gps_week is None else options.gps_week
+    time = np.array([tow + (own_week - week) * WEEK_S for own_week, tow in times])
+    time, sigma, notes = rounded(time, max(len((s[7] or "").rstrip("0")) for s in stamps))
     events = events_in_order(images, time, lines, week, notes)
-    events = replace(events, time_scale=scale)
-    if sigma * 12.0**0.5 < MATTERS_S:
-        return events
-    return replace(events, sigma_s=np.full(events.time.size, sigma))
+    matters = sigma * 12.0**0.5 >= MATTERS_S
+    return replace(
+        events,
+        time_scale="" if stated else scale.strip().lower(),
+        sigma_s=np.full(events.time.size, sigma) if matters else None,
+    )
 
 
 def _evident(table: TextTable) -> Columns:
@@ -226,35 +238,12 @@ def _evident(table: TextTable) -> Columns:
     return chosen | {"image": f"[{images[0] + 1}]"} if images else chosen
 
 
-def _times(
-    texts: Sequence[str], title: str, time_scale: str | None, lines: Lines
-) -> tuple[Array, int, float, tuple[Finding, ...], str]:
-    """Seconds (n,) GPST of a week, that week, the standard deviation (T.1), notes, and the scale
-    where the file does not state it.
-    """
-    parts = []
-    for row, text in enumerate(texts):
-        match = STAMP.fullmatch(text.strip(QUOTES))
-        if match is None:
-            raise lines.error_at(
-                row,
-                f"{shown(text)} where date and time must stand, such as 2021-03-18 12:19:04.623;"
-                " correct the line or name the columns",
-            )
-        parts.append(match)
-    stated = stated_scale(title, {match[8] for match in parts if match[8]})
-    scale = stated or time_scale
-    if scale is None:
-        raise lines.error_at(
-            0,
-            "dates do not say whether they are UTC or GPS time, which are 18 s apart; give"
-            f" {named('camera.time_scale')}: {SCALES}",
-        )
-    times = [_gpst(match, scale, lines, row) for row, match in enumerate(parts)]
-    week = times[0][0]
-    time = np.array([tow + (own_week - week) * WEEK_S for own_week, tow in times])
-    time, sigma, notes = rounded(time, max(len((match[7] or "").rstrip("0")) for match in parts))
-    return time, week, sigma, notes, "" if stated else scale.strip().lower()
+def _stamp(text: str, lines: Lines, row: int) -> re.Match[str]:
+    """Return the parts of a stamp; InputError for a text that is none."""
+    if match := STAMP.fullmatch(text.strip(QUOTES)):
+        return match
+    problem = f"{shown(text)} where date and time must stand, such as 2021-03-18 12:19:04.623"
+    raise lines.error_at(row, f"{problem}; correct the line or name the columns")
 
 
 def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Finding, ...]]:

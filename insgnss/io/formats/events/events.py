@@ -91,9 +91,8 @@ def numbered(count: int) -> tuple[tuple[str, ...], Finding]:
         f"give the images ({named('camera.images')}), or check that none is missing before you join"
         " them by number"
     )
-    return tuple(str(k + 1) for k in range(count)), note(
-        UNNAMED, finding, "a name for each event", advice
-    )
+    names = tuple(str(k + 1) for k in range(count))
+    return names, note(UNNAMED, finding, "a name for each event", advice)
 
 
 def write_events(events: CameraEvents, path: Source) -> None:

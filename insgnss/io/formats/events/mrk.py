@@ -22,12 +22,12 @@ from ....records import Array, CameraEvents
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
+from ..text.order import AtLines
 from ..text.text import TRUNCATED, FileLine, Source, data_lines, load
 from .events import events_in_order
 
 _WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
 _TOKEN = re.compile(r"[^\s,;]+")
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
@@ -39,7 +39,7 @@ LEAST_MRK_VALUES = 2  # number and time of week
 
 
 @dataclass(frozen=True, eq=False)
-class MrkFile:
+class MrkFile(AtLines):
     """What the lines hold of the exposures' times.
 
     Attributes
@@ -68,10 +68,6 @@ class MrkFile:
     offset_ned: Array | None = None
     camera: Array | None = None
     sigma_neu: Array | None = None
-
-    def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at the line of `row`."""
-        return InputError.at_line(self.path, self.lines[row], message)
 
 
 def is_mrk(head: bytes) -> bool:
@@ -143,9 +139,6 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
         text = text[: week.start()] + " " + text[week.end() :]
     tokens, unnamed, i = _TOKEN.findall(text), [], 0
     while i < len(tokens):
-        if not _NUMBER.fullmatch(tokens[i]):
-            wrong = f"{shown(tokens[i])} where a number must stand: {shown(text.strip())}"
-            raise line.error(f"{wrong}; correct the line")
         value = line.value(tokens[i])
         name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
         if name in NAMES:

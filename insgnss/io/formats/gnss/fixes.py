@@ -21,11 +21,8 @@ from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
 from ..text.stamps import on_one_clock
 from .rounding import floor_of_zeros
 
-SIGMA, VELOCITY, VELOCITY_SIGMA = (
-    ("sd_n", "sd_e", "sd_u"),
-    ("vn", "ve", "vd", "vu"),
-    ("sd_vn", "sd_ve", "sd_vd"),
-)
+SIGMA, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
+VELOCITY = ("vn", "ve", "vd", "vu")
 ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = ("var_n", "var_e", "var_u")
@@ -218,11 +215,10 @@ def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.
         f"quality {{:g}} is no code of {codes}; check the columns, or set units = {{{{ quality"
     )
     refuse_rows(lines, ~np.isin(q, list(accepted)), f'{message} = "nmea" }}}}', q)
-    return (
-        np.array([NMEA_QUALITY[k] for k in q.astype(np.int64).tolist()], dtype=np.int64)
-        if codes == "nmea"
-        else q.astype(np.int64)
-    )
+    quality = q.astype(np.int64)
+    if codes == "nmea":
+        quality = np.array([NMEA_QUALITY[k] for k in quality.tolist()], dtype=np.int64)
+    return quality
 
 
 def _velocity(

@@ -166,11 +166,9 @@ def fix_scales(settled: Settled, units: Mapping[str, str]) -> FixScales:
     units : mapping
         The caller's units.
     """
-    angle, length, velocity, course = (
-        settled.factors[key] for key in ("angle", "length", "velocity", "course")
-    )
-    quality = units.get("quality", "rtklib")
-    return FixScales(angle, length, velocity, course, settled.units["time"], quality)
+    factors = {key: settled.factors[key] for key in ("angle", "length", "velocity", "course")}
+    time, quality = settled.units["time"], units.get("quality", "rtklib")
+    return FixScales(**factors, time=time, quality=quality)
 
 
 def write_gnss_text(fixes: GnssFixes, path: Source) -> None:
@@ -196,9 +194,8 @@ def write_image_positions(positions: ImagePositions, path: Source) -> None:
     By their frame this is AntennaPos_Img_WGS84.txt or AntennaPos_Img_WGS84_tangentplane.txt.
     """
     images = quoted_names(positions.images, None)
-    geodetic = positions.frame == "geodetic"
-    columns = (
-        "lat[deg]=%.10f lon[deg]=%.10f h[m]=%.4f" if geodetic else "e[m]=%.4f n[m]=%.4f u[m]=%.4f"
-    )
-    factors = np.array([180.0 / np.pi, 180.0 / np.pi, 1.0]) if geodetic else np.ones(3)
+    columns, factors = "e[m]=%.4f n[m]=%.4f u[m]=%.4f", np.ones(3)
+    if positions.frame == "geodetic":
+        columns = "lat[deg]=%.10f lon[deg]=%.10f h[m]=%.4f"
+        factors = np.array([180.0 / np.pi, 180.0 / np.pi, 1.0])
     TableOut(f"image {columns}", " ").write(path, positions.position * factors, images)

@@ -4,10 +4,13 @@ Times are UTC. Elevations are above the sea, and become heights above the ellips
 geoidheight or the caller's undulation; without both they stay as they are, with a note.
 """
 
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element
+
 import numpy as np
 
 from ....base.errors import InputError
-from ....records import Finding, GnssFixes
+from ....records import Array, Finding, GnssFixes
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.dates import UNIT, seconds_of_dates
 from ..text.numbers import finite
@@ -56,25 +59,27 @@ def read_gpx(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
         row = next(k for k, t in enumerate(texts) if seconds_of_dates([t.get("time", "")]) is None)
         problem = f"time {texts[row].get('time', '')!r} is no date in UTC, such as"
         raise lines.error_at(row, f"{problem} 2018-07-03T07:31:10.2Z; export it with times")
-    columns = {name: np.array([finite(p.get(name)) for p in points]) for name in ("lat", "lon")}
-    columns["h"] = np.array([finite(text.get("ele")) for text in texts])
+    columns = {"lat": _column(points, "lat"), "lon": _column(points, "lon")}
+    columns["h"] = _column(texts, "ele")
     for name, column in columns.items():
         message = f"{'ele' if name == 'h' else name} is no number; correct or delete the point"
         refuse_rows(lines, ~np.isfinite(column), message)
-    geoid = np.array([finite(text.get("geoidheight")) for text in texts])
+    geoid = _column(texts, "geoidheight")
     above = np.where(np.isfinite(geoid), geoid, options.undulation_m or 0.0)
     notes: tuple[Finding, ...] = ()
     if options.undulation_m is None and not np.isfinite(geoid).all():
         finding = "elevations of GPX are above the sea as a rule; taken as above the ellipsoid"
         advice = "set undulation_m: 0 where they are, else the geoid's height above it"
         notes = (note("GNSS position", finding, "heights above the ellipsoid", advice),)
-    described = {
-        role: np.array([finite(text.get(name)) for text in texts])
-        for name, role in DESCRIBED.items()
-    }
+    described = {role: _column(texts, name) for name, role in DESCRIBED.items()}
     cols = {"tow": stamps, **columns, "h": columns["h"] + above, **described}
     scales = FixScales(angle=np.pi / 180.0, time=UNIT)
     return fixes_from_columns(cols, lines, scales, options, notes=notes)
+
+
+def _column(rows: Sequence[Element | dict[str, str]], name: str) -> Array:
+    """Return the numbers of a name; not-a-number where a row has none."""
+    return np.array([finite(row.get(name)) for row in rows])
 
 
 def _name(tag: str) -> str:

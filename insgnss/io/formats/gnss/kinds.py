@@ -47,13 +47,9 @@ def with_agreeing_kinds(fixes: GnssFixes) -> GnssFixes:
     if len(kinds) < 2:
         return fixes
     M, N = curvature_radii(fixes.lat[0])
-    path = np.column_stack(
-        [
-            (fixes.lat - fixes.lat[0]) * M,
-            (fixes.lon - fixes.lon[0]) * N * np.cos(fixes.lat[0]),
-            fixes.height,
-        ]
-    )
+    north = (fixes.lat - fixes.lat[0]) * M
+    east = (fixes.lon - fixes.lon[0]) * N * np.cos(fixes.lat[0])
+    path = np.column_stack([north, east, fixes.height])
     rows = {kind: np.flatnonzero(fixes.quality == kind) for kind in kinds}
     turned, findings = _turned(fixes, path, rows)
     for kind in kinds[1:]:

@@ -305,10 +305,8 @@ def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | 
             "GGA without geoid separation; the height above the ellipsoid is not known; let the"
             " receiver write it, or set undulation_m"
         )
-    lat, lon = (
-        _degrees(fields[2], fields[3], "NS", line),
-        _degrees(fields[4], fields[5], "EW", line),
-    )
+    lat = _degrees(fields[2], fields[3], "NS", line)
+    lon = _degrees(fields[4], fields[5], "EW", line)
     above = line.value(separation) if separation else float(undulation_m or 0.0)
     code = line.value(fields[6])
     if code not in NMEA_QUALITY:
@@ -334,10 +332,9 @@ def _degrees(field: str, side: str, sides: str, line: FileLine) -> float:
 
 
 def _time_of_day(field: str, line: FileLine) -> float:
+    is_clock = CLOCK.fullmatch(field) is not None
     hour, minute, second = (
-        (float(text) for text in (field[:2], field[2:4], field[4:]))
-        if CLOCK.fullmatch(field)
-        else (np.inf, np.inf, np.inf)
+        map(float, (field[:2], field[2:4], field[4:])) if is_clock else [np.inf] * 3
     )
     if hour > 23.0 or minute > 59.0 or second >= 61.0:
         raise line.error(f"time {shown(field)} is not hhmmss; {CORRECT}")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.files import lines_of
+from ....records import Array
 from ..text.layout import NUMBER, decode, float_of, is_comment, shown
 from ..text.text import Source
 
@@ -61,7 +62,7 @@ class Header:
     dated : bool
         Whether time is a date.
     base : tuple of float, optional
-        The base's position (3,) or, sexagesimal, (7,), as the header gives it.
+        The base's position (3,): latitude, longitude, deg, height, m, or geocentric, m.
     given : bool
         Whether there is a header.
     """
@@ -78,16 +79,14 @@ class Header:
     @property
     def columns(self) -> list[str]:
         """Names of the fields: year ... second or week, tow; parts of sexagesimal angles apart."""
-        names = (
-            ["year", "month", "day", "hour", "minute", "second"] if self.dated else ["week", "tow"]
-        )
+        names = ["week", "tow"]
+        if self.dated:
+            names = ["year", "month", "day", "hour", "minute", "second"]
         for name in self.names:
-            split = self.sexagesimal and name in ("latitude", "longitude")
-            names += (
-                [f"{name}:{component}" for component in "dms"]
-                if split
-                else [_OTHER_NAMES.get(self.kind, {}).get(name, name)]
-            )
+            if self.sexagesimal and name in ("latitude", "longitude"):
+                names += [f"{name}:{component}" for component in "dms"]
+            else:
+                names.append(_OTHER_NAMES.get(self.kind, {}).get(name, name))
         return names
 
 
@@ -140,34 +139,20 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     if not column_lines:
         return _without_header(path, first)
     if len({" ".join(line.split()) for line in column_lines}) > 1:
-        raise InputError.in_file(
-            path,
-            f"holds {len(column_lines)} headers that differ; was it put together from two"
-            " files? split it",
+        problem = (
+            f"holds {len(column_lines)} headers that differ; was it put together from two files"
         )
+        raise InputError.in_file(path, f"{problem}? split it")
     kind = next(name for name in POSITION if f"{name}(" in column_lines[0])
-    tokens = (
-        re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% "))
-        .replace(",", " ")
-        .replace(";", " ")
-        .split()
-    )
+    tokens = re.findall(r"[^\s,;]+", re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% ")))
     geodetic = any("WGS84/geodetic" in line for line in comments)
     dated = DATE.match(first.encode("utf-8", "replace")) is not None
     if tokens[0] not in SCALES:
-        raise InputError.in_file(
-            path,
-            f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}; let RTKLIB write GPST",
-        )
-    return Header(
-        kind,
-        tuple(tokens[1:]),
-        tokens[0],
-        not geodetic,
-        "(d'\")" in column_lines[0],
-        dated,
-        _base(path, comments),
-    )
+        problem = f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}"
+        raise InputError.in_file(path, f"{problem}; let RTKLIB write GPST")
+    sexagesimal = "(d'\")" in column_lines[0]
+    names, base = tuple(tokens[1:]), _base(path, comments)
+    return Header(kind, names, tokens[0], not geodetic, sexagesimal, dated, base)
 
 
 def _without_header(path: Source, first: str) -> Header:
@@ -187,7 +172,7 @@ def _without_header(path: Source, first: str) -> Header:
 
 
 def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
-    """Numbers of `% ref pos :`, three or, sexagesimal, seven; None without such a line."""
+    """The three numbers of `% ref pos :`, degrees and metres; None without such a line."""
     line = next((line for line in comments if re.match(r"\s*%\s*ref pos\s*:", line)), None)
     if line is None:
         return None
@@ -195,4 +180,13 @@ def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
     if None in numbers or len(numbers) not in (3, 7):
         message = f"{shown(line.strip())} is no position of the base; correct or delete the line"
         raise InputError.in_file(path, message)
-    return tuple(x for x in numbers if x is not None)
+    values = [x for x in numbers if x is not None]
+    if len(values) == 3:
+        return tuple(values)
+    lat, lon = (float(degrees_of(*np.array(values[k : k + 3]))) for k in (0, 3))
+    return (lat, lon, values[6])
+
+
+def degrees_of(d: Array, m: Array, s: Array) -> Array:
+    """Return degrees of degrees, minutes and seconds, whose sign stands before the degrees."""
+    return np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)

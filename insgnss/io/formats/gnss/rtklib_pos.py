@@ -37,6 +37,7 @@ from .pos_header import (
     VELOCITY,
     VELOCITY_ROOTS,
     Header,
+    degrees_of,
     is_rtklib_pos,
     read_header,
 )
@@ -83,10 +84,10 @@ class PosRows:
 
         In a file of geocentric positions the header's is geocentric.
         """
-        if self.header.base is not None and self.header.kind == "x-ecef":
-            return np.array(self.header.base)
-        geodetic = _base_place(self.header)
-        return None if geodetic is None or _is_no_place(geodetic) else _frame_at(geodetic)[0]
+        base = self.header.base
+        if base is None or self.header.kind == "x-ecef":
+            return None if base is None else np.array(base)
+        return None if _no_place(base) else _frame_at(base)[0]
 
 
 def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
@@ -178,10 +179,9 @@ def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssF
         finding = f"no header; read as {header.scale}, heights above the {above}"
         advice = "check both; gnss.undulation_m is the geoid's height, where they are above it"
         notes.append(note("GNSS rows", finding, "RTKLIB's header", advice))
-    base, geodetic = read.base_ecef, _base_place(header)
-    if base is None and geodetic is not None:
+    if header.kind != "x-ecef" and header.base and (problem := _no_place(header.base)):
         advice = "its standard deviations are taken as they are; correct % ref pos of the header"
-        notes.append(note("GNSS rows", _no_place(geodetic), "the place of the base", advice))
+        notes.append(note("GNSS rows", problem, "the place of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
     cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, options.sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
@@ -194,7 +194,7 @@ def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssF
         read.gps_week,
         table.path,
         (*notes, *read.notes),
-        base_ecef=base,
+        base_ecef=read.base_ecef,
         sigma_assumed=assumed if assumed.any() else None,
         source_format="rtklib_pos",
         **of_the_solution(described),
@@ -237,7 +237,7 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     if header.sexagesimal:
         for name in ("latitude", "longitude"):
             d, m, s = (cols[f"{name}:{component}"] for component in "dms")
-            cols[name] = np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)
+            cols[name] = degrees_of(d, m, s)
     return cols
 
 
@@ -323,35 +323,21 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
 
     The rotation takes them into ECEF.
     """
-    geodetic = _base_place(header)
-    if geodetic is None:
+    if header.base is None:
         message = (
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
         raise InputError.in_file(table.path, message)
-    if _is_no_place(geodetic):
-        raise InputError.in_file(table.path, f"{_no_place(geodetic)}; check % ref pos")
-    return _frame_at(geodetic)
-
-
-def _base_place(header: Header) -> tuple[float, ...] | None:
-    """Latitude and longitude, deg, and height, m, of the header's base."""
-    base = header.base
-    if base is None or len(base) == 3:
-        return base
-    lat, lon = (
-        float(np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k]))
-        for k in (0, 3)
-    )
-    return (lat, lon, base[6])
-
-
-def _is_no_place(geodetic: tuple[float, ...]) -> bool:
-    return abs(geodetic[0]) > 90.0 or abs(geodetic[1]) > 360.0
+    if problem := _no_place(header.base):
+        raise InputError.in_file(table.path, f"{problem}; check % ref pos")
+    return _frame_at(header.base)
 
 
 def _no_place(geodetic: tuple[float, ...]) -> str:
+    """Return what is wrong with latitude, longitude, deg, and height; empty for a place."""
+    if abs(geodetic[0]) <= 90.0 and abs(geodetic[1]) <= 360.0:
+        return ""
     numbers = " ".join(f"{x:g}" for x in geodetic)
     return f"the base at {numbers} is no latitude, longitude, height"
 

@@ -117,13 +117,8 @@ def antenna_fixes(
     """
     lever = vector(lever_m, "lever_m")
     if isinstance(source, Trajectory):
-        lat, lon, h, C, P = (
-            source.lat,
-            source.lon,
-            source.height,
-            source.C_nb,
-            source.cov[:, POSE[:, None], POSE],
-        )
+        lat, lon, h = source.lat, source.lon, source.height
+        C, P = source.C_nb, source.cov[:, POSE[:, None], POSE]
     else:
         lat, lon, h = source.geodetic.T
         turn = np.kron(np.eye(2), NED_ENU)

@@ -68,7 +68,7 @@ def _numbers(path: Source, rows: list[tuple[int, bytes]]) -> Array:
     if not rows:
         raise InputError.in_file(path, "holds no $AIMU sentence; is it the IMU's log?")
     buf = np.frombuffer(b"\n".join(text for _, text in rows) + b"\n", dtype=np.uint8).copy()
-    parsed = parsed_rows(buf, Layout(",", ".", N_FIELDS, None, None, None, 0, 1), len(rows))
+    parsed = parsed_rows(buf, Layout(",", ".", N_FIELDS), len(rows))
     row = len(parsed.values)
     if faults := [int(line) - 1 for start, line in parsed.bad if start >= 0]:
         row = min(faults)

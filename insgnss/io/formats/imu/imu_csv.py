@@ -16,13 +16,13 @@ from ....base.errors import InputError, UsageError
 from ....records import Array, Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.clock import clock_of, gps_time
+from ..text.clock import clock_of, examined_time
 from ..text.columns import Columns, NamedTable, TableSpec
-from ..text.direct import Bytes, Rows, Target, read_columns
+from ..text.direct import Bytes, Rows, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
-from ..text.stamps import on_one_clock, spread_evenly, unrepeated, without_jitter
+from ..text.stamps import line_of, on_one_clock, spread_evenly, unrepeated, without_jitter
 from ..text.text import Source, Table, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
 from .apart import joined
@@ -168,19 +168,15 @@ def _direct(
 ) -> tuple[dict[str, Array], Array, Array] | None:
     """Return columns of the clock, and both triads, as `direct` reads them."""
     factors = _factors(scales, _backward(table))
-    targets, widths = {}, {"gyro": 3, "accel": 3}
-    for name, i in table.index.items():
-        if name in factors:
-            sensor, names = ("gyro", GYRO) if name in GYRO else ("accel", ACCEL)
-            targets[i] = Target(sensor, names.index(name), factors[name])
-        else:
-            targets[i], widths[name] = Target(name, 0), 1
-    arrays = read_columns(buf, table.table.layout, targets, widths)
+    wanted = {
+        sensor: [(table.index.get(name), factors[name]) for name in names]
+        for sensor, names in (("gyro", GYRO), ("accel", ACCEL))
+    }
+    wanted |= {name: [(k, 1.0)] for name, k in table.index.items() if name not in factors}
+    arrays = read_columns(buf, table.table.layout, wanted)
     if arrays is None:
         return None
     gyro, accel = arrays.pop("gyro"), arrays.pop("accel")
-    for triad, names in ((gyro, GYRO), (accel, ACCEL)):
-        triad[:, [k for k, name in enumerate(names) if name not in table]] = 0.0
     return {name: array[:, 0] for name, array in arrays.items()}, gyro, accel
 
 
@@ -265,10 +261,10 @@ def _samples(
         time, counter_notes = _by_rate(clock, lines, len(gyro), options.rate_hz, same)
         notes = (*notes, *counter_notes)
     else:
-        tow, week, _, clock_notes = on_one_clock(
-            lines, clock_of(clock), clock.get("week"), scales.time, "IMU rows", same
+        week = clock.get("week")
+        time, gps_week, clock_notes = examined_time(
+            lines, clock_of(clock), week, "IMU rows", gps_week, scales.time, same
         )
-        time, gps_week = gps_time(lines, tow, week, gps_week, scales.time)
         notes = (*notes, *clock_notes)
     clock.clear()  # so that one copy of the stamps lives
     time, repeat_notes = unrepeated(time)
@@ -300,7 +296,7 @@ def _by_rate(
     count = packets / max(float(np.median(np.diff(packets))), 1.0)
     if missing := round(float(count.max())) + 1 - rows:
         row = int(np.argmax(np.diff(count) > 1.5)) + 1
-        message = str(lines.error_at(row, "")).strip(": ")
-        finding = f"by the packet counter {missing} samples are lost, the first before {message}"
+        first = line_of(lines, row)
+        finding = f"by the packet counter {missing} samples are lost, the first before {first}"
         notes = (*notes, note("IMU rows", finding, "every packet", "check the logger's buffer"))
     return count / rate_hz, notes

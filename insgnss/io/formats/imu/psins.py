@@ -86,7 +86,7 @@ def read_psins(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSample
     quantity = options.quantity or "increments"
     buf, complete = load(path)
     header, offset, line = _header(path, buf)
-    layout = Layout(None, ".", LINE_VALUES, None, None, None, offset, line)
+    layout = Layout(None, ".", LINE_VALUES, skip_to=offset, first_line=line)
     table = parse(path, buf, complete, layout)
     if not len(table.values):
         raise InputError.in_file(path, "ends behind its header; copy it again")

@@ -87,7 +87,6 @@ def read_variances(
     units: Mapping[str, str] | None = None,
     rate_hz: float | None = None,
     samples: int | None = None,
-    axis: str | None = None,
 ) -> PublishedVariances:
     """Read published variances, JSON or text table.
 
@@ -99,7 +98,7 @@ def read_variances(
         Which of the sensors of a JSON file.
     units : mapping, optional
         Units of `gyro` and `accel`, rad/s and m/s^2 where neither caller nor file says.
-    rate_hz, samples, axis
+    rate_hz, samples
         Of a text table whose comments do not say.
 
     Returns
@@ -120,9 +119,9 @@ def read_variances(
         return _read_json(path, content, member, units or {})
     if member is not None:
         raise UsageError(f"{path}: member {member!r} of a text table; only JSON files have members")
-    given = {"rate_hz": rate_hz, "samples": samples, "axis": axis}
+    by_caller = {"rate_hz": rate_hz, "samples": samples}
     comments = _comments(content)
-    text = {key: str(value) for key, value in given.items() if value is not None}
+    text = {key: str(value) for key, value in by_caller.items() if value is not None}
     for sensor, unit in (units or {}).items():
         text[f"{sensor}_unit"] = unit
     return _read_text(path, comments | {key: (None, value) for key, value in text.items()})

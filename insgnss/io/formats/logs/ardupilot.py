@@ -8,15 +8,13 @@ Messages are those of `dataflash`, all stamps are taken to GPST by `boot_clock`.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError
+from ....base.errors import InputError
 from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..read_options import ReadOptions
-from ..text.clock import agree_on_week
 from ..text.order import note
 from ..text.text import Source
 from ..text.units import DEG
@@ -39,7 +37,7 @@ def _boot(message: Message) -> Array:
     raise InputError(f"{message.lines.path}: {missing}; give the log itself, with all its fields")
 
 
-def _fixes(log: Log, variable: str | None = None) -> Fixes:
+def _fixes(log: Log, variable: str | None) -> Fixes:
     """Return the rows of a receiver's message where there is a fix."""
     message = log.message(("GPS", "GPS2"), variable)
     names = ("GWk", "GMS") if "GWk" in message else ("Week", "TimeMS")
@@ -71,15 +69,9 @@ def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
 
     Raises
     ------
-    UsageError
-        Increments, which such a log does not hold.
     InputError
         A log that cannot be read.
     """
-    if options.quantity == "increments":
-        raise UsageError(
-            f"{path}: an ArduPilot log holds rates; set quantity to instant_rate or mean_rate"
-        )
     log = read_log(path)
     message, notes = log.message(IMU_MESSAGES, options.variable), tuple[Finding, ...]()
     if IMU_FIELDS[3] not in message:
@@ -133,19 +125,17 @@ def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes, undulation_m = _fixes(log, options.variable), options.undulation_m
-    message = fixes.message
-    agree_on_week(message.lines, int(fixes.week[0]), options.gps_week)
-    notes = [*log.notes("GNSS rows"), *fixes.left_out(log.tables[message.name]["Status"].size)]
-    cols: dict[str, Any] = {"tow": fixes.tow, "week": fixes.week}
+    fixes, cols, notes = log.fixes(_fixes, options, "Status")
+    message, undulation_m = fixes.message, options.undulation_m
     cols |= {"lat": message.columns["Lat"], "lon": message.columns["Lng"]}
-    cols |= {"h": message.columns["Alt"], "q": message.qualities("Status")}
+    cols["h"] = message.columns["Alt"]
     accuracy = _accuracy(log, message)
     if "h" in accuracy:
         cols["h"], undulation_m = accuracy.pop("h"), 0.0
     elif undulation_m is None:
         finding = "heights are above the geoid"
-        notes.append(note("GNSS rows", finding, "heights above the ellipsoid", "set undulation_m"))
+        above_it = "heights above the ellipsoid"
+        notes = (*notes, note("GNSS rows", finding, above_it, "set undulation_m"))
     cols |= accuracy if options.sigma_m is None else {}
     moving = all(label in message for label in ("Spd", "GCrs", "VZ"))
     if moving and (options.sigma_velocity is not None or "sd_vn" in cols):
@@ -157,9 +147,7 @@ def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
     described = {"satellites": "NSats", "hdop": "HDop"}
     cols |= {name: message.columns[x] for name, x in described.items() if x in message}
     scales = FixScales(angle=DEG, course=DEG)
-    return fixes_from_columns(
-        cols, message.lines, scales, options, undulation_m or 0.0, tuple(notes)
-    )
+    return fixes_from_columns(cols, message.lines, scales, options, undulation_m or 0.0, notes)
 
 
 def _accuracy(log: Log, message: Message) -> dict[str, Array]:
@@ -195,7 +183,7 @@ def read_events_ardupilot(path: Source, options: ReadOptions) -> CameraEvents:
     """
     log = read_log(path)
     message = log.message(("CAM", "TRIG"), options.variable)
-    return log.events(message, log.clock(_fixes, options.gps_week), _boot(message), "Img")
+    return log.events(message, _fixes, _boot(message), options.gps_week, "Img")
 
 
 def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHeights:
@@ -207,4 +195,4 @@ def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHei
     log = read_log(path)
     message = log.message(("BARO", "BARO2", "BAR2"), options.variable)
     labels = {"pressure": "Press", "h": "Alt"}
-    return log.heights(message, log.clock(_fixes, options.gps_week), _boot(message), labels)
+    return log.heights(message, _fixes, _boot(message), options.gps_week, labels)

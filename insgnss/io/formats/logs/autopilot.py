@@ -143,13 +143,13 @@ class Log:
             raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
         return Message(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
 
-    def clock(self, fixes_of: "Callable[[Log], Fixes]", gps_week: int | None) -> BootClock:
+    def clock(self, fixes_of: "FixesOf", gps_week: int | None) -> BootClock:
         """Return the autopilot's clock by its receiver's fixes; InputError for another week.
 
         Without any fix the stamps stay those since power-up.
         """
         try:
-            fixes = fixes_of(self)
+            fixes = fixes_of(self, None)
         except AbsentError:
             return BootClock(gps_week)
         clock = fit_clock(self.path, fixes.boot, fixes.week, fixes.tow)
@@ -157,10 +157,32 @@ class Log:
         agree_on_week(fixes.message.lines, clock.gps_week, gps_week)
         return clock
 
+    def fixes(
+        self, fixes_of: "FixesOf", options: ReadOptions, quality: str
+    ) -> tuple[Fixes, dict[str, Any], tuple[Finding, ...]]:
+        """Return the fixes, their columns of time and quality, and the notes on what is left out.
+
+        InputError for another week than the caller's. `quality` is the autopilot's column of it.
+        """
+        fixes = fixes_of(self, options.variable)
+        message = fixes.message
+        agree_on_week(message.lines, int(fixes.week[0]), options.gps_week)
+        cols = {"tow": fixes.tow, "week": fixes.week, "q": message.qualities(quality)}
+        rows = self.tables[message.name][quality].size
+        return fixes, cols, (*self.notes("GNSS rows"), *fixes.left_out(rows))
+
+    def on_gpst(
+        self, message: Message, fixes_of: "FixesOf", boot: Array, gps_week: int | None, rows: str
+    ) -> tuple[Array, int | None, tuple[Finding, ...]]:
+        """Return stamps of the autopilot, s, on GPST, their week, and the notes on both."""
+        clock = self.clock(fixes_of, gps_week)
+        time = clock.gpst(message.lines, boot)
+        return time, clock.gps_week, (clock.note(rows), *self.notes(rows))
+
     def samples(
         self,
         message: Message,
-        fixes_of: "Callable[[Log], Fixes]",
+        fixes_of: "FixesOf",
         boot: Array,
         triads: list[Array],
         options: ReadOptions,
@@ -168,14 +190,15 @@ class Log:
     ) -> ImuSamples:
         """Return samples of six columns in SI, at stamps of the autopilot, s."""
         cols = dict(zip((*GYRO, *ACCEL), triads, strict=True))
-        clock = self.clock(fixes_of, options.gps_week)
         message.refuse_infinite(cols)
-        cols["tow"] = clock.gpst(message.lines, boot)
-        notes = (clock.note("IMU rows"), *notes, *self.notes("IMU rows"))
-        options = replace(options, gps_week=clock.gps_week)
+        week, rows = options.gps_week, "IMU rows"
+        cols["tow"], week, (of_clock, *of_log) = self.on_gpst(message, fixes_of, boot, week, rows)
+        notes, options = (of_clock, *notes, *of_log), replace(options, gps_week=week)
         return imu_from_columns(cols, message.lines, Scales(1.0, 1.0), options, notes)
 
-    def events(self, message: Message, clock: BootClock, boot: Array, images: str) -> CameraEvents:
+    def events(
+        self, message: Message, fixes_of: "FixesOf", boot: Array, week: int | None, images: str
+    ) -> CameraEvents:
         """Return events at stamps of the autopilot, s, named by a column of whole numbers."""
         names = None
         if images in message:
@@ -183,16 +206,23 @@ class Log:
             whole = np.where(column == np.floor(column), column, np.nan)
             message.refuse_infinite({images: whole})
             names = tuple(str(int(k)) for k in whole)
-        notes = (clock.note("event rows"), *self.notes("event rows"))
-        time, week = clock.gpst(message.lines, boot), clock.gps_week
+        time, week, notes = self.on_gpst(message, fixes_of, boot, week, "event rows")
         return events_in_order(names, time, message.lines, week, notes)
 
     def heights(
-        self, message: Message, clock: BootClock, boot: Array, labels: Mapping[str, str]
+        self,
+        message: Message,
+        fixes_of: "FixesOf",
+        boot: Array,
+        week: int | None,
+        labels: Mapping[str, str],
     ) -> BarometerHeights:
         """Return heights at stamps of the autopilot, s, by the labels of `pressure` and `h`."""
         cols = {name: message.columns[x] for name, x in labels.items() if x in message}
         message.refuse_infinite(cols)
-        notes = (clock.note(ROWS), *self.notes(ROWS))
-        time, week = clock.gpst(message.lines, boot), clock.gps_week
+        time, week, notes = self.on_gpst(message, fixes_of, boot, week, ROWS)
         return heights_from_columns(cols, time, message.lines, week, notes)
+
+
+FixesOf = Callable[[Log, str | None], Fixes]
+"""What gives the rows of a log's receiver, by the caller's `variable`, where there is a fix."""

@@ -64,12 +64,8 @@ class BootClock:
             f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"
             f" spread {1e3 * self.spread_s:.0f} ms"
         )
-        return note(
-            name,
-            finding,
-            "one clock",
-            "the receiver's mean latency stays in it; time_offset_s takes it out",
-        )
+        advice = "the receiver's mean latency stays in it; time_offset_s takes it out"
+        return note(name, finding, "one clock", advice)
 
 
 def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock:

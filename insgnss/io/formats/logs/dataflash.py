@@ -44,32 +44,22 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         from pymavlink.DFReader import FORMAT_TO_STRUCT
     lengths = np.zeros(256, dtype=np.int64)
     lengths[FMT] = 89
-    kinds, places = (
-        np.empty(buf.size // 3 + 1, dtype=np.int64),
-        np.empty(buf.size // 3 + 1, dtype=np.int64),
-    )
+    kinds, places = (np.empty(buf.size // 3 + 1, dtype=np.int64) for _ in range(2))
     n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
-        raise InputError.in_file(
-            path,
-            f"is no ArduPilot log: no right message at byte {max(wrong, 0)}; copy it again from the"
-            " card",
-        )
-    if n_lost > LOST_LIMIT * buf.size:
-        raise InputError.in_file(
-            path,
-            f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
-            " from the card",
-        )
+        problem = f"is no ArduPilot log: no right message at byte {max(wrong, 0)}"
+    elif n_lost > LOST_LIMIT * buf.size:
+        problem = f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%})"
+    else:
+        problem = ""
+    if problem:
+        raise InputError.in_file(path, f"{problem}; copy it again from the card")
     kinds, places = kinds[:n], places[:n]
     tables: Tables = {}
     odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
         starts = places[kinds == kind]
-        names, types = (
-            [label for label, _ in zip(labels, form, strict=False)],
-            [FORMAT_TO_STRUCT.get(c) for c in form],
-        )
+        types = [FORMAT_TO_STRUCT.get(letter) for letter in form]
         if kind == FMT or starts.size == 0 or None in types or len(labels) != len(form):
             continue
         # letters of the struct module are numpy's; a count before them is that of a text
@@ -80,7 +70,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         rows = buf[starts[:, None] + np.arange(3, 3 + dtype.itemsize)].view(dtype).reshape(-1)
         table = {
             label: as_float(rows[f"f{i}"]) * (types[i][1] or 1.0)
-            for i, label in enumerate(names)
+            for i, label in enumerate(labels)
             if dtype[i].kind in "iuf"
         }
         odd += _by_instance(tables, name, table)
@@ -123,11 +113,8 @@ def _text(path: Source) -> Log:
             odd += 1
     whole = [line for line in lines if line.strip()]
     if odd > LOST_LIMIT * len(whole) or not rows:
-        raise InputError.in_file(
-            path,
-            f"{odd} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%}); is it an"
-            " ArduPilot log?",
-        )
+        problem = f"{odd} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%})"
+        raise InputError.in_file(path, f"{problem}; is it an ArduPilot log?")
     tables: Tables = {}
     notes = [f"{odd} lines that are no message left out"] if odd else []
     for name, values in rows.items():

@@ -111,13 +111,11 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
     Raises
     ------
     UsageError
-        Increments, which the message does not hold; several topics and none named.
+        Several topics and none named.
     InputError
         A bag that cannot be read, or has no such topic.
     """
     variable = options.variable
-    if options.quantity == "increments":
-        raise UsageError(f"{path}: sensor_msgs/Imu holds rates; set quantity to mean_rate")
     with _opened(path) as reader:
         topics = _topics(reader)
         names = ", ".join(topics) or "none"
@@ -125,9 +123,8 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
             raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:
-            raise InputError.in_file(
-                path, f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
-            )
+            problem = f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
+            raise InputError.in_file(path, problem)
         table = _samples(reader, topics[chosen])
         count = sum(connection.msgcount for connection in topics[chosen])
     if len(table) < count:

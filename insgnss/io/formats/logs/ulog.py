@@ -11,18 +11,15 @@ are taken to GPST by `boot_clock`. Axes forward right down.
 import contextlib
 import io
 import warnings
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError, installed, legible
+from ....base.errors import InputError, installed, legible
 from ....base.wording import DOCTOR
 from ....geodesy.gpstime import gps_from_unix_utc
 from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..read_options import ReadOptions
-from ..text.clock import agree_on_week
 from ..text.layout import printable
 from ..text.text import Source, load_bytes
 from ..text.units import DEG
@@ -93,11 +90,8 @@ def read_log(path: Source) -> Log:
         }
     odd = ["damaged messages left out"] if log.file_corruption else []
     odd += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
-    odd += (
-        [f"the file ends within a message at byte {end}, which is left out"]
-        if end != buf.size and not log.file_corruption
-        else []
-    )
+    if end != buf.size and not log.file_corruption:
+        odd.append(f"the file ends within a message at byte {end}, which is left out")
     return Log(str(path), tables, tuple(odd), "topic")
 
 
@@ -116,7 +110,7 @@ def receiver_bytes(path: Source) -> bytes:
     return data[(np.arange(len(labels)) < size[:, None]) & sent[:, None]].tobytes()
 
 
-def _fixes(log: Log, variable: str | None = None) -> Fixes:
+def _fixes(log: Log, variable: str | None) -> Fixes:
     """Return the rows of a receiver's topic where there is a fix."""
     message = log.message(GNSS_TOPICS, variable)
     stamp, utc, fix = message.floats("timestamp", "time_utc_usec", "fix_type")
@@ -149,15 +143,9 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
 
     Raises
     ------
-    UsageError
-        Increments, which are not read here.
     InputError
         A log that cannot be read.
     """
-    if options.quantity == "increments":
-        raise UsageError(
-            f"{path}: a PX4 log gives mean rates here; set quantity to mean_rate or instant_rate"
-        )
     log = read_log(path)
     message = log.message(("sensor_combined", "vehicle_imu"), options.variable)
     if "delta_angle[0]" in message:
@@ -198,10 +186,8 @@ def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes = _fixes(log, options.variable)
-    message, week = fixes.message, int(fixes.week[0])
-    agree_on_week(message.lines, week, options.gps_week)
-    cols: dict[str, Any] = {"tow": fixes.tow, "q": message.qualities("fix_type")}
+    fixes, cols, notes = log.fixes(_fixes, options, "fix_type")
+    message = fixes.message
     for short, spellings in _HEADS.items():
         label, factor = next((pair for pair in spellings if pair[0] in message), spellings[0])
         cols[short] = factor * message.floats(label)[0]
@@ -221,9 +207,6 @@ def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
     if "hdop" in message and "vdop" in message:
         horizontal, vertical = (message.columns[key] for key in ("hdop", "vdop"))
         cols |= {"hdop": horizontal, "pdop": np.hypot(horizontal, vertical)}
-    rows = log.tables[message.name]["fix_type"].size
-    notes = (*log.notes("GNSS rows"), *fixes.left_out(rows))
-    options = replace(options, gps_week=week)
     return fixes_from_columns(cols, message.lines, FixScales(angle=DEG), options, notes=notes)
 
 
@@ -232,7 +215,7 @@ def read_events_ulog(path: Source, options: ReadOptions) -> CameraEvents:
     log = read_log(path)
     message = log.message(EVENT_TOPICS, options.variable)
     (stamp,) = message.floats("timestamp")
-    return log.events(message, log.clock(_fixes, options.gps_week), MICRO * stamp, "seq")
+    return log.events(message, _fixes, MICRO * stamp, options.gps_week, "seq")
 
 
 def read_barometer_ulog(path: Source, options: ReadOptions) -> BarometerHeights:
@@ -242,4 +225,4 @@ def read_barometer_ulog(path: Source, options: ReadOptions) -> BarometerHeights:
     label = "timestamp_sample" if "timestamp_sample" in message else "timestamp"
     names = {"pressure": "baro_pressure_pa", "h": "baro_alt_meter"}
     (stamp,) = message.floats(label)
-    return log.heights(message, log.clock(_fixes, options.gps_week), MICRO * stamp, names)
+    return log.heights(message, _fixes, MICRO * stamp, options.gps_week, names)

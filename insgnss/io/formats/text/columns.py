@@ -169,12 +169,11 @@ class TableSpec:
         self, path: str, layout: Layout, columns: Mapping[str, str]
     ) -> list[str | None]:
         assigned: list[str | None] = [None] * layout.n_fields
-        fields = layout.header_fields
         for canonical, column in columns.items():
             if canonical not in self.names:
                 choices = ", ".join(self.names)
                 raise UsageError(f"{path}: columns: {canonical!r} is none of {choices}")
-            index = _place_of(path, layout, fields, column)
+            index = _place_of(path, layout, column)
             if assigned[index] is not None:
                 raise UsageError(
                     f"{path}: columns: {column!r} is both {assigned[index]} and {canonical};"
@@ -183,12 +182,10 @@ class TableSpec:
             assigned[index] = canonical
         return assigned
 
-    def read(
-        self, path: Source, columns: Columns = None, incomplete: Collection[str] = ()
-    ) -> "NamedTable":
+    def read(self, path: Source, columns: Columns = None) -> "NamedTable":
         """Read a table; InputError with file and line for what cannot be read."""
         table = read_text_table(path) if self.text else read_table(path, whole=False)
-        return self.of(table, columns, incomplete)
+        return self.of(table, columns)
 
     def of(
         self,
@@ -223,8 +220,9 @@ def _uneven_header(path: str, layout: Layout) -> InputError:
     return InputError.at_line(path, layout.header_line, message)
 
 
-def _place_of(path: str, layout: Layout, fields: Sequence[str] | None, column: str) -> int:
+def _place_of(path: str, layout: Layout, column: str) -> int:
     """Return the index of a field that the caller names, or gives by its place."""
+    fields = layout.header_fields
     names = [normalised(field)[0] for field in fields or ()]
     if match := re.fullmatch(r"\[([0-9]+)\]", column):
         if 0 <= (index := int(match[1]) - 1) < layout.n_fields:
@@ -232,10 +230,8 @@ def _place_of(path: str, layout: Layout, fields: Sequence[str] | None, column: s
         problem = f"there is no field {column}; there are {layout.n_fields}, counted from 1"
         raise InputError.at_line(path, layout.first_line, f"columns: {problem}")
     if fields is None:
-        message = (
-            f"columns names fields of the header, but there is none of {layout.n_fields} fields;"
-            " give their places, [1] for the first"
-        )
+        problem = f"there is none of {layout.n_fields} fields; give their places, [1] for the first"
+        message = f"columns names fields of the header, but {problem}"
         raise InputError.at_line(path, layout.first_line, message)
     if fields.count(column) == 1:
         return fields.index(column)

@@ -35,15 +35,8 @@ PIECE_BYTES = 1 << 19  # bytes
 THREADS = 2  # that parse pieces at a time (chosen)
 ROOM = 1.1  # times the rows that the first lines promise
 NEWLINE = b"\n"
-
-
-@dataclass(frozen=True)
-class Target:
-    """Where a column goes: into column `index` of `array` (n, m), each value times `factor`."""
-
-    array: str
-    index: int
-    factor: float = 1.0
+Wanted = Mapping[str, Sequence[tuple[int | None, float]]]
+"""Columns of each array by its name: column of the table, None for zeros, and its factor."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +64,7 @@ class Rows:
         return InputError.in_file(self.path, message)
 
 
-def read_columns(
-    buf: Bytes, layout: Layout, targets: Mapping[int, Target], widths: Mapping[str, int]
-) -> dict[str, Array] | None:
+def read_columns(buf: Bytes, layout: Layout, wanted: Wanted) -> dict[str, Array] | None:
     """Return columns of a table in arrays of their own; None where a row is not as it should be.
 
     Parameters
@@ -82,33 +73,28 @@ def read_columns(
         Bytes of the file, which end in a newline.
     layout : Layout
         How it is written.
-    targets : mapping
-        Where each column goes, by its index; the others are parsed and dropped.
-    widths : mapping
-        Columns of each array, by its name.
+    wanted : mapping
+        The arrays; other columns of the table are parsed and dropped.
 
     Returns
     -------
     dict of ndarray, or None
         The arrays (n, width) by name.
     """
-    work = _Work(buf, layout, targets)
-    arrays = work.arrays(widths, work.promised())
+    work = _Work(buf, layout, wanted)
+    arrays = work.arrays(work.promised())
     if work.full:
-        arrays = work.arrays(widths, work.lines())
+        arrays = work.arrays(work.lines())
     return arrays
 
 
 def _columns(
-    targets: Mapping[int, Target], name: str
+    array: Sequence[tuple[int | None, float]],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Return columns of the table, their columns in an array of so many, and their factors."""
-    own = [(column, target) for column, target in targets.items() if target.array == name]
-    return (
-        np.array([column for column, _ in own], dtype=np.int64),
-        np.array([target.index for _, target in own], dtype=np.int64),
-        np.array([target.factor for _, target in own], dtype=np.float64),
-    )
+    """Return columns of the table, their columns in an array, and their factors."""
+    taken = [(column, k, factor) for k, (column, factor) in enumerate(array) if column is not None]
+    columns, places, factors = zip(*taken, strict=True) if taken else ((), (), ())
+    return np.array(columns, np.int64), np.array(places, np.int64), np.array(factors, np.float64)
 
 
 class _Piece(NamedTuple):
@@ -123,8 +109,9 @@ class _Piece(NamedTuple):
 class _Work:
     """A buffer, whose pieces threads parse one after the other until one of them says stop."""
 
-    def __init__(self, buf: Bytes, layout: Layout, targets: Mapping[int, Target]) -> None:
-        self.buf, self.layout, self.targets = buf, layout, targets
+    def __init__(self, buf: Bytes, layout: Layout, wanted: Wanted) -> None:
+        self.buf, self.layout, self.wanted = buf, layout, wanted
+        self.columns = {name: _columns(array) for name, array in wanted.items()}
         self.stopped, self.full = threading.Event(), False
 
     def pieces(self) -> Iterator[_Piece]:
@@ -137,7 +124,7 @@ class _Work:
             while not end:
                 piece = self.buf[start : start + size]
                 whole = start + size >= self.buf.size
-                end = piece.size if whole else _after_last_newline(piece)
+                end = piece.size if whole else piece.tobytes().rfind(NEWLINE) + 1
                 size *= 2
             lines = int(_kernels.count_newlines(piece[:end]))
             yield _Piece(piece[:end], start, first, lines)
@@ -155,7 +142,7 @@ class _Work:
         """All lines, counted."""
         return sum(piece.lines for piece in self.pieces())
 
-    def arrays(self, widths: Mapping[str, int], room: int) -> dict[str, Array] | None:
+    def arrays(self, room: int) -> dict[str, Array] | None:
         """The arrays, of at most `room` lines; None where a row is not as it should be.
 
         Where there are more lines, `full` is set.
@@ -163,8 +150,9 @@ class _Work:
         from . import _kernels
 
         self.stopped, self.full = threading.Event(), False
-        arrays = {name: np.empty((room, width)) for name, width in widths.items()}
-        columns = {name: _columns(self.targets, name) for name in widths}
+        arrays = {name: np.empty((room, len(array))) for name, array in self.wanted.items()}
+        for name, array in self.wanted.items():
+            arrays[name][:, [k for k, (column, _) in enumerate(array) if column is None]] = 0.0
         placed: list[tuple[int, int]] = []  # first row and rows of each piece
 
         def parse(piece: _Piece) -> None:
@@ -179,7 +167,7 @@ class _Work:
                 return
             placed.append((piece.first, len(table)))
             block = slice(piece.first, piece.first + len(table))
-            for name, taken in columns.items():
+            for name, taken in self.columns.items():
                 _kernels.take_columns(table, *taken, arrays[name][block])
 
         share(0.0)
@@ -192,7 +180,9 @@ class _Work:
     def parsed(self, piece: _Piece) -> Array | None:
         """The rows (n, m) of a piece; None where one is not as it should be."""
         parsed = parsed_rows(piece.buf, self.layout, piece.lines)
-        if not parsed.is_whole or any(parsed.bad[column, 0] >= 0 for column in self.targets):
+        if not parsed.is_whole or any(
+            (parsed.bad[k, 0] >= 0).any() for k, *_ in self.columns.values()
+        ):
             return None
         return parsed.values
 
@@ -218,14 +208,6 @@ class _Work:
             work()
             for helper in helpers:
                 helper.result()
-
-
-def _after_last_newline(piece: NDArray[np.uint8]) -> int:
-    """Index behind the last newline, 0 without one."""
-    near = piece[-4096:].tobytes().rfind(NEWLINE)
-    if near >= 0:
-        return piece.size - min(4096, piece.size) + near + 1
-    return piece.tobytes().rfind(NEWLINE) + 1
 
 
 def _without_holes(array: Array, placed: Sequence[tuple[int, int]]) -> Array:

@@ -15,7 +15,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,11 +79,11 @@ class Layout:
     delimiter: str | None
     decimal: str
     n_fields: int
-    header: str | None
-    header_fields: tuple[str, ...] | None
-    header_line: int | None
-    skip_to: int
-    first_line: int
+    header: str | None = None
+    header_fields: tuple[str, ...] | None = None
+    header_line: int | None = None
+    skip_to: int = 0
+    first_line: int = 1
 
 
 def float_of(text: str, decimal: str = ".") -> float | None:
@@ -258,29 +258,18 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
     delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
     fields = [split_fields(text, delimiter) for text in texts]
     flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
-    decimal = (
-        ","
-        if delimiter != "," and any("," in f for f in flat) and not any("." in f for f in flat)
-        else "."
-    )
+    commas = delimiter != "," and any("," in field for field in flat)
+    decimal = "," if commas and not any("." in field for field in flat) else "."
     n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
     line, offset, _ = data[0]
     if n_fields > MOST_FIELDS:
         problem = f"{n_fields} fields (limit {MOST_FIELDS})"
         raise InputError.at_line(path, line, f"{problem}; is it a table?")
-    if head is not None:
-        return Layout(
-            delimiter,
-            decimal,
-            n_fields,
-            head[2].strip(),
-            _header_fields(head[2], delimiter, n_fields),
-            head[0],
-            offset,
-            line,
-        )
-    if comments and (names := _header_fields(comments[-1][1], delimiter, n_fields)):
-        return Layout(
-            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], offset, line
-        )
-    return Layout(delimiter, decimal, n_fields, None, None, None, offset, line)
+    layout = Layout(delimiter, decimal, n_fields, skip_to=offset, first_line=line)
+    named = head and (head[0], head[2])
+    if named is None and comments and _header_fields(comments[-1][1], delimiter, n_fields):
+        named = comments[-1]
+    if named is None:
+        return layout
+    names = _header_fields(named[1], delimiter, n_fields)
+    return replace(layout, header=named[1].strip(), header_fields=names, header_line=named[0])

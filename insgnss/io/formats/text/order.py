@@ -11,7 +11,7 @@ and everything beyond is refused at the first such row. What was done is a note 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,17 @@ class Lines(Protocol):
     def error_at(self, row: int, message: str, /) -> InputError:
         """Return the error `message` at the line of `row`."""
         ...
+
+
+class AtLines:
+    """Rows of a file, each at its line, for records that hold both."""
+
+    path: str
+    lines: Any
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """Return the error `message` at the line of `row`."""
+        return InputError.at_line(self.path, int(self.lines[row]), message)
 
 
 @dataclass(frozen=True)
@@ -110,16 +121,9 @@ def open_end(name: str, complete: bool) -> tuple[Finding, ...]:
 
     Such a line may have been cut in a number.
     """
-    if complete:
-        return ()
-    return (
-        note(
-            name,
-            "the last line has no end, so it may be cut",
-            "a line's end",
-            "compare it with the line before; end the file properly",
-        ),
-    )
+    finding = "the last line has no end, so it may be cut"
+    advice = "compare it with the line before; end the file properly"
+    return () if complete else (note(name, finding, "a line's end", advice),)
 
 
 def put_in_order(
@@ -174,14 +178,11 @@ def put_in_order(
             row, f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; {remedy}"
         )
     done = [f"{doubles} double rows left out"] if doubles else []
-    done += (
-        [
+    if clashes:
+        done.append(
             f"{len(clashes)} rows that contradict an earlier one of their stamp left out, the first"
             f" at {time[min(clashes)[0]]:.3f} s"
-        ]
-        if clashes
-        else []
-    )
+        )
     out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
     done += [f"{out_of_order.sum()} out-of-order rows sorted"] if out_of_order.any() else []
     return order[keep[order]], (note(name, f"{', '.join(done)}, of {time.size}"),)
@@ -197,11 +198,7 @@ def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> 
         return
     worst = int(np.argmax(by))
     if by[worst] >= LATE_LIMIT_S or out_of_order.sum() >= SHARE_LIMIT * time.size:
-        k = (
-            int(np.argmax(by >= LATE_LIMIT_S))
-            if by[worst] >= LATE_LIMIT_S
-            else int(np.argmax(out_of_order))
-        )
+        k = int(np.argmax(by >= LATE_LIMIT_S if by[worst] >= LATE_LIMIT_S else out_of_order))
         before = float(np.maximum.accumulate(kept)[k])
         message = (
             f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()}"

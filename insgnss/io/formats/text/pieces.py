@@ -45,8 +45,7 @@ class FileBytes:
         try:
             self._stream = opened(self.path)
         except OSError as error:
-            reason = f"cannot be read: {error.strerror or error}; check permission and medium"
-            raise InputError.in_file(self.path, reason) from None
+            raise self._unreadable(error) from None
         self.size = os.fstat(self._stream.fileno()).st_size
         return self
 
@@ -76,6 +75,10 @@ class FileBytes:
             count += step
         return out
 
+    def _unreadable(self, error: OSError) -> InputError:
+        reason = f"cannot be read: {error.strerror or error}; check permission and medium"
+        return InputError.in_file(self.path, reason)
+
     def _read(self, offset: int, out: NDArray[np.uint8]) -> int:
         try:
             if hasattr(os, "preadv"):
@@ -84,5 +87,4 @@ class FileBytes:
                 self._stream.seek(offset)
                 return self._stream.readinto(out.data) or 0
         except OSError as error:
-            reason = f"cannot be read: {error.strerror or error}; check permission and medium"
-            raise InputError.in_file(self.path, reason) from None
+            raise self._unreadable(error) from None

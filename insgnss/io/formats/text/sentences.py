@@ -11,7 +11,7 @@ from ....base.advance import through
 from ....base.errors import InputError
 from ....records import Finding
 from .layout import decode
-from .order import note
+from .order import AtLines, note
 from .text import FileLine, Source, load
 
 # of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
@@ -133,12 +133,8 @@ def _unchecked(
 
 
 @dataclass(frozen=True)
-class SentenceLines:
+class SentenceLines(AtLines):
     """Lines that rows were taken from."""
 
     path: str
     lines: list[int]
-
-    def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at the line of `row`."""
-        return InputError.at_line(self.path, self.lines[row], message)

@@ -138,9 +138,7 @@ def on_one_clock(
         if undated and not _is_undated(seconds[0], seconds[undated] - seconds[0]):
             undated = 0
         if undated:
-            finding = (
-                f"{undated} rows before {_line_of(lines, undated)} left out, of {seconds.size}"
-            )
+            finding = f"{undated} rows before {line_of(lines, undated)} left out, of {seconds.size}"
             advice = "they were stamped before the date was known"
             notes.append(note(name, finding, "stamps of one clock", advice))
     else:
@@ -187,7 +185,7 @@ def undated_rows(name: str, count: int, first: str) -> Finding:
     return note(name, finding, "stamps of one clock", "switch on earlier, if they are missed")
 
 
-def _line_of(lines: Lines, row: int) -> str:
+def line_of(lines: Lines, row: int) -> str:
     """File and line of a row."""
     return str(lines.error_at(row, "")).strip(": ")
 
@@ -211,7 +209,7 @@ def _counted_on(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]
 
 
 def _begins_anew(lines: Lines, name: str, row: int, length: float) -> Finding:
-    finding = f"the counter begins anew at {_line_of(lines, row)}, after {length:.6f} s; counted on"
+    finding = f"the counter begins anew at {line_of(lines, row)}, after {length:.6f} s; counted on"
     return note(name, finding, "a clock that counts on", "nothing to do")
 
 
@@ -234,7 +232,7 @@ def _without_steps(
     count = f"{len(steps)} times, first" if len(steps) > 1 else "once,"
     finding = (
         f"the clock was set in the recording {count} by {steps[0][1]:+.3f} s at"
-        f" {_line_of(lines, steps[0][0])}; the rows {moved}"
+        f" {line_of(lines, steps[0][0])}; the rows {moved}"
     )
     advice = "no row is taken to be missing there; exposures of that clock need the same steps"
     return out, (note(CLOCK_STEP, f"{name}: {finding}", "a clock that nobody sets", advice),)
@@ -251,17 +249,11 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
     interval = float(np.mean(usual_steps))
     steps: list[tuple[int, float]] = []
     for first, row, end in zip([0, *rows], rows, [*rows[1:], time.size], strict=False):
-        before, after = (
-            time[max(first, row - LEVEL_ROWS) : row],
-            time[row : min(end, row + LEVEL_ROWS)],
-        )
+        before = time[max(first, row - LEVEL_ROWS) : row]
+        after = time[row : min(end, row + LEVEL_ROWS)]
         count_back = interval * np.arange(1 - before.size, 1)
-        change = (
-            float(
-                np.median(after - interval * np.arange(after.size)) - np.median(before - count_back)
-            )
-            - interval
-        )
+        level_after = np.median(after - interval * np.arange(after.size))
+        change = float(level_after - np.median(before - count_back)) - interval
         undated = _is_undated(min(time[first], time[row]), abs(change))
         leads = undated and first == 0 and change > 0.0
         if (min(before.size, after.size) < LEAST_LEVEL_ROWS and not leads) or (
@@ -328,13 +320,9 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     ):  # uneven, or as even as can be
         return time, ()
     ends = np.flatnonzero(~near) + 1
-    out = time.copy()
-    off = np.zeros(time.size)
-    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
-        if last - first >= LEAST_STAMPS:
-            out[first:last] = _line(time[first:last], interval)
-            off[first:last] = np.abs(out[first:last] - time[first:last])
-    if np.mean(off > MOST_RESIDUAL_DIGITS * digit) > ODD or not (np.diff(out) > 0.0).all():
+    out = _lines(time, ends, interval)
+    distance = np.abs(out - time)
+    if np.mean(distance > MOST_RESIDUAL_DIGITS * digit) > ODD or not (np.diff(out) > 0.0).all():
         return time, ()
     rate = f"an even {1.0 / interval:.6g} Hz"
     finding = f"stamps rounded to {1e3 * digit:g} ms at {rate} were spread evenly"
@@ -394,10 +382,7 @@ def without_jitter(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     if not shared and _share_uneven(stamps, interval) < LEAST_JITTERY:
         return time, ()  # rows out of order, or double
     ends = _gaps(time, interval)
-    out = time.copy()
-    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
-        if last - first >= LEAST_STAMPS:
-            out[first:last] = _line(time[first:last], interval)
+    out = _lines(time, ends, interval)
     delay, step = time - out, np.delete(np.diff(time), ends - 1)
     scatter = float(np.std(step))
     if (
@@ -464,6 +449,15 @@ def _last_digit(time: Array) -> float:
         else:
             return digit
     return 0.0
+
+
+def _lines(time: Array, ends: NDArray[np.intp], interval: float) -> Array:
+    """Return stamps on lines between ends; those of few rows stay."""
+    out = time.copy()
+    for first, last in zip([0, *ends], [*ends, time.size], strict=True):
+        if last - first >= LEAST_STAMPS:
+            out[first:last] = _line(time[first:last], interval)
+    return out
 
 
 def _line(time: Array, interval: float) -> Array:

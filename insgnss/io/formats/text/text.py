@@ -32,6 +32,7 @@ from .layout import (
     split_fields,
     unquoted,
 )
+from .order import AtLines
 from .pieces import FileBytes, shrunk
 
 Source = str | os.PathLike[str]
@@ -43,7 +44,7 @@ PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class Table(AtLines):
     """Numbers of a text table.
 
     Attributes
@@ -87,13 +88,9 @@ class Table:
             if column in taken:
                 raise refusal
 
-    def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at the line of `row`."""
-        return InputError.at_line(self.path, int(self.lines[row]), message)
-
 
 @dataclass(frozen=True, eq=False)
-class TextTable:
+class TextTable(AtLines):
     """Fields of a text table as they stand; numbers are taken from single columns."""
 
     path: str
@@ -104,10 +101,6 @@ class TextTable:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at the line of `row`."""
-        return InputError.at_line(self.path, self.lines[row], message)
 
     def strings(self, column: int) -> tuple[str, ...]:
         """Return a column as text, without quotation marks."""

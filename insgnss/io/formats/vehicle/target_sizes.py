@@ -100,6 +100,5 @@ def write_target_sizes(sizes: TargetSizes, path: Source, comments: Sequence[str]
     """
     images = quoted_names(sizes.images, ",")
     points = quoted_names(sizes.points, ",", "point")
-    OUT.write(
-        path, np.column_stack([sizes.size_px, sizes.sigma_px]), images, points, comments=comments
-    )
+    numbers = np.column_stack([sizes.size_px, sizes.sigma_px])
+    OUT.write(path, numbers, images, points, comments=comments)
