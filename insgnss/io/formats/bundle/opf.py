@@ -33,13 +33,12 @@ import numpy as np
 from ....base import __version__
 from ....base.errors import UsageError
 from ....base.files import atomic_write
-from ....base.output.staging import together
 from ....records import Array, FramedOrientation, MapFrame
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import check_frame, check_only, listed_rows, position_sigma
+from ..orientation.exported import check_frame, listed_rows, new_directory, position_sigma
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
-from .camera import BROWN_NAMES, Camera, cameras_of
+from .camera import Camera, cameras_of
 
 FORMAT = "application/opf-{}+json"
 FILES = {
@@ -117,12 +116,11 @@ def write_opf(
         f'{{"id":{pair[1]},"uri":{json.dumps(quote(uri))}}}'
         for pair, uri in zip(ids, uris, strict=True)
     )
-    directory = Path(path)
     names = list(FILES) if definition is not None else ["camera_list", "input_cameras"]
     own = ("project.opf", *(FILES[name] for name in names))
-    check_only(directory, own, lambda file: file.endswith(OPF_FILES), "an OPF project")
-    with together() as staging:
-        into = staging.tree(directory)
+    with new_directory(
+        Path(path), own, lambda file: file.endswith(OPF_FILES), "an OPF project"
+    ) as into:
 
         def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
             atomic_write(into / FILES[name], _json(name, head, lists))
@@ -199,7 +197,7 @@ def _sensor(
             f" and of {', '.join(BANDS)}"
         )
     fx, fy = camera.focal
-    distortion = dict(zip(BROWN_NAMES.get(camera.model, ()), camera.parameters, strict=False))
+    distortion = camera.values
     rational = any(distortion.get(key, 0.0) for key in ("k4", "k5", "k6"))
     if camera.model not in MODELS or fx != fy or rational:
         raise UsageError(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, legible
-from ....base.inputs import opened
+from ....base.inputs import opened, readable
 from ....base.output.staging import staged
 from ....base.unpacking import check_archive
 from ....records import ExteriorOrientation
@@ -193,18 +193,15 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
 
     names : those that are wanted, if they are there; by default all.
     """
-    try:
-        with (
-            legible(path, f"is no whole numpy archive; is it an {FILE}?", OSError),
-            opened(path) as stream,
-            np.load(stream, allow_pickle=False) as file,
-        ):
-            check_archive(path, file.zip)
-            wanted = [name for name in file.files if names is None or name in names]
-            content = {name: file[name] for name in wanted}
-    except OSError as error:
-        why = f"cannot be read: {error.strerror or error}; {AGAIN}"
-        raise InputError.in_file(path, why) from None
+    with (
+        readable(path, AGAIN),
+        legible(path, f"is no whole numpy archive; is it an {FILE}?", OSError),
+        opened(path) as stream,
+        np.load(stream, allow_pickle=False) as file,
+    ):
+        check_archive(path, file.zip)
+        wanted = [name for name in file.files if names is None or name in names]
+        content = {name: file[name] for name in wanted}
     if str(content.get("format")) != FORMAT:
         raise InputError.in_file(
             path, f"is no covariance of strips; give the {FILE} of an output directory"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.files import lines_of
-from ....base.inputs import BOM, opened
+from ....base.inputs import BOM, opened, readable
 from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
@@ -169,19 +169,12 @@ def loaded(path: Source) -> Iterator[tuple[NDArray[np.uint8] | FileBytes, bool]]
 def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     """Return the bytes of a file, not empty, with `room` more behind them."""
     path = Path(path)
-    try:
-        with opened(path) as stream:
-            size = os.fstat(stream.fileno()).st_size
-            buf = np.empty(size + room, dtype=np.uint8)
-            count = stream.readinto(buf.data[:size])
-    except FileNotFoundError:
-        raise InputError.at_line(
-            path, None, "no such file; check the path in the flight file"
-        ) from None
-    except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
-        ) from None
+    if not path.exists():
+        raise InputError.in_file(path, "no such file; check the path in the flight file")
+    with readable(path), opened(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        buf = np.empty(size + room, dtype=np.uint8)
+        count = stream.readinto(buf.data[:size])
     if size == 0:
         raise InputError.at_line(path, None, "is empty; copy it again from its source")
     if count < size:
