@@ -89,17 +89,8 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
         point += [str(p.point3D_id) for p in seen]
         uv += [p.xy for p in seen]
     measured, notes = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
-    return MeasuredBlock(
-        tuple(cameras),
-        np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64),
-        measured,
-        position,
-        C_mc,
-        None,
-        None,
-        local=True,
-        notes=notes,
-    )
+    camera = np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64)
+    return MeasuredBlock(tuple(cameras), camera, measured, position, C_mc, notes=notes)
 
 
 def read_colmap_poses(path: Source) -> tuple[tuple[str, ...], Array, Array]:

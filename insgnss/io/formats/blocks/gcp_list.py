@@ -8,6 +8,7 @@ normalises them; here they count from its outer corner, 0.5 more.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ..text.text import Source, decoded
 from ..text.text import number as number_in
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, ImagePoints, positive_sigma
-from .measured_block import MeasuredBlock, check_once, file_names, image_points, no_poses
+from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
 
 SIGMA_M = (0.02, 0.02, 0.04)
 """Standard deviations of x, y, z (easting, northing, height), m; the file has none."""
@@ -112,8 +113,7 @@ def read_gcp_list(
     )
     images = file_names(files, path)
     measured, _ = image_points(images, image_row, names, uv, np.full(len(image_row), sigma_px))
-    camera = np.zeros(len(images), dtype=np.int64)
-    return MeasuredBlock((), camera, measured, *no_poses(len(images)), ground, crs, local=True)
+    return replace(of_table(measured), ground=ground, crs=crs)
 
 
 def _refuse_cut(path: Source, rows: list[tuple[int, str]]) -> None:

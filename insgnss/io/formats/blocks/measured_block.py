@@ -61,9 +61,9 @@ class MeasuredBlock:
     measured: ImagePoints
     position_m: Array
     C_mc: Array
-    ground: GroundTable | None
-    crs: str | None
-    local: bool
+    ground: GroundTable | None = None
+    crs: str | None = None
+    local: bool = True
     geocentric: bool = False
     free_stated: bool = False
     notes: tuple[str, ...] = ()
@@ -136,7 +136,7 @@ def of_table(measured: ImagePoints, *cameras: BrownCamera) -> MeasuredBlock:
     """
     n = len(measured.images)
     camera = np.zeros(n, dtype=np.int64)
-    return MeasuredBlock(cameras, camera, measured, *no_poses(n), None, None, local=True)
+    return MeasuredBlock(cameras, camera, measured, *no_poses(n))
 
 
 def no_poses(n: int) -> tuple[Array, Array]:

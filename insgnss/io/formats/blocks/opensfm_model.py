@@ -89,8 +89,6 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
         measured,
         position,
         C_mc,
-        None,
-        None,
         local=plane is None,
         geocentric=plane is not None,
         notes=(*notes, *repeated),

@@ -242,7 +242,6 @@ def read_dbat_block(path: Source) -> MeasuredBlock:
         block.position_m,
         block.C_mc,
         ground,
-        None,
         local=ground is None,
         free_stated=True,
         held=block.held if block.held.any() else None,

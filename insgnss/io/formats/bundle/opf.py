@@ -41,13 +41,8 @@ from ..text.text import Source
 from .camera import Camera, cameras_of
 
 FORMAT = "application/opf-{}+json"
-FILES = {
-    "scene_reference_frame": "scene_reference_frame.json",
-    "camera_list": "camera_list.json",
-    "input_cameras": "input_cameras.json",
-    "projected_input_cameras": "projected_input_cameras.json",
-}
-OPF_FILES = (".opf", "_cameras.json", *FILES.values())
+ITEMS = ("scene_reference_frame", "camera_list", "input_cameras", "projected_input_cameras")
+OPF_FILES = (".opf", "_cameras.json", *(f"{name}.json" for name in ITEMS))
 SOURCES = {
     "input_cameras": ("camera_list",),
     "projected_input_cameras": ("input_cameras", "scene_reference_frame"),
@@ -116,14 +111,14 @@ def write_opf(
         f'{{"id":{pair[1]},"uri":{json.dumps(quote(uri))}}}'
         for pair, uri in zip(ids, uris, strict=True)
     )
-    names = list(FILES) if definition is not None else ["camera_list", "input_cameras"]
-    own = ("project.opf", *(FILES[name] for name in names))
+    names = list(ITEMS) if definition is not None else ["camera_list", "input_cameras"]
+    own = ("project.opf", *(f"{name}.json" for name in names))
     with new_directory(
         Path(path), own, lambda file: file.endswith(OPF_FILES), "an OPF project"
     ) as into:
 
         def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
-            atomic_write(into / FILES[name], _json(name, head, lists))
+            atomic_write(into / f"{name}.json", _json(name, head, lists))
 
         item("camera_list", {}, {"cameras": cameras})
         sensor_ids = number + SENSOR
@@ -279,7 +274,7 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
     )
     ids = {name: str(uuid.uuid5(space, name)) for name in names}
     more = "projected cameras are left out, since OPF would take these heights to be above another"
-    left_out = () if len(names) == len(FILES) else (f"{more} surface",)
+    left_out = () if len(names) == len(ITEMS) else (f"{more} surface",)
     return {
         "format": FORMAT.format("project"),
         "version": "1.0",
@@ -293,7 +288,7 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
                 "name": name,
                 "type": name,
                 "resources": [
-                    {"format": FORMAT.format(name.replace("_", "-")), "uri": FILES[name]}
+                    {"format": FORMAT.format(name.replace("_", "-")), "uri": f"{name}.json"}
                 ],
                 "sources": [
                     {"id": ids[source], "type": source} for source in SOURCES.get(name, ())

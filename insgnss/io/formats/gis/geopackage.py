@@ -23,9 +23,8 @@ from ....base.output.staging import destination, staged
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ....records.framed import TANGENT
-from ..orientation.ascii_columns import numbers_of
 from ..orientation.exported import check_frame, places, position_sigma
-from ..orientation.poses import sentences, true_north_ypr, utc
+from ..orientation.poses import all_angles, sentences, utc
 from ..text.text import Source
 
 APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
@@ -217,11 +216,9 @@ def _line(coordinates: Array, srs: int) -> bytes:
 
 
 def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
-    ypr, sigma_ypr = true_north_ypr(eo)
     reals = np.hstack(
         [
-            np.degrees(np.hstack([ypr, sigma_ypr])),
-            numbers_of(eo, "opk s_opk"),
+            all_angles(eo),
             position_sigma(eo),
             quaternion_from_rotation(eo.C_fc),
             eo.geodetic[:, 2:],

@@ -94,15 +94,9 @@ def read_bentley(path: Source) -> ReturnedPoses:
     notes = (f"{left_out} photographs without pose are left out",) if left_out else ()
     if imported:
         notes = (f"{imported} poses are those that were imported, no adjusted ones", *notes)
-    return ReturnedPoses(
-        images,
-        position,
-        checked_rotations(np.array(C), images, path),
-        kind,
-        crs,
-        (*np.radians(origin[:2]).tolist(), *origin[2:]),
-        notes=notes,
-    )
+    rotations = checked_rotations(np.array(C), images, path)
+    origin = (*np.radians(origin[:2]).tolist(), *origin[2:])
+    return ReturnedPoses(images, position, rotations, kind, crs, origin, notes=notes)
 
 
 def _pose(photo: Element, system: str) -> tuple[Element | None, str]:
@@ -265,12 +259,9 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
         C,
         kind,
         crs,
-        (),
-        False,
-        "",
-        None,
-        tuple(notes),
-        *(P if np.isfinite(P).all() else None for P in covs),
+        notes=tuple(notes),
+        cov_position=covs[0] if np.isfinite(covs[0]).all() else None,
+        cov_attitude=covs[1] if np.isfinite(covs[1]).all() else None,
     )
 
 
