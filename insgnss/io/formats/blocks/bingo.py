@@ -16,9 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from ....base.errors import DataError, InputError, near
-from ....base.files import lines_of
-from ..text.layout import is_comment, shown
-from ..text.text import Source, decoded
+from ..text.layout import shown
+from ..text.text import Source, data_lines, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
@@ -74,10 +73,8 @@ def read_bingo(
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line, within = False, False, 0, 0
-    for line, row in enumerate(lines_of(decoded(path)), start=1):
+    for line, row in data_lines(decoded(path)):
         words = row.split()
-        if not words or is_comment(row):
-            continue
         if words[0] == END:
             inside, ended = False, True
         elif len(words) <= 2:

@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from ....base.errors import DataError, InputError
-from ....base.files import atomic_write, lines_of
+from ....base.files import atomic_write
 from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
-from ..text.layout import is_comment, shown
+from ..text.layout import shown
 from ..text.numbers import whole
-from ..text.text import Source, decoded
+from ..text.text import Source, data_lines, decoded
 from ..text.text import number as number_in
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, ImagePoints, positive_sigma
@@ -63,11 +63,7 @@ def read_gcp_list(
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
     text = decoded(path)
-    rows = [
-        (line, row.strip())
-        for line, row in enumerate(lines_of(text), start=1)
-        if row.strip() and not is_comment(row)
-    ]
+    rows = data_lines(text)
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
         raise InputError.in_file(path, f"no ground point; {MISSING}, then come the points")

@@ -211,7 +211,6 @@ def image_points(
     point: Sequence[str],
     uv: Sequence[Sequence[float]] | Array,
     sigma_px: Sequence[float] | Array,
-    first: Sequence[str] = (),
 ) -> tuple[ImagePoints, tuple[str, ...]]:
     """Return image observations by the names of their points.
 
@@ -230,19 +229,15 @@ def image_points(
         Pixels from the outer corner of the upper left one, right and down.
     sigma_px : sequence of float, (m,)
         Standard deviations of both coordinates, pixels.
-    first : sequence of str
-        Points that stand before the others, whether they are observed or not.
 
     Returns
     -------
     measured : ImagePoints
         The observations.
-    free_stated : bool
-        Whether the file says which parameters of its cameras are estimated.
     notes : tuple of str
         What was left out.
     """
-    points = tuple(dict.fromkeys((*first, *point)))
+    points = tuple(dict.fromkeys(point))
     row_by_name = {name: k for k, name in enumerate(points)}
     rows = np.array([row_by_name[name] for name in point], dtype=np.int64)
     image_row = np.asarray(image, dtype=np.int64).reshape(-1)

@@ -140,16 +140,20 @@ def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Ar
     return position, C
 
 
+def reconstruction_in(directory: Path) -> Path | None:
+    """Return reconstruction.json of a directory of OpenSfM, or of a project; None without one."""
+    files = (directory / RECONSTRUCTION, directory / INSIDE / RECONSTRUCTION)
+    return next((file for file in files if file.is_file()), None)
+
+
 def _file(path: Path) -> Path:
     """Return reconstruction.json of a directory, or the file itself."""
-    if not path.is_dir():
-        return path
-    for directory in (path, path / INSIDE):
-        if (directory / RECONSTRUCTION).is_file():
-            return directory / RECONSTRUCTION
-    raise InputError.in_file(
-        path, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
-    )
+    file = reconstruction_in(path) if path.is_dir() else path
+    if file is None:
+        raise InputError.in_file(
+            path, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
+        )
+    return file
 
 
 def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:

@@ -73,18 +73,13 @@ class _Srs:
     name: str
     number: int
     organization: str
-    code: int
     description: str
     wkt1: str = "undefined"
     wkt2: str = "undefined"
 
 
 UNDEFINED_CARTESIAN = _Srs(
-    "Undefined Cartesian",
-    UNDEFINED_CARTESIAN_ID,
-    "NONE",
-    UNDEFINED_CARTESIAN_ID,
-    "undefined Cartesian",
+    "Undefined Cartesian", UNDEFINED_CARTESIAN_ID, "NONE", "undefined Cartesian"
 )
 GPS_EPOCH = "1980-01-06T00:00:00.000Z"  # of a file without images
 
@@ -135,13 +130,13 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     from pyproj import CRS
 
     wgs84 = CRS.from_epsg(4326)
-    degrees = _Srs("Undefined geographic", 0, "NONE", 0, "undefined geographic")
+    degrees = _Srs("Undefined geographic", 0, "NONE", "undefined geographic")
     wkt1, wkt2 = wgs84.to_wkt("WKT1_GDAL"), wgs84.to_wkt()
-    globe = _Srs("WGS 84", 4326, "EPSG", 4326, "longitude, latitude", wkt1, wkt2)
+    globe = _Srs("WGS 84", 4326, "EPSG", "longitude, latitude", wkt1, wkt2)
     required = (UNDEFINED_CARTESIAN, degrees, globe)
     rows = {row.number: row for row in (*required, srs)}.values()
     fields = [
-        (r.name, r.number, r.organization, r.code, r.wkt1, r.description, r.wkt2) for r in rows
+        (r.name, r.number, r.organization, r.number, r.wkt1, r.description, r.wkt2) for r in rows
     ]
     db.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?, ?)", fields)
     box = (
@@ -184,7 +179,7 @@ def _srs(eo: FramedOrientation) -> _Srs:
     number, organization = (int(code), "EPSG") if single else (FIRST_OWN_ID, "insgnss")
     heights = f"heights {frame.heights}" if frame.scaled_from_m is None else "scaled heights"
     description = f"{frame.name}; {heights}"
-    return _Srs(crs.name, number, organization, number, description, wkt1, crs.to_wkt())
+    return _Srs(crs.name, number, organization, description, wkt1, crs.to_wkt())
 
 
 def _header(srs: int, flags: int) -> np.ndarray:

@@ -39,7 +39,7 @@ from ....records import Array, FramedOrientation
 from ..orientation.exported import check_choice, frame_words, new_directory
 from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
-from .exif import EXIF_VERSION, camera_maker, exif_version
+from .exif import EXIF_VERSION, camera_maker, exif_version, reader
 from .exiftool import ARGUMENTS, CONFIG, arguments, config
 from .gimbal import GIMBALS, LEFT_OUT, gimbal_angles
 from .jpeg import with_tags
@@ -328,11 +328,7 @@ def _write(source: Path, target: Path, tags: Tags) -> None:
 
 def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
     """The bytes of the copy."""
-
-    def read(offset: int, length: int) -> bytes:
-        stream.seek(offset)
-        return stream.read(length)
-
+    read = reader(stream)
     who = str(source)
     if read(0, 2) == b"\xff\xd8":
         head, rest = with_tags(

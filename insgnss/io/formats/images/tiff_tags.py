@@ -78,6 +78,10 @@ class Tiff:
             else self._bytes_at(self._unpack(self._word, entry.field), length)
         )
 
+    def text_of(self, directory: Mapping[int, _Entry], tag: int) -> str:
+        """Return the text of a tag, empty where it is missing."""
+        return (self.bytes_of(directory, tag) or b"").decode("latin-1").strip("\0 ")
+
     def number_of(self, directory: Mapping[int, _Entry], tag: int) -> float | None:
         """Return the first number of a tag; None where it is missing or divides by zero."""
         entry, data = directory.get(tag), self.bytes_of(directory, tag)

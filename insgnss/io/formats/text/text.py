@@ -137,6 +137,12 @@ def decoded(path: Source) -> str:
     return decode(load_bytes(path).tobytes())
 
 
+def data_lines(text: str) -> list[tuple[int, str]]:
+    """Return the lines of a text with their numbers, without blank ones and comments."""
+    lines = enumerate(lines_of(text), start=1)
+    return [(line, row.strip()) for line, row in lines if row.strip() and not is_comment(row)]
+
+
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     """Return the bytes of a text file with a newline behind them, and whether its last line ended.
 
