@@ -24,7 +24,7 @@ from ..bundle.camera import brown_camera, of_opencv
 from ..bundle.opensfm import REFERENCE
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, vector_of, whole
-from ..text.text import Source, decoded
+from ..text.text import Source, check_fields, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
@@ -294,10 +294,7 @@ def _tracks(
         if not text.strip():
             continue
         words = text.split("\t")
-        if len(words) != FIELDS[version]:
-            raise InputError.at_line(
-                file, line, f"{len(words)} fields, expected {FIELDS[version]}: {shown(text)}"
-            )
+        check_fields(file, line, words, FIELDS[version], text)
         row = row_by_image.get(words[0])
         if row is None or (wanted and words[1] not in wanted):
             continue

@@ -7,7 +7,6 @@ Tables [mounting] and [camera] are those of a flight file and hold what the cali
 """
 
 import datetime
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -22,6 +21,7 @@ from ....base.errors import InputError
 from ....base.files import atomic_write, lines_of
 from ....base.inputs import is_file
 from ....base.tables import Table, read_toml
+from ....base.wording import toml
 from ....records import Array
 from ....records.cameras.mounting import (
     ANGLE_SETS,
@@ -325,7 +325,7 @@ def _provenance(m: MountingFile) -> list[str]:
 def _toml(value: Any, form: str = "") -> str:
     """Return a text, a number, numbers or rows of numbers as TOML, without negative zeros."""
     if isinstance(value, str):
-        return json.dumps(" ".join(value.split()), ensure_ascii=False)
+        return toml(" ".join(value.split()))
     if np.ndim(value):
         return f"[{', '.join(_toml(item, form) for item in value)}]"
     text = format(float(value), form)

@@ -29,7 +29,7 @@ from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source, decoded
+from ..text.text import Source, check_fields, decoded
 from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
@@ -307,10 +307,7 @@ def read_colmap(path: Source) -> ReturnedPoses:
             words = text.split(maxsplit=9)
             if not words:
                 continue
-            if len(words) < 10:
-                raise InputError.at_line(
-                    file, line, f"{len(words)} fields, expected 10: {shown(text)}"
-                )
+            check_fields(file, line, words, 10, text)
             named.append(words[9].strip())
             rows.append(numbers(words[1:8], file, line))
         poses_next = not poses_next

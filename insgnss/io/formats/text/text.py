@@ -5,7 +5,7 @@ The rules are those of `layout`.
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -141,6 +141,13 @@ def data_lines(text: str) -> list[tuple[int, str]]:
     """Return the lines of a text with their numbers, without blank ones and comments."""
     lines = enumerate(lines_of(text), start=1)
     return [(line, row.strip()) for line, row in lines if row.strip() and not is_comment(row)]
+
+
+def check_fields(path: Source, line: int, fields: Sequence[str], count: int, text: str) -> None:
+    """Refuse a line that has another number of fields."""
+    if len(fields) != count:
+        problem = f"{len(fields)} fields, expected {count}: {shown(text)}"
+        raise InputError.at_line(path, line, problem)
 
 
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
