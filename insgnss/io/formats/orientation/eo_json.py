@@ -30,6 +30,7 @@ from ....records.relative import RelativeControl
 from ..text.numbers import LARGEST_EXACT_INTEGER, array_of
 from ..text.text import Source
 from . import eo_packed
+from .eo_covariance import refusing
 from .relative_csv import relative_member
 
 Array = NDArray[np.float64]
@@ -233,7 +234,7 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
         is missing or of another run.
     """
     content = _content(path)
-    try:
+    with refusing(path, "export the file again"):
         packed = _packed(path, content)
         names, numbers, quaternion = _images(content, packed)
         eo = ExteriorOrientation(
@@ -248,12 +249,6 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             epoch=_epoch(content["tangent_plane"]),
             rig=_rig(content, packed),
         )
-    except KeyError as error:
-        raise InputError.in_file(path, f"no {error.args[0]}; export the file again") from None
-    except (TypeError, ValueError) as error:
-        raise InputError.in_file(
-            path, f"a value is not what the format asks for ({error}); export the file again"
-        ) from None
     if unsound := _unsound(eo):
         raise InputError.in_file(path, f"{unsound}; the file was edited; export it again")
     off = (
