@@ -170,14 +170,20 @@ def read_text(path: Source, encoding: str = "utf-8", errors: str = "strict") -> 
     return read_bytes(path).decode(encoding, errors).replace("\r\n", "\n").replace("\r", "\n")
 
 
-def first_bytes(path: Source, count: int, advice: str = "check the path") -> bytes:
-    """Return a file's first bytes behind a byte order mark. Raises InputError for no such file."""
+@contextmanager
+def readable(path: Source, advice: str = "check path and permission") -> Iterator[None]:
+    """Refuse a file that the system does not let read; InputError says why."""
     try:
-        with opened(path) as stream:
-            return stream.read(count).removeprefix(BOM)
+        yield
     except OSError as error:
         message = f"cannot be read: {error.strerror or error}; {advice}"
         raise InputError.in_file(path, message) from None
+
+
+def first_bytes(path: Source, count: int, advice: str = "check the path") -> bytes:
+    """Return a file's first bytes behind a byte order mark. Raises InputError for no such file."""
+    with readable(path, advice), opened(path) as stream:
+        return stream.read(count).removeprefix(BOM)
 
 
 def sha256(path: Source) -> str:

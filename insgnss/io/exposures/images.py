@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.files import lines_of, refuse_other_than_utf8
-from ...base.inputs import opened, read_bytes
+from ...base.inputs import opened, read_bytes, readable
 from ...records import Array
 from ..formats.images.exif import time_taken
 from ..formats.names import IMAGE_ENDINGS
@@ -53,13 +53,8 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
                 path, f"holds the same image as {' and '.join(kinds)}; say which ending to take"
             )
     else:
-        try:
+        with readable(path, "give a directory or a list of names"):
             names = [line.strip() for line in lines_of(decode(read_bytes(path)))]
-        except OSError as error:
-            raise InputError.in_file(
-                path,
-                f"cannot be read: {error.strerror or error}; give a directory or a list of names",
-            ) from None
         names = [name for name in names if name and not name.startswith("#")]
     refuse_other_than_utf8(names)
     if not names:

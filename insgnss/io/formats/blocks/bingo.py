@@ -11,15 +11,16 @@ y down. That y runs up, and that the image's centre rather than the principal po
 file of the program could confirm.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ....base.errors import DataError, InputError, near
-from ....base.files import lines_of
-from ..text.layout import is_comment, shown
-from ..text.text import Source, decoded
+from ..text.layout import shown
+from ..text.text import Source, data_lines, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
-from .measured_block import MeasuredBlock, check_once, file_names, image_points, no_poses
+from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
 
 END = "-99"
 UNITS = {"mm": 1e3, "um": 1.0, "px": 0.0}  # micrometres
@@ -72,10 +73,8 @@ def read_bingo(
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line, within = False, False, 0, 0
-    for line, row in enumerate(lines_of(decoded(path)), start=1):
+    for line, row in data_lines(decoded(path)):
         words = row.split()
-        if not words or is_comment(row):
-            continue
         if words[0] == END:
             inside, ended = False, True
         elif len(words) <= 2:
@@ -109,16 +108,5 @@ def read_bingo(
         uv = 0.5 * np.array([width, height], dtype=np.float64) + scale * uv * (1.0, -1.0)
     names = file_names(images, path)
     measured, _ = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
-    camera = np.zeros(len(names), dtype=np.int64)
-    return MeasuredBlock(
-        (),
-        camera,
-        measured,
-        *no_poses(len(names)),
-        None,
-        None,
-        local=True,
-        notes=()
-        if unit == "px"
-        else ("BINGO: that y runs up from the image's centre is unverified",),
-    )
+    unverified = "BINGO: that y runs up from the image's centre is unverified"
+    return replace(of_table(measured), notes=() if unit == "px" else (unverified,))

@@ -245,6 +245,10 @@ def _opencv_values(camera: BrownCamera) -> dict[str, float]:
     return own | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
 
 
+def _distortion_keys(camera: BrownCamera) -> tuple[str, ...]:
+    return ("k1", "k2", "k3", "k4") if camera.fisheye else ("k1", "k2", "p1", "p2", "k3")
+
+
 def colmap_words(camera: BrownCamera) -> str:
     """Return a camera as exports take it: model, width, height, parameters.
 
@@ -293,7 +297,7 @@ def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     (camera,), (P,) = cameras, covariances
     v = _opencv_values(camera)
     K = (v["fx"], 0.0, v["cx"] - 0.5, 0.0, v["fy"], v["cy"] - 0.5, 0.0, 0.0, 1.0)
-    keys = ("k1", "k2", "k3", "k4") if camera.fisheye else ("k1", "k2", "p1", "p2", "k3")
+    keys = _distortion_keys(camera)
     matrices: dict[str, tuple[int, int, Sequence[float]]] = {
         "camera_matrix": (3, 3, K),
         "distortion_coefficients": (len(keys), 1, [v[key] for key in keys]),
@@ -321,13 +325,12 @@ def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
 def _opensfm(cameras: Sequence[BrownCamera], _: Covariances) -> str:
     (camera,) = cameras
     size, v = max(camera.width, camera.height), _opencv_values(camera)
-    keys = ("k1", "k2", "k3", "k4") if camera.fisheye else ("k1", "k2", "p1", "p2", "k3")
     kind = "fisheye_opencv" if camera.fisheye else "brown"
     entry = {"projection_type": kind, "width": camera.width, "height": camera.height}
     entry |= {"focal_x": v["fx"] / size, "focal_y": v["fy"] / size}
     entry |= {"c_x": (2.0 * v["cx"] - camera.width) / (2.0 * size)}
     entry |= {"c_y": (2.0 * v["cy"] - camera.height) / (2.0 * size)}
-    entry |= {key: v[key] for key in keys}
+    entry |= {key: v[key] for key in _distortion_keys(camera)}
     return json.dumps({camera.name: entry}, indent=2) + "\n"
 
 

@@ -1,6 +1,5 @@
 """Cameras with Brown's distortion as TOML, data_specs/camera_toml.md."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from ....base.errors import InputError, near
 from ....base.files import atomic_write
 from ....base.inputs import is_file
 from ....base.tables import Table, read_toml
+from ....base.wording import toml
 from ....records.block import INTERIOR, MODELS, BrownCamera, InteriorCovariance
 from ..text.numbers import array_of
 from ..text.text import Source
@@ -151,13 +151,13 @@ def write_camera_toml(
     rows = [
         "# pixels from the outer corner of the upper left one, x right, y down: its centre is (0.5,"
         " 0.5)",
-        f"name = {json.dumps(camera.name, ensure_ascii=False)}",
+        f"name = {toml(camera.name)}",
         f'model = "{camera.model}"',
         f"width = {camera.width}",
         f"height = {camera.height}",
         *([f"unit_px = {camera.unit_px!r}"] if camera.backward else []),
         *(f"{name} = {camera.of(name)!r}" for name in INTERIOR),
-        f"free = {json.dumps(list(camera.free))}",
+        f"free = {toml(camera.free)}",
     ]
     if covariance is not None and covariance.parameters:
         sigma = np.sqrt(np.diagonal(covariance.cov))

@@ -18,7 +18,7 @@ from ....records.block import Array, BrownCamera
 from ..bundle.camera import (
     BROWN_NAMES,
     FISHEYE_NAMES,
-    PARAMETERS,
+    NAMES,
     Camera,
     brown_camera,
     of_opencv,
@@ -89,17 +89,8 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
         point += [str(p.point3D_id) for p in seen]
         uv += [p.xy for p in seen]
     measured, notes = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
-    return MeasuredBlock(
-        tuple(cameras),
-        np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64),
-        measured,
-        position,
-        C_mc,
-        None,
-        None,
-        local=True,
-        notes=notes,
-    )
+    camera = np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64)
+    return MeasuredBlock(tuple(cameras), camera, measured, position, C_mc, notes=notes)
 
 
 def read_colmap_poses(path: Source) -> tuple[tuple[str, ...], Array, Array]:
@@ -179,7 +170,8 @@ def _refuse_text(directory: Path) -> None:
                 good = len(words) == 10 and not np.isnan([*map(finite, words[:9])]).any()
                 good = good and words[0].isdigit() and words[8].isdigit()
             else:
-                count = PARAMETERS.get(words[1] if len(words) > 1 else "", len(words) - 4)
+                names = NAMES.get(words[1] if len(words) > 1 else "")
+                count = len(words) - 4 if names is None else len(names)
                 values = [finite(word) for word in (*words[:1], *words[2:])]
                 good = len(words) == 4 + max(0, count) and not np.isnan(values).any()
                 good = good and all(words[k].isdigit() for k in (0, 2, 3))
@@ -227,14 +219,13 @@ def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
     """
     model = camera.model
     fisheye = model in FISHEYE_NAMES
-    names = (BROWN_NAMES | FISHEYE_NAMES).get(model)
-    if names is None:
+    if not fisheye and model not in BROWN_NAMES:
         raise InputError.in_file(
             path,
             f"camera {name}: model {model} is not Brown's; reconstruct with one of"
             f" {', '.join((*BROWN_NAMES, *FISHEYE_NAMES))}",
         )
-    value = dict(zip(names, camera.parameters, strict=True))
+    value = camera.values
     if value.pop("sx1", 0.0) or value.pop("sy1", 0.0):
         problem = f"camera {name}: {model} with sx1 or sy1 other than zero, a thin prism"
         raise InputError.in_file(path, f"{problem}; reconstruct with OPENCV_FISHEYE")

@@ -48,6 +48,7 @@ ESTIMATED = {  # elements of <io>, and the parameters that they switch
     "P": ("p1", "p2"),
     "P1": ("p1",),
     "P2": ("p2",),
+    "K": ("k1", "k2", "k3", "k4"),
     "K1": ("k1",),
     "K2": ("k2",),
     "K3": ("k3",),
@@ -388,13 +389,11 @@ def _free(path: Path, root: Element) -> dict[str, bool]:
     for rule in rules:
         on = {"true": True, "false": False}.get(text_of(rule))
         names = INTERIOR if rule.tag in ("all", "io") else ESTIMATED.get(rule.tag)
-        if rule.tag == "K":
-            names = ("k1", "k2", "k3", "k4")
         if on is None or names is None:
             raise InputError.in_file(
                 path,
                 f"set_bundle_estimate_params: <{rule.tag}>{text_of(rule)}</{rule.tag}> is not"
-                f" understood; known are true and false of all, K, {', '.join(ESTIMATED)}",
+                f" understood; known are true and false of all, {', '.join(ESTIMATED)}",
             )
         free |= dict.fromkeys(names, on)
     return free

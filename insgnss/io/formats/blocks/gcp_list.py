@@ -8,20 +8,21 @@ normalises them; here they count from its outer corner, 0.5 more.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
 from ....base.errors import DataError, InputError
-from ....base.files import atomic_write, lines_of
+from ....base.files import atomic_write
 from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
-from ..text.layout import is_comment, shown
+from ..text.layout import shown
 from ..text.numbers import whole
-from ..text.text import Source, decoded
+from ..text.text import Source, data_lines, decoded
 from ..text.text import number as number_in
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, ImagePoints, positive_sigma
-from .measured_block import MeasuredBlock, check_once, file_names, image_points, no_poses
+from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
 
 SIGMA_M = (0.02, 0.02, 0.04)
 """Standard deviations of x, y, z (easting, northing, height), m; the file has none."""
@@ -62,11 +63,7 @@ def read_gcp_list(
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
     text = decoded(path)
-    rows = [
-        (line, row.strip())
-        for line, row in enumerate(lines_of(text), start=1)
-        if row.strip() and not is_comment(row)
-    ]
+    rows = data_lines(text)
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
         raise InputError.in_file(path, f"no ground point; {MISSING}, then come the points")
@@ -112,8 +109,7 @@ def read_gcp_list(
     )
     images = file_names(files, path)
     measured, _ = image_points(images, image_row, names, uv, np.full(len(image_row), sigma_px))
-    camera = np.zeros(len(images), dtype=np.int64)
-    return MeasuredBlock((), camera, measured, *no_poses(len(images)), ground, crs, local=True)
+    return replace(of_table(measured), ground=ground, crs=crs)
 
 
 def _refuse_cut(path: Source, rows: list[tuple[int, str]]) -> None:

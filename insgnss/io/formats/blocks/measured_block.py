@@ -61,9 +61,9 @@ class MeasuredBlock:
     measured: ImagePoints
     position_m: Array
     C_mc: Array
-    ground: GroundTable | None
-    crs: str | None
-    local: bool
+    ground: GroundTable | None = None
+    crs: str | None = None
+    local: bool = True
     geocentric: bool = False
     free_stated: bool = False
     notes: tuple[str, ...] = ()
@@ -136,7 +136,7 @@ def of_table(measured: ImagePoints, *cameras: BrownCamera) -> MeasuredBlock:
     """
     n = len(measured.images)
     camera = np.zeros(n, dtype=np.int64)
-    return MeasuredBlock(cameras, camera, measured, *no_poses(n), None, None, local=True)
+    return MeasuredBlock(cameras, camera, measured, *no_poses(n))
 
 
 def no_poses(n: int) -> tuple[Array, Array]:
@@ -211,7 +211,6 @@ def image_points(
     point: Sequence[str],
     uv: Sequence[Sequence[float]] | Array,
     sigma_px: Sequence[float] | Array,
-    first: Sequence[str] = (),
 ) -> tuple[ImagePoints, tuple[str, ...]]:
     """Return image observations by the names of their points.
 
@@ -230,19 +229,15 @@ def image_points(
         Pixels from the outer corner of the upper left one, right and down.
     sigma_px : sequence of float, (m,)
         Standard deviations of both coordinates, pixels.
-    first : sequence of str
-        Points that stand before the others, whether they are observed or not.
 
     Returns
     -------
     measured : ImagePoints
         The observations.
-    free_stated : bool
-        Whether the file says which parameters of its cameras are estimated.
     notes : tuple of str
         What was left out.
     """
-    points = tuple(dict.fromkeys((*first, *point)))
+    points = tuple(dict.fromkeys(point))
     row_by_name = {name: k for k, name in enumerate(points)}
     rows = np.array([row_by_name[name] for name in point], dtype=np.int64)
     image_row = np.asarray(image, dtype=np.int64).reshape(-1)

@@ -30,24 +30,18 @@ Made = TypeVar("Made")
 
 DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
+# numpy's names of PLY's types, which has them as well
 _TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "int8": "i1",
-    "uint8": "u1",
-    "short": "<i2",
-    "ushort": "<u2",
-    "int16": "<i2",
-    "uint16": "<u2",
-    "int": "<i4",
-    "uint": "<u4",
-    "int32": "<i4",
-    "uint32": "<u4",
-    "float": "<f4",
-    "float32": "<f4",
-    "double": "<f8",
-    "float64": "<f8",
+    "char": "int8",
+    "uchar": "uint8",
+    "short": "int16",
+    "ushort": "uint16",
+    "int": "int32",
+    "uint": "uint32",
+    "float": "float32",
+    "double": "float64",
 }
+_TYPES |= {name: name for name in _TYPES.values()}
 
 
 @dataclass(frozen=True)
@@ -206,7 +200,7 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
         raise source.error(f"{name}: holds more than a table of vertices; save the project again")
     if missing := [column for column in needed if column not in {c[1] for c in columns}]:
         raise source.error(f"{name}: has no column {missing[0]}; save the project again")
-    kind = np.dtype([(column, _TYPES[of]) for of, column in columns])
+    kind = np.dtype([(column, _TYPES[of]) for of, column in columns]).newbyteorder("<")
     if "id" in needed and kind["id"].kind == "f":
         raise source.error(f"{name}: numbers of points are no integers; save the project again")
     n = whole(elements[0][2]) if elements[0][2:] else -1

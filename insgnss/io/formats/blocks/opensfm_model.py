@@ -24,7 +24,7 @@ from ..bundle.camera import brown_camera, of_opencv
 from ..bundle.opensfm import REFERENCE
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, vector_of, whole
-from ..text.text import Source, decoded
+from ..text.text import Source, check_fields, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
@@ -89,8 +89,6 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
         measured,
         position,
         C_mc,
-        None,
-        None,
         local=plane is None,
         geocentric=plane is not None,
         notes=(*notes, *repeated),
@@ -142,16 +140,20 @@ def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Ar
     return position, C
 
 
+def reconstruction_in(directory: Path) -> Path | None:
+    """Return reconstruction.json of a directory of OpenSfM, or of a project; None without one."""
+    files = (directory / RECONSTRUCTION, directory / INSIDE / RECONSTRUCTION)
+    return next((file for file in files if file.is_file()), None)
+
+
 def _file(path: Path) -> Path:
     """Return reconstruction.json of a directory, or the file itself."""
-    if not path.is_dir():
-        return path
-    for directory in (path, path / INSIDE):
-        if (directory / RECONSTRUCTION).is_file():
-            return directory / RECONSTRUCTION
-    raise InputError.in_file(
-        path, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
-    )
+    file = reconstruction_in(path) if path.is_dir() else path
+    if file is None:
+        raise InputError.in_file(
+            path, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
+        )
+    return file
 
 
 def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
@@ -292,10 +294,7 @@ def _tracks(
         if not text.strip():
             continue
         words = text.split("\t")
-        if len(words) != FIELDS[version]:
-            raise InputError.at_line(
-                file, line, f"{len(words)} fields, expected {FIELDS[version]}: {shown(text)}"
-            )
+        check_fields(file, line, words, FIELDS[version], text)
         row = row_by_image.get(words[0])
         if row is None or (wanted and words[1] not in wanted):
             continue

@@ -19,7 +19,7 @@ from .gcp_list import HEAD
 from .ground_points import GroundTable
 from .image_points import SPEC, ImagePoints, read_image_points
 from .measured_block import MeasuredBlock, of_table
-from .opensfm_model import INSIDE, RECONSTRUCTION, TRACKS
+from .opensfm_model import INSIDE, RECONSTRUCTION, TRACKS, reconstruction_in
 
 FORMATS: Mapping[str, tuple[str, tuple[str, ...], str]] = {
     "metashape": (
@@ -152,7 +152,7 @@ def recognised(path: Source) -> str:
     if path.is_dir():
         if any((path / f"cameras{kind}").is_file() for kind in (".txt", ".bin")):
             return "colmap"
-        if any((path / inner / RECONSTRUCTION).is_file() for inner in (".", INSIDE)):
+        if reconstruction_in(path) is not None:
             return "opensfm"
         raise _unknown(path)
     head = head_of(path)
@@ -242,7 +242,6 @@ def read_dbat_block(path: Source) -> MeasuredBlock:
         block.position_m,
         block.C_mc,
         ground,
-        None,
         local=ground is None,
         free_stated=True,
         held=block.held if block.held.any() else None,

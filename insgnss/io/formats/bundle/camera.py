@@ -30,15 +30,11 @@ FISHEYE_NAMES = {
     "THIN_PRISM_FISHEYE": (*_OPENCV, "k3", "k4", "sx1", "sy1"),
 }
 """The same of fisheye models, whose polynomial takes equidistant points."""
-PARAMETERS = {
-    **{model: len(names) for model, names in (BROWN_NAMES | FISHEYE_NAMES).items()},
-    "FOV": 5,
-}
+NAMES = BROWN_NAMES | FISHEYE_NAMES | {"FOV": ("fx", "fy", "cx", "cy", "omega")}
 HOW = (
     "give MODEL WIDTH HEIGHT PARAMETERS as in COLMAP's cameras.txt, such as --set camera='PINHOLE"
     " 5120 3840 5607 5607 2560 1920' (fx fy cx cy)"
 )
-ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
 
 
 @dataclass(frozen=True)
@@ -61,16 +57,20 @@ class Camera:
         )
 
     @property
+    def values(self) -> dict[str, float]:
+        """Parameters by their names."""
+        return dict(zip(NAMES.get(self.model, ()), self.parameters, strict=False))
+
+    @property
     def focal(self) -> tuple[float, float]:
         """Focal lengths along x and y, pixels."""
-        f = self.parameters
-        return (f[0], f[0]) if self.model in ONE_FOCAL else (f[0], f[1])
+        values = self.values
+        return values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
 
     @property
     def principal_point(self) -> tuple[float, float]:
         """Principal point from the image's upper left corner, pixels."""
-        first = 1 if self.model in ONE_FOCAL else 2
-        return self.parameters[first], self.parameters[first + 1]
+        return self.values["cx"], self.values["cy"]
 
 
 def brown_camera(
@@ -151,7 +151,7 @@ def camera_of(text: str | None, who: str) -> Camera:
     if not text:
         raise UsageError(f"{who} holds a calibrated camera; {HOW}")
     words = str(text).replace(",", " ").split()
-    if words[0] not in PARAMETERS:
+    if words[0] not in NAMES:
         raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {HOW}")
     if len(words) < 3:
         raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
@@ -159,10 +159,8 @@ def camera_of(text: str | None, who: str) -> Camera:
     parameters = tuple(map(finite, words[3:]))
     if min(width, height) < 0 or any(map(math.isnan, parameters)):
         raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
-    if len(parameters) != PARAMETERS[words[0]]:
-        raise UsageError(
-            f"camera {words[0]}: {len(parameters)} parameters, it has {PARAMETERS[words[0]]}; {HOW}"
-        )
+    if len(parameters) != (count := len(NAMES[words[0]])):
+        raise UsageError(f"camera {words[0]}: {len(parameters)} parameters, it has {count}; {HOW}")
     camera = Camera(words[0], width, height, parameters)
     if min(width, height) <= 0 or min(camera.focal) <= 0.0:
         raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {HOW}")

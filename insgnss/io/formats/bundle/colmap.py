@@ -21,7 +21,8 @@ import numpy as np
 
 from ....base.errors import InputError, UsageError, installed, legible
 from ....base.files import atomic_write
-from ....base.output.staging import staged, together
+from ....base.inputs import readable
+from ....base.output.staging import staged
 from ....base.wording import DOCTOR
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
@@ -31,8 +32,8 @@ from ..orientation.exported import (
     UnfitName,
     check_frame,
     check_names,
-    check_only,
     comment_lines,
+    new_directory,
 )
 from ..orientation.poses import vector
 from ..text.database import opened_database
@@ -121,14 +122,12 @@ def write_colmap(
             cameras = _calibrated(camera_of(camera, "colmap"), cameras, database)
     directory = Path(path)
     texts = _model_texts(eo, images, cameras, _shift(eo, shift))
-    check_only(
+    with new_directory(
         directory,
         tuple(texts),
         lambda file: PurePath(file).stem in PARTS and file.endswith((".txt", ".bin")),
         "a model",
-    )
-    with together() as staging:
-        into = staging.tree(directory)
+    ) as into:
         for name, text in texts.items():
             atomic_write(into / name, text)
     return notes
@@ -320,12 +319,8 @@ def _copy(database: Source, work: Path) -> None:
     """Copy a database whose tables are tables, which pycolmap does not ask for."""
     with opened_database(database, (*TABLES, "pose_priors"), KIND):
         pass
-    try:
+    with readable(database):
         shutil.copyfile(database, work)
-    except OSError as error:
-        raise InputError.in_file(
-            database, f"cannot be read: {error.strerror or error}; check path and permission"
-        ) from None
 
 
 def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:

@@ -16,7 +16,7 @@ from ....base.errors import InputError, UsageError
 from ..text.database import opened_database
 from ..text.layout import shown
 from ..text.text import Source
-from .camera import PARAMETERS, Camera
+from .camera import NAMES, Camera
 
 MODELS = (
     *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
@@ -223,8 +223,9 @@ def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
             path, f"camera {number}: model {model!r:.60} is none of COLMAP's known here"
         )
     name, parameters = MODELS[model], np.full(1, np.nan)
-    if isinstance(blob, bytes) and len(blob) == 8 * PARAMETERS.get(name, len(blob) // 8):
-        parameters = np.frombuffer(blob, dtype="<f8")
+    if isinstance(blob, bytes):
+        count = len(NAMES[name]) if name in NAMES else len(blob) // 8
+        parameters = np.frombuffer(blob, dtype="<f8") if len(blob) == 8 * count else parameters
     sizes = all(type(side) is int and side > 0 for side in (width, height))
     if not (sizes and np.isfinite(parameters).all()):
         problem = f"camera {number} ({name}, {width!r:.60} x {height!r:.60} pixels)"

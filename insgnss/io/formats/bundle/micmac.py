@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.output.staging import together
 from ....records import FramedOrientation
 from ....records.block import Array
 from ..orientation.ascii_columns import write_columns
@@ -25,8 +24,8 @@ from ..orientation.exported import (
     UnfitName,
     check_frame,
     check_names,
-    check_only,
     comment_lines,
+    new_directory,
     position_sigma,
     xml_text,
 )
@@ -124,19 +123,17 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
         )
     directory = Path(path)
     own = {f"Orientation-{name}.xml" for name in eo.images}
-    check_only(
-        directory,
-        own,
-        lambda file: file.startswith("Orientation-") and file.endswith(".xml"),
-        "orientations",
-    )
     interior = (
         f"          <FileInterne>{xml_text(calibration)}</FileInterne>\n" if calibration else ""
     )
     form = XML.replace("{interior}", interior.replace("%", "%%"))
     table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])
-    with together() as staging:
-        into = staging.tree(directory)
+    with new_directory(
+        directory,
+        own,
+        lambda file: file.startswith("Orientation-") and file.endswith(".xml"),
+        "orientations",
+    ) as into:
         for name, row in zip(eo.images, table.tolist(), strict=True):
             path = f"{into}{os.sep}Orientation-{name}.xml"
             with open(path, "w", encoding="utf-8", newline="\n") as stream:

@@ -33,22 +33,16 @@ import numpy as np
 from ....base import __version__
 from ....base.errors import UsageError
 from ....base.files import atomic_write
-from ....base.output.staging import together
 from ....records import Array, FramedOrientation, MapFrame
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import check_frame, check_only, listed_rows, position_sigma
+from ..orientation.exported import check_frame, listed_rows, new_directory, position_sigma
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
-from .camera import BROWN_NAMES, Camera, cameras_of
+from .camera import Camera, cameras_of
 
 FORMAT = "application/opf-{}+json"
-FILES = {
-    "scene_reference_frame": "scene_reference_frame.json",
-    "camera_list": "camera_list.json",
-    "input_cameras": "input_cameras.json",
-    "projected_input_cameras": "projected_input_cameras.json",
-}
-OPF_FILES = (".opf", "_cameras.json", *FILES.values())
+ITEMS = ("scene_reference_frame", "camera_list", "input_cameras", "projected_input_cameras")
+OPF_FILES = (".opf", "_cameras.json", *(f"{name}.json" for name in ITEMS))
 SOURCES = {
     "input_cameras": ("camera_list",),
     "projected_input_cameras": ("input_cameras", "scene_reference_frame"),
@@ -117,15 +111,14 @@ def write_opf(
         f'{{"id":{pair[1]},"uri":{json.dumps(quote(uri))}}}'
         for pair, uri in zip(ids, uris, strict=True)
     )
-    directory = Path(path)
-    names = list(FILES) if definition is not None else ["camera_list", "input_cameras"]
-    own = ("project.opf", *(FILES[name] for name in names))
-    check_only(directory, own, lambda file: file.endswith(OPF_FILES), "an OPF project")
-    with together() as staging:
-        into = staging.tree(directory)
+    names = list(ITEMS) if definition is not None else ["camera_list", "input_cameras"]
+    own = ("project.opf", *(f"{name}.json" for name in names))
+    with new_directory(
+        Path(path), own, lambda file: file.endswith(OPF_FILES), "an OPF project"
+    ) as into:
 
         def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
-            atomic_write(into / FILES[name], _json(name, head, lists))
+            atomic_write(into / f"{name}.json", _json(name, head, lists))
 
         item("camera_list", {}, {"cameras": cameras})
         sensor_ids = number + SENSOR
@@ -199,7 +192,7 @@ def _sensor(
             f" and of {', '.join(BANDS)}"
         )
     fx, fy = camera.focal
-    distortion = dict(zip(BROWN_NAMES.get(camera.model, ()), camera.parameters, strict=False))
+    distortion = camera.values
     rational = any(distortion.get(key, 0.0) for key in ("k4", "k5", "k6"))
     if camera.model not in MODELS or fx != fy or rational:
         raise UsageError(
@@ -281,7 +274,7 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
     )
     ids = {name: str(uuid.uuid5(space, name)) for name in names}
     more = "projected cameras are left out, since OPF would take these heights to be above another"
-    left_out = () if len(names) == len(FILES) else (f"{more} surface",)
+    left_out = () if len(names) == len(ITEMS) else (f"{more} surface",)
     return {
         "format": FORMAT.format("project"),
         "version": "1.0",
@@ -295,7 +288,7 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
                 "name": name,
                 "type": name,
                 "resources": [
-                    {"format": FORMAT.format(name.replace("_", "-")), "uri": FILES[name]}
+                    {"format": FORMAT.format(name.replace("_", "-")), "uri": f"{name}.json"}
                 ],
                 "sources": [
                     {"id": ids[source], "type": source} for source in SOURCES.get(name, ())

@@ -24,7 +24,7 @@ from ....records import Array, FramedOrientation
 from ....records.framed import PROJECTED
 from ..orientation.ascii_columns import Conventions, numbers_of
 from ..orientation.exported import check_choice, check_frame, listed_rows
-from ..orientation.poses import local_covariance, sentences, true_north_ypr, utc
+from ..orientation.poses import all_angles, local_covariance, sentences, utc
 from ..text.text import Source
 
 DIALECTS = ("rfc7946", "orthority")
@@ -88,7 +88,6 @@ POINT = '"geometry": {"type": "Point", "coordinates": [%.10f, %.10f, %.4f]}'
 
 
 def _features(eo: FramedOrientation) -> Iterator[str]:
-    ypr, sigma_ypr = true_north_ypr(eo)
     P = local_covariance(eo)
     names = [
         f'"{name}": [%.6f, %.6f, %.6f]'
@@ -105,11 +104,10 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         + "]}}"
     )
     position = _lon_lat_height(eo)
-    angles = np.hstack([np.degrees(np.hstack([ypr, sigma_ypr])), numbers_of(eo, "opk s_opk")])
     table = np.column_stack(
         [
             eo.time,
-            angles,
+            all_angles(eo),
             np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, :3]),
             P[:, *np.triu_indices(6)],
         ]

@@ -23,9 +23,8 @@ from ....base.output.staging import destination, staged
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ....records.framed import TANGENT
-from ..orientation.ascii_columns import numbers_of
 from ..orientation.exported import check_frame, places, position_sigma
-from ..orientation.poses import sentences, true_north_ypr, utc
+from ..orientation.poses import all_angles, sentences, utc
 from ..text.text import Source
 
 APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
@@ -74,18 +73,13 @@ class _Srs:
     name: str
     number: int
     organization: str
-    code: int
     description: str
     wkt1: str = "undefined"
     wkt2: str = "undefined"
 
 
 UNDEFINED_CARTESIAN = _Srs(
-    "Undefined Cartesian",
-    UNDEFINED_CARTESIAN_ID,
-    "NONE",
-    UNDEFINED_CARTESIAN_ID,
-    "undefined Cartesian",
+    "Undefined Cartesian", UNDEFINED_CARTESIAN_ID, "NONE", "undefined Cartesian"
 )
 GPS_EPOCH = "1980-01-06T00:00:00.000Z"  # of a file without images
 
@@ -136,13 +130,13 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     from pyproj import CRS
 
     wgs84 = CRS.from_epsg(4326)
-    degrees = _Srs("Undefined geographic", 0, "NONE", 0, "undefined geographic")
+    degrees = _Srs("Undefined geographic", 0, "NONE", "undefined geographic")
     wkt1, wkt2 = wgs84.to_wkt("WKT1_GDAL"), wgs84.to_wkt()
-    globe = _Srs("WGS 84", 4326, "EPSG", 4326, "longitude, latitude", wkt1, wkt2)
+    globe = _Srs("WGS 84", 4326, "EPSG", "longitude, latitude", wkt1, wkt2)
     required = (UNDEFINED_CARTESIAN, degrees, globe)
     rows = {row.number: row for row in (*required, srs)}.values()
     fields = [
-        (r.name, r.number, r.organization, r.code, r.wkt1, r.description, r.wkt2) for r in rows
+        (r.name, r.number, r.organization, r.number, r.wkt1, r.description, r.wkt2) for r in rows
     ]
     db.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?, ?)", fields)
     box = (
@@ -185,7 +179,7 @@ def _srs(eo: FramedOrientation) -> _Srs:
     number, organization = (int(code), "EPSG") if single else (FIRST_OWN_ID, "insgnss")
     heights = f"heights {frame.heights}" if frame.scaled_from_m is None else "scaled heights"
     description = f"{frame.name}; {heights}"
-    return _Srs(crs.name, number, organization, number, description, wkt1, crs.to_wkt())
+    return _Srs(crs.name, number, organization, description, wkt1, crs.to_wkt())
 
 
 def _header(srs: int, flags: int) -> np.ndarray:
@@ -217,11 +211,9 @@ def _line(coordinates: Array, srs: int) -> bytes:
 
 
 def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
-    ypr, sigma_ypr = true_north_ypr(eo)
     reals = np.hstack(
         [
-            np.degrees(np.hstack([ypr, sigma_ypr])),
-            numbers_of(eo, "opk s_opk"),
+            all_angles(eo),
             position_sigma(eo),
             quaternion_from_rotation(eo.C_fc),
             eo.geodetic[:, 2:],

@@ -18,7 +18,6 @@ yaw, pitch, roll of the image's top stand beside them as data.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -36,18 +35,10 @@ NADIR = 1e-9
 CLAMPED = "clampToGround"
 
 
-@dataclass(frozen=True)
-class AltitudeMode:
-    """What altitudes count from: KML's word, and ours."""
-
-    name: str
-    words: str
-
-
-MODES = {
-    "absolute": AltitudeMode("absolute", "above mean sea level"),
-    "relative": AltitudeMode("relativeToGround", "above the ground"),
-    "clamped": AltitudeMode(CLAMPED, "none, the track lies on the ground"),
+MODES = {  # KML's name of what altitudes count from, and ours
+    "absolute": ("absolute", "above mean sea level"),
+    "relative": ("relativeToGround", "above the ground"),
+    "clamped": (CLAMPED, "none, the track lies on the ground"),
 }
 NAMES = (
     "yaw_deg",
@@ -110,7 +101,7 @@ def write_kml(
         height = np.zeros(len(eo.images))
     position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
     check_characters(eo.images)
-    atomic_write(path, _document(eo, position, MODES[altitude]))
+    atomic_write(path, _document(eo, position, *MODES[altitude]))
 
 
 def _above_ground(height: Array, ground_m: float) -> Array:
@@ -142,8 +133,8 @@ def camera_angles(R: Array) -> Array:
     return np.column_stack([heading % (2.0 * np.pi), np.arctan2(across, R[:, 2, 2]), roll])
 
 
-def _document(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> Iterator[str]:
-    description = xml_text("\n".join(sentences(eo, f"altitudes: {mode.words}")))
+def _document(eo: FramedOrientation, position: Array, mode: str, meaning: str) -> Iterator[str]:
+    description = xml_text("\n".join(sentences(eo, f"altitudes: {meaning}")))
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml'
         ' xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
@@ -154,24 +145,24 @@ def _document(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> Ite
     yield "</IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
     if len(position) > 1:
         line = " ".join(f"{x:.10f},{y:.10f},{z:.4f}" for x, y, z in position.tolist())
-        tessellated = "<tessellate>1</tessellate>" if mode.name == CLAMPED else ""
+        tessellated = "<tessellate>1</tessellate>" if mode == CLAMPED else ""
         yield f"<Placemark><name>track</name><LineString>{tessellated}"
-        yield f"<altitudeMode>{mode.name}</altitudeMode>"
+        yield f"<altitudeMode>{mode}</altitudeMode>"
         yield f"<coordinates>{line}</coordinates></LineString></Placemark>\n"
     yield "<Folder><name>images</name>\n"
     yield from _placemarks(eo, position, mode)
     yield "</Folder>\n</Document>\n</kml>\n"
 
 
-def _placemarks(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> Iterator[str]:
+def _placemarks(eo: FramedOrientation, position: Array, mode: str) -> Iterator[str]:
     camera = "<Camera><longitude>%.10f</longitude><latitude>%.10f</latitude>"
     camera += "<altitude>%.4f</altitude><heading>%.6f</heading>"
     camera += "<tilt>%.6f</tilt><roll>%.6f</roll>"
-    camera += f"<altitudeMode>{mode.name}</altitudeMode></Camera>"
-    if mode.name == CLAMPED:  # a camera on the ground would show nothing
+    camera += f"<altitudeMode>{mode}</altitudeMode></Camera>"
+    if mode == CLAMPED:  # a camera on the ground would show nothing
         camera = ""
     data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in NAMES)
-    point = f"<Point><altitudeMode>{mode.name}</altitudeMode>"
+    point = f"<Point><altitudeMode>{mode}</altitudeMode>"
     point += "<coordinates>%.10f,%.10f,%.4f</coordinates></Point>"
     form = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp>"
     form += "<styleUrl>#photo</styleUrl>"

@@ -7,6 +7,7 @@ In JPEG, TIFF and the raw formats that are TIFF; nothing but the tags is read.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import BinaryIO
@@ -44,6 +45,16 @@ class CameraTags:
     focal_px: float | None
 
 
+def reader(stream: BinaryIO) -> Callable[[int, int], bytes]:
+    """Return a function that reads bytes of a file at an offset and of a length."""
+
+    def read(offset: int, length: int) -> bytes:
+        stream.seek(offset)
+        return stream.read(length)
+
+    return read
+
+
 def camera_tags(stream: BinaryIO, who: str) -> CameraTags:
     """Return what an image says of its camera, as far as it does.
 
@@ -67,13 +78,12 @@ def camera_tags(stream: BinaryIO, who: str) -> CameraTags:
     tiff = _tags(stream, who)
     if tiff is None:
         return CameraTags("", None, None)
-    model = (tiff.bytes_of(tiff.first, CAMERA_MODEL) or b"").decode("ascii", "replace")
     columns, rows, focal = (
         tiff.number_of(tiff.exif, tag) for tag in (IMAGE_COLUMNS, IMAGE_ROWS, FOCAL_35_MM)
     )
     size = (int(columns), int(rows)) if columns and rows else None
     focal_px = focal * math.hypot(*size) / DIAGONAL_35_MM if focal and size else None
-    return CameraTags(model.strip("\0 "), size, focal_px)
+    return CameraTags(tiff.text_of(tiff.first, CAMERA_MODEL), size, focal_px)
 
 
 def time_taken(stream: BinaryIO, who: str) -> datetime:
@@ -120,8 +130,7 @@ def _written_time(stream: BinaryIO, who: str) -> tuple[str, ...]:
     if tiff is None:
         raise ValueError(f"{who}: has no Exif")
     second, fraction, offset = (
-        (tiff.bytes_of(tiff.exif, tag) or b"").decode("latin-1").strip("\0 ")
-        for tag in (ORIGINAL, FRACTION, OFFSET_ORIGINAL)
+        tiff.text_of(tiff.exif, tag) for tag in (ORIGINAL, FRACTION, OFFSET_ORIGINAL)
     )
     if not second.strip(" :0"):
         raise ValueError(f"{who}: has no DateTimeOriginal")
@@ -137,8 +146,7 @@ def camera_maker(stream: BinaryIO, who: str) -> str:
         Its tags are broken.
     """
     tiff = _tags(stream, who)
-    maker = b"" if tiff is None else tiff.bytes_of(tiff.first, CAMERA_MAKE) or b""
-    return maker.decode("ascii", "replace").strip("\0 ")
+    return "" if tiff is None else tiff.text_of(tiff.first, CAMERA_MAKE)
 
 
 def exif_version(stream: BinaryIO, who: str) -> bytes | None:
@@ -155,12 +163,7 @@ def exif_version(stream: BinaryIO, who: str) -> bytes | None:
 
 def _tags(stream: BinaryIO, who: str) -> Tiff | None:
     """Return the directories of a TIFF, or of a JPEG's Exif; None where there are none."""
-    size = stream.seek(0, 2)
-
-    def read(offset: int, length: int) -> bytes:
-        stream.seek(offset)
-        return stream.read(length)
-
+    size, read = stream.seek(0, 2), reader(stream)
     if read(0, 4) in TIFF:  # raw files of another kind begin with II or MM, too
         return Tiff(read, size, who)
     exif = exif_of(read, size, who) if read(0, 2) == b"\xff\xd8" else b""

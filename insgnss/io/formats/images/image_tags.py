@@ -23,7 +23,6 @@ appended (`tiff_tags`).
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -34,14 +33,13 @@ import numpy as np
 from ....base import __version__
 from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
-from ....base.inputs import opened
-from ....base.output.staging import together
+from ....base.inputs import opened, readable
 from ....geodesy.gpstime import calendar_from_gps
 from ....records import Array, FramedOrientation
-from ..orientation.exported import check_choice, check_only, frame_words
+from ..orientation.exported import check_choice, frame_words, new_directory
 from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
-from .exif import EXIF_VERSION, camera_maker, exif_version
+from .exif import EXIF_VERSION, camera_maker, exif_version, reader
 from .exiftool import ARGUMENTS, CONFIG, arguments, config
 from .gimbal import GIMBALS, LEFT_OUT, gimbal_angles
 from .jpeg import with_tags
@@ -68,6 +66,7 @@ STALE: dict[str, tuple[str, ...]] = {
     ),
 }
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
+YPR = ("Yaw", "Pitch", "Roll")
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
 # bytes that are copied at a time, so that an image of any size takes 4 MB of memory
 COPIED_BYTES = 1 << 22
@@ -79,15 +78,15 @@ class Tags:
 
     Attributes
     ----------
-    place : tuple
+    place : sequence of float
         Latitude, longitude, height above sea level or the ellipsoid.
-    sigma : tuple
+    sigma : sequence of float
         Standard deviations east, north, up.
-    ypr, sigma_ypr : tuple
+    ypr, sigma_ypr : sequence of float
         Yaw, pitch, roll and their standard deviations.
     elevation : float
         Elevation of the viewing direction.
-    gimbal : tuple, optional
+    gimbal : sequence of float, optional
         Yaw, pitch, roll of the gimbal.
     gimbal_words : str
         What the gimbal's angles mean.
@@ -103,12 +102,12 @@ class Tags:
         Code and name of the geographic CRS of the place.
     """
 
-    place: tuple[float, float, float]
-    sigma: tuple[float, float, float]
-    ypr: tuple[float, float, float]
-    sigma_ypr: tuple[float, float, float]
+    place: Sequence[float]
+    sigma: Sequence[float]
+    ypr: Sequence[float]
+    sigma_ypr: Sequence[float]
     elevation: float
-    gimbal: tuple[float, float, float] | None
+    gimbal: Sequence[float] | None
     gimbal_words: str
     when: datetime
     sea_level: bool
@@ -181,14 +180,12 @@ def write_image_tags(
         )
     pairs = _pairs(eo, source, missing == "skip")
     tags = _tags(eo, _heights(eo, heights, undulation_m), heights == "sea level", gimbal, rtk_flag)
-    check_only(
+    with new_directory(
         directory,
         set() if form == "exiftool" else {file.name for _, file in pairs},
         lambda file: file.lower().endswith(SUFFIXES),
         "images",
-    )
-    with together() as staging:
-        into = staging.tree(directory)
+    ) as into:
         if form == "exiftool":
             images_tags = [(file, _of_image(file, tags(k), gimbal == "auto")) for k, file in pairs]
             lines = (_arguments(file, values) for file, values in images_tags)
@@ -289,18 +286,14 @@ def _tags(
     position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
     elevation = np.degrees(np.arcsin(np.clip(eo.C_Ec[:, 2, 2], -1.0, 1.0)))
 
-    def triple(a: Array, k: int) -> tuple[float, float, float]:
-        x, y, z = a[k].tolist()
-        return x, y, z
-
     def of(k: int) -> Tags:
         return Tags(
-            triple(position, k),
-            triple(sigma, k),
-            triple(np.degrees(ypr), k),
-            triple(np.degrees(sigma_ypr), k),
+            position[k].tolist(),
+            sigma[k].tolist(),
+            np.degrees(ypr[k]).tolist(),
+            np.degrees(sigma_ypr[k]).tolist(),
             float(elevation[k]),
-            None if turn is None else triple(turn, k),
+            None if turn is None else turn[k].tolist(),
             words[k],
             calendar_from_gps(eo.gps_week, float(eo.time[k])),
             at_sea,
@@ -315,7 +308,7 @@ def _tags(
 
 def _of_image(source: Path, tags: Tags, of_dji_only: bool) -> Tags:
     """Return the tags of an image, without angles of a gimbal that its camera does not have."""
-    with _reading(source) as stream:
+    with readable(source), opened(source) as stream:
         if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
             return replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
     return tags
@@ -323,35 +316,19 @@ def _of_image(source: Path, tags: Tags, of_dji_only: bool) -> Tags:
 
 def _arguments(source: Path, tags: Tags) -> str:
     """Return the lines by which ExifTool tags an image."""
-    with _reading(source) as stream:
+    with readable(source), opened(source) as stream:
         exif, gps = exif_tags(exif_version(stream, str(source)), tags)
     return arguments(source.name, {**exif, **gps}, _properties(tags), STALE)
 
 
 def _write(source: Path, target: Path, tags: Tags) -> None:
-    with _reading(source) as stream:
+    with readable(source), opened(source) as stream:
         atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
-
-
-@contextmanager
-def _reading(source: Path) -> Iterator[BinaryIO]:
-    """Open an image; InputError where it cannot be read."""
-    try:
-        with opened(source) as stream:
-            yield stream
-    except OSError as error:
-        raise InputError.in_file(
-            source, f"cannot be read: {error.strerror or error}; check path and permission"
-        ) from None
 
 
 def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
     """The bytes of the copy."""
-
-    def read(offset: int, length: int) -> bytes:
-        stream.seek(offset)
-        return stream.read(length)
-
+    read = reader(stream)
     who = str(source)
     if read(0, 2) == b"\xff\xd8":
         head, rest = with_tags(
@@ -444,28 +421,23 @@ def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
 
 
 def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
-    """Return the XMP tags by namespace."""
+    """Return the XMP tags of Pix4D, DJI and our own by namespace."""
+    heights = (
+        "above mean sea level" if tags.sea_level else f"above the ellipsoid of {tags.datum_name}"
+    )
     own = {
         "Software": f"insgnss {__version__}",
         "Frame": tags.frame,
-        "Heights": "above mean sea level"
-        if tags.sea_level
-        else f"above the ellipsoid of {tags.datum_name}",
+        "Heights": heights,
         "GimbalAngles": tags.gimbal_words,
         "Position": "projection centre; lever arm and bore-sight applied",
     }
-    return {**properties(tags), ("insgnss", OWN): own}
-
-
-def properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
-    """Return the XMP tags of Pix4D and DJI."""
     lat, lon, height = tags.place
     east, north, up = tags.sigma
-    camera = dict(zip(("Yaw", "Pitch", "Roll"), (f"{a:.6f}" for a in tags.ypr), strict=True))
-    accuracy = (f"{a:.6f}" for a in tags.sigma_ypr)
-    camera |= dict(
-        zip(("IMUYawAccuracy", "IMUPitchAccuracy", "IMURollAccuracy"), accuracy, strict=True)
-    )
+    camera = {name: f"{a:.6f}" for name, a in zip(YPR, tags.ypr, strict=True)}
+    camera |= {
+        f"IMU{name}Accuracy": f"{a:.6f}" for name, a in zip(YPR, tags.sigma_ypr, strict=True)
+    }
     camera |= {
         "GPSXYAccuracy": f"{tags.plan_sigma:.5f}",
         "GPSZAccuracy": f"{up:.5f}",
@@ -475,8 +447,6 @@ def properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
         "GpsLatitude": f"{lat:+.10f}",
         "GpsLongitude": f"{lon:+.10f}",
         "GpsLongtitude": f"{lon:+.10f}",
-    }
-    dji |= {
         "AbsoluteAltitude": f"{height:+.4f}",
         "RtkStdLon": f"{east:.5f}",
         "RtkStdLat": f"{north:.5f}",
@@ -484,9 +454,8 @@ def properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
     }
     if tags.gimbal is not None:
         dji |= {
-            f"Gimbal{name}Degree": f"{a:+.6f}"
-            for name, a in zip(("Yaw", "Pitch", "Roll"), tags.gimbal, strict=True)
+            f"Gimbal{name}Degree": f"{a:+.6f}" for name, a in zip(YPR, tags.gimbal, strict=True)
         }
     if tags.rtk_flag is not None:
         dji["RtkFlag"] = str(tags.rtk_flag)
-    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji}
+    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN): own}

@@ -16,24 +16,9 @@ from ....base.errors import InputError
 EXIF_IFD, GPS_IFD, XMP = 0x8769, 0x8825, 700  # tags that hold or point to Exif, GPS and XMP
 # codes of types in TIFF 6.0 and BigTIFF
 BYTE, ASCII, TIFF_LONG, RATIONAL, UNDEFINED, SRATIONAL, LONG8 = 1, 2, 4, 5, 7, 10, 16
-SIZES = {
-    1: 1,
-    2: 1,
-    3: 2,
-    4: 4,
-    5: 8,
-    6: 1,
-    7: 1,
-    8: 2,
-    9: 4,
-    10: 8,
-    11: 4,
-    12: 8,
-    13: 4,
-    16: 8,
-    17: 8,
-    18: 8,
-}
+# bytes of a value by its type: those of TIFF 6.0 from 1 on, and three of BigTIFF
+SIZES = dict(enumerate((1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4), start=1))
+SIZES |= dict.fromkeys((16, 17, 18), 8)
 MOST_ENTRIES = 4096  # tags of a directory: cameras write fewer than a hundred (chosen)
 
 Value = tuple[int, Any]
@@ -92,6 +77,10 @@ class Tiff:
             if length <= self._bytes
             else self._bytes_at(self._unpack(self._word, entry.field), length)
         )
+
+    def text_of(self, directory: Mapping[int, _Entry], tag: int) -> str:
+        """Return the text of a tag, empty where it is missing."""
+        return (self.bytes_of(directory, tag) or b"").decode("latin-1").strip("\0 ")
 
     def number_of(self, directory: Mapping[int, _Entry], tag: int) -> float | None:
         """Return the first number of a tag; None where it is missing or divides by zero."""

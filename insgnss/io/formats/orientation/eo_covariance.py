@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, legible
-from ....base.inputs import opened
+from ....base.inputs import opened, readable
 from ....base.output.staging import staged
 from ....base.unpacking import check_archive
 from ....records import ExteriorOrientation
@@ -84,7 +84,7 @@ def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCova
         The file cannot be read, is another one, or does not belong to these images.
     """
     content = _content(path)
-    with _refusing(path):
+    with refusing(path, AGAIN):
         images = [str(name) for name in content["images"]]
         number = content["strip"].astype(np.int64, casting="safe")
         if number.shape != (len(images),):
@@ -128,7 +128,7 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
     content = _content(path, SMALL)
     if "common" not in content:
         return None
-    with _refusing(path):
+    with refusing(path, AGAIN):
         images = [str(name) for name in content["images"]]
         segment = content["segment"].astype(np.int64, casting="safe")
         factor = content["common"].astype(np.float64, casting="safe")
@@ -145,15 +145,28 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
 
 
 @contextmanager
-def _refusing(path: Source) -> Iterator[None]:
+def refusing(path: Source, advice: str) -> Iterator[None]:
     """Turn what is missing or of another kind into a refusal of the file."""
     try:
         yield
     except KeyError as error:
-        raise InputError.in_file(path, f"no {error.args[0]}; {AGAIN}") from None
+        raise InputError.in_file(path, f"no {error.args[0]}; {advice}") from None
     except (TypeError, ValueError) as error:
-        message = f"a value is not what the format asks for ({error}); {AGAIN}"
+        message = f"a value is not what the format asks for ({error}); {advice}"
         raise InputError.in_file(path, message) from None
+
+
+@contextmanager
+def opened_archive(path: Source, damaged: str) -> Iterator[Any]:
+    """Open an archive of numpy whose content may be taken; InputError says `damaged`."""
+    with (
+        readable(path),
+        legible(path, damaged, OSError),
+        opened(path) as stream,
+        np.load(stream, allow_pickle=False) as file,
+    ):
+        check_archive(path, file.zip)
+        yield file
 
 
 def _rows_in_file(
@@ -193,18 +206,9 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
 
     names : those that are wanted, if they are there; by default all.
     """
-    try:
-        with (
-            legible(path, f"is no whole numpy archive; is it an {FILE}?", OSError),
-            opened(path) as stream,
-            np.load(stream, allow_pickle=False) as file,
-        ):
-            check_archive(path, file.zip)
-            wanted = [name for name in file.files if names is None or name in names]
-            content = {name: file[name] for name in wanted}
-    except OSError as error:
-        why = f"cannot be read: {error.strerror or error}; {AGAIN}"
-        raise InputError.in_file(path, why) from None
+    with opened_archive(path, f"is no whole numpy archive; is it an {FILE}?") as file:
+        wanted = [name for name in file.files if names is None or name in names]
+        content = {name: file[name] for name in wanted}
     if str(content.get("format")) != FORMAT:
         raise InputError.in_file(
             path, f"is no covariance of strips; give the {FILE} of an output directory"

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ....base import __version__
 from ....base.errors import InputError
 from ....base.files import atomic_write, atomic_writes
-from ....base.inputs import read_bytes
+from ....base.inputs import read_bytes, readable
 from ....base.received.nesting import parse_json
 from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
@@ -30,6 +30,7 @@ from ....records.relative import RelativeControl
 from ..text.numbers import LARGEST_EXACT_INTEGER, array_of
 from ..text.text import Source
 from . import eo_packed
+from .eo_covariance import refusing
 from .relative_csv import relative_member
 
 Array = NDArray[np.float64]
@@ -233,8 +234,9 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
         is missing or of another run.
     """
     content = _content(path)
-    try:
-        names, numbers, quaternion = _images(path, content)
+    with refusing(path, "export the file again"):
+        packed = _packed(path, content)
+        names, numbers, quaternion = _images(content, packed)
         eo = ExteriorOrientation(
             images=names,
             **numbers,
@@ -245,14 +247,8 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             history=tuple(content["history"]),
             datum=_datum(content["tangent_plane"]),
             epoch=_epoch(content["tangent_plane"]),
-            rig=_rig(path, content),
+            rig=_rig(content, packed),
         )
-    except KeyError as error:
-        raise InputError.in_file(path, f"no {error.args[0]}; export the file again") from None
-    except (TypeError, ValueError) as error:
-        raise InputError.in_file(
-            path, f"a value is not what the format asks for ({error}); export the file again"
-        ) from None
     if unsound := _unsound(eo):
         raise InputError.in_file(path, f"{unsound}; the file was edited; export it again")
     off = (
@@ -300,15 +296,24 @@ def read_one_camera(path: Source, consumer: str) -> ExteriorOrientation:
     raise InputError.in_file(path, message)
 
 
-def _images(path: Source, content: dict[str, Any]) -> tuple[tuple[str, ...], dict[str, Any], Array]:
+def _packed(path: Source, content: dict[str, Any]) -> eo_packed.Unpacked | None:
+    """Return the numbers that stand in the archive beside; None where the text has them."""
+    if content["format_version"] != PACKED_VERSION and "packed" not in content:
+        return None
+    file, digest = str(content["packed"]["file"]), str(content["packed"]["sha256"])
+    if Path(file).name != file:
+        raise ValueError(f"packed.file {file!r} is no name of a file beside it")
+    return eo_packed.unpacked(Path(path).with_name(file), digest, len(content["images"]))
+
+
+def _images(
+    content: dict[str, Any], packed: eo_packed.Unpacked | None
+) -> tuple[tuple[str, ...], dict[str, Any], Array]:
     """Return the names of the images, their numbers, and their quaternions in the tangent plane."""
     images = content["images"]
-    if content["format_version"] == PACKED_VERSION or "packed" in content:
-        file, digest = str(content["packed"]["file"]), str(content["packed"]["sha256"])
-        if Path(file).name != file:
-            raise ValueError(f"packed.file {file!r} is no name of a file beside it")
-        packed = eo_packed.unpacked(Path(path).with_name(file), digest, len(images)).pose
-        return tuple(map(str, images)), packed, quaternion_from_rotation(packed["C_mc"])
+    if packed is not None:
+        quaternion = quaternion_from_rotation(packed.pose["C_mc"])
+        return tuple(map(str, images)), packed.pose, quaternion
     numbers = {
         "time": _array(images, "time_s", ()),
         "position_m": _array(images, "position_m", (3,)),
@@ -322,7 +327,7 @@ def _images(path: Source, content: dict[str, Any]) -> tuple[tuple[str, ...], dic
     return names, numbers, _array(images, "quaternion_wxyz", (4,))
 
 
-def _rig(path: Source, content: dict[str, Any]) -> RigImages | None:
+def _rig(content: dict[str, Any], packed: eo_packed.Unpacked | None) -> RigImages | None:
     """Return the cameras of the images, None where one took all of them."""
     if content["format_version"] != RIG_VERSION:
         return None
@@ -335,10 +340,8 @@ def _rig(path: Source, content: dict[str, Any]) -> RigImages | None:
         for camera in content["cameras"]
     )
     images = content["images"]
-    if "packed" in content:
-        packed = content["packed"]
-        side = Path(path).with_name(str(packed["file"]))
-        of_rig = eo_packed.unpacked(side, str(packed["sha256"]), len(images)).rig
+    if packed is not None:
+        of_rig = packed.rig
         return RigImages(cameras, of_rig["camera"], of_rig["cross_cov6_next_of_camera"])
     numbers = {camera.name: k for k, camera in enumerate(cameras)}
     for image in images:
@@ -429,15 +432,12 @@ def _cross(images: list[dict[str, Any]]) -> Array | None:
 def _content(path: Source) -> dict[str, Any]:
     import orjson
 
-    try:
+    with readable(path):
         text = read_bytes(path)
+    try:
         content = orjson.loads(text)
         if SMALL.search(text):  # orjson takes 1e-400 for zero
             content = parse_json(path, text.decode())
-    except OSError as error:
-        raise InputError.in_file(
-            path, f"cannot be read: {error.strerror or error}; check path and permission"
-        ) from None
     except orjson.JSONDecodeError as error:
         if "UTF-8" in error.msg:
             raise InputError.in_file(path, "is no UTF-8 text; is it an eo.json?") from None

@@ -51,8 +51,8 @@ class LocalPlaneEo:
     images: tuple[str, ...]
     position_m: Array
     opk: Array
-    sigma_position_m: Array | None
-    sigma_opk: Array | None
+    sigma_position_m: Array | None = None
+    sigma_opk: Array | None = None
 
     @property
     def C_mc(self) -> Array:
@@ -113,12 +113,9 @@ def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
         What cannot be read, with file and line.
     """
     table = SPEC.read(path, columns)
-    sigma = table.block(SIGMA) if all(name in table for name in SIGMA.split()) else None
-    pose = table.block(POSE)
-    return LocalPlaneEo(
-        table.strings("image"),
-        pose[:, :3],
-        np.radians(pose[:, 3:]),
-        None if sigma is None else sigma[:, :3],
-        None if sigma is None else np.radians(sigma[:, 3:]),
-    )
+    pose, images = table.block(POSE), table.strings("image")
+    position_m, opk = pose[:, :3], np.radians(pose[:, 3:])
+    if any(name not in table for name in SIGMA.split()):
+        return LocalPlaneEo(images, position_m, opk)
+    sigma = table.block(SIGMA)
+    return LocalPlaneEo(images, position_m, opk, sigma[:, :3], np.radians(sigma[:, 3:]))

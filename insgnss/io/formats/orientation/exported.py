@@ -12,6 +12,7 @@ import html
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,10 +21,9 @@ from numpy.typing import NDArray
 
 from ....base import __version__
 from ....base.errors import DataError, InputError, UsageError
-from ....base.output.staging import destination
+from ....base.output.staging import destination, together
 from ....base.units import METRE
 from ....geodesy.rotation import (
-    CV_RUB,
     opk_from_rotation,
     opk_jacobian,
     pok_from_rotation,
@@ -34,7 +34,7 @@ from ....geodesy.rotation import (
     ypr_jacobian,
 )
 from ....records import FramedOrientation, MapFrame
-from ....records.framed import GEOGRAPHIC, TANGENT
+from ....records.framed import GEOGRAPHIC
 from ..exports import EXPORTS
 from ..text.layout import NUMBER
 
@@ -47,7 +47,6 @@ COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r\t]")
 """What XML 1.0 does not have, tab, carriage return and delete."""
 SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
-ROWS_AT_A_TIME = 20_000  # rows formatted at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,12 +223,14 @@ def _unfit(name: str, separator: str | None) -> str:
     return "begins or ends with a blank" if name != name.strip() else ""
 
 
-def check_only(
+@contextmanager
+def new_directory(
     directory: Path, own: Collection[str], alike: Callable[[str], bool], contents: str
-) -> None:
-    """Refuse a file, and a directory that holds similar files of another export.
+) -> Iterator[Path]:
+    """Give a directory to write files into, which appears whole or not at all.
 
-    They would pass for this export's.
+    A file, and a directory that holds similar files of another export, are refused: these would
+    pass for this export's.
 
     Parameters
     ----------
@@ -242,23 +243,26 @@ def check_only(
     contents : str
         What the files are, for the message.
 
+    Yields
+    ------
+    Path
+        Where to write.
+
     Raises
     ------
     UsageError
         A file, or a directory with other files like these.
     """
-    directory = destination(directory)
-    if directory.exists() and not directory.is_dir():
-        raise UsageError(f"{directory}: is a file, a directory is written; give another name")
-    other = (
-        sorted(file for file in os.listdir(directory) if alike(file) and file not in own)
-        if directory.is_dir()
-        else []
-    )
-    if other:
+    present = destination(directory)
+    if present.exists() and not present.is_dir():
+        raise UsageError(f"{present}: is a file, a directory is written; give another name")
+    files = sorted(os.listdir(present)) if present.is_dir() else []
+    if other := [file for file in files if alike(file) and file not in own]:
         raise UsageError(
-            f"{directory}: holds {contents} of another export ({other[0]}); give a new directory"
+            f"{present}: holds {contents} of another export ({other[0]}); give a new directory"
         )
+    with together() as staging:
+        yield staging.tree(directory)
 
 
 def check_choice(option: str, value: object, choices: Collection[str]) -> None:
@@ -335,26 +339,6 @@ def angles_of(
     return angles, angle_sigma(angles, angle_set.jacobian, 1, P, eo.images, angle_set.names)
 
 
-def frame_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
-    """Return the rotation of the camera to the frame's axes, and the covariances of psi there.
-
-    Both are (n, 3, 3); camera axes are x right, y up, z back.
-    """
-    return eo.C_fc @ CV_RUB, eo.cov[:, 3:, 3:]
-
-
-def north_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
-    """Return the rotation of the camera to east, north, up, and the covariances of psi there.
-
-    Both are (n, 3, 3); camera axes are x right, y up, z back; north is true north, in a tangent
-    plane that of its axes.
-    """
-    if eo.frame.kind == TANGENT:
-        return frame_attitude(eo)
-    C_Ef = eo.C_fE.swapaxes(1, 2)
-    return eo.C_Ec @ CV_RUB, C_Ef @ eo.cov[:, 3:, 3:] @ eo.C_fE
-
-
 def places(eo: Placed) -> Array:
     """Return coordinates (n, 3) as files have them.
 
@@ -388,7 +372,7 @@ def plan_and_height_sigma(eo: Placed) -> Array:
 def table_text(
     head: str, images: Sequence[str] | Sequence[int], form: str, table: Array, name_column: int = 0
 ) -> Iterable[str]:
-    """Yield `head`, then lines of names and numbers, in chunks.
+    """Yield `head`, then lines of names and numbers.
 
     Parameters
     ----------
@@ -404,14 +388,8 @@ def table_text(
         Column of the name.
     """
     yield head
-    for first in range(0, len(images), ROWS_AT_A_TIME):
-        chunk = slice(first, first + ROWS_AT_A_TIME)
-        yield "".join(
-            [
-                form % (*row[:name_column], name, *row[name_column:])
-                for name, row in zip(images[chunk], table[chunk].tolist(), strict=True)
-            ]
-        )
+    for name, row in zip(images, table.tolist(), strict=True):
+        yield form % (*row[:name_column], name, *row[name_column:])
 
 
 def listed_rows(head: str, rows: Iterable[str], between: str, foot: str) -> Iterator[str]:

@@ -39,10 +39,10 @@ from .exported import check_choice, check_frame, check_names, comment_lines
 from .poses import inverse_covariance, positive
 from .tum import wxyz_last
 
-ROTATIONS = {"quaternion": 0.5, "vector": 1.0}
-WORDS = {
-    "quaternion": "quaternion vector (half the rotation vector, g2o's own error)",
-    "vector": "rotation vector (GTSAM's error; g2o's own needs rotation=quaternion)",
+# factor of the rotation vector in the error of an edge (G.2), and what the file calls it
+ROTATIONS = {
+    "quaternion": (0.5, "quaternion vector (half the rotation vector, g2o's own error)"),
+    "vector": (1.0, "rotation vector (GTSAM's error; g2o's own needs rotation=quaternion)"),
 }
 
 
@@ -76,8 +76,9 @@ def write_g2o(
     check_frame(eo, "g2o")
     check_names(eo.images, "\n")
     check_choice("rotation", rotation, ROTATIONS)
+    factor, description = ROTATIONS[rotation]
     first, second, cross = _edges(eo, positive(max_gap_s, "max_gap_s", "seconds"))
-    measured, P = relative_pose(eo, (first, second), cross, ROTATIONS[rotation])
+    measured, P = relative_pose(eo, (first, second), cross, factor)
     named = zip(first, second, strict=True)
     pairs = [f"images {eo.images[i]} and {eo.images[j]}" for i, j in named]
     information = inverse_covariance(P, "the covariance of their relative pose", pairs)
@@ -88,7 +89,7 @@ def write_g2o(
         " axes",
         "EDGE_SE3:QUAT i j dx dy dz qx qy qz qw + upper triangle of the information, order"
         " translation, rotation,",
-        f"of g2o's error of Z^-1 T_i^-1 T_j, the rotation as {WORDS[rotation]}; neighbours within"
+        f"of g2o's error of Z^-1 T_i^-1 T_j, the rotation as {description}; neighbours within"
         f" {max_gap_s:g} s",
     )
     names = "".join(f"# {k} {name}\n" for k, name in enumerate(eo.images))

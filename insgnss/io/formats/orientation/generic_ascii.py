@@ -6,8 +6,9 @@ the reader refuses.
 """
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,12 @@ CHOICES: dict[str, Collection[str]] = {
     "camera_axes": CAMERA_AXES,
     "attitude": DIRECTIONS,
     "north": NORTHS,
+}
+ROTATIONS: dict[str, Callable[[Any], Array]] = {  # by groups of columns, the best first
+    "matrix": lambda rows: np.reshape(rows, (-1, 3, 3)),
+    "quaternion": rotation_from_quaternion,
+    "opk": rotation_from_opk,
+    "pok": rotation_from_pok,
 }
 MOST_DECIMALS = 12  # of a number: with three digits before the point all that a double holds
 
@@ -269,16 +276,11 @@ class AsciiOrientation:
 
         Camera axes are x right, y down, z viewing direction.
         """
-        if (a := self.block("matrix")) is not None:
-            R = a.reshape(-1, 3, 3)
-        elif (a := self.block("quaternion")) is not None:
-            R = rotation_from_quaternion(a)
-        elif (a := self.block("opk")) is not None:
-            R = rotation_from_opk(a)
-        elif (a := self.block("pok")) is not None:
-            R = rotation_from_pok(a)
-        else:
+        groups = {group: self.block(group) for group in ROTATIONS}
+        given = next((group for group in groups if groups[group] is not None), None)
+        if given is None:
             return None
+        R = ROTATIONS[given](groups[given])
         if self.how.attitude != DIRECTIONS[0]:
             R = R.swapaxes(1, 2)
         return R @ CV_RUB if self.how.camera_axes == "RUB" else R

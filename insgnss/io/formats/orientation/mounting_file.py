@@ -7,7 +7,6 @@ Tables [mounting] and [camera] are those of a flight file and hold what the cali
 """
 
 import datetime
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -22,6 +21,7 @@ from ....base.errors import InputError
 from ....base.files import atomic_write, lines_of
 from ....base.inputs import is_file
 from ....base.tables import Table, read_toml
+from ....base.wording import toml
 from ....records import Array
 from ....records.cameras.mounting import (
     ANGLE_SETS,
@@ -51,6 +51,12 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "calibration.inputs": ("file", "sha256"),
 }
 DEG_OF_RAD = np.degrees(1.0)  # degrees of a radian
+# key of sigmas and covariances, attribute with the covariance, unit of the key (of m or rad)
+COVARIANCES = (
+    ("antenna_m", "antenna_cov", 1.0),
+    ("imu_m", "imu_cov", 1.0),
+    ("boresight_deg", "boresight_cov", DEG_OF_RAD),
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,7 +152,7 @@ class MountingFile:
                     f"{key}: {value.tolist()} is {length:.3g} m long (limit {MAX_LEVER_M:.0f} m);"
                     " the unit is m"
                 )
-        for key in ("antenna_cov", "imu_cov", "boresight_cov"):
+        for _, key, _ in COVARIANCES:
             value = getattr(self, key)
             if value is not None and not _is_covariance(np.asarray(value)):
                 raise InputError(f"{key}: no covariance matrix of 3 rows and columns")
@@ -235,28 +241,22 @@ def mounting_text(mounting: MountingFile) -> str:
     ]
     lines += [f"# {line}" for remark in m.remarks for line in lines_of(remark)]
     for key in VECTORS:
-        value, sigma = getattr(m, key), m.sigma(key)
-        if value is not None:
-            behind = "" if sigma is None else f"  # {_words(sigma, '.4f')} m"
-            lines.append(f"{key} = {_row(value, '.6f')}{behind}")
+        if (value := getattr(m, key)) is not None:
+            lines.append(f"{key} = {_toml(value, '.6f')}{_behind(m.sigma(key), '.4f', 'm')}")
     if m.antenna_sigma_m is not None:
         lines.append(f"antenna_sigma_m = {m.antenna_sigma_m:.4f}")
     if m.set_in_body and m.camera_from_body is not None:
-        lines.append(f"camera_from_body = {_rows(m.camera_from_body, '.12g')}")
+        lines.append(f"camera_from_body = {_toml(m.camera_from_body, '.12g')}")
     if m.boresight is not None:
         sigma = m.sigma("boresight")
-        behind = (
-            ""
-            if sigma is None
-            else f"  # {_words(DEG_OF_RAD * sigma, '.4f')} deg about the camera's x, y, z"
-        )
-        lines.append(f"boresight = {_rows(m.boresight, '.12f')}{behind}")
+        degrees = None if sigma is None else DEG_OF_RAD * sigma
+        behind = _behind(degrees, ".4f", "deg about the camera's x, y, z")
+        lines.append(f"boresight = {_toml(m.boresight, '.12f')}{behind}")
     lines += _not_determined(m, without=DELAY)
     if m.time_offset_s is not None or DELAY in m.not_determined:
         lines += ["", "[camera]"]
         if m.time_offset_s is not None:
-            sigma_s = m.time_offset_sigma_s
-            behind = "" if sigma_s is None else f"  # {sigma_s:.6f} s"
+            behind = _behind(m.time_offset_sigma_s, ".6f", "s")
             lines.append(f"time_offset_s = {m.time_offset_s:.7f}{behind}")
         lines += _not_determined(m, only=DELAY)
     return "\n".join([*lines, *_provenance(m), *_of_metashape(m)]) + "\n"
@@ -291,58 +291,50 @@ def _not_determined(m: MountingFile, without: str = "", only: str = "") -> list[
 
 def _provenance(m: MountingFile) -> list[str]:
     """Table [calibration] and those below it."""
-    lines = ["", "[calibration]", f"verb = {_quoted(m.verb)}"]
+    lines = ["", "[calibration]", f"verb = {_toml(m.verb)}"]
     if m.date:
         lines.append(f"date = {m.date}")
     if m.camera:
-        lines.append(f"camera = {_quoted(m.camera)}")
+        lines.append(f"camera = {_toml(m.camera)}")
     if m.image_size is not None:
         lines.append(f"image_size = [{m.image_size[0]}, {m.image_size[1]}]")
     if m.focal_px is not None:
         lines.append(f"focal_px = {m.focal_px:.3f}")
     if m.boresight is not None and m.camera_from_body is not None and not m.set_in_body:
-        lines.append(f"camera_from_body = {_rows(m.camera_from_body, '.12g')}")
+        lines.append(f"camera_from_body = {_toml(m.camera_from_body, '.12g')}")
     if m.verdict:
-        lines += ["verdict = [", *(f"    {_quoted(line)}," for line in m.verdict), "]"]
+        lines += ["verdict = [", *(f"    {_toml(line)}," for line in m.verdict), "]"]
     sigma, cov = [], []
-    for key in VECTORS:
-        if (value := m.sigma(key)) is not None:
-            sigma.append(f"{key} = {_row(value, '.4g')}")
-            cov.append(f"{key}2 = {_rows(getattr(m, key.removesuffix('_m') + '_cov'), '.6g')}")
-    if m.boresight_cov is not None:
-        sigma.append(
-            f"boresight_deg = {_row(DEG_OF_RAD * np.sqrt(np.diag(m.boresight_cov)), '.4g')}"
-        )
-        cov.append(f"boresight_deg2 = {_rows(DEG_OF_RAD**2 * m.boresight_cov, '.6g')}")
+    for key, attribute, unit in COVARIANCES:
+        if (P := getattr(m, attribute)) is not None:
+            sigma.append(f"{key} = {_toml(unit * np.sqrt(np.diag(P)), '.4g')}")
+            cov.append(f"{key}2 = {_toml(unit**2 * P, '.6g')}")
     if m.time_offset_sigma_s is not None:
         sigma.append(f"time_offset_s = {m.time_offset_sigma_s:.4g}")
     lines += ["", "[calibration.sigma]", *sigma] if sigma else []
     lines += ["", "[calibration.covariance]", *cov] if cov else []
     if m.not_determined:
-        reasons = (f"{key} = {_quoted(reason)}" for key, reason in m.not_determined.items())
+        reasons = (f"{key} = {_toml(reason)}" for key, reason in m.not_determined.items())
         lines += ["", "[calibration.not_determined]", *reasons]
     for name, digest in m.inputs:
-        lines += ["", "[[calibration.inputs]]", f"file = {_quoted(name)}"]
-        lines.append(f"sha256 = {_quoted(digest)}")
+        lines += ["", "[[calibration.inputs]]", f"file = {_toml(name)}"]
+        lines.append(f"sha256 = {_toml(digest)}")
     return lines
 
 
-def _quoted(text: str) -> str:
-    return json.dumps(" ".join(text.split()), ensure_ascii=False)
-
-
-def _row(values: Array, form: str) -> str:
-    return f"[{', '.join(_decimal(float(x), form) for x in values)}]"
-
-
-def _rows(values: Array, form: str) -> str:
-    return f"[{', '.join(_row(row, form) for row in np.asarray(values))}]"
-
-
-def _decimal(value: float, form: str) -> str:
-    """Return a number as TOML takes it for one with decimals, without a negative zero."""
-    text = format(value, form)
+def _toml(value: Any, form: str = "") -> str:
+    """Return a text, a number, numbers or rows of numbers as TOML, without negative zeros."""
+    if isinstance(value, str):
+        return toml(" ".join(value.split()))
+    if np.ndim(value):
+        return f"[{', '.join(_toml(item, form) for item in value)}]"
+    text = format(float(value), form)
     return text[1:] if float(text) == 0.0 and text.startswith("-") else text
+
+
+def _behind(sigma: Array | float | None, form: str, unit: str) -> str:
+    """Return the comment with a standard error, empty where it is not known."""
+    return "" if sigma is None else f"  # {_words(np.atleast_1d(sigma), form)} {unit}"
 
 
 def _words(values: Array, form: str) -> str:
@@ -439,11 +431,7 @@ def _made(table: Table) -> dict[str, Any]:
         (item.text("file"), item.text("sha256")) for item in table.tables("inputs")
     )
     sigma, cov = table.table("sigma"), table.table("covariance")
-    for name, key, unit in (
-        ("antenna_cov", "antenna_m", 1.0),
-        ("imu_cov", "imu_m", 1.0),
-        ("boresight_cov", "boresight_deg", DEG_OF_RAD),
-    ):
+    for key, name, unit in COVARIANCES:
         if f"{key}2" in cov.data:
             given[name] = cov.matrix(f"{key}2") / unit**2
             if not _is_covariance(given[name]):

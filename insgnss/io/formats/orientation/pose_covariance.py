@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....base.errors import InputError, legible
-from ....base.inputs import opened
+from ....base.errors import InputError
 from ....base.output.staging import staged
-from ....base.unpacking import check_archive
 from ....records.block import Array
 from ....records.rows import covariance_of_rows
 from ..text.text import Source
+from .eo_covariance import opened_archive
 
 FILE = "poses_covariance.npz"
 MATCHES = 0.02  # relative difference of a standard deviation from the table's, whose digits are few
@@ -56,12 +55,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
     InputError
         The file is damaged, has no such image, or is of other poses.
     """
-    with (
-        legible(path, "is damaged ({}); adjust the block again"),
-        opened(path) as stream,
-        np.load(stream, allow_pickle=False) as file,
-    ):
-        check_archive(path, file.zip)
+    with opened_archive(path, "is damaged ({}); adjust the block again") as file:
         names = [str(name) for name in file["images"]]
         cov = file["cov"].astype(np.float64, casting="safe")
     if cov.shape != (6 * len(names),) * 2 or not np.isfinite(cov).all():

@@ -10,6 +10,7 @@ from ....base.files import lines_of
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ....geodesy.rotation import CV_RUB
 from ....records import Array, FramedOrientation
+from .ascii_columns import numbers_of
 from .exported import YPR, angles_of, comment_lines
 
 EPOCH = np.datetime64("1970-01-01", "us")
@@ -82,6 +83,11 @@ def true_north_ypr(eo: FramedOrientation) -> tuple[Array, Array]:
     ypr, sigma = angles_of(eo, eo.C_Ec @ CV_RUB, local_covariance(eo)[:, 3:, 3:], YPR)
     ypr[:, 0] %= 2.0 * np.pi
     return ypr, sigma
+
+
+def all_angles(eo: FramedOrientation) -> Array:
+    """Return `true_north_ypr` and omega, phi, kappa, each with its sigmas: (n, 12), deg."""
+    return np.hstack([np.degrees(np.hstack(true_north_ypr(eo))), numbers_of(eo, "opk s_opk")])
 
 
 def sea_level(

@@ -31,6 +31,7 @@ from ..text.xml import read_xml
 
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
+KALIBR_KEYS = ("camera_model", "distortion_model", "intrinsics", "resolution", "distortion_coeffs")
 CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
 PERSPECTIVE = "Perspective"  # the model of a Bentley camera that is no fisheye
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
@@ -184,11 +185,9 @@ def _kalibr(path: Path) -> Cameras:
     cameras = []
     for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decoded(path)):
         matches = {
-            key: re.search(rf"(?m)^\s+{key}:((?:.*\n?)(?:\s+-.*\n?)*)", body)
-            for key in ("camera_model", "distortion_model", "intrinsics", "resolution")
+            key: re.search(rf"(?m)^\s+{key}:((?:.*\n?)(?:\s+-.*\n?)*)", body) for key in KALIBR_KEYS
         }
         value = {key: match[1].strip() if match else "" for key, match in matches.items()}
-        coefficients = re.search(r"(?m)^\s+distortion_coeffs:((?:.*\n?)(?:\s+-.*\n?)*)", body)
         distortion = value["distortion_model"]
         if value["camera_model"] != "pinhole" or distortion not in KALIBR:
             model = f"{value['camera_model']} {distortion}"
@@ -198,8 +197,8 @@ def _kalibr(path: Path) -> Cameras:
         K = _numbers(path, value["intrinsics"], "intrinsics")
         size = tuple(re.findall(r"\d+", value["resolution"]))
         D = np.zeros(4)
-        if distortion != "none" and coefficients:
-            D = _numbers(path, coefficients[1], "distortion_coeffs")
+        if distortion != "none" and matches["distortion_coeffs"]:
+            D = _numbers(path, value["distortion_coeffs"], "distortion_coeffs")
         if K.size != 4 or len(size) != 2:
             raise InputError.in_file(path, f"camera {name}: needs 4 intrinsics and a resolution")
         cameras.append(_opencv_camera(path, name, size, K, D, distortion == "equidistant"))

@@ -29,7 +29,7 @@ from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source, decoded
+from ..text.text import Source, check_fields, decoded
 from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
@@ -94,15 +94,9 @@ def read_bentley(path: Source) -> ReturnedPoses:
     notes = (f"{left_out} photographs without pose are left out",) if left_out else ()
     if imported:
         notes = (f"{imported} poses are those that were imported, no adjusted ones", *notes)
-    return ReturnedPoses(
-        images,
-        position,
-        checked_rotations(np.array(C), images, path),
-        kind,
-        crs,
-        (*np.radians(origin[:2]).tolist(), *origin[2:]),
-        notes=notes,
-    )
+    rotations = checked_rotations(np.array(C), images, path)
+    origin = (*np.radians(origin[:2]).tolist(), *origin[2:])
+    return ReturnedPoses(images, position, rotations, kind, crs, origin, notes=notes)
 
 
 def _pose(photo: Element, system: str) -> tuple[Element | None, str]:
@@ -265,12 +259,9 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
         C,
         kind,
         crs,
-        (),
-        False,
-        "",
-        None,
-        tuple(notes),
-        *(P if np.isfinite(P).all() else None for P in covs),
+        notes=tuple(notes),
+        cov_position=covs[0] if np.isfinite(covs[0]).all() else None,
+        cov_attitude=covs[1] if np.isfinite(covs[1]).all() else None,
     )
 
 
@@ -316,10 +307,7 @@ def read_colmap(path: Source) -> ReturnedPoses:
             words = text.split(maxsplit=9)
             if not words:
                 continue
-            if len(words) < 10:
-                raise InputError.at_line(
-                    file, line, f"{len(words)} fields, expected 10: {shown(text)}"
-                )
+            check_fields(file, line, words, 10, text)
             named.append(words[9].strip())
             rows.append(numbers(words[1:8], file, line))
         poses_next = not poses_next

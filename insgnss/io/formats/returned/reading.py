@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ....base.errors import UsageError, near
 from ..blocks.colmap_model import PARTS
-from ..blocks.opensfm_model import INSIDE, RECONSTRUCTION
+from ..blocks.opensfm_model import reconstruction_in
 from ..exports import function_at
 from ..text.text import Source
 from .documents import CALIBRATED
@@ -67,8 +67,7 @@ def returned_form(path: Source, head: str) -> str:
             return "colmap"
         if (path / CALIBRATED).is_file():
             return "opf"
-        inside = any((path / inner / RECONSTRUCTION).is_file() for inner in (".", INSIDE))
-        return "opensfm" if inside else ""
+        return "" if reconstruction_in(path) is None else "opensfm"
     if path.suffix.lower() in (".psx", ".psz"):
         return "metashape_xml"
     for form, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", CAMERA)):

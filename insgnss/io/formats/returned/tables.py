@@ -25,8 +25,8 @@ from ....base.files import lines_of
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
 from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
-from ..text.layout import is_comment, shown, split_fields
-from ..text.text import Source, decoded
+from ..text.layout import shown, split_fields
+from ..text.text import Source, check_fields, data_lines, decoded
 from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
@@ -65,10 +65,7 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
         if not text.strip() or text.startswith("#"):
             continue
         words = text.split("\t") if "\t" in text else text.split()
-        if len(words) != MATRIX_COLUMNS:
-            raise InputError.at_line(
-                path, line, f"{len(words)} fields, expected {MATRIX_COLUMNS}: {shown(text)}"
-            )
+        check_fields(path, line, words, MATRIX_COLUMNS, text)
         values = numbers(words[1:], path, line)
         R = rotation_from_opk(np.radians([values[3:6]]))[0]
         given = np.reshape(values[6:], (3, 3))
@@ -357,11 +354,7 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
         No CRS, or a line that is not name, x, y, z, three angles and two accuracies, with file and
         line.
     """
-    rows = [
-        (line, text.strip())
-        for line, text in enumerate(lines_of(decoded(path)), start=1)
-        if text.strip() and not is_comment(text)
-    ]
+    rows = data_lines(decoded(path))
     crs = head_crs(path, rows[0]) if rows else ""
     names, position, sigma = [], [], []
     for line, text in rows[1:]:

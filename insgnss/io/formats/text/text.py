@@ -5,7 +5,7 @@ The rules are those of `layout`.
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....base.inputs import BOM, opened
+from ....base.files import lines_of
+from ....base.inputs import BOM, opened, readable
 from ....records import Array
 from .dates import is_date, seconds_of_dates
 from .layout import (
@@ -154,6 +155,19 @@ def decoded(path: Source) -> str:
     return decode(load_bytes(path).tobytes())
 
 
+def data_lines(text: str) -> list[tuple[int, str]]:
+    """Return the lines of a text with their numbers, without blank ones and comments."""
+    lines = enumerate(lines_of(text), start=1)
+    return [(line, row.strip()) for line, row in lines if row.strip() and not is_comment(row)]
+
+
+def check_fields(path: Source, line: int, fields: Sequence[str], count: int, text: str) -> None:
+    """Refuse a line that has another number of fields."""
+    if len(fields) != count:
+        problem = f"{len(fields)} fields, expected {count}: {shown(text)}"
+        raise InputError.at_line(path, line, problem)
+
+
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     """Return the bytes of a text file with a newline behind them, and whether its last line ended.
 
@@ -186,17 +200,12 @@ def loaded(path: Source) -> Iterator[tuple[NDArray[np.uint8] | FileBytes, bool]]
 def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     """Return the bytes of a file, not empty, with `room` more behind them."""
     path = Path(path)
-    try:
-        with opened(path) as stream:
-            size = os.fstat(stream.fileno()).st_size
-            buf = np.empty(size + room, dtype=np.uint8)
-            count = stream.readinto(buf.data[:size])
-    except FileNotFoundError:
-        raise InputError.in_file(path, "no such file; check the path in the flight file") from None
-    except OSError as error:
-        raise InputError.in_file(
-            path, f"cannot be read: {error.strerror or error}; check path and permission"
-        ) from None
+    if not path.exists():
+        raise InputError.in_file(path, "no such file; check the path in the flight file")
+    with readable(path), opened(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        buf = np.empty(size + room, dtype=np.uint8)
+        count = stream.readinto(buf.data[:size])
     if size == 0:
         raise InputError.in_file(path, "is empty; copy it again from its source")
     if count < size:
