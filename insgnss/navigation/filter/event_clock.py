@@ -38,7 +38,8 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Trajectory
 from .codes import N_NAV, POS, PSI, QUAT, VEL
-from .solution import Solution, local_trajectory, trajectory
+from .solution import Solution
+from .trajectory import local_trajectory, trajectory
 
 
 def event_delay(solution: Solution) -> Array:
