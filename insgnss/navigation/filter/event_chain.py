@@ -70,6 +70,21 @@ class SharedError:
     cov: Array
     block: slice = field(default_factory=lambda: POS)
 
+    def within(self, epoch: np.ndarray) -> NDArray[np.bool_]:
+        """Return which epochs share it.
+
+        Parameters
+        ----------
+        epoch : ndarray
+            (k,) epochs, counted as `first` and `last`.
+
+        Returns
+        -------
+        ndarray
+            (k,) bool.
+        """
+        return np.asarray((epoch >= self.first) & (epoch <= self.last))
+
 
 def events_of(epochs: Epochs) -> np.ndarray:
     """Return the epoch of each camera event.
@@ -280,7 +295,7 @@ class EventChain:
             Y[later] = Y[later] @ np.swapaxes(self.transitions[a[later] + step], 1, 2)
         cov = Y @ np.swapaxes(last, 1, 2)
         for error in self.shared:
-            inside = (self.epoch[a] >= error.first) & (self.epoch[b] <= error.last)
+            inside = error.within(self.epoch[a]) & error.within(self.epoch[b])
             first, second = T_a[inside][:, :, error.block], T_b[inside][:, :, error.block]
             cov[inside] += first @ error.cov @ np.swapaxes(second, 1, 2)
         return cov
@@ -289,7 +304,7 @@ class EventChain:
         """Add what events within one spell share, to all pairs of them, in place."""
         epoch = self.epoch[events]
         for error in self.shared:
-            inside = np.flatnonzero((epoch >= error.first) & (epoch <= error.last))
+            inside = np.flatnonzero(error.within(epoch))
             derivative = T[inside][:, :, error.block]
             added = np.einsum("aix,xy,bjy->aibj", derivative, error.cov, derivative)
             cov[inside[:, None], :, inside] += added.transpose(0, 2, 1, 3)
@@ -354,7 +369,7 @@ def common_errors(
     sigma = np.sqrt(np.diagonal(cov))
     parts = [_whitened(cross.reshape(k * d, c) / sigma, cov / np.outer(sigma, sigma))]
     for error in chain.shared:
-        inside = (chain.epoch >= error.first) & (chain.epoch <= error.last)
+        inside = error.within(chain.epoch)
         size, axes = np.linalg.eigh(error.cov)
         root = axes * np.sqrt(np.maximum(size, 0.0))
         derivative = np.where(inside[:, None, None], T[:, :, error.block], 0.0)

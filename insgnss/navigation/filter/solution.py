@@ -187,7 +187,7 @@ class Solution:
             The same otherwise; covariances of neighbouring events are changed in place.
         """
         for error in shared:
-            inside = (self.event_epochs >= error.first) & (self.event_epochs <= error.last)
+            inside = error.within(self.event_epochs)
             neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
             self.event_cross[neighbours, error.block, error.block] += error.cov
         chain = self.chain
