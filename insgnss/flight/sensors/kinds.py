@@ -22,16 +22,10 @@ from ...io.formats.text.order import Lines, put_in_order
 from ...io.options.schema import declared
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
-from .options import GROUP, MeasurementInput
+from .options import GROUP, SHIPPED, MeasurementInput
 
 EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
 EXACT_SCALE = 1e-4  # of such a scale factor
-OF_SINGLE_KINDS = (
-    *("offset_sigma_deg", "scale_sigma", "lever_m", "axes", "declination_deg"),
-    *("declination_sigma_deg", "hard_iron_sigma", "soft_iron_sigma"),
-)
-"""Options that a kind reads, or refuses, by its `Kind.reads`."""
-
 LogRows = tuple[int, Array, Array, Lines, Array | None, tuple[Finding, ...]]
 """GPS week, times, values (k, c) and their lines in a log; sigmas, None without, and notes."""
 
@@ -223,7 +217,7 @@ def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> tuple[tuple[
 def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
     """Refuse options that the kind does not read, and those that it needs and that are missing."""
     known_options = declared(MeasurementInput)
-    for name in OF_SINGLE_KINDS:
+    for name in dict.fromkeys(name for one in SHIPPED for name in kinds()[one].reads):
         default = getattr(options, name) == known_options[name].default
         if name not in kind.reads and not default:
             problem = f"is not read by kind {options.kind!r}; leave it out"

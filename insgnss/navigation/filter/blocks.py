@@ -50,6 +50,7 @@ from .kernels.records import (
     FilterState,
     IntegrationIntervals,
 )
+from .kernels.transitions import event_transitions
 from .problem import EstimationProblem, InitialState
 from .smoother import EventRows, Smoothed, SmootherState
 
@@ -185,7 +186,7 @@ class BlockwisePasses:
                 records = _unread(records)
             run_forward(epochs, state, records, begin, *inputs)
             if self.transitions is not None:
-                self.transitions.through(epochs.event, records, begin)
+                event_transitions(epochs.event, records, begin, self.transitions)
             if follower is not None:
                 follower(inputs[0], epochs, records, begin)
         self.held = self.first.size - 1

@@ -32,14 +32,14 @@ What epochs share that no state describes (`SharedError`) is common to them in t
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
 from .codes import N_NAV, POS
-from .kernels.records import Epochs, FilterHistory
-from .kernels.transitions import event_transitions
+from .kernels.records import Epochs
 from .layout import StateLayout
 from .smoother import EventRows
 
@@ -103,18 +103,18 @@ def events_of(epochs: Epochs) -> np.ndarray:
     return exposed[np.argsort(epochs.event[exposed])]
 
 
-@dataclass(frozen=True)
-class EventTransitions:
+class EventTransitions(NamedTuple):
     """M_k of (B.8), multiplied up along the forward pass, whose records do not stay.
 
     Parameters
     ----------
     product : Array
-        (n, n) since the latest event.
+        (n, n) since the latest event, before the first one the unit matrix.
     begun : ndarray
         (1,) int, whether there was one.
     of_events : Array
-        (events, n, n) M_k.
+        (events, n, n) M_k, which takes the error after the event before to that after this one; of
+        the first the unit matrix.
     """
 
     product: Array
@@ -136,20 +136,6 @@ class EventTransitions:
             With room for all events.
         """
         return cls(np.eye(n), np.zeros(1, dtype=np.int64), np.empty((events, n, n)))
-
-    def through(self, event: np.ndarray, history: FilterHistory, begin: int) -> None:
-        """Multiply by the epochs of a block.
-
-        Parameters
-        ----------
-        event : ndarray
-            (k,) number of the event of each epoch, or ABSENT.
-        history : FilterHistory
-            What the forward pass left of these epochs.
-        begin : int
-            The first of them to be passed.
-        """
-        event_transitions(event, history, begin, self.product, self.begun, self.of_events)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from insgnss.navigation.filter.codes import (
     ZUPT,
 )
 from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, with_nhc, with_zupt
-from insgnss.navigation.filter.event_chain import _whitened, nodes_of
+from insgnss.navigation.filter.event_chain import EventTransitions, _whitened, nodes_of
 from insgnss.navigation.filter.event_clock import _means
 from insgnss.navigation.filter.filter import (
     history_room,
@@ -191,10 +191,10 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
     S[2], S[4, 3:] = 0.0, 0.0
     event = np.full(m, ABSENT)
     event[[1, 4, 6]] = [0, 1, 2]
-    M, begun, out = np.eye(n), np.zeros(1, dtype=np.int64), np.zeros((3, n, n))
+    transitions = EventTransitions.before(3, n)
     slot, used = np.array([0, 3]), np.full(6, width)
     room = history_room(m, n, m, slot, used, np.full(m, ABSENT), 0, 3)
-    event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, M, begun, out)
+    event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, transitions)
     expected, product = [], None
     for e in range(m):
         if product is not None:
@@ -208,7 +208,7 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
         if event[e] != ABSENT:
             expected.append(np.eye(n) if product is None else product)
             product = np.eye(n)
-    assert_allclose(out, expected, atol=1e-12)
+    assert_allclose(transitions.of_events, expected, atol=1e-12)
 
 
 def test_what_a_strapdown_misses_is_given_back_without_a_kink() -> None:
