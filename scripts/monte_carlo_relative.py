@@ -34,7 +34,8 @@ from insgnss.navigation.filter.epochs import make_epochs
 from insgnss.navigation.filter.filter import gate_from_sigma
 from insgnss.navigation.filter.layout import state_layout
 from insgnss.navigation.filter.problem import EstimationProblem
-from insgnss.navigation.filter.solution import solve, trajectory
+from insgnss.navigation.filter.solution import solve
+from insgnss.navigation.filter.trajectory import trajectory
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.navigation.orient.exterior import exterior_orientation
 from insgnss.navigation.orient.frame import in_frame

@@ -57,7 +57,7 @@ Where to look
         (B.8), (B.9) in `event_chain.py` there, lines in `orient/strips.py`
     what images make of the states at all epochs: (B.10) to (B.13) in `filter/correction.py`
     filter and smoother block by block: `filter/blocks.py`, kept covariances: `covariances.py`,
-        between epochs: `dense.py` there
+        between epochs: `trajectory.py` there
     digits of the covariance through an outage: (B.6) in `filter/smoother.py`, `kernels/outage.py`
         there; between which fixes: `OUTAGE_S` in `filter/filter.py`
 """

@@ -1,6 +1,6 @@
 """The memory that a flight will need, forecast from the sizes of its files before any is read.
 
-`navigation.filter.blocks.forecast` knows what filter, smoother and trajectory need of samples,
+`navigation.filter.forecast` knows what filter, smoother and trajectory need of samples,
 epochs and rows; these are counted here by the size of a file over the mean length of its first
 lines. It serves to decide how many flights run side by side; `process` forecasts again from what it
 has read.
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...base.inputs import opened
 from ...flight.config.flight_file import Flight
-from ...navigation.filter.blocks import forecast
+from ...navigation.filter.forecast import forecast
 
 PROGRAM_BYTES = 400e6  # interpreter, libraries, kernels: a run of eight minutes takes 315 MB in all
 READ_BYTES = 150.0  # of a sample while its text is read and its increments are formed

@@ -24,7 +24,7 @@ from ...navigation.filter.codes import (
     USED,
     VELOCITY,
 )
-from ...navigation.filter.solution import trajectory
+from ...navigation.filter.trajectory import trajectory
 from ...navigation.innovations.sensor_trial import heading_with_antennas
 from ...records import Array, Diagnostics, Finding, Trajectory
 from ...records.series import ConstantSeries

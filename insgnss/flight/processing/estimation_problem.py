@@ -10,7 +10,6 @@ from ...base.memory import GB, available
 from ...geodesy.frames import LocalFrame
 from ...io.exposures.rig import ExposedRows, exposed_rows
 from ...navigation.diagnosis.candidates import AS_STATED, CLOCK_RATE_SIGMA, ImuErrors, LayoutFactory
-from ...navigation.filter.blocks import Forecast, forecast
 from ...navigation.filter.epochs import (
     make_epochs,
     unfixed_solutions,
@@ -19,6 +18,7 @@ from ...navigation.filter.epochs import (
     with_zupt,
 )
 from ...navigation.filter.filter import gate_from_sigma
+from ...navigation.filter.forecast import Forecast, forecast
 from ...navigation.filter.layout import BarometerErrors, FixErrors, StateLayout, state_layout
 from ...navigation.filter.linearised import with_measurements
 from ...navigation.filter.problem import EstimationProblem

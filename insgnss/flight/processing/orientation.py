@@ -11,10 +11,9 @@ from ...base.errors import DataError
 from ...geodesy.frames import TangentPlane
 from ...io.exposures.rig import CameraExposures, ExposedRows
 from ...navigation.filter.codes import N_NAV
-from ...navigation.filter.dense import dense_trajectory
 from ...navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from ...navigation.filter.event_clock import at_uncertain_times, event_derivatives, receiver_events
-from ...navigation.filter.solution import trajectory
+from ...navigation.filter.trajectory import dense_trajectory, trajectory
 from ...navigation.orient.exterior import exterior_orientation, pose_derivatives
 from ...navigation.orient.rig import rig_orientation
 from ...navigation.orient.strips import strip_rows

@@ -10,7 +10,6 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,16 +22,10 @@ from ...io.formats.text.order import Lines, put_in_order
 from ...io.options.schema import declared
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
-from .options import GROUP, MeasurementInput
+from .options import GROUP, SHIPPED, MeasurementInput
 
 EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
 EXACT_SCALE = 1e-4  # of such a scale factor
-OF_SINGLE_KINDS = (
-    *("offset_sigma_deg", "scale_sigma", "lever_m", "axes", "declination_deg"),
-    *("declination_sigma_deg", "hard_iron_sigma", "soft_iron_sigma"),
-)
-"""Options that a kind reads, or refuses, by its `Kind.reads`."""
-
 LogRows = tuple[int, Array, Array, Lines, Array | None, tuple[Finding, ...]]
 """GPS week, times, values (k, c) and their lines in a log; sigmas, None without, and notes."""
 
@@ -165,41 +158,31 @@ def read_measurement(
     """
     kind = kinds()[options.kind]
     _refuse_options(options, kind)
-    if (log := kind.other_format(options.file)) is not None:
-        read = _of_log(options, kind, log)
-    else:
-        read = _of_table(options, kind, week)
-    time, values, sigma = read.time, read.values, read.sigma
-    time = time + options.time_offset_s + WEEK_S * (read.week - week)
+    log = kind.other_format(options.file)
+    columns, read = _of_table(options, kind, week) if log is None else _of_log(options, kind, log)
+    own_week, time, values, lines, sigma, noted = read
+    if sigma is None:
+        missing = f"no column {' or '.join(f'sigma_{name}' for name in columns)}"
+        reason = missing if log is None else "the format has no standard deviations"
+        sigma = _stated_sigma(options, kind, values.shape, reason)
+    time = time + options.time_offset_s + WEEK_S * (own_week - week)
     rows, notes = put_in_order(
-        read.lines, time, lambda i, k: bool((values[i] == values[k]).all()), "measurement rows"
+        lines, time, lambda i, k: bool((values[i] == values[k]).all()), "measurement rows"
     )
     if rows is not None:
         time, values, sigma = time[rows], values[rows], sigma[rows]
-    predict, states = kind.model(options, read.columns)
+    predict, states = kind.model(options, columns)
     period = TURN if kind.unit == "angle" else None
     return (
         Measurement(
             options.called, time, values, sigma, predict, states, options.gate_sigma, period
         ),
-        (*read.notes, *notes),
+        (*noted, *notes),
     )
 
 
-class _Read(NamedTuple):
-    """Rows of a file: times s of a week, values (k, c) and their sigmas in SI."""
-
-    week: int
-    time: Array
-    columns: tuple[str, ...]
-    values: Array
-    sigma: Array
-    lines: Lines
-    notes: tuple[Finding, ...] = ()
-
-
-def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
-    """Read a table."""
+def _of_table(options: MeasurementInput, kind: Kind, week: int) -> tuple[tuple[str, ...], LogRows]:
+    """Return the columns that a table has of the values, and its rows in SI."""
     table = kind.spec.read(options.file, options.columns)
     settled = table.settled(kind.spec.checked_units(options.units))
     time, own_week, notes = table.examined_time(
@@ -211,17 +194,15 @@ def _of_table(options: MeasurementInput, kind: Kind, week: int) -> _Read:
         raise InputError.at_line(str(options.file), None, problem)
     factor = settled.factors[kind.unit]
     values = factor * table.block(" ".join(columns))
-    names = [f"sigma_{name}" for name in columns]
+    names, sigma = [f"sigma_{name}" for name in columns], None
     if all(name in table for name in names):
         unit = {"angle": "deg", "velocity": "m/s", "length": "m", "field": "uT"}[kind.unit]
         sigma = factor * table.positive(" ".join(names), unit)
-    else:
-        sigma = _stated_sigma(options, kind, values.shape, f"no column {' or '.join(names)}")
-    return _Read(own_week or week, time, columns, values, sigma, table, (*settled.notes, *notes))
+    return columns, (own_week or week, time, values, table, sigma, (*settled.notes, *notes))
 
 
-def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> _Read:
-    """Take what a reader of another format gave."""
+def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> tuple[tuple[str, ...], LogRows]:
+    """Return the columns of the values, and the rows of a log of another format in SI."""
     if options.columns is not None or options.units is not None:
         key = "units" if options.columns is None else "columns"
         problem = f"is of tables; {options.file.name} is a log of another format, leave it out"
@@ -229,18 +210,14 @@ def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> _Read:
     week, time, values, lines, sigma, notes = log
     factor = DEG if kind.unit == "angle" else 1.0
     values = factor * values.reshape(time.size, -1)
-    if sigma is None:
-        reason = "the format has no standard deviations"
-        sigma = _stated_sigma(options, kind, values.shape, reason)
-    else:
-        sigma = factor * sigma.reshape(values.shape)
-    return _Read(week, time, tuple(kind.values.split()), values, sigma, lines, notes)
+    sigma = None if sigma is None else factor * sigma.reshape(values.shape)
+    return tuple(kind.values.split()), (week, time, values, lines, sigma, notes)
 
 
 def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
     """Refuse options that the kind does not read, and those that it needs and that are missing."""
     known_options = declared(MeasurementInput)
-    for name in OF_SINGLE_KINDS:
+    for name in dict.fromkeys(name for one in SHIPPED for name in kinds()[one].reads):
         default = getattr(options, name) == known_options[name].default
         if name not in kind.reads and not default:
             problem = f"is not read by kind {options.kind!r}; leave it out"

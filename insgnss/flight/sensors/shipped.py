@@ -31,11 +31,11 @@ from ...io.formats.text.order import Picked, note, refuse_rows
 from ...navigation.prepare.axes import parse_axes
 from ...records import Array
 from ...records.measurements import Motion, OwnState
+from ...records.qualities import Quality
+from ...records.states import AXES
 from .kinds import EXACT_SCALE, Kind, LogRows, Modelled, table_of, turned_angles
 from .options import MeasurementInput
 
-AXES = ("forward", "right", "down")
-FIXED = 1  # RTKLIB's quality Q of fixed ambiguities: float baselines are off by decimetres
 WIND_SIGMA = 10.0  # m/s, north and east: a mapping drone does not take off in more
 # m/s/sqrt(s): gusts and the change with height and place make 1.5 m/s within a minute
 WIND_WALK = 0.2
@@ -114,10 +114,10 @@ def _baselines_of_moving_base(path: Path) -> LogRows | None:
         problem = "has positions, not vectors between the antennas; run RTKLIB with"
         advice = "pos1-posmode = movingbase and out-solformat = enu"
         raise InputError.at_line(str(path), None, f"{problem} {advice}")
-    fixed = np.asarray(pos.columns["Q"] == FIXED)
+    fixed = np.asarray(pos.columns["Q"] == Quality.FIXED)  # float ones are off by decimetres
     lines = Picked(pos.table, np.flatnonzero(fixed))
     if not fixed.any():
-        problem = f"none of {fixed.size} baselines has fixed ambiguities (Q = {FIXED})"
+        problem = f"none of {fixed.size} baselines has fixed ambiguities (Q = {Quality.FIXED:d})"
         raise InputError.at_line(str(path), None, f"{problem}; see the settings of the run")
     e, n, u, sigma_e, sigma_n, sigma_u = (
         pos.columns[name][fixed] for name in (*POSITION[pos.header.kind], *ROOTS["e-baseline"][:3])

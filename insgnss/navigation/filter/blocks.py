@@ -20,14 +20,6 @@ What stays of every epoch are nominal, innovations and the navigation block of t
 covariance, some 1 kB. The whole covariance is kept at chosen epochs, packed. Where another one is
 asked for later, its block is passed again, from the checkpoint of the filter forwards and from that
 of the smoother backwards (`BlockAgain`): some ten milliseconds.
-
-What a flight needs of memory is forecast before it is filtered (`forecast`), within a third or so:
-
-    increments    56 bytes a sample
-    estimation    results, checkpoints and measurements of the epochs, twice while another error
-                  model is tried beside the first; records; covariances of all states at the epochs
-                  of the report and at the exposures; the event chain and what is made of it
-    trajectory    the output, and as much again while it is made
 """
 
 from collections.abc import Callable, Iterator
@@ -38,10 +30,9 @@ import numpy as np
 
 from ...base.advance import through
 from ...records import Array
-from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
+from .codes import ABSENT, N_NAV
 from .event_chain import EventChain, EventTransitions, events_of, nodes_of
 from .filter import (
-    ForwardInputs,
     first_state,
     forward_inputs,
     history_room,
@@ -58,26 +49,16 @@ from .kernels.records import (
     FilterHistory,
     FilterState,
     IntegrationIntervals,
-    SmootherState,
 )
+from .kernels.transitions import event_transitions
 from .problem import EstimationProblem, InitialState
-from .smoother import EventRows, Smoothed, last_state
+from .smoother import EventRows, Smoothed, SmootherState
 
 EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
 # regular epochs of which the whole covariance is kept; what a report can show
 MOST_COVARIANCE_ROWS = 4000
 
-TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
-MEASUREMENT_BYTES = 450  # of an epoch: `navigation.filter.kernels.records.Epochs`, and its stamp
-POSE_BYTES = 8 * (7 + 9 + 81 + 6)  # of a row of the trajectory
-SAMPLE_BYTES = 8 * 7  # of increments
-# rows of as many states that an exposure keeps besides its transition (`event_chain`): of P and of
-# the last factor 14 each, and derivatives of its pose, 24
-CHAIN_ROWS = 52
-# of an exposure among 30 of a line, the usual, and of all (`navigation.orient.strips`)
-STRIP_BYTES, MOST_STRIP_BYTES = 8 * 36 * 30, 256_000_000
-ADDED_STATES = 12  # that a search may try besides
 State = TypeVar("State", FilterState, SmootherState)
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
 
@@ -106,74 +87,6 @@ def record_bytes(n: int, rows_measured: int, outages: bool) -> int:
     """
     of_noise = N_NAV * n + n if outages else 0
     return 8 * (n * n + (N_NAV + 2) * n + 2 * rows_measured * n + of_noise)
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """What a flight will need, in bytes.
-
-    Parameters
-    ----------
-    samples, epochs, states, rows : int
-        Samples of the IMU, epochs and states of the filter, rows of the trajectory.
-    increments, estimation, trajectory : int
-        Bytes of the three.
-    """
-
-    samples: int
-    epochs: int
-    states: int
-    rows: int
-    increments: int
-    estimation: int
-    trajectory: int
-
-    @property
-    def total(self) -> int:
-        """Bytes in all; the trajectory is made when the search is over."""
-        return self.increments + self.estimation + self.trajectory
-
-
-def forecast(
-    samples: int, epochs: int, states: int, triples: int, exposures: int, rows: int
-) -> Forecast:
-    """Forecast the memory of a flight.
-
-    Parameters
-    ----------
-    samples, epochs, states : int
-        Samples of the IMU; epochs and states of the filter.
-    triples : int
-        Kinds of measurements, of three rows each.
-    exposures, rows : int
-        Camera events, and rows of the trajectory.
-
-    Returns
-    -------
-    Forecast
-        From when the samples are read on.
-    """
-    n = states + ADDED_STATES
-    ns = n - N_NAV
-    of_epoch = 8 * (N_NOMINAL + ns + N_NAV + 2 * N_KINDS + N_NAV * (N_NAV + 1) // 2)
-    of_epoch += TRIPLE_BYTES * triples
-    of_block = 8 * (3 * n * n + 4 * N_NAV * n)
-    each = record_bytes(states, 3 * triples, False)
-    records = epochs * each if epochs * each <= WHOLE_BYTES else EPOCHS_OF_BLOCK * each
-    whole = (min(MOST_COVARIANCE_ROWS, epochs) + exposures) * 4 * n * (n + 1)
-    solution = epochs * of_epoch + epochs // EPOCHS_OF_BLOCK * of_block + whole
-    estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
-    estimation += exposures * 8 * states * (states + CHAIN_ROWS)
-    estimation += min(exposures * STRIP_BYTES, MOST_STRIP_BYTES)
-    return Forecast(
-        samples,
-        epochs,
-        states,
-        rows,
-        samples * SAMPLE_BYTES,
-        estimation,
-        2 * rows * POSE_BYTES,
-    )
 
 
 class BlockwisePasses:
@@ -271,9 +184,9 @@ class BlockwisePasses:
             epochs, records, begin = self._of_block_views(b, first, last)
             if unread and not self.whole and last < problem.epochs.stop.size:
                 records = _unread(records)
-            _forward(inputs, epochs, state, records, begin)
+            run_forward(epochs, state, records, begin, *inputs)
             if self.transitions is not None:
-                self.transitions.through(epochs.event, records, begin)
+                event_transitions(epochs.event, records, begin, self.transitions)
             if follower is not None:
                 follower(inputs[0], epochs, records, begin)
         self.held = self.first.size - 1
@@ -296,12 +209,12 @@ class BlockwisePasses:
         m, n = problem.epochs.stop.size, problem.layout.size
         smoothed = Smoothed.of(m, n, self.rows, self.read, self.separations, full)
         inputs = forward_inputs(problem, self.closed_loop)
-        state, unset = last_state(n), last_state(n)
+        state, unset = SmootherState.last(n), SmootherState.last(n)
         self.adjoints = []
         for b, first, last in through(list(self._blocks())[::-1]):
             epochs, records, begin = self._of_block_views(b, first, last)
             if not (self.whole or self.held == b):
-                _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
+                run_forward(epochs, _copied(self.checkpoints[b]), records, begin, *inputs)
                 self.held = b
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
@@ -440,7 +353,7 @@ class BlockAgain:
         if self.nominal is not None:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
-        _forward(inputs, own, _copied(self.checkpoints[b]), room, first - front)
+        run_forward(own, _copied(self.checkpoints[b]), room, first - front, *inputs)
         return room, front, first - front
 
     def _of_block(self, b: int, rows: np.ndarray) -> Array:
@@ -458,14 +371,6 @@ def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:
     if state.within[0]:
         return _copied(state)
     return unset._replace(adjoint=state.adjoint.copy(), information=state.information.copy())
-
-
-def _forward(
-    inputs: ForwardInputs, epochs: Epochs, state: FilterState, history: FilterHistory, begin: int
-) -> None:
-    """Filter the epochs of a block from `begin` on; `state` is taken to its end."""
-    intervals, model, earth, lever_b, options = inputs
-    run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin)
 
 
 def _piece_of_epochs(epochs: Epochs, front: int, last: int) -> Epochs:

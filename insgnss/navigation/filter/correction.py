@@ -71,7 +71,7 @@ def corrected(solution: Solution, events: np.ndarray, moment: Array, root: Array
     of_nav, of_all = np.tril_indices(N_NAV), np.tril_indices(moment.shape[1])
     for first, last, of_block in corrections(again, epoch[events], information):
         for error in before.shared:
-            inside = (epoch[events] >= error.first) & (epoch[events] <= error.last)
+            inside = error.within(epoch[events])
             shared = slice(max(error.first - first, 0), max(error.last + 1 - first, 0))
             of_block[shared, error.block] += error.cov @ information[inside, error.block].sum(
                 axis=0

@@ -56,14 +56,17 @@ class SmoothedCovariances:
     @property
     def own_rows(self) -> np.ndarray:
         """The epochs, counted from those of the part, of which all is kept."""
-        own = self.rows - self.first
-        return own[(own >= 0) & (own < len(self.nav))]
+        return (self.rows - self.first)[self._rows_within]
+
+    @property
+    def _rows_within(self) -> np.ndarray:
+        """Which of `rows` lie in the part."""
+        return (self.rows >= self.first) & (self.rows < self.first + len(self.nav))
 
     @property
     def filter_sigma(self) -> Array:
         """Standard deviations of the errors of all states in the filter at `own_rows`, (k, n)."""
-        own = self.rows - self.first
-        sigma = self.row_sigma[(own >= 0) & (own < len(self.nav))]
+        sigma = self.row_sigma[self._rows_within]
         return sigma if self.states is None else sigma[:, self.states]
 
     def of_navigation(self, index: np.ndarray | slice) -> Array:
@@ -125,7 +128,7 @@ class SmoothedCovariances:
         if self.states is not None:
             out = out[:, self.states]
         for error in self.shared:
-            out[self._within(error, epochs), error.block] += np.diag(error.cov)
+            out[error.within(epochs + self.first), error.block] += np.diag(error.cov)
         return out
 
     def variance_of(self, index: np.ndarray, A: Array) -> Array:
@@ -153,7 +156,7 @@ class SmoothedCovariances:
         out = np.asarray(self._triangles(epochs) @ factor.T)
         for error in self.shared:
             derivative = A[:, error.block]
-            out[self._within(error, epochs)] += np.diag(derivative @ error.cov @ derivative.T)
+            out[error.within(epochs + self.first)] += np.diag(derivative @ error.cov @ derivative.T)
         return out
 
     def piece(self, first: int, last: int) -> "SmoothedCovariances":
@@ -224,12 +227,7 @@ class SmoothedCovariances:
         out[~there] = self.again.triangles(wanted[~there])
         return out
 
-    def _within(self, error: SharedError, epochs: np.ndarray) -> np.ndarray:
-        """Return which of the epochs share an error, (k,) bool."""
-        whole = epochs + self.first
-        return (whole >= error.first) & (whole <= error.last)
-
     def _add_shared(self, cov: Array, epochs: np.ndarray) -> None:
         """Add what no state describes to covariances (k, n, n) of some epochs, in slot."""
         for error in self.shared:
-            cov[self._within(error, epochs), error.block, error.block] += error.cov
+            cov[error.within(epochs + self.first), error.block, error.block] += error.cov

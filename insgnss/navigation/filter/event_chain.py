@@ -32,14 +32,14 @@ What epochs share that no state describes (`SharedError`) is common to them in t
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
 from .codes import N_NAV, POS
-from .kernels.records import Epochs, FilterHistory
-from .kernels.transitions import event_transitions
+from .kernels.records import Epochs
 from .layout import StateLayout
 from .smoother import EventRows
 
@@ -70,6 +70,21 @@ class SharedError:
     cov: Array
     block: slice = field(default_factory=lambda: POS)
 
+    def within(self, epoch: np.ndarray) -> NDArray[np.bool_]:
+        """Return which epochs share it.
+
+        Parameters
+        ----------
+        epoch : ndarray
+            (k,) epochs, counted as `first` and `last`.
+
+        Returns
+        -------
+        ndarray
+            (k,) bool.
+        """
+        return np.asarray((epoch >= self.first) & (epoch <= self.last))
+
 
 def events_of(epochs: Epochs) -> np.ndarray:
     """Return the epoch of each camera event.
@@ -88,18 +103,18 @@ def events_of(epochs: Epochs) -> np.ndarray:
     return exposed[np.argsort(epochs.event[exposed])]
 
 
-@dataclass(frozen=True)
-class EventTransitions:
+class EventTransitions(NamedTuple):
     """M_k of (B.8), multiplied up along the forward pass, whose records do not stay.
 
     Parameters
     ----------
     product : Array
-        (n, n) since the latest event.
+        (n, n) since the latest event, before the first one the unit matrix.
     begun : ndarray
         (1,) int, whether there was one.
     of_events : Array
-        (events, n, n) M_k.
+        (events, n, n) M_k, which takes the error after the event before to that after this one; of
+        the first the unit matrix.
     """
 
     product: Array
@@ -121,20 +136,6 @@ class EventTransitions:
             With room for all events.
         """
         return cls(np.eye(n), np.zeros(1, dtype=np.int64), np.empty((events, n, n)))
-
-    def through(self, event: np.ndarray, history: FilterHistory, begin: int) -> None:
-        """Multiply by the epochs of a block.
-
-        Parameters
-        ----------
-        event : ndarray
-            (k,) number of the event of each epoch, or ABSENT.
-        history : FilterHistory
-            What the forward pass left of these epochs.
-        begin : int
-            The first of them to be passed.
-        """
-        event_transitions(event, history, begin, self.product, self.begun, self.of_events)
 
 
 @dataclass(frozen=True)
@@ -280,7 +281,7 @@ class EventChain:
             Y[later] = Y[later] @ np.swapaxes(self.transitions[a[later] + step], 1, 2)
         cov = Y @ np.swapaxes(last, 1, 2)
         for error in self.shared:
-            inside = (self.epoch[a] >= error.first) & (self.epoch[b] <= error.last)
+            inside = error.within(self.epoch[a]) & error.within(self.epoch[b])
             first, second = T_a[inside][:, :, error.block], T_b[inside][:, :, error.block]
             cov[inside] += first @ error.cov @ np.swapaxes(second, 1, 2)
         return cov
@@ -289,7 +290,7 @@ class EventChain:
         """Add what events within one spell share, to all pairs of them, in place."""
         epoch = self.epoch[events]
         for error in self.shared:
-            inside = np.flatnonzero((epoch >= error.first) & (epoch <= error.last))
+            inside = np.flatnonzero(error.within(epoch))
             derivative = T[inside][:, :, error.block]
             added = np.einsum("aix,xy,bjy->aibj", derivative, error.cov, derivative)
             cov[inside[:, None], :, inside] += added.transpose(0, 2, 1, 3)
@@ -354,7 +355,7 @@ def common_errors(
     sigma = np.sqrt(np.diagonal(cov))
     parts = [_whitened(cross.reshape(k * d, c) / sigma, cov / np.outer(sigma, sigma))]
     for error in chain.shared:
-        inside = (chain.epoch >= error.first) & (chain.epoch <= error.last)
+        inside = error.within(chain.epoch)
         size, axes = np.linalg.eigh(error.cov)
         root = axes * np.sqrt(np.maximum(size, 0.0))
         derivative = np.where(inside[:, None, None], T[:, :, error.block], 0.0)

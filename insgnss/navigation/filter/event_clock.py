@@ -38,7 +38,8 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Trajectory
 from .codes import N_NAV, POS, PSI, QUAT, VEL
-from .solution import Solution, local_trajectory, trajectory
+from .solution import Solution
+from .trajectory import local_trajectory, trajectory
 
 
 def event_delay(solution: Solution) -> Array:
@@ -79,7 +80,8 @@ def _delay(solution: Solution, elapsed: Array) -> Array:
     """Return d at instants of the problem's own time, s."""
     if solution.problem.layout.offset < 0:
         return np.zeros(elapsed.size)
-    return np.asarray(_of_constants(solution, elapsed) @ _clock(solution))
+    constants = solution.x[-1, _states(solution) - N_NAV]  # as the last epoch has them
+    return np.asarray(_of_constants(solution, elapsed) @ constants)
 
 
 def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
@@ -175,12 +177,6 @@ def _states(solution: Solution) -> np.ndarray:
     """Rows of offset and, where there is one, rate among all states."""
     layout = solution.problem.layout
     return N_NAV + np.array([s for s in (layout.offset, layout.rate) if s >= 0])
-
-
-def _clock(solution: Solution) -> Array:
-    """Offset and rate, constants, as the last epoch has them."""
-    values: Array = solution.x[-1, _states(solution) - N_NAV]
-    return values
 
 
 def _of_constants(solution: Solution, elapsed: Array) -> Array:

@@ -319,15 +319,13 @@ def run_filter(
         Where the solution does not follow the fixes.
     """
     state = first_state(problem, start, history, closed_loop)
-    intervals, model, earth, lever, options = forward_inputs(problem, closed_loop)
-    run_forward(intervals, problem.epochs, model, earth, lever, state, options, history, 0)
+    run_forward(problem.epochs, state, history, 0, *forward_inputs(problem, closed_loop))
     refuse_divergence(problem, history)
 
 
-ForwardInputs = tuple[IntegrationIntervals, StateModel, Earth, Array, FilterOptions]
-
-
-def forward_inputs(problem: EstimationProblem, closed_loop: bool) -> ForwardInputs:
+def forward_inputs(
+    problem: EstimationProblem, closed_loop: bool
+) -> tuple[IntegrationIntervals, StateModel, Earth, Array, FilterOptions]:
     """Return what the kernel takes besides epochs, state and history.
 
     Parameters

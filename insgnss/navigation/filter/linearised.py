@@ -24,7 +24,6 @@ from .codes import (
     ACCEL0,
     AIDING_ERROR,
     DRIFT,
-    N_NOMINAL,
     OF_BIAS,
     OF_STATES,
     POS,
@@ -34,8 +33,8 @@ from .codes import (
 )
 from .filter import gate_from_sigma
 from .kernels.records import Epochs
-from .kernels.update import state_difference
 from .problem import EstimationProblem, MeasuredRows
+from .strapdown import nav_difference
 
 CHANGE = 0.01  # standard deviations that another linearisation may move a prediction by (chosen)
 # m, m/s, rad, rad/s by which a central difference moves the nine errors of navigation and the
@@ -228,11 +227,7 @@ def _change(measured: MeasuredRows, before: Epochs, after: Epochs, number: int) 
     if not before.linear_cov[index, number, 0, 0].any():
         return np.inf
     old, new = before.linear_about[index], after.linear_about[index]
-    d = np.zeros((index.size, before.linear_H.shape[3]))
-    none = np.zeros(0)
-    for k in range(index.size):
-        state_difference(new[k, :N_NOMINAL], none, old[k, :N_NOMINAL], none, d[k])
-    d[:, OF_BIAS:] = new[:, ABOUT_BIAS:] - old[:, ABOUT_BIAS:]
+    d = np.hstack([nav_difference(new, old), new[:, ABOUT_BIAS:] - old[:, ABOUT_BIAS:]])
     expected = before.linear_residual[index, number] - np.einsum(
         "krc,kc->kr", before.linear_H[index, number], d
     )

@@ -52,13 +52,66 @@ import numpy as np
 
 from ...records import Array
 from .codes import ABSENT, N_NAV, NAV
-from .kernels.records import SmootherState
 
 TINY = 1e-300  # keeps a division by zero away
 # relative eigenvalue of the information from which on a direction is determined
 LEAST_EIGENVALUE = 1e-10
 # squared share of a state in directions that are not, above which it is not
 MOST_UNDETERMINED_SHARE = 1e-6
+
+
+class SmootherState(NamedTuple):
+    """The smoother between two epochs.
+
+    Parameters
+    ----------
+    adjoint : ndarray
+        (n,) lambda of (B.1).
+    information : ndarray
+        (n, n) Lambda.
+    within : ndarray
+        (1,) int, whether the interval up to the epoch after lies within an outage; only then the
+        rest is set.
+    later : ndarray
+        (n, n) smoothed covariance at the epoch after.
+    F, D, W, Qbb : ndarray
+        Transition and process noise up to it, as in `FilterHistory`.
+    """
+
+    adjoint: np.ndarray
+    information: np.ndarray
+    within: np.ndarray
+    later: np.ndarray
+    F: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    Qbb: np.ndarray
+
+    @classmethod
+    def last(cls, n: int) -> "SmootherState":
+        """Return the smoother at the end of a flight, where no data are to come.
+
+        Parameters
+        ----------
+        n : int
+            Number of states.
+
+        Returns
+        -------
+        SmootherState
+            All zero.
+        """
+        ns = n - N_NAV
+        return cls(
+            np.zeros(n),
+            np.zeros((n, n)),
+            np.zeros(1, dtype=np.int64),
+            np.zeros((n, n)),
+            np.zeros((N_NAV, n)),
+            np.zeros(ns),
+            np.zeros((N_NAV, n)),
+            np.zeros(ns),
+        )
 
 
 NO_STATES = np.zeros(0, dtype=np.int64)  # where the covariance between events is not wanted
@@ -280,32 +333,6 @@ def numbered(m: int, rows: np.ndarray) -> np.ndarray:
     out = np.full(m, ABSENT, dtype=np.int64)
     out[rows] = np.arange(rows.size)
     return out
-
-
-def last_state(n: int) -> SmootherState:
-    """Return the smoother at the end of a flight, where no data are to come.
-
-    Parameters
-    ----------
-    n : int
-        Number of states.
-
-    Returns
-    -------
-    SmootherState
-        All zero.
-    """
-    ns = n - N_NAV
-    return SmootherState(
-        np.zeros(n),
-        np.zeros((n, n)),
-        np.zeros(1, dtype=np.int64),
-        np.zeros((n, n)),
-        np.zeros((N_NAV, n)),
-        np.zeros(ns),
-        np.zeros((N_NAV, n)),
-        np.zeros(ns),
-    )
 
 
 def unpacked(triangle: Array) -> Array:

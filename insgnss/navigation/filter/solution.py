@@ -19,11 +19,10 @@ from typing import Literal
 import numpy as np
 
 from ...base.errors import DataError
-from ...geodesy.rotation import rotation_from_quaternion
-from ...records import Array, Trajectory
+from ...records import Array
 from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
-from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
-from .covariances import COVARIANCES_AT_A_TIME, SmoothedCovariances
+from .codes import AX, AY, AZ, IMU, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
+from .covariances import SmoothedCovariances
 from .event_chain import EventChain, SharedError, events_of
 from .linearised import CHANGE, linearised_about
 from .problem import EstimationProblem, InitialState
@@ -188,7 +187,7 @@ class Solution:
             The same otherwise; covariances of neighbouring events are changed in place.
         """
         for error in shared:
-            inside = (self.event_epochs >= error.first) & (self.event_epochs <= error.last)
+            inside = error.within(self.event_epochs)
             neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
             self.event_cross[neighbours, error.block, error.block] += error.cov
         chain = self.chain
@@ -272,15 +271,15 @@ def solve(
         if not another:
             progress("smoother")
         smoothed = passes.smooth(full=not another)
+        again, change = _about_smoothed(passes, smoothed)
         if count == MAX_PASSES:
-            _refuse_unsettled(passes, smoothed)
+            _refuse_unsettled(passes.problem, change)
             break
-        again = _linearised_again(passes, smoothed)
         moving = second_pass != "off" and _nonlinear(smoothed.delta, history.sigma)
-        if not (another or moving or again is not None):
+        if not (another or moving or change > CHANGE):
             break
-        _move(history.nav, history.x, smoothed.delta)
-        passes.problem = again or passes.problem
+        move(history.nav, history.x, smoothed.delta)
+        passes.problem = again
         count += 1
         progress(f"filter, pass {count}, linearised about the smoothed flight")
         passes.filter(closed_loop=False)
@@ -288,7 +287,7 @@ def solve(
     return _solution(passes, smoothed, count)
 
 
-def _refuse_unsettled(passes: BlockwisePasses, smoothed: Smoothed) -> None:
+def _refuse_unsettled(problem: EstimationProblem, change: float) -> None:
     """Refuse measurements whose prediction still moves when the passes end.
 
     Raises
@@ -296,20 +295,13 @@ def _refuse_unsettled(passes: BlockwisePasses, smoothed: Smoothed) -> None:
     DataError
         Where it moves by more than `UNSETTLED` standard deviations.
     """
-    _, change = _about_smoothed(passes, smoothed)
     if change > UNSETTLED:
-        names = ", ".join(one.measurement.name for one in passes.problem.measurements)
+        names = ", ".join(one.measurement.name for one in problem.measurements)
         raise DataError(
             f"measurements {names}: after {MAX_PASSES} passes their prediction still moves by"
             f" {change:.2g} standard deviations from one to the next; check that `predict` is a"
             " smooth function of the motion, the values and their sigmas"
         )
-
-
-def _linearised_again(passes: BlockwisePasses, smoothed: Smoothed) -> EstimationProblem | None:
-    """Return the problem linearised about what was smoothed, None where that changes nothing."""
-    problem, change = _about_smoothed(passes, smoothed)
-    return problem if change > CHANGE else None
 
 
 def _about_smoothed(passes: BlockwisePasses, smoothed: Smoothed) -> tuple[EstimationProblem, float]:
@@ -367,7 +359,7 @@ def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Soluti
         passes.again(),
         passes.problem.layout.size,
     )
-    _move(history.nav, history.x, smoothed.delta)
+    move(history.nav, history.x, smoothed.delta)
     return Solution(
         passes.problem,
         history.nav,
@@ -414,12 +406,18 @@ def moved_by(nav: Array, x: Array, delta: Array) -> tuple[Array, Array]:
         The moved states.
     """
     nav, x = nav.copy(), x.copy()
-    _move(nav, x, delta)
+    move(nav, x, delta)
     return nav, x
 
 
-def _move(nav: Array, x: Array, delta: Array) -> None:
-    """Add the smoothed error estimate to the nominal, in place; attitude from the left."""
+def move(nav: Array, x: Array, delta: Array) -> None:
+    """Add estimates of its errors to a nominal, in place; attitude from the left.
+
+    Parameters
+    ----------
+    nav, x, delta : Array
+        As in `moved_by`.
+    """
     nav[:, :PSI0] += delta[:, :PSI0]
     half = 0.5 * delta[:, PSI]
     angle = np.linalg.norm(half, axis=1)
@@ -431,131 +429,3 @@ def _move(nav: Array, x: Array, delta: Array) -> None:
     nav[:, QY] = w * q2 - a * q3 + b * q0 + c * q1
     nav[:, QZ] = w * q3 + a * q2 - b * q1 + c * q0
     x += delta[:, IMU]
-
-
-def trajectory(
-    solution: Solution, index: np.ndarray, gps_week: int, events: bool = False
-) -> Trajectory:
-    """Return the smoothed trajectory at some epochs.
-
-    Accelerations are differences of the velocities at these epochs, rates those of the gyros at the
-    instant.
-
-    Parameters
-    ----------
-    solution : Solution
-        The smoothed flight.
-    index : ndarray
-        (k,) the epochs.
-    gps_week : int
-        The week that its times belong to.
-    events : bool
-        Whether these are the epochs of all camera events: then the cross-covariances of neighbours
-        come along.
-
-    Returns
-    -------
-    Trajectory
-        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
-        with covariances of the errors in the same axes.
-    """
-    nav, cov = solution.nav[index], solution.nav_covariance(index)
-    cross = solution.event_cross[1:] if events else None
-    return local_trajectory(solution, index, solution.time[index], nav, cov, cross, gps_week)
-
-
-def local_trajectory(
-    solution: Solution,
-    index: np.ndarray,
-    time: Array,
-    nav: Array,
-    cov: Array,
-    cross: Array | None,
-    gps_week: int,
-) -> Trajectory:
-    """Return states and covariances of the local frame as a trajectory in axes at the point.
-
-    Parameters
-    ----------
-    solution : Solution
-        The smoothed flight that they are of.
-    index : ndarray
-        (k,) the epochs of which the body rates are taken.
-    time : Array
-        (k,) s, GPST.
-    nav : Array
-        (k, 10) position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
-    cov : Array
-        (k, 9, 9) covariances of their errors in l, which are turned in place.
-    cross : Array or None
-        (k - 1, 9, 9) covariances of the errors of neighbours in l.
-    gps_week : int
-        The week that the times belong to.
-
-    Returns
-    -------
-    Trajectory
-        As `trajectory` does.
-    """
-    frame = solution.problem.frame
-    lat, lon, height = frame.geodetic_from_position(nav[:, POS])
-    C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
-    C_lb = rotation_from_quaternion(nav[:, QUAT])
-    turn_own(C_nl, cov)
-    cross = None if cross is None else rotate_blocks(C_nl[:-1], cross, C_nl[1:])
-    velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
-    C_nb = C_nl @ C_lb
-    acceleration = None
-    if index.size > 1:
-        acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))
-    rate = _body_rate(solution, index, C_lb)
-    return Trajectory(
-        time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross
-    )
-
-
-def _body_rate(solution: Solution, index: np.ndarray, C_lb: Array) -> Array:
-    """Return the rate of the body against the Earth, (k, 3) rad/s in body axes, without bias."""
-    M = solution.problem.layout.channel_sum()[:3]
-    earth = np.einsum("nij,i->nj", C_lb, solution.problem.frame.earth_rate_l)
-    return solution.problem.inc.rate[index] - solution.x[index] @ M.T - earth
-
-
-def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
-    """Return covariances between errors in other axes.
-
-    Parameters
-    ----------
-    C_left : Array
-        (n, 3, 3) rotations from the axes of the errors of the rows into the wanted ones.
-    cov : Array
-        (n, 3k, 3k) covariances in blocks of three.
-    C_right : Array
-        (n, 3, 3) rotations from the axes of the errors of the columns into the wanted ones.
-
-    Returns
-    -------
-    Array
-        (n, 3k, 3k) with every block B replaced by C_left B C_right'.
-    """
-    n, size = cov.shape[:2]
-    k = size // 3
-    blocks = cov.reshape(n, k, 3, k, 3)
-    turned = np.einsum("nij,najbk,nlk->naibl", C_left, blocks, C_right, optimize=True)
-    return turned.reshape(n, size, size)
-
-
-def turn_own(C: Array, cov: Array) -> None:
-    """Take covariances to other axes in place, piece by piece, exactly symmetric.
-
-    Parameters
-    ----------
-    C : Array
-        (n, 3, 3) rotations into the wanted axes.
-    cov : Array
-        (n, 3k, 3k) covariances in blocks of three.
-    """
-    for begin in range(0, len(cov), COVARIANCES_AT_A_TIME):
-        own = slice(begin, begin + COVARIANCES_AT_A_TIME)
-        turned = rotate_blocks(C[own], cov[own], C[own])
-        cov[own] = 0.5 * (turned + np.swapaxes(turned, -1, -2))

@@ -35,8 +35,9 @@ in turns.
 import numpy as np
 
 from ...geodesy.frames import LocalFrame
+from ...geodesy.rotation import rotation_from_quaternion, vector_from_rotation
 from ...records import Array, Increments
-from .codes import N_CHANNELS, N_NOMINAL
+from .codes import N_CHANNELS, N_NOMINAL, PSI0, QUAT
 from .kernels.records import Earth, IntegrationIntervals
 from .kernels.strapdown import run_strapdown
 
@@ -108,3 +109,21 @@ def free_inertial(
     start = np.ascontiguousarray(nav0, dtype=np.float64)
     run_strapdown(kernel_intervals(inc), inc.stop, start, b, kernel_earth(frame), out)
     return out
+
+
+def nav_difference(a: Array, b: Array) -> Array:
+    """Return the errors of nominal states b against states a, such that a = b + error.
+
+    Parameters
+    ----------
+    a, b : Array
+        (m, 10) position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+
+    Returns
+    -------
+    Array
+        (m, 9) position, velocity, and psi of C(a) = exp([psi x]) C(b).
+    """
+    C_a, C_b = rotation_from_quaternion(a[:, QUAT]), rotation_from_quaternion(b[:, QUAT])
+    psi = vector_from_rotation(C_a @ np.swapaxes(C_b, -1, -2))
+    return np.hstack([a[:, :PSI0] - b[:, :PSI0], psi])

@@ -110,6 +110,10 @@ class Linear(NamedTuple):
     The noise has q components, the first the fixed one, d of them with driven states.
     """
 
+    P0: np.ndarray  # (d, n, n) a-priori covariance, component by component
+    mean0: np.ndarray  # (n,) a-priori mean about the nominal
+    gate: float  # NIS above which a triple is rejected
+    reset_s: float  # s of rejected fixes after which the covariance is reset
     time: np.ndarray  # (m,) s
     F: np.ndarray  # (m, 9, n) from the epoch before
     D: np.ndarray  # (m, ns)
@@ -153,21 +157,8 @@ def linearise_segment(intervals, ep, imu, earth, lever, nav, x, out):
             first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
             copy_vector(nav[e - 1], nav_e)
             copy_vector(x[e - 1], x_e)
-            linearise(
-                intervals,
-                first,
-                last,
-                begin,
-                nav_e,
-                x_e,
-                imu,
-                earth,
-                out.F[e],
-                out.D[e],
-                W,
-                Qbb,
-                work,
-            )
+            F, D = out.F[e], out.D[e]
+            linearise(intervals, first, last, begin, nav_e, x_e, imu, earth, F, D, W, Qbb, work)
             if ep.gap[e, 0] > 0.0:
                 add_gap_noise(W[0], work.column, work.last_block[0], ep.gap[e])
             if ep.bias_step[e, 0] > 0.0:
@@ -291,19 +282,13 @@ def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, tot
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_linear(
-    lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, white, nis, verdict
-):
+def run_linear(lin, share, of_part, scale, of_kind, total, white, nis, verdict):
     """Run a Kalman filter over a linearised segment and return (L.4).
 
     Parameters
     ----------
     lin : Linear
         The segment.
-    P0 : ndarray, (d, n, n)
-        A-priori covariance, component by component.
-    m0 : ndarray, (n,)
-        A-priori mean about the nominal.
     share : ndarray, (q,)
         Factors of the components' variance.
     of_part : ndarray of int, (q,)
@@ -312,10 +297,6 @@ def run_linear(
         Factors of R of each kind of measurement.
     of_kind : ndarray of int, (k,)
         The parameter that is half the logarithm of the kind's factor, or -1.
-    gate : float
-        Gate of the innovation test.
-    reset : float
-        Time of rejected fixes after which the covariance is reset, s.
     total : ndarray, (p + 1, p)
         Gradient and information (L.5) are added here.
     white : ndarray, (m, k, 3)
@@ -330,31 +311,21 @@ def run_linear(
     """
     n = lin.F.shape[2]
     ns, p = n - N_NAV, total.shape[1]
-    P, m, new, none = np.zeros((n, n)), m0.copy(), np.zeros(n), np.zeros(n)
+    P0, gate, reset = lin.P0, lin.gate, lin.reset_s
+    P, m, new, none = np.zeros((n, n)), lin.mean0.copy(), np.zeros(n), np.zeros(n)
     dP, dm = np.zeros((p, n, n)), np.zeros((p, n))
-    W, Qbb, X, nine = (
-        np.zeros((N_NAV, n)),
-        np.zeros(ns),
-        np.zeros((N_NAV, n)),
-        np.zeros((N_NAV, N_NAV)),
-    )
-    R, L, S3, H, HP, nu = (
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
-        np.zeros((3, n)),
-        np.zeros((3, n)),
-        np.zeros((3, 1)),
-    )
+    W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns)
+    X, nine = np.zeros((N_NAV, n)), np.zeros((N_NAV, N_NAV))
+    R, L, S3 = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    H, HP, nu = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 1))
     gain, column, slope, dr = np.zeros(n), np.zeros(n), np.zeros((2, p)), np.zeros(p)
     only = np.zeros(share.size)
     for component in range(len(P0)):
         P += share[component] * P0[component]
         if of_part[component] != ABSENT:
-            own = dP[
-                of_part[component]
-            ]  # added to in place, see `navigation.filter.kernels.copies`
-            own += 2.0 * share[component] * P0[component]
+            # added to in place, see `navigation.filter.kernels.copies`
+            slopes = dP[of_part[component]]
+            slopes += 2.0 * share[component] * P0[component]
     cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):
         if e > 0:
@@ -379,8 +350,8 @@ def run_linear(
             for a in range(3):
                 for c in range(3):
                     R[a, c] = lin.R[e, j, a, c] * scale[j]
-            out = X[:2, :3]
-            nis[e, j] = innovation_test(P, H, nu, m, R, lin.used[j], S3, L, HP, out)
+            out, used = X[:2, :3], lin.used[j]
+            nis[e, j] = innovation_test(P, H, nu, m, R, used, S3, L, HP, out)
             cholesky(lin.R[e, j], L)
             log_R = 2.0 * np.log(L[0, 0] * L[1, 1] * L[2, 2])
             verdict[e, j] = USED
@@ -409,19 +380,7 @@ def run_linear(
                 dr[of_kind[j]] = 2.0 * scale[j]
             for i in range(3):
                 S, y = update_with_slopes(
-                    P,
-                    m,
-                    dP,
-                    dm,
-                    H[i],
-                    nu[i, 0],
-                    scale[j],
-                    dr,
-                    lin.used[j],
-                    gain,
-                    column,
-                    slope,
-                    total,
+                    P, m, dP, dm, H[i], nu[i, 0], scale[j], dr, used, gain, column, slope, total
                 )
                 white[e, j, i] = y / np.sqrt(S)
                 cost += np.log(S) + y * y / S

@@ -55,10 +55,10 @@ from ..filter.codes import (
     VEL,
     VELOCITY,
 )
-from ..filter.filter import INCREMENT_BLOCK_S, RESET_AFTER_S, RESET_FIXES, measured_kinds
+from ..filter.filter import forward_inputs, measured_kinds
+from ..filter.kernels.records import FilterOptions
 from ..filter.layout import StateLayout
 from ..filter.solution import Solution
-from ..filter.strapdown import kernel_earth, kernel_intervals
 from ._kernels import Linear, linearise_segment, run_linear
 
 WHITE = {
@@ -119,26 +119,14 @@ class LinearSegment:
         Parameters, in the order of theta.
     linear : Linear
         The linearised segment.
-    P0 : ndarray, (d, n, n)
-        A-priori covariance, component by component.
-    mean0 : ndarray, (n,)
-        A-priori mean about the nominal.
     of_part, of_kind : ndarray of int
         The parameter of each component of the noise and of each kind of measurement, or -1.
-    gate : float
-        Gate of the innovation test.
-    reset_s : float
-        Time of rejected fixes after which the covariance is reset, s.
     """
 
     names: tuple[str, ...]
     linear: Linear
-    P0: Array
-    mean0: Array
     of_part: np.ndarray
     of_kind: np.ndarray
-    gate: float
-    reset_s: float
 
 
 def one_factor_each(names: Sequence[str]) -> None:
@@ -223,7 +211,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
             )
     driven = [name for name in names if name in DRIVEN or name in CORRELATED_STATES]
     parts = [*driven, *(name for name in names if name in WHITE)]
-    imu = layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s)
+    intervals, imu, earth, lever, decided_by = forward_inputs(problem, closed_loop=False)
     white, drive = (np.tile(density, (1 + len(parts), 1)) for density in (imu.white, imu.drive))
     white[1:], drive[1:] = 0.0, 0.0
     P0 = np.zeros((1 + len(driven), layout.size, layout.size))
@@ -238,27 +226,15 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
         stationary = IMU0 + np.flatnonzero(states & (layout.beta > 0.0))
         P0[k, stationary, stationary] = P0[0, stationary, stationary]
         P0[0, stationary, stationary] = 0.0
-    linear = _linear(solution, len(parts) + 1, len(driven) + 1)
-    lever = np.array(problem.antenna_lever_b, dtype=np.float64)
-    earth = kernel_earth(problem.frame, problem.backward)
-    linearise_segment(
-        kernel_intervals(problem.inc),
-        ep,
-        imu._replace(white=white, drive=drive),
-        earth,
-        lever,
-        solution.nav,
-        solution.x,
-        linear,
-    )
+    linear = _linear(solution, len(parts) + 1, P0, decided_by)
+    imu = imu._replace(white=white, drive=drive)
+    linearise_segment(intervals, ep, imu, earth, lever, solution.nav, solution.x, linear)
     linear.there[ep.withheld] &= linear.kind != POSITION
     index = {name: i for i, name in enumerate(names)}
     of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
     kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}
     of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
-    mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
-    reset_s = max(RESET_AFTER_S, RESET_FIXES * problem.aiding_interval_s)
-    return LinearSegment(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
+    return LinearSegment(tuple(names), linear, of_part, of_kind)
 
 
 def _start(solution: Solution) -> Array:
@@ -276,13 +252,17 @@ def _start(solution: Solution) -> Array:
     return P
 
 
-def _linear(solution: Solution, parts: int, driven: int) -> Linear:
-    """Allocate a linearised segment."""
+def _linear(solution: Solution, parts: int, P0: Array, decided_by: FilterOptions) -> Linear:
+    """Allocate a segment that is to be linearised."""
     ep, layout = solution.problem.epochs, solution.problem.layout
     present, columns = measured_kinds(ep, layout)
     kind = np.flatnonzero(present)
-    m, n, k = ep.stop.size, layout.size, kind.size
+    m, n, k, driven = ep.stop.size, layout.size, kind.size, len(P0)
     return Linear(
+        P0=P0,
+        mean0=np.concatenate([np.zeros(N_NAV), -solution.x[0]]),
+        gate=float(solution.problem.gate),
+        reset_s=decided_by.reset_after,
         time=ep.time,
         F=np.zeros((m, N_NAV, n)),
         D=np.zeros((m, n - N_NAV)),
@@ -328,27 +308,11 @@ def evaluate(
     every: list[tuple[Array, Array, np.ndarray]] = []
     for s in segments:
         m, k = s.linear.there.shape
-        white, nis, verdict = (
-            np.empty((m, k, 3)),
-            np.empty((m, k)),
-            np.zeros((m, k), dtype=np.int64),
-        )
+        white, nis = np.empty((m, k, 3)), np.empty((m, k))
+        verdict = np.zeros((m, k), dtype=np.int64)
         share, scale = variance[s.of_part], variance[s.of_kind]
-        cost += run_linear(
-            s.linear,
-            s.P0,
-            s.mean0,
-            share,
-            slope_of[s.of_part],
-            scale,
-            slope_of[s.of_kind],
-            s.gate,
-            s.reset_s,
-            total,
-            white,
-            nis,
-            verdict,
-        )
+        of_part, of_kind = slope_of[s.of_part], slope_of[s.of_kind]
+        cost += run_linear(s.linear, share, of_part, scale, of_kind, total, white, nis, verdict)
         measured = verdict[:, POSITION] != NOT_MEASURED
         every.append((white[measured, 0], nis[measured, 0], verdict[measured, 0]))
     white, nis, verdict = (np.concatenate([arrays[i] for arrays in every]) for i in range(3))

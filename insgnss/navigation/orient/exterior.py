@@ -29,8 +29,6 @@ from ...geodesy.rotation import skew
 from ...records import Array, CameraEvents, ExteriorOrientation, Trajectory
 from ...records.cameras.mounting import Mounting
 
-POSE = np.r_[0:3, 6:9]
-
 
 def exterior_orientation(
     at_exposure: Trajectory,
@@ -73,13 +71,13 @@ def exterior_orientation(
         raise InputError("exterior_orientation: the trajectory is not at the exposures' times")
     C_mn, C_mb = _axes(at_exposure, plane)
     lever_m = C_mb @ mounting.camera_lever_b
-    J = _pose_jacobian(C_mn, lever_m)
+    J = pose_derivatives(at_exposure, mounting, plane)
     J_t = np.swapaxes(J, -1, -2)
-    cov = J @ at_exposure.cov[:, POSE[:, None], POSE] @ J_t
+    cov = J @ at_exposure.cov @ J_t
     n = len(events.images)
     cross = np.zeros((max(n - 1, 0), 6, 6))
     if at_exposure.cross is not None:
-        cross = J[:-1] @ at_exposure.cross[:, POSE[:, None], POSE] @ J_t[1:]
+        cross = J[:-1] @ at_exposure.cross @ J_t[1:]
     velocity = rate = None
     if at_exposure.rate_b is not None:
         rate = np.einsum("nij,nj->ni", C_mb, at_exposure.rate_b)
@@ -123,8 +121,10 @@ def pose_derivatives(at_exposure: Trajectory, mounting: Mounting, plane: Tangent
         down at the point.
     """
     C_mn, C_mb = _axes(at_exposure, plane)
-    J = np.zeros((len(at_exposure), 6, 9))
-    J[:, :, POSE] = _pose_jacobian(C_mn, C_mb @ mounting.camera_lever_b)
+    lever_m, J = C_mb @ mounting.camera_lever_b, np.zeros((len(at_exposure), 6, 9))
+    J[:, :3, :3] = C_mn
+    J[:, 3:, 6:] = C_mn
+    J[:, :3, 6:] = -skew(lever_m) @ C_mn
     return J
 
 
@@ -132,12 +132,3 @@ def _axes(at_exposure: Trajectory, plane: TangentPlane) -> tuple[Array, Array]:
     """C_mn and C_mb, (n, 3, 3)."""
     C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
     return C_mn, C_mn @ at_exposure.C_nb
-
-
-def _pose_jacobian(C_mn: Array, lever_m: Array) -> Array:
-    """(n, 6, 6) of (O.2)."""
-    J = np.zeros((lever_m.shape[0], 6, 6))
-    J[:, :3, :3] = C_mn
-    J[:, 3:, 3:] = C_mn
-    J[:, :3, 3:] = -skew(lever_m) @ C_mn
-    return J

@@ -234,7 +234,8 @@ def relative_control(
     C_i, C_j, d = eo.C_fc[i], eo.C_fc[j], eo.coordinates[j] - eo.coordinates[i]
     J_i, J_j = jacobians(form, C_i, C_j, d)
     J_it, J_jt = np.swapaxes(J_i, 1, 2), np.swapaxes(J_j, 1, 2)
-    independent = _symmetric(J_i @ eo.cov[i] @ J_it + J_j @ eo.cov[j] @ J_jt)
+    independent = J_i @ eo.cov[i] @ J_it + J_j @ eo.cov[j] @ J_jt
+    independent = 0.5 * (independent + np.swapaxes(independent, 1, 2))
     shared = J_i @ cross @ J_jt
     C_if = np.swapaxes(C_i, 1, 2)
     axes = eo.C_fE[i] if form == "mapping" else C_if @ eo.C_fE[i]
@@ -289,7 +290,3 @@ def _gyro(independent: Array, axes: Array, dt: Array, gyro: GyroFigures) -> Arra
     variance = gyro.noise**2 * dt[:, None] + (drift * dt[:, None]) ** 2
     out[:, 3:, 3:] = np.einsum("nij,nj,nkj->nik", axes, variance, axes)
     return out
-
-
-def _symmetric(P: Array) -> Array:
-    return 0.5 * (P + np.swapaxes(P, 1, 2))

@@ -4,7 +4,7 @@ import pytest
 
 from insgnss.base.errors import DataError
 from insgnss.flight.processing.estimation_problem import refuse_beyond_memory
-from insgnss.navigation.filter.blocks import forecast
+from insgnss.navigation.filter.forecast import forecast
 
 DAY = forecast(14_400_000, 290_000, 34, 1, 4000, 288_001)
 

@@ -97,7 +97,7 @@ def test_the_evidence_is_that_of_the_filter_with_the_step():
     problem, chosen = flown.problem, np.array([15, 25, 40])
     solution = solve(problem, start_near(flown, SIGMA), "off", separations=0)
     segment = linear_segment(solution, ())
-    start = InitialState(solution.nav[0], solution.x[0], segment.mean0, segment.P0[0])
+    start = InitialState(solution.nav[0], solution.x[0], segment.linear.mean0, segment.linear.P0[0])
     same = solve(problem, start, "off", separations=chosen, about=solution)
     nothing = evaluate([segment], np.zeros(0)).cost
     for epoch, evidence in zip(chosen, step_evidence(same), strict=True):

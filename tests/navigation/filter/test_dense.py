@@ -12,9 +12,9 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.navigation.filter import dense as module
-from insgnss.navigation.filter.dense import _give_back, dense_trajectory
-from insgnss.navigation.filter.solution import Solution, solve, trajectory
+from insgnss.navigation.filter import trajectory as module
+from insgnss.navigation.filter.solution import Solution, solve
+from insgnss.navigation.filter.trajectory import _give_back, dense_trajectory, trajectory
 from insgnss.records import Trajectory
 
 SIGMA = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([0.5, 0.5, 1.0])])

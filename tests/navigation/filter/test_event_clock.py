@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from insgnss.geodesy.rotation import quaternion_from_rotation, vector_from_rotation
 from insgnss.navigation.filter.event_clock import event_delay, event_derivatives, receiver_events
 from insgnss.navigation.filter.layout import FixErrors, state_layout
-from insgnss.navigation.filter.solution import Solution, rotate_blocks, solve, trajectory
+from insgnss.navigation.filter.solution import Solution, solve
+from insgnss.navigation.filter.trajectory import rotate_blocks, trajectory
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records import Trajectory
 

@@ -17,9 +17,8 @@ from insgnss.navigation.filter.codes import (
     USED,
     ZUPT,
 )
-from insgnss.navigation.filter.dense import _give_back, _missed
 from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, with_nhc, with_zupt
-from insgnss.navigation.filter.event_chain import _whitened, nodes_of
+from insgnss.navigation.filter.event_chain import EventTransitions, _whitened, nodes_of
 from insgnss.navigation.filter.event_clock import _means
 from insgnss.navigation.filter.filter import (
     history_room,
@@ -32,10 +31,12 @@ from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.smoother import diagonal, unpacked
 from insgnss.navigation.filter.solution import (
     _kept_rows,
-    _move,
     _nonlinear,
+    move,
     refuse_negative_variances,
 )
+from insgnss.navigation.filter.strapdown import nav_difference
+from insgnss.navigation.filter.trajectory import _give_back
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records.qualities import Quality
 
@@ -190,10 +191,10 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
     S[2], S[4, 3:] = 0.0, 0.0
     event = np.full(m, ABSENT)
     event[[1, 4, 6]] = [0, 1, 2]
-    M, begun, out = np.eye(n), np.zeros(1, dtype=np.int64), np.zeros((3, n, n))
+    transitions = EventTransitions.before(3, n)
     slot, used = np.array([0, 3]), np.full(6, width)
     room = history_room(m, n, m, slot, used, np.full(m, ABSENT), 0, 3)
-    event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, M, begun, out)
+    event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, transitions)
     expected, product = [], None
     for e in range(m):
         if product is not None:
@@ -207,7 +208,7 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
         if event[e] != ABSENT:
             expected.append(np.eye(n) if product is None else product)
             product = np.eye(n)
-    assert_allclose(out, expected, atol=1e-12)
+    assert_allclose(transitions.of_events, expected, atol=1e-12)
 
 
 def test_what_a_strapdown_misses_is_given_back_without_a_kink() -> None:
@@ -228,7 +229,7 @@ def test_what_a_strapdown_misses_is_given_back_without_a_kink() -> None:
     assert_allclose(turned, share[:, None] * miss[:, 6:], atol=1e-12)
     start = np.zeros((9, 10))
     start[:, 6] = 1.0
-    assert_allclose(_missed(nav, start)[-1], miss[-1], atol=1e-12)
+    assert_allclose(nav_difference(nav, start)[-1], miss[-1], atol=1e-12)
 
 
 @pytest.mark.parametrize("delay", [0.03, -0.03, 0.004, -0.004, 0.0])
@@ -279,7 +280,7 @@ def test_the_nominal_is_moved_by_its_errors() -> None:
     nav = np.hstack([rng.normal(size=(5, 6)), C.as_quat(scalar_first=True)])
     x, before = rng.normal(size=(5, 3)), nav.copy()
     expected = x + delta[:, 9:]
-    _move(nav, x, delta)
+    move(nav, x, delta)
     turned = (Rotation.from_rotvec(delta[:, 6:9]) * C).as_matrix()
     assert_allclose(Rotation.from_quat(nav[:, 6:], scalar_first=True).as_matrix(), turned)
     assert_allclose(nav[:, :6], before[:, :6] + delta[:, :6])

@@ -20,7 +20,8 @@ from insgnss.navigation.filter.filter import gate_from_sigma, make_history, run_
 from insgnss.navigation.filter.kernels.error_model import add_gap_noise, channel_columns
 from insgnss.navigation.filter.kernels.records import make_integrals
 from insgnss.navigation.filter.kernels.update import feed_back, reset_covariance
-from insgnss.navigation.filter.solution import Solution, solve, trajectory
+from insgnss.navigation.filter.solution import Solution, solve
+from insgnss.navigation.filter.trajectory import trajectory
 
 WIDE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([2.0, 2.0, 20.0])])
 ALIGNED = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([0.5, 0.5, 1.0])])

@@ -103,7 +103,7 @@ def density_of_all(
         kernel_earth(problem.frame),
         problem.inc.stop,
     )
-    mean, P = segment.mean0.copy(), segment.P0.sum(axis=0)
+    mean, P = segment.linear.mean0.copy(), segment.linear.P0.sum(axis=0)
     P[9:, 9:] = np.diag(layout.sigma0**2)
     cross, rows, means, noise = np.zeros((0, n)), np.zeros((0, 0)), [], []
     z = []
@@ -229,7 +229,9 @@ def test_innovations_are_those_of_the_filter(disturbed):
     history.nav[:], history.x[:] = disturbed.nav, disturbed.x
     run_filter(
         problem,
-        InitialState(disturbed.nav[0], disturbed.x[0], segment.mean0, segment.P0.sum(axis=0)),
+        InitialState(
+            disturbed.nav[0], disturbed.x[0], segment.linear.mean0, segment.linear.P0.sum(axis=0)
+        ),
         history,
         closed_loop=False,
     )
@@ -248,7 +250,9 @@ def test_rejected_fixes_cost_their_gate(disturbed):
     history.nav[:], history.x[:] = disturbed.nav, disturbed.x
     run_filter(
         wide,
-        InitialState(disturbed.nav[0], disturbed.x[0], segment.mean0, segment.P0.sum(axis=0)),
+        InitialState(
+            disturbed.nav[0], disturbed.x[0], segment.linear.mean0, segment.linear.P0.sum(axis=0)
+        ),
         history,
         closed_loop=False,
     )

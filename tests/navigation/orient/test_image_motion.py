@@ -7,7 +7,8 @@ from flown import NO_GATE, fly, start_near, without_noise
 
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.navigation.filter.solution import solve, trajectory
+from insgnss.navigation.filter.solution import solve
+from insgnss.navigation.filter.trajectory import trajectory
 from insgnss.navigation.orient.exterior import exterior_orientation
 from insgnss.records import CameraEvents
 from insgnss.records.cameras.mounting import Mounting

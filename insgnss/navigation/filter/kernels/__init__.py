@@ -8,7 +8,8 @@ records        what kernels take and fill: intervals, epochs, models, scratch
 strapdown      the nominal state from one epoch to the next
 error_model    transition and process noise of the errors over the same interval
 prediction     covariance, mean and columns of errors over the same interval
-measurements   innovation and derivative of each kind of measured triple
+antenna        innovation and derivative of a fix, position and velocity
+measurements   the same of every other kind of measured triple, and by kind
 update         innovation gate, update with three scalars, covariance reset, feedback
 forward        the filter over all epochs
 backward       the smoother over all epochs

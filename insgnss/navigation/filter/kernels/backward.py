@@ -40,12 +40,8 @@ def run_backward(event, history, full, state, begin, out):
     lam, Lam, smoothed_later = state.adjoint, state.information, state.later
     chained = out.read.state.size > 0
     new = np.zeros(n)
-    A, B, smoothed, gain = (
-        np.zeros((n, n)),
-        np.zeros((n, n)),
-        np.zeros((n, n)),
-        np.zeros((n, n)),
-    )
+    A, B = np.zeros((n, n)), np.zeros((n, n))
+    smoothed, gain = np.zeros((n, n)), np.zeros((n, n))
     M, G, AN = np.zeros((N_NAV, n)), np.zeros((N_NAV, n)), np.zeros((N_NAV, n))
     BN, nav = np.zeros((N_NAV, N_NAV)), np.zeros((N_NAV, N_NAV))
     g = np.zeros((3, n))

@@ -40,7 +40,7 @@ from .update import (
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin):
+def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b, options):
     """Run the extended Kalman filter over the whole flight, or over a block of its epochs.
 
     In closed loop the error estimate is fed back after every update, once psi is known better than
@@ -53,32 +53,29 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
 
     Parameters
     ----------
-    intervals : IntegrationIntervals
-        The body increments.
     epochs : Epochs
         The m epochs of the filter.
+    state : FilterState
+        The filter after the epoch before `begin`, or a priori at the first epoch; taken on in place
+        to the last epoch.
+    history : FilterHistory
+        What the forward pass leaves, filled in place.
+    begin : int
+        0 for the first epoch of the flight, which nothing is predicted to; else the first epoch of
+        a block, one at least, with the last of the block before in front of it.
+    intervals : IntegrationIntervals
+        The body increments.
     model : StateModel
         The error states behind those of navigation.
     earth : Earth
         The local frame l.
     lever_b : ndarray
         (3,) from the IMU to the antenna's phase centre, body axes, m.
-    state : FilterState
-        The filter after the epoch before `begin`, or a priori at the first epoch; taken on in place
-        to the last epoch.
     options : FilterOptions
         What the pass decides by.
-    history : FilterHistory
-        What the forward pass leaves, filled in place.
-    begin : int
-        0 for the first epoch of the flight, which nothing is predicted to; else the first epoch of
-        a block, one at least, with the last of the block before in front of it.
     """
-    closed_loop, threshold, reset_after = (
-        options.closed_loop,
-        options.feedback_threshold,
-        options.reset_after,
-    )
+    closed_loop, reset_after = options.closed_loop, options.reset_after
+    threshold = options.feedback_threshold
     ns = model.channel.size
     n = N_NAV + ns
     wide = history.H.shape[2]
@@ -90,12 +87,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
     if state.times[1] > 0.0:
         set_decay(model, state.times[1], work)
     H, nu, R = triple.H, triple.nu, triple.R
-    X, W, Qbb, nine = (
-        np.zeros((N_NAV, n)),
-        np.zeros((1, N_NAV, n)),
-        np.zeros((1, ns)),
-        np.zeros((N_NAV, N_NAV)),
-    )
+    W, Qbb = np.zeros((1, N_NAV, n)), np.zeros((1, ns))
+    X, nine = np.zeros((N_NAV, n)), np.zeros((N_NAV, N_NAV))
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
     L, S3, innovation = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 3))
     HP, T = np.zeros((3, n)), np.zeros((3, N_NAV))
@@ -180,20 +173,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             forward_solve3(L, HP)
             for i in range(3):
                 copy_vector(H[i, :wide], history.H[row, b + i])
-            triple_update(
-                P,
-                m,
-                H,
-                HP,
-                nu,
-                used,
-                history.K[row, b : b + 3],
-                history.S[e, b : b + 3],
-                history.y[e, b : b + 3],
-                cross,
-                track_cross,
-                T,
-            )
+            K, S, y = history.K[row, b : b + 3], history.S[e, b : b + 3], history.y[e, b : b + 3]
+            triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T)
         fed_back = fed_back or max(P[AX, AX], P[AY, AY], P[AZ, AZ]) < threshold * threshold
         if closed_loop and fed_back:
             feed_back(nav, x, m)

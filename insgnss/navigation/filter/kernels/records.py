@@ -332,34 +332,6 @@ class FilterState(NamedTuple):
     times: np.ndarray
 
 
-class SmootherState(NamedTuple):
-    """The smoother between two epochs.
-
-    Parameters
-    ----------
-    adjoint : ndarray
-        (n,) lambda of (B.1).
-    information : ndarray
-        (n, n) Lambda.
-    within : ndarray
-        (1,) int, whether the interval up to the epoch after lies within an outage; only then the
-        rest is set.
-    later : ndarray
-        (n, n) smoothed covariance at the epoch after.
-    F, D, W, Qbb : ndarray
-        Transition and process noise up to it, as in `FilterHistory`.
-    """
-
-    adjoint: np.ndarray
-    information: np.ndarray
-    within: np.ndarray
-    later: np.ndarray
-    F: np.ndarray
-    D: np.ndarray
-    W: np.ndarray
-    Qbb: np.ndarray
-
-
 class FilterHistory(NamedTuple):
     """What the forward pass leaves at each epoch; post: after the update at that epoch.
 

@@ -166,17 +166,9 @@ def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, in
         m21 = 2.0 * (y * z + w * x)
         m22 = 1.0 - 2.0 * (x * x + y * y)
         if first:
-            f00, f01, f02, f10, f11, f12, f20, f21, f22 = (
-                m00,
-                m01,
-                m02,
-                m10,
-                m11,
-                m12,
-                m20,
-                m21,
-                m22,
-            )
+            f00, f01, f02 = m00, m01, m02
+            f10, f11, f12 = m10, m11, m12
+            f20, f21, f22 = m20, m21, m22
             first = False
         c00 += h * m00
         c01 += h * m01

@@ -33,7 +33,7 @@ def update_errors(H, K, S, used, M, rows):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def event_transitions(event, history, begin, M, begun, out):
+def event_transitions(event, history, begin, transitions):
     """Multiply transitions and updates between events, from the first event to the last.
 
     Parameters
@@ -44,22 +44,18 @@ def event_transitions(event, history, begin, M, begun, out):
         What the forward pass left.
     begin : int
         The first epoch to be passed.
-    M : ndarray
-        (n, n) product so far, taken on in place; before the first event the unit matrix.
-    begun : ndarray
-        (1,) int, whether there was an event before, set in place.
-    out : ndarray
-        (events, n, n) filled in place: takes the error after the event before to that after this
-        one; of the first the unit matrix.
+    transitions : EventTransitions
+        Those of the epochs before (`navigation.filter.event_chain`), taken on in place.
     """
-    h, n = history, M.shape[0]
+    h, M, begun = history, transitions.product, transitions.begun
+    n = M.shape[0]
     top, rows = np.zeros((N_NAV, n)), np.zeros((h.used.size, n))
     for e in range(begin, event.size):
         if begun[0] != 0:
             predict_errors(h.F[e], h.D[e], M, top)
             update_errors(h.H[e], h.K[e], h.S[e], h.used, M, rows)
         if event[e] != ABSENT:
-            copy_matrix(M, out[event[e]])
+            copy_matrix(M, transitions.of_events[event[e]])
             M[:] = 0.0
             for r in range(n):
                 M[r, r] = 1.0
