@@ -356,7 +356,7 @@ def _checks(
     more: list[Finding],
 ) -> list[Finding]:
     """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
-    from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
+    from ...navigation.diagnosis.variances import check_turn_on, without_turn_on
     from ...navigation.recognise.claims import with_set_clock
     from ...navigation.recognise.plausibility import check_recording
     from ...navigation.recognise.turns import check_events

@@ -53,7 +53,6 @@ from ..filter.codes import (
 from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from ..prepare.gaps import LEAST_GAP_INTERVALS
 from .advice import NEGLIGIBLE_M
 from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
 from .estimated import fix_counts, rms_speed
@@ -64,6 +63,7 @@ STEP = "clock step"
 INSTANTS = 48  # of a pass, at which a step is looked for
 REFINEMENTS = 3  # of which each looks at the neighbourhood of the best of the one before
 INTERVALS_AROUND = 2  # intervals on either side that are looked at again
+LACKING_INTERVALS = 1.5  # nominal ones, beyond which one is a gap (`navigation.prepare.gaps`)
 GAPS = 16  # of the IMU, the longest, that may be a step of its clock
 REFINED = 3  # times that the size is estimated with the fixes moved
 # log evidence of a step beyond what was adopted without it. Of rates and offsets that are none the
@@ -389,7 +389,7 @@ def _scanned(
 def _gaps(problem: EstimationProblem) -> list[_Lapse]:
     """Return the longest bridged gaps of the IMU, `GAPS` at most."""
     stop, dt = problem.epochs.stop, problem.inc.dt
-    longer = LEAST_GAP_INTERVALS * problem.inc.nominal_s
+    longer = LACKING_INTERVALS * problem.inc.nominal_s
     rows = np.flatnonzero((problem.epochs.gap > 0.0).any(axis=1))
     gaps = []
     for epochs in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):

@@ -147,7 +147,7 @@ class _State:
     posed: Posed | None = None
     variances: VarianceSearch | None = None
 
-    def tried(
+    def after_trial(
         self,
         names: Iterable[State | str],
         checks: Sequence[Finding] = (),
@@ -278,7 +278,9 @@ def _delays(
 def _corrected(state: _State, delay: DynamicsTrial) -> _State:
     """Return the state without the delay of a sensor."""
     adopted = delay.solution, state.model
-    return state.tried([delay.dynamics.name], [delay.check()], adopted=adopted, posed=delay.posed)
+    return state.after_trial(
+        [delay.dynamics.name], [delay.check()], adopted=adopted, posed=delay.posed
+    )
 
 
 def _with_constants(
@@ -306,7 +308,7 @@ def _with_constants(
     checks = advice(search.mounting, solution, solved, rivals, search.exposures, sentences)
     which = ", ".join(map(str, suspected.groups))
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
-    return here.tried(suspected.groups, checks, sentence, (solution, model))
+    return here.after_trial(suspected.groups, checks, sentence, (solution, model))
 
 
 def _as_allowed(
@@ -322,7 +324,7 @@ def _as_allowed(
     )
     new = remedied.checks[len(here.checks) :]
     checks = [check for check in new if check.name in constants.exact]
-    return here.tried(suspected.groups, checks, sentence)
+    return here.after_trial(suspected.groups, checks, sentence)
 
 
 def _variance(
@@ -346,7 +348,7 @@ def _variance(
             return None
         check = variance_check(winner, search.claims)
         adopted = solution, model
-        return here.tried([winner.family], [check], adopted=adopted, variances=after)
+        return here.after_trial([winner.family], [check], adopted=adopted, variances=after)
 
     return winner.evidence, adopt
 
@@ -378,7 +380,7 @@ def _slow_bias(
         if best in beside:
             best = replace(best, evidence=0.5 * gain)
         adopted = solution, best.model
-        return state.tried([best.kind], [best.check(solution)], adopted=adopted, posed=again)
+        return state.after_trial([best.kind], [best.check(solution)], adopted=adopted, posed=again)
 
     return max(one.evidence for one in suspects), adopt
 
@@ -480,9 +482,9 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
         model = replace(model, fixes=with_larger_white_share(model.fixes))
     else:
         sentence = f"{message(model.fixes)}; given up, the filter loses fixes with it"
-        return here.tried([name], (), sentence)
+        return here.after_trial([name], (), sentence)
     if adopted is None:
         sentence = f"{message(model.fixes)}; given up, it explains the whole flight no better"
-        return here.tried([name], (), sentence)
+        return here.after_trial([name], (), sentence)
     model, solution = adopted
-    return here.tried([name], (), message(model.fixes), (solution, model))
+    return here.after_trial([name], (), message(model.fixes), (solution, model))

@@ -38,7 +38,7 @@ from .incorrect_fixes import (
 )
 from .sensitivity import Sensitivity
 from .time_correlated import code_errors, code_message
-from .turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
+from .variances import check_biases_in_innovations, with_turn_on, without_turn_on
 
 OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
 OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds

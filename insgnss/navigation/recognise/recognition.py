@@ -266,7 +266,7 @@ def _recognised(
     of_clocks = clock.of_offset, clock.of_scale
     findings = force.of_quantity, force.of_unit, of_unit, triads, *of_axis, *of_clocks
     motion = _motion(relation, pose, C_b_imu if axes else np.eye(3))
-    tried = clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirror))
+    mirror_is_known = clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirror))
     return Recognition(
         force.quantity,
         unit,
@@ -280,7 +280,7 @@ def _recognised(
         clock.offset_s,
         clock.sigma_s,
         clock.scale,
-        tried and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
+        mirror_is_known and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
     )
 
 
