@@ -89,12 +89,8 @@ def advice(
     list of Finding
         One for each kind of constant, the most significant first.
     """
-    values = {
-        state: (float(value), float(sigma))
-        for state, value, sigma in zip(
-            suspected.states, suspected.value, suspected.sigma, strict=True
-        )
-    }
+    pairs = zip(suspected.value.tolist(), suspected.sigma.tolist(), strict=True)
+    values = dict(zip(suspected.states, pairs, strict=True))
     speed = rms_speed(solution)
     minutes = float(solution.time[-1] - solution.time[0]) / 60.0
     names = [" and ".join(map(str, rival.groups)) for rival in rivals]
@@ -186,14 +182,12 @@ def unseen(
     _, names, effects = zip(*(hidden or errors), strict=True)
     moved = ", ".join(dict.fromkeys(effects))
     text = f"this flight would not reveal errors of {', '.join(names)}: {moved}"
-    return Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen").note(
-        text,
-        Step(
-            "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
-            " turns, tilts and changes of speed show them"
-        ),
-        when=hidden,
+    remedy = Step(
+        "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
+        " turns, tilts and changes of speed show them"
     )
+    ask = Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen")
+    return ask.note(text, remedy, when=hidden)
 
 
 def millimetres(metres: float) -> str:
@@ -328,16 +322,13 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
     sigma = np.array([NEGLIGIBLE_M if one is None else one[1] for one in lever])
     limit = np.maximum(SEEN * sigma, NEGLIGIBLE_M)
     estimate = mounting.antenna_lever_b + value
-    others = [
-        replace(mounting, camera_from_body=T)
-        for T in right_angle_rotations()
-        if np.abs(T - mounting.camera_from_body).max() > TURNED_ELEMENT
-    ]
-    return [
-        other.camera_from_body
-        for other in others
-        if (np.abs(other.antenna_lever_b - estimate) < limit).all()
-    ]
+    turns = []
+    for T in right_angle_rotations():
+        lever_b = replace(mounting, camera_from_body=T).antenna_lever_b
+        is_another = np.abs(T - mounting.camera_from_body).max() > TURNED_ELEMENT
+        if is_another and (np.abs(lever_b - estimate) < limit).all():
+            turns.append(T)
+    return turns
 
 
 def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Finding:

@@ -202,7 +202,10 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         grid = np.tile(np.linspace(low, high, INSTANTS), of_imu.size // INSTANTS)
         more = at_gap if round_ == 0 else at_gap[:0]
         instants, kind = np.append(grid, more), np.append(of_imu, more > 0.0)
-        solution, size, evidence = _shown(opened, start, instants, kind, velocity)
+        jump = np.zeros((instants.size, N_NAV))
+        epochs = np.minimum(np.searchsorted(time, instants[kind]), time.size - 1)
+        jump[kind, POS] = -velocity[epochs]
+        solution, size, _, evidence = _scanned(opened, start, instants, jump)
         evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
         if evidence[k] < SHOWN:
@@ -215,22 +218,6 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         reach = INTERVALS_AROUND * (high - low) / (INSTANTS - 1)
         low, high = max(best - reach, first), min(best + reach, last)
     return _Candidate(solution, best, step_s, loses_samples=bool(of_imu[0]))
-
-
-def _shown(
-    problem: EstimationProblem,
-    start: InitialState,
-    instants: Array,
-    of_imu: np.ndarray,
-    velocity: Array,
-) -> tuple[Solution, Array, Array]:
-    """Return the solution, and size and (Z.1) of steps of the fixes' clock or of the IMU's."""
-    time = problem.epochs.time
-    epochs = np.minimum(np.searchsorted(time, instants), time.size - 1)
-    jump = np.zeros((instants.size, N_NAV))
-    jump[of_imu, POS] = -velocity[epochs[of_imu]]
-    solution, size, _, evidence = _scanned(problem, start, instants, jump)
-    return solution, size, evidence
 
 
 def _refined(
@@ -334,12 +321,10 @@ def step_check(step: ClockStep) -> Finding:
     if not np.isinf(step.evidence):
         moves += f", log evidence {step.evidence:.0f} beyond any rate"
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
-    whose, mended = (
-        "",
-        (
-            f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
-            f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
-        ),
+    whose = ""
+    mended = (
+        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
+        f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
     )
     if step.of_imu:
         whose = "; the IMU's stamps have a gap as long there, so its clock it is"

@@ -121,15 +121,12 @@ class Constants:
         Constants or None
             None where the filter has no state that acts like one of them.
         """
-        like, factor, state, stated = [], [], [], []
+        rows: list[tuple[int, int, int, float]] = []  # state, like, factor, stated
         for s in states:
             constant, channel = wide.states[s], int(wide.channel[s])
             if constant in own.states:
                 k = own.states.index(constant)
-                state.append(N_NAV + k)
-                like.append(ABSENT)
-                factor.append(ABSENT)
-                stated.append(float(own.sigma0[k]))
+                rows.append((N_NAV + k, ABSENT, ABSENT, float(own.sigma0[k])))
                 continue
             if s == wide.rate:
                 acts_like, times = own.offset, DRIFT
@@ -137,13 +134,10 @@ class Constants:
                 acts_like, times = _bias_of(own, channel), int(wide.factor[s])
             if acts_like == ABSENT or (times < 0 and times != DRIFT):
                 return None
-            state.append(ABSENT)
-            like.append(N_NAV + acts_like)
-            factor.append(times)
-            stated.append(0.0)
+            rows.append((ABSENT, N_NAV + acts_like, times, 0.0))
         constants = tuple(wide.states[s] for s in states)
-        columns = (np.array(each) for each in (state, like, factor, stated, wide.sigma0[states]))
-        return cls(constants, *columns)
+        state, like, factor, stated = (np.array(column) for column in zip(*rows, strict=True))
+        return cls(constants, state, like, factor, stated, wide.sigma0[states])
 
 
 def _bias_of(layout: StateLayout, channel: int) -> int:

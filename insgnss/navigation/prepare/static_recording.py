@@ -104,8 +104,6 @@ class StaticSpan:
     rate_hz : float, Hz
     begin_s : float, s
         Begin of the span, from the recording's first sample.
-    filled : int
-        Number of interpolated samples in the place of missing ones.
     checks : tuple of Finding
     disturbances : tuple of Disturbance
         The strongest first.
@@ -115,7 +113,6 @@ class StaticSpan:
     accel: Array
     rate_hz: float
     begin_s: float
-    filled: int
     checks: tuple[Finding, ...]
     disturbances: tuple[Disturbance, ...]
 
@@ -185,13 +182,11 @@ def static_span(
     checks += _earth_rate(gyro) if all(channels[:3]) else []
     disturbances: tuple[Disturbance, ...] = ()
     if all(check.verdict != "contradiction" for check in checks):
-        disturbances, rest = _at_rest(
-            gyro, accel, float(time[first]), rate, [column for _, column in named]
-        )
-        checks.append(rest)
-    return StaticSpan(
-        gyro, accel, rate, float(time[first]), filled, (*imu.notes, *checks), disturbances
-    )
+        columns = [column for _, column in named]
+        disturbances, at_rest = _at_rest(gyro, accel, float(time[first]), rate, columns)
+        checks.append(at_rest)
+    begin_s, checks = float(time[first]), [*imu.notes, *checks]
+    return StaticSpan(gyro, accel, rate, begin_s, tuple(checks), disturbances)
 
 
 def _length(length_s: float) -> Finding:
@@ -274,11 +269,9 @@ def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
             " rounding"
         )
         hidden = min(n for _, n, _ in coarse) < ROUNDED
-        advice = (
-            "the rounding hides the noise: record with a finer range"
-            if hidden
-            else "the white noise found contains the rounding"
-        )
+        advice = "the white noise found contains the rounding"
+        if hidden:
+            advice = "the rounding hides the noise: record with a finer range"
         scattering = Question("rounding", f"samples scatter by {FINE_STEPS} steps and more")
         checks.append(scattering.against(finding, advice, hidden))
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:

@@ -179,11 +179,8 @@ def _silent(imu: ImuSamples, dt: float) -> Finding:
             band.append(name)
             continue
         dead.append(name)
-        how = (
-            how
-            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s"
-            f" from {imu.time[first]:.2f} s on"
-        )
+        length, begin = (last - first + 1) * dt, imu.time[first]
+        how = how or f"stays at {column[first]:z.6g} for {length:.1f} s from {begin:.2f} s on"
     ask = Question("silent sensor", f"no channel constant for over {STUCK_S:.0f} s")
     if dead:
         finding = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")

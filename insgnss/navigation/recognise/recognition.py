@@ -189,7 +189,11 @@ def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
 
     The samples reach far enough for every time offset that is looked for.
     """
-    lo, hi = liveliest(gnss, LOOKED_AT_S)
+    return recognise_between(imu, gnss, *liveliest(gnss, LOOKED_AT_S))
+
+
+def recognise_between(imu: ImuSamples, gnss: GnssFixes, lo: float, hi: float) -> Recognition:
+    """Apply `recognise` to the fixes between two instants, s, and the samples around them."""
     return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
 
 

@@ -389,11 +389,8 @@ def scaled(
 
 def base_distance(fixes: GnssFixes, base_ecef: ArrayLike) -> Array:
     """Return the distance (n,) m of the fixes from the base, ECEF (3,) m."""
-    return np.asarray(
-        np.linalg.norm(
-            geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - np.asarray(base_ecef), axis=1
-        )
-    )
+    ecef = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+    return np.asarray(np.linalg.norm(ecef - np.asarray(base_ecef), axis=1))
 
 
 def forward_backward(time: Array, forward: GnssFixes, backward: GnssFixes) -> Separation:

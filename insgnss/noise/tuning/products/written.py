@@ -7,8 +7,14 @@ from pathlib import Path
 from ....base.errors import DataError
 from ....base.output.staging import together
 from ....base.provenance import made_from
-from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
-from ....navigation.noise_model.noise_file import model_of_text, text_of_model
+from ....navigation.noise_model.model import (
+    NOISE_UNITS,
+    AxisNoise,
+    NoiseModel,
+    model_of_text,
+    text_of_model,
+    write_noise_model,
+)
 from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
 from ..targets import check_target, make_directory, refuse_others
