@@ -43,7 +43,7 @@ NEGLIGIBLE_M = 0.02  # a right lever arm came out 11 mm off on a simulated fligh
 DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody claims can make it up
 SEEN = 4.0  # sigmas of what a flight tells: from there on its log evidence is strong
 UNSEEN_M = NEGLIGIBLE_M  # what would contradict the flight file if it were seen
-UNSEEN_SIGMA = 3.0
+UNSEEN_SIGMA = 3.0  # median sigmas of a position: an error below is within what images state
 # log evidence with wide a-priori sigmas that none of 160 right flights of three minutes reached:
 # the largest was 2.7
 BY_CHANCE = 3.0
@@ -55,7 +55,7 @@ STAMPED = (
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
 # instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
 LATE_SAMPLES = (0.25, 0.5)
-LATE_SIGMAS = 2.0
+LATE_SIGMAS = 2.0  # sigmas of the offset, within which it is one of `LATE_SAMPLES` (95 %)
 
 
 def advice(
@@ -130,9 +130,9 @@ def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> b
     What the flight does not tell from an error of the IMU alone is no contradiction of the flight
     file; a rival that has the same constant as well supports it.
     """
-    own = {one for one in suspected.groups if one.group == group}
+    of_group = {one for one in suspected.groups if one.group == group}
     return suspected.wide_evidence >= STRONG and all(
-        own <= set(rival.groups) or set(rival.groups) <= set(OF_FIXES) for rival in rivals
+        of_group <= set(rival.groups) or set(rival.groups) <= set(OF_FIXES) for rival in rivals
     )
 
 
@@ -289,10 +289,10 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
 
     The flight measures only the vector between them, so that both explain it alike.
     """
-    off = mounting.C_cb @ value
+    error_m = mounting.C_cb @ value
     antenna, imu = (
         f"[{', '.join(f'{v:.3f}' for v in position)}]"
-        for position in (mounting.antenna_m + off, mounting.imu_m - off)
+        for position in (mounting.antenna_m + error_m, mounting.imu_m - error_m)
     )
     how_well = f"antenna_sigma_m = {max(sigma, 1e-3):.3f}"
     if not exposures:

@@ -424,7 +424,7 @@ def _moved(
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
     way = path[before] + tau * (velocity[before] + 0.5 * tau * grows) - path[index]
     turned = arm[before] + tau / length[:, None] * (arm[before + 1] - arm[before]) - arm[index]
-    position, own = epochs.position.copy(), epochs.velocity.copy()
+    position, fix_velocity = epochs.position.copy(), epochs.velocity.copy()
     position[index] -= way + turned
-    own[index] -= velocity[before] + tau * grows - velocity[index]
-    return replace(problem, epochs=epochs._replace(position=position, velocity=own))
+    fix_velocity[index] -= velocity[before] + tau * grows - velocity[index]
+    return replace(problem, epochs=epochs._replace(position=position, velocity=fix_velocity))

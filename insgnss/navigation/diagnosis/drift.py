@@ -114,9 +114,9 @@ def hidden_drift(
 
 def _ratios(solution: Solution) -> np.ndarray:
     """Separations in their sigmas, (epochs, 9), 0 where they are not known."""
-    apart, sigma = solution.separation, solution.separation_sigma
-    determined = np.isfinite(apart) & np.isfinite(sigma) & (sigma > 0.0)
-    return np.abs(np.divide(apart, sigma, out=np.zeros_like(apart), where=determined))
+    separation, sigma = solution.separation, solution.separation_sigma
+    determined = np.isfinite(separation) & np.isfinite(sigma) & (sigma > 0.0)
+    return np.abs(np.divide(separation, sigma, out=np.zeros_like(separation), where=determined))
 
 
 @dataclass(frozen=True)

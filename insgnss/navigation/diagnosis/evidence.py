@@ -245,8 +245,8 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
     )
     S, y = history.S[measured, :3], history.y[measured, :3]
     S = np.where(rejected[:, None], 1.0, S)
-    own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
-    return float(np.sum(own + log_R))
+    fix_cost = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
+    return float(np.sum(fix_cost + log_R))
 
 
 def misfit(solution: Solution) -> float:

@@ -142,8 +142,8 @@ class Constants:
 
 def _bias_of(layout: StateLayout, channel: int) -> int:
     """Return a state that is the constant bias of a channel, or ABSENT."""
-    own = (layout.channel == channel) & (layout.factor == BIAS) & (layout.beta == 0.0)
-    return int(np.argmax(own)) if own.any() else ABSENT
+    is_bias = (layout.channel == channel) & (layout.factor == BIAS) & (layout.beta == 0.0)
+    return int(np.argmax(is_bias)) if is_bias.any() else ABSENT
 
 
 @dataclass(frozen=True)
@@ -173,8 +173,8 @@ class Sensitivity:
         """Return that before the first epoch."""
         count = len(constants.states)
         errors = np.zeros((problem.layout.size, count))
-        own = np.flatnonzero(constants.state != ABSENT)
-        errors[constants.state[own], own] = 1.0
+        of_states = np.flatnonzero(constants.state != ABSENT)
+        errors[constants.state[of_states], of_states] = 1.0
         return cls(problem, constants, errors, np.zeros((count, count)), np.zeros(count))
 
     def through(
@@ -193,15 +193,15 @@ class Sensitivity:
         begin : int
             The first of them to be passed.
         """
-        h, own, count = history, self.constants, self.vector.size
+        h, constants, count = history, self.constants, self.vector.size
         measured = epochs.stop, epochs.time, epochs.rate
         records = h.F, h.D, h.H, h.K, h.S, h.y, h.used
         sums = self.errors, self.information, self.vector
         sizes = (N_NAV, count), (3, count), (3, count), N_CHANNELS
         scratch = tuple(np.empty(size) for size in sizes)
-        since = np.zeros(count) if own.since is None else own.since
-        jump = np.zeros((count, N_NAV)) if own.jump is None else own.jump
-        acts = own.like, own.factor, since, jump
+        since = np.zeros(count) if constants.since is None else constants.since
+        jump = np.zeros((count, N_NAV)) if constants.jump is None else constants.jump
+        acts = constants.like, constants.factor, since, jump
         follow_constants(*intervals, *measured, *records, begin, *acts, *sums, *scratch)
 
     def of_the_data(self) -> tuple[Array, Array]:

@@ -134,11 +134,11 @@ class VarianceSearch:
         problem = self.part.problem
         names = available(problem.layout, bool(problem.epochs.has_velocity.any()))
         self.families = {
-            family: own
+            family: some
             for family, parameters in FAMILIES.items()
-            if (own := tuple(name for name in parameters if name in names))
+            if (some := tuple(name for name in parameters if name in names))
         }
-        self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
+        self.names = tuple(dict.fromkeys(name for some in self.families.values() for name in some))
         segment = linear_segment(self.part, self.names)
         self.search = Search([segment], self.names, progress, gain=LAST_GAIN)
         self.nothing = evaluate([segment], np.zeros(len(self.names)))

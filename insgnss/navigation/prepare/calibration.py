@@ -130,10 +130,10 @@ class ImuCalibration:
         """Name the largest bias, scale-factor error and misalignment of both triads."""
         parts = []
         for sensor, triad in self.triads.items():
-            off = triad.response - np.diag(np.diag(triad.response))
+            beside = triad.response - np.diag(np.diag(triad.response))
             bias = np.abs(triad.bias).max()
             text = f"{np.degrees(bias):.3f} deg/s" if sensor == "gyro" else f"{bias:.3f} m/s^2"
-            ppm, mrad = 1e6 * np.abs(triad.scale_factor).max(), 1e3 * np.abs(off).max()
+            ppm, mrad = 1e6 * np.abs(triad.scale_factor).max(), 1e3 * np.abs(beside).max()
             scale = f"scale to {ppm:.0f} ppm, misalignment to {mrad:.2f} mrad"
             parts.append(f"{sensor} bias to {text}, {scale}")
         return "; ".join(parts)

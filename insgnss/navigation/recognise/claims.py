@@ -112,8 +112,8 @@ def _compare_units(
         of_quantity = INCREMENT_UNITS[sensor] if recognition.quantity == "increments" else units
         unit = next((u for u, f in of_quantity.items() if abs(np.log(true / f)) < 1e-6), None)
         key = f"imu.units {sensor}"
-        off = Step(f"the numbers are off by {factor:.4g}, check {{{key}}}")
-        remedies.append(Step("the numbers look like {}", SetKey(key, unit)) if unit else off)
+        by_factor = Step(f"the numbers are off by {factor:.4g}, check {{{key}}}")
+        remedies.append(Step("the numbers look like {}", SetKey(key, unit)) if unit else by_factor)
         sure = min(sure, finding.confidence)
     if wrong_quantity and recognition.finding("quantity").confidence:
         quantity_of = SetKey("imu.quantity", recognition.quantity)

@@ -117,7 +117,7 @@ FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(l
 VALIDATED = (FIXED, DEGRADED)
 # RTKLIB's 0 to 7; of what is unknown the largest
 CLASS_OF_QUALITY = SINGLE, FIXED, FLOAT, SBAS, DGPS, SINGLE, PPP, SINGLE
-FLOAT_QUALITY = 2
+FLOAT_QUALITY = 2  # RTKLIB's code of float solutions
 # fixed ones that are needed, and epochs to either side that count where they are rarer than in
 # `support_s`
 SUPPORT_EPOCHS = 5
