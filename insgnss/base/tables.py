@@ -345,8 +345,8 @@ def _key_lines(text: str) -> dict[str, int]:
 def _lines_of_entry(lines: Mapping[str, int], name: str, entry: int) -> dict[str, int]:
     """Return the lines of a file with one entry of the array `name` in the place of the array."""
     numbered = f"{name}.{entry}"
-    others = {key: line for key, line in lines.items() if not key.startswith(f"{name}.")}
-    own = {
+    around = {key: line for key, line in lines.items() if not key.startswith(f"{name}.")}
+    inside = {
         key.removeprefix(numbered): line for key, line in lines.items() if key.startswith(numbered)
     }
-    return others | {name + key: line for key, line in own.items() if key[:1] in ("", ".")}
+    return around | {name + key: line for key, line in inside.items() if key[:1] in ("", ".")}

@@ -30,7 +30,7 @@ Where to look
         fixes: `quality.py`, few digits: `rounding.py` there; dead bands: `prepare/dead_band.py`
     gaps of the IMU: `prepare/gaps.py`, bridged in `increments.py` there, their variance in
         `add_gap_noise` of `filter/kernels/error_model.py`
-    noise numbers: `noise_model/models/`, read by `noise_model/noise_file.py`
+    noise numbers: `noise_model/models/`, read by `noise_model/model.py`
     first attitude: `align/initial.py`, of measurements where nothing moves `measured.py` there;
         whether a nose need follow its course:
         `recognise/propulsion.py`

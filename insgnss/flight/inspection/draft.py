@@ -14,8 +14,7 @@ from ...base.errors import UsageError
 from ...base.files import atomic_write
 from ...base.output.staging import together
 from ...base.wording import relative, toml
-from ...navigation.noise_model.model import NoiseModel, write_noise_model
-from ...navigation.noise_model.noise_file import comment_lines
+from ...navigation.noise_model.model import NoiseModel, comment_lines, write_noise_model
 
 NOISE_FILE, PICTURE_FILE, PAGE_FILE = "imu_noise.toml", "recognition.png", "inspect.html"
 WRAPPED = 100  # a list longer than this takes a line an item

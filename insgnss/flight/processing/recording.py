@@ -17,7 +17,7 @@ from ...io.exposures.rig import CameraExposures, ClockOffsets, merged_instants
 from ...io.formats.imu.exchanged_columns import exchanged_columns
 from ...io.formats.text.stamps import CLOCK_STEP
 from ...navigation.align.turn_on import turn_on_bias
-from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
+from ...navigation.diagnosis.variances import check_turn_on, without_turn_on
 from ...navigation.noise_model.model import (
     GaussMarkov,
     NoiseModel,

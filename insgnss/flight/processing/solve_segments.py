@@ -227,6 +227,7 @@ def _search(
         flight.gnss.gm_sigma == "auto",
         flight.filter.second_pass,
         step,
+        lambda problem: align(flight, problem, prepared.moved_s),
         _requested(flight),
         flight.filter.adaptive_noise == "auto",
         recording.of_receiver,
@@ -247,7 +248,6 @@ def _solve(
         prepared.problem,
         prepared.requested_errors,
         _search(flight, recording, prepared, step),
-        lambda problem: align(flight, problem, prepared.moved_s),
         recording.noise,
         lambda noise: layout_factory(flight, noise, recording.measurements),
         tuple(flight.accept),
@@ -255,7 +255,7 @@ def _solve(
     )
     step("align")
     try:
-        start, how = case.align(case.problem)
+        start, how = case.search.align(case.problem)
         case = replace(case, start=start, how=how)
     except DataError as error:
         case = replace(case, failure=error)

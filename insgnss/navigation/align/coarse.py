@@ -118,9 +118,9 @@ def _unsteadiness(time: Array, position: Array) -> float:
     The median keeps a few gross fixes out.
     """
     t, horizontal = time - time.mean(), position[:, :2]  # a line fitted in closed form
-    rest = horizontal - horizontal.mean(axis=0)
-    rest -= t[:, None] * ((t @ rest) / (t @ t))
-    size = np.sort(np.abs(rest), axis=None)
+    residual = horizontal - horizontal.mean(axis=0)
+    residual -= t[:, None] * ((t @ residual) / (t @ t))
+    size = np.sort(np.abs(residual), axis=None)
     return float(0.5 * (size[(size.size - 1) // 2] + size[size.size // 2]))
 
 

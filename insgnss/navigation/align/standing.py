@@ -82,9 +82,9 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     stationary = np.flatnonzero(ep.constraint == ZUPT)
     if stationary.size < 2:
         return None
-    apart = np.flatnonzero(np.diff(ep.time[stationary]) > 2.0)
-    begin = stationary[np.concatenate([[0], apart + 1])]
-    end = stationary[np.concatenate([apart, [stationary.size - 1]])]
+    breaks = np.flatnonzero(np.diff(ep.time[stationary]) > 2.0)
+    begin = stationary[np.concatenate([[0], breaks + 1])]
+    end = stationary[np.concatenate([breaks, [stationary.size - 1]])]
     with_fix = np.flatnonzero(ep.has_position)
     begin = with_fix[np.minimum(np.searchsorted(with_fix, begin), with_fix.size - 1)]
     k = int(np.argmax(ep.time[end] - ep.time[begin]))
@@ -107,10 +107,10 @@ def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:
     StandingAttitude or None
         None without a stationary period.
     """
-    rest = longest_rest(problem)
-    if rest is None:
+    period = longest_rest(problem)
+    if period is None:
         return None
-    first, last = rest
+    first, last = period
     inc, stop = problem.inc, problem.epochs.stop
     samples = slice(stop[first], stop[last])
     length = float(inc.dt[samples].sum())

@@ -127,15 +127,15 @@ def turn_on_bias(
     accel, accel_noise = _mean(each, of_accel, periods.samples, LEAST_SIGMA["accel"])
     u = accel / np.linalg.norm(accel)
     cosine = np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)
-    apart = float(np.degrees(np.arccos(cosine).max()))
-    if apart > ONE_ATTITUDE_DEG:
+    tilt = float(np.degrees(np.arccos(cosine).max()))
+    if tilt > ONE_ATTITUDE_DEG:
         raise DataError(
-            f"stationary periods tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against"
+            f"stationary periods tilted by {tilt:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against"
             " each other; take those of one attitude"
         )
     level_cov = 0.5 * (EARTH_RATE * np.cos(latitude)) ** 2 * (np.eye(3) - np.outer(u, u))  # (U.1)
-    seen = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
-    bias, bias_cov = _updated(np.diag(np.square(gyro_prior)), np.eye(3), *seen)
+    observed = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
+    bias, bias_cov = _updated(np.diag(np.square(gyro_prior)), np.eye(3), *observed)
     g = float(normal_gravity(latitude, height))
     sigma = np.hypot(np.linalg.norm(u * accel_noise), GRAVITY_SIGMA_MS2)
     size = np.array([np.linalg.norm(accel) - g])
@@ -168,5 +168,5 @@ def _updated(P: Array, H: Array, z: Array, R: Array) -> tuple[Array, Array]:
     Before, its mean is zero and its covariance P.
     """
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    left = np.eye(len(P)) - K @ H
-    return K @ z, left @ P @ left.T + K @ R @ K.T
+    I_KH = np.eye(len(P)) - K @ H
+    return K @ z, I_KH @ P @ I_KH.T + K @ R @ K.T

@@ -10,7 +10,7 @@ it reads no file. The modules follow the way of the search:
     evidence         the likelihood of the innovations under one of them
     time_correlated  the most likely time-correlated (Gauss-Markov) errors of the fixes
     sensor_dynamics  sensors that show the motion late or worse in turns
-    turn_on_bias     the evidence for biases that the noise model lacks
+    variances        noise that is larger than its model says, and biases that it lacks
     decision         which candidate is adopted: `diagnose`
     failure          why a flight has no solution, and with which errors of the IMU it has one
     drift            biases that warm up or drift; what larger noise smooths over

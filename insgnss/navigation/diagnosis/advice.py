@@ -43,7 +43,7 @@ NEGLIGIBLE_M = 0.02  # a right lever arm came out 11 mm off on a simulated fligh
 DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody claims can make it up
 SEEN = 4.0  # sigmas of what a flight tells: from there on its log evidence is strong
 UNSEEN_M = NEGLIGIBLE_M  # what would contradict the flight file if it were seen
-UNSEEN_SIGMA = 3.0
+UNSEEN_SIGMA = 3.0  # median sigmas of a position: an error below is within what images state
 # log evidence with wide a-priori sigmas that none of 160 right flights of three minutes reached:
 # the largest was 2.7
 BY_CHANCE = 3.0
@@ -55,7 +55,7 @@ STAMPED = (
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
 # instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
 LATE_SAMPLES = (0.25, 0.5)
-LATE_SIGMAS = 2.0
+LATE_SIGMAS = 2.0  # sigmas of the offset, within which it is one of `LATE_SAMPLES` (95 %)
 
 
 def advice(
@@ -89,12 +89,8 @@ def advice(
     list of Finding
         One for each kind of constant, the most significant first.
     """
-    values = {
-        state: (float(value), float(sigma))
-        for state, value, sigma in zip(
-            suspected.states, suspected.value, suspected.sigma, strict=True
-        )
-    }
+    pairs = zip(suspected.value.tolist(), suspected.sigma.tolist(), strict=True)
+    values = dict(zip(suspected.states, pairs, strict=True))
     speed = rms_speed(solution)
     minutes = float(solution.time[-1] - solution.time[0]) / 60.0
     names = [" and ".join(map(str, rival.groups)) for rival in rivals]
@@ -134,9 +130,9 @@ def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> b
     What the flight does not tell from an error of the IMU alone is no contradiction of the flight
     file; a rival that has the same constant as well supports it.
     """
-    own = {one for one in suspected.groups if one.group == group}
+    of_group = {one for one in suspected.groups if one.group == group}
     return suspected.wide_evidence >= STRONG and all(
-        own <= set(rival.groups) or set(rival.groups) <= set(OF_FIXES) for rival in rivals
+        of_group <= set(rival.groups) or set(rival.groups) <= set(OF_FIXES) for rival in rivals
     )
 
 
@@ -186,14 +182,12 @@ def unseen(
     _, names, effects = zip(*(hidden or errors), strict=True)
     moved = ", ".join(dict.fromkeys(effects))
     text = f"this flight would not reveal errors of {', '.join(names)}: {moved}"
-    return Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen").note(
-        text,
-        Step(
-            "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
-            " turns, tilts and changes of speed show them"
-        ),
-        when=hidden,
+    remedy = Step(
+        "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
+        " turns, tilts and changes of speed show them"
     )
+    ask = Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen")
+    return ask.note(text, remedy, when=hidden)
 
 
 def millimetres(metres: float) -> str:
@@ -295,10 +289,10 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
 
     The flight measures only the vector between them, so that both explain it alike.
     """
-    off = mounting.C_cb @ value
+    error_m = mounting.C_cb @ value
     antenna, imu = (
         f"[{', '.join(f'{v:.3f}' for v in position)}]"
-        for position in (mounting.antenna_m + off, mounting.imu_m - off)
+        for position in (mounting.antenna_m + error_m, mounting.imu_m - error_m)
     )
     how_well = f"antenna_sigma_m = {max(sigma, 1e-3):.3f}"
     if not exposures:
@@ -328,16 +322,13 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
     sigma = np.array([NEGLIGIBLE_M if one is None else one[1] for one in lever])
     limit = np.maximum(SEEN * sigma, NEGLIGIBLE_M)
     estimate = mounting.antenna_lever_b + value
-    others = [
-        replace(mounting, camera_from_body=T)
-        for T in right_angle_rotations()
-        if np.abs(T - mounting.camera_from_body).max() > TURNED_ELEMENT
-    ]
-    return [
-        other.camera_from_body
-        for other in others
-        if (np.abs(other.antenna_lever_b - estimate) < limit).all()
-    ]
+    turns = []
+    for T in right_angle_rotations():
+        lever_b = replace(mounting, camera_from_body=T).antenna_lever_b
+        is_another = np.abs(T - mounting.camera_from_body).max() > TURNED_ELEMENT
+        if is_another and (np.abs(lever_b - estimate) < limit).all():
+            turns.append(T)
+    return turns
 
 
 def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Finding:

@@ -43,6 +43,7 @@ GUESSES = (
 # the same for code solutions, whose sigmas hold errors of minutes
 CODE_GUESSES = ((0.1, 0.2, 10.0),)
 
+# m, s, s/s: wider than errors of a measured arm or of a clock are as a rule (chosen)
 WIDE_LEVER_ARM_M, WIDE_TIME_OFFSET_S, WIDE_CLOCK_RATE = 0.2, 0.05, 2e-4
 WIDE_SCALE, WIDE_MISALIGNMENT_RAD = 0.01, 0.008
 """A-priori sigmas under which constants are suspected (`navigation.diagnosis.constants`)."""

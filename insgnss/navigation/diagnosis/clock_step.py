@@ -53,7 +53,6 @@ from ..filter.codes import (
 from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from ..prepare.gaps import LEAST_GAP_INTERVALS
 from .advice import NEGLIGIBLE_M
 from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
 from .estimated import fix_counts, rms_speed
@@ -64,6 +63,7 @@ STEP = "clock step"
 INSTANTS = 48  # of a pass, at which a step is looked for
 REFINEMENTS = 3  # of which each looks at the neighbourhood of the best of the one before
 INTERVALS_AROUND = 2  # intervals on either side that are looked at again
+LACKING_INTERVALS = 1.5  # nominal ones, beyond which one is a gap (`navigation.prepare.gaps`)
 GAPS = 16  # of the IMU, the longest, that may be a step of its clock
 REFINED = 3  # times that the size is estimated with the fixes moved
 # log evidence of a step beyond what was adopted without it. Of rates and offsets that are none the
@@ -202,7 +202,10 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         grid = np.tile(np.linspace(low, high, INSTANTS), of_imu.size // INSTANTS)
         more = at_gap if round_ == 0 else at_gap[:0]
         instants, kind = np.append(grid, more), np.append(of_imu, more > 0.0)
-        solution, size, evidence = _shown(opened, start, instants, kind, velocity)
+        jump = np.zeros((instants.size, N_NAV))
+        epochs = np.minimum(np.searchsorted(time, instants[kind]), time.size - 1)
+        jump[kind, POS] = -velocity[epochs]
+        solution, size, _, evidence = _scanned(opened, start, instants, jump)
         evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
         if evidence[k] < SHOWN:
@@ -215,22 +218,6 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         reach = INTERVALS_AROUND * (high - low) / (INSTANTS - 1)
         low, high = max(best - reach, first), min(best + reach, last)
     return _Candidate(solution, best, step_s, loses_samples=bool(of_imu[0]))
-
-
-def _shown(
-    problem: EstimationProblem,
-    start: InitialState,
-    instants: Array,
-    of_imu: np.ndarray,
-    velocity: Array,
-) -> tuple[Solution, Array, Array]:
-    """Return the solution, and size and (Z.1) of steps of the fixes' clock or of the IMU's."""
-    time = problem.epochs.time
-    epochs = np.minimum(np.searchsorted(time, instants), time.size - 1)
-    jump = np.zeros((instants.size, N_NAV))
-    jump[of_imu, POS] = -velocity[epochs[of_imu]]
-    solution, size, _, evidence = _scanned(problem, start, instants, jump)
-    return solution, size, evidence
 
 
 def _refined(
@@ -334,12 +321,10 @@ def step_check(step: ClockStep) -> Finding:
     if not np.isinf(step.evidence):
         moves += f", log evidence {step.evidence:.0f} beyond any rate"
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
-    whose, mended = (
-        "",
-        (
-            f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
-            f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
-        ),
+    whose = ""
+    mended = (
+        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
+        f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
     )
     if step.of_imu:
         whose = "; the IMU's stamps have a gap as long there, so its clock it is"
@@ -389,7 +374,7 @@ def _scanned(
 def _gaps(problem: EstimationProblem) -> list[_Lapse]:
     """Return the longest bridged gaps of the IMU, `GAPS` at most."""
     stop, dt = problem.epochs.stop, problem.inc.dt
-    longer = LEAST_GAP_INTERVALS * problem.inc.nominal_s
+    longer = LACKING_INTERVALS * problem.inc.nominal_s
     rows = np.flatnonzero((problem.epochs.gap > 0.0).any(axis=1))
     gaps = []
     for epochs in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
@@ -439,7 +424,7 @@ def _moved(
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
     way = path[before] + tau * (velocity[before] + 0.5 * tau * grows) - path[index]
     turned = arm[before] + tau / length[:, None] * (arm[before + 1] - arm[before]) - arm[index]
-    position, own = epochs.position.copy(), epochs.velocity.copy()
+    position, fix_velocity = epochs.position.copy(), epochs.velocity.copy()
     position[index] -= way + turned
-    own[index] -= velocity[before] + tau * grows - velocity[index]
-    return replace(problem, epochs=epochs._replace(position=position, velocity=own))
+    fix_velocity[index] -= velocity[before] + tau * grows - velocity[index]
+    return replace(problem, epochs=epochs._replace(position=position, velocity=fix_velocity))

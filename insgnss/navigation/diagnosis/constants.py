@@ -180,12 +180,12 @@ class ConstantsEvidence:
         hypotheses = []
         for k, (suspected, factor) in enumerate(zip(every, evidence.argmax(axis=1), strict=True)):
             case = 1 + k * len(PRIOR_FACTORS) + int(factor)
-            own = np.flatnonzero(self._is_suspected(suspected))
-            of_imu = own[~self.of_fixes[own]]
+            chosen = np.flatnonzero(self._is_suspected(suspected))
+            of_imu = chosen[~self.of_fixes[chosen]]
             if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
                 continue
-            states, wide = tuple(self.states[state] for state in own), self.wide[own]
-            estimates = estimate[case, own] * wide, np.sqrt(cov[case, own, own]) * wide
+            states, wide = tuple(self.states[state] for state in chosen), self.wide[chosen]
+            estimates = estimate[case, chosen] * wide, np.sqrt(cov[case, chosen, chosen]) * wide
             strength = PRIOR_FACTORS[factor], float(wide_evidence[k])
             one = Hypothesis(suspected, float(evidence[k, factor]), states, *estimates, *strength)
             hypotheses.append(one)
@@ -270,9 +270,9 @@ class ConstantsEvidence:
         dict of State to float
             Standard deviation of each, infinite where the flight does not tell.
         """
-        own = np.sqrt(np.maximum(np.diag(self.information), 0.0))
+        root = np.sqrt(np.maximum(np.diag(self.information), 0.0))
         with np.errstate(divide="ignore"):
-            return dict(zip(self.states, (self.wide / own).tolist(), strict=True))
+            return dict(zip(self.states, (self.wide / root).tolist(), strict=True))
 
     def estimates(self, middle_s: float = 0.0) -> tuple[Estimate, ...]:
         """Return what this flight alone says of the constants of its fixes.
@@ -301,8 +301,8 @@ class ConstantsEvidence:
             for k in np.flatnonzero([group in groups for group in self.group]):
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING_SHARE:
-                    value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
-                    estimates.append(Estimate(self.states[k], value, own))
+                    value, in_si = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
+                    estimates.append(Estimate(self.states[k], value, in_si))
         return tuple(estimates)
 
     def _offset_at(self, instant_s: float) -> "ConstantsEvidence":
@@ -333,8 +333,8 @@ class ConstantsEvidence:
         stated = self.stated / self.wide
         is_suspected = np.array([self._is_suspected(suspected) for suspected, _ in cases])
         factors = np.array([factor for _, factor in cases])
-        own = np.where(self.of_fixes, factors[:, None] / FAR, 1.0)
-        W = np.where(is_suspected, np.maximum(own, stated), stated)
+        suspected_sigma = np.where(self.of_fixes, factors[:, None] / FAR, 1.0)
+        W = np.where(is_suspected, np.maximum(suspected_sigma, stated), stated)
         A = np.eye(stated.size) + W[:, :, None] * self.information * W[:, None, :]
         cov = W[:, :, None] * np.linalg.inv(A) * W[:, None, :]
         estimate = cov @ self.vector

@@ -110,25 +110,25 @@ def diagnose(
     if fix_counts(solution.verdict)[0] < FEWEST_FIXES:
         return Diagnosis(solution)
     posed = solution.problem, start
-    here = _State(solution, search.requested_model)
+    state = _State(solution, search.requested_model)
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
-        settled = settled_evidence(here.solution, followed, search.requested, search.exact)
-        constants = settled or search.constants(*posed, here.model) or constants
-        there = _next(search, posed, here, constants)
-        if there is None:
+        settled = settled_evidence(state.solution, followed, search.requested, search.exact)
+        constants = settled or search.constants(*posed, state.model) or constants
+        following = _next(search, posed, state, constants)
+        if following is None:
             break
-        here, posed = there, there.posed or posed
-    step = _clock_step(search, posed, here)
+        state, posed = following, following.posed or posed
+    step = _clock_step(search, posed, state)
     if step is not None:  # what was adopted instead is no finding of its own
-        return Diagnosis(here.solution, (step,), here.history)
+        return Diagnosis(state.solution, (step,), state.history)
     if constants is None:
-        return Diagnosis(here.solution, here.checks, here.history)
+        return Diagnosis(state.solution, state.checks, state.history)
     middle_s = 0.5 * float(posed[0].epochs.time[-1])
-    seen = unseen(here.solution, constants, search.events_with_fixes)
-    checks = (*here.checks, *([seen] if seen else []))
-    return Diagnosis(here.solution, checks, here.history, constants.estimates(middle_s))
+    unseen_errors = unseen(state.solution, constants, search.events_with_fixes)
+    checks = (*state.checks, *([unseen_errors] if unseen_errors else []))
+    return Diagnosis(state.solution, checks, state.history, constants.estimates(middle_s))
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class _State:
     posed: Posed | None = None
     variances: VarianceSearch | None = None
 
-    def tried(
+    def after_trial(
         self,
         names: Iterable[State | str],
         checks: Sequence[Finding] = (),
@@ -168,17 +168,17 @@ Candidate = tuple[float, Callable[[], _State | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
 
 
-def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Finding | None:
+def _clock_step(search: ErrorModelSearch, posed: Posed, state: _State) -> Finding | None:
     """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
     """
     requested = TIME_OFFSET.group in search.requested
-    attempted = not here.attempted.isdisjoint((*OF_CLOCK, *LATE_SENSORS))
-    if not requested and not attempted and _resets(here.solution) == 0:
+    attempted = not state.attempted.isdisjoint((*OF_CLOCK, *LATE_SENSORS))
+    if not requested and not attempted and _resets(state.solution) == 0:
         return None
-    models = dict.fromkeys((search.requested_model, here.model))
-    steps = (step_under(search, posed, model, here.solution) for model in models)
+    models = dict.fromkeys((search.requested_model, state.model))
+    steps = (step_under(search, posed, model, state.solution) for model in models)
     return next((step for step in steps if step is not None), None)
 
 
@@ -209,46 +209,47 @@ def step_under(
 
 
 def _next(
-    search: ErrorModelSearch, posed: Posed, here: _State, constants: ConstantsEvidence | None
+    search: ErrorModelSearch, posed: Posed, state: _State, constants: ConstantsEvidence | None
 ) -> _State | None:
     """Return the state after the winner has been adopted; None where nothing gains."""
     suspected = None if constants is None else constants.strongest()
     suspicious: Beside[bool] | None = None
-    if search.time_correlated and "time-correlated" not in here.attempted:
-        fixes, of_fixes = here.model.fixes, search.of_fixes(here.model)
+    if search.time_correlated and "time-correlated" not in state.attempted:
+        fixes, of_fixes = state.model.fixes, search.of_fixes(state.model)
         # beside the search for variances
-        suspicious = Beside(lambda: is_suspicious(here.solution, of_fixes, fixes))
-    variances = here.variances or VarianceSearch(here.solution, search.progress)
+        suspicious = Beside(lambda: is_suspicious(state.solution, of_fixes, fixes))
+    variances = state.variances or VarianceSearch(state.solution, search.progress)
     promising = search.variances and bool(variances.promising())
-    slow = _slow_bias(search, posed, here, variances)
+    slow = _slow_bias(search, posed, state, variances)
     of_delay: Candidate | None = None
     of_constants: Candidate | None = None
-    if constants and suspected and not here.attempted & set(suspected.groups):
-        evidence = _of_lost_fixes(search, posed, here, suspected)
-        delays = _delays(search, posed, here, evidence - OTHERS)
+    if constants and suspected and not state.attempted & set(suspected.groups):
+        evidence = _of_lost_fixes(search, posed, state, suspected)
+        delays = _delays(search, posed, state, evidence - OTHERS)
         delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
         remedied = None
         if delay is None:
-            remedied = _with_constants(search, posed, here, constants, suspected, delays)
+            remedied = _with_constants(search, posed, state, constants, suspected, delays)
         else:
-            corrected = _corrected(here, delay)
+            corrected = _corrected(state, delay)
             of_delay = delay.evidence, lambda: corrected
-        left = 0.0
+        unexplained = 0.0
         if promising and remedied is not None:
             after = VarianceSearch(remedied.solution, search.progress)
-            left, remedied = after.left(OF_IMU), replace(remedied, variances=after)
+            unexplained, remedied = after.left(OF_IMU), replace(remedied, variances=after)
         # a remedy that leaves more than it explains is none
-        if remedied is not None and left <= suspected.evidence:
-            allowed = _as_allowed(here, remedied, constants, suspected)
-            if left < LEAST_PROMISE and (slow is None or slow[0] < suspected.evidence):
+        if remedied is not None and unexplained <= suspected.evidence:
+            allowed = _as_allowed(state, remedied, constants, suspected)
+            if unexplained < LEAST_PROMISE and (slow is None or slow[0] < suspected.evidence):
                 return allowed
             of_constants = suspected.evidence, lambda: allowed
-    candidates = [slow, _variance(search, posed, here, variances) if promising else None, of_delay]
+    variance = _variance(search, posed, state, variances) if promising else None
+    candidates = [slow, variance, of_delay]
     if suspicious is not None:
-        candidates.append(_time_correlated(search, posed, here, variances, suspicious))
+        candidates.append(_time_correlated(search, posed, state, variances, suspicious))
     candidates.append(of_constants)
     ranked = sorted(filter(None, candidates), key=lambda one: -one[0])
-    return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
+    return next((adopted for _, adopt in ranked if (adopted := adopt()) is not None), None)
 
 
 def _of_lost_fixes(
@@ -278,13 +279,15 @@ def _delays(
 def _corrected(state: _State, delay: DynamicsTrial) -> _State:
     """Return the state without the delay of a sensor."""
     adopted = delay.solution, state.model
-    return state.tried([delay.dynamics.name], [delay.check()], adopted=adopted, posed=delay.posed)
+    return state.after_trial(
+        [delay.dynamics.name], [delay.check()], adopted=adopted, posed=delay.posed
+    )
 
 
 def _with_constants(
     search: ErrorModelSearch,
     posed: Posed,
-    here: _State,
+    state: _State,
     constants: ConstantsEvidence,
     suspected: Hypothesis,
     delays: Sequence[DynamicsTrial],
@@ -293,12 +296,12 @@ def _with_constants(
     search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
     rivals = constants.rivals(suspected)
     groups = together(suspected, rivals)
-    model = with_constants(here.model, groups, suspected.factor)
+    model = with_constants(state.model, groups, suspected.factor)
     solution = search.solved(posed, model)
-    if solution is None or _resets(solution) >= _resets(here.solution) > 0:
+    if solution is None or _resets(solution) >= _resets(state.solution) > 0:
         return None  # what lost the fixes is no constant
     families = {one.of_all_axes if one.sensor else one for one in groups}  # rivals open many axes
-    gain = misfit(here.solution) - misfit(solution) + OPEN * len(families)
+    gain = misfit(state.solution) - misfit(solution) + OPEN * len(families)
     if gain < EXPLAINED_SHARE * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     solved = as_solved(suspected, solution)
@@ -306,11 +309,11 @@ def _with_constants(
     checks = advice(search.mounting, solution, solved, rivals, search.exposures, sentences)
     which = ", ".join(map(str, suspected.groups))
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
-    return here.tried(suspected.groups, checks, sentence, (solution, model))
+    return state.after_trial(suspected.groups, checks, sentence, (solution, model))
 
 
 def _as_allowed(
-    here: _State, remedied: _State, constants: ConstantsEvidence, suspected: Hypothesis
+    state: _State, remedied: _State, constants: ConstantsEvidence, suspected: Hypothesis
 ) -> _State:
     """Return a remedied state, or what it says alone where it estimates what is stated as exact."""
     if not constants.denied(suspected):
@@ -320,19 +323,19 @@ def _as_allowed(
         f"stated as exact and not estimated, log evidence {suspected.evidence:.0f}:"
         f" {', '.join(names)}"
     )
-    new = remedied.checks[len(here.checks) :]
+    new = remedied.checks[len(state.checks) :]
     checks = [check for check in new if check.name in constants.exact]
-    return here.tried(suspected.groups, checks, sentence)
+    return state.after_trial(suspected.groups, checks, sentence)
 
 
 def _variance(
-    search: ErrorModelSearch, posed: Posed, here: _State, variances: VarianceSearch
+    search: ErrorModelSearch, posed: Posed, state: _State, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the strongest family of variances; None where there is none."""
     winner = variances.strongest()
-    if winner is None or winner.family in here.attempted:
+    if winner is None or winner.family in state.attempted:
         return None
-    model = with_variances(here.model, winner)
+    model = with_variances(state.model, winner)
     if model is None:
         return None
 
@@ -346,7 +349,7 @@ def _variance(
             return None
         check = variance_check(winner, search.claims)
         adopted = solution, model
-        return here.tried([winner.family], [check], adopted=adopted, variances=after)
+        return state.after_trial([winner.family], [check], adopted=adopted, variances=after)
 
     return winner.evidence, adopt
 
@@ -378,7 +381,7 @@ def _slow_bias(
         if best in beside:
             best = replace(best, evidence=0.5 * gain)
         adopted = solution, best.model
-        return state.tried([best.kind], [best.check(solution)], adopted=adopted, posed=again)
+        return state.after_trial([best.kind], [best.check(solution)], adopted=adopted, posed=again)
 
     return max(one.evidence for one in suspects), adopt
 
@@ -386,29 +389,29 @@ def _slow_bias(
 def _time_correlated(
     search: ErrorModelSearch,
     posed: Posed,
-    here: _State,
+    state: _State,
     variances: VarianceSearch,
     suspicious: "Beside[bool]",
 ) -> Candidate | None:
     """Return the time-correlated GNSS error; None where the innovations show none."""
-    fixes = here.model.fixes
+    fixes = state.model.fixes
     if fixes.gm_sigma is not None:
         return None
     if not suspicious.result():
         # what larger noise of the IMU leaves is no error of the fixes
-        imu = here.model.imu
+        imu = state.model.imu
         alone = (imu.white_noise, imu.driving_noise) == ((1.0, 1.0), (1.0, 1.0))
-        errors = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
+        errors = variances.slow_error(search.of_fixes(state.model), fixes) if alone else None
         parameters = SLOW_PARAMETERS
     else:
         search.progress("the innovations are not white: errors of the fixes")
-        errors = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
+        errors = time_correlated_error(state.solution, search.of_fixes(state.model), fixes)
         parameters = CORRELATED_PARAMETERS
     if errors is None:
         return None
-    model = replace(here.model, fixes=errors)
+    model = replace(state.model, fixes=errors)
     evidence = variances.evidence_of(search.layout(model), parameters)
-    return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
+    return max(evidence, 0.0), lambda: _adopted(search, posed, state, model)
 
 
 def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State, ...]:
@@ -458,14 +461,14 @@ def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
-def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorModel) -> _State:
+def _adopted(search: ErrorModelSearch, posed: Posed, state: _State, model: ErrorModel) -> _State:
     """Solve again with a time-correlated GNSS error.
 
     As long as that loses fixes, it is tried with a larger white share. Where the one that loses
     none has less than half of the gain in `misfit`, which charges each lost fix, what is lost are
     jumps of the fixes themselves: then the largest share is taken that keeps most of the gain.
     """
-    before, name = misfit(here.solution), "time-correlated"
+    before, name = misfit(state.solution), "time-correlated"
     most, keeps_most, adopted = 0.0, None, None
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
@@ -474,15 +477,15 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
             gain = before - misfit(again)
             if follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:
                 most, keeps_most = max(most, gain), (model, again)
-            if not loses_fixes(again, here.solution):
+            if not loses_fixes(again, state.solution):
                 adopted = (model, again) if gain >= LEAST_OF_GAIN * most else keeps_most
                 break
         model = replace(model, fixes=with_larger_white_share(model.fixes))
     else:
         sentence = f"{message(model.fixes)}; given up, the filter loses fixes with it"
-        return here.tried([name], (), sentence)
+        return state.after_trial([name], (), sentence)
     if adopted is None:
         sentence = f"{message(model.fixes)}; given up, it explains the whole flight no better"
-        return here.tried([name], (), sentence)
+        return state.after_trial([name], (), sentence)
     model, solution = adopted
-    return here.tried([name], (), message(model.fixes), (solution, model))
+    return state.after_trial([name], (), message(model.fixes), (solution, model))

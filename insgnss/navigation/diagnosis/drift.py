@@ -114,9 +114,9 @@ def hidden_drift(
 
 def _ratios(solution: Solution) -> np.ndarray:
     """Separations in their sigmas, (epochs, 9), 0 where they are not known."""
-    apart, sigma = solution.separation, solution.separation_sigma
-    determined = np.isfinite(apart) & np.isfinite(sigma) & (sigma > 0.0)
-    return np.abs(np.divide(apart, sigma, out=np.zeros_like(apart), where=determined))
+    separation, sigma = solution.separation, solution.separation_sigma
+    determined = np.isfinite(separation) & np.isfinite(sigma) & (sigma > 0.0)
+    return np.abs(np.divide(separation, sigma, out=np.zeros_like(separation), where=determined))
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,9 @@ class SlowBiasCandidate:
 
     def solved(self, search: ErrorModelSearch) -> tuple[Solution, InitialState] | None:
         """Align and solve the flight with it; None where there is no solution."""
-        assert search.align is not None
         search.progress("align and filter, with slow biases of the IMU")
         try:
-            start = search.align(self.problem)
+            start, _ = search.align(self.problem)
             return solve(self.problem, start, search.second_pass, search.progress), start
         except DataError:
             return None
@@ -210,9 +209,9 @@ def slow_bias_candidate(
     Returns
     -------
     SlowBiasCandidate or None
-        None where the flight shows no slow bias, or cannot be aligned anew.
+        None where the flight shows no slow bias.
     """
-    if search.align is None or model.imu.slow is not None:
+    if model.imu.slow is not None:
         return None
     search.progress("biases that warm up or drift")
     evidence: dict[float, float] = {}
@@ -360,10 +359,10 @@ def bias_step_candidate(
     Returns
     -------
     BiasStepCandidate or None
-        None where no instant shows a step, the flight cannot be aligned anew, or further sensors
-        take part, of which a wrong constant is a rival that no trial here has.
+        None where no instant shows a step, or further sensors take part, of which a wrong constant
+        is a rival that no trial here has.
     """
-    if search.align is None or solution.adjoint.shape[0] == 0 or solution.problem.measurements:
+    if solution.adjoint.shape[0] == 0 or solution.problem.measurements:
         return None
     evidence = step_evidence(solution)
     k = int(np.argmax(evidence))

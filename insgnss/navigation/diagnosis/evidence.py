@@ -45,6 +45,8 @@ FEWEST_FIXES = 60  # below which the innovations are not looked at
 
 SecondPass = Literal["auto", "on", "off"]
 Posed = tuple[EstimationProblem, InitialState]
+Align = Callable[[EstimationProblem], tuple[InitialState, str]]
+"""Gives the initial state of a problem and how it was found, or raises DataError."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,9 @@ class ErrorModelSearch:
         Of the adopted solution, as `navigation.filter.solution.solve` takes it.
     progress : callable
         Receives the name of each step.
+    align : callable
+        Gives the initial state of a problem and how it was found; it is part of biases that drift
+        or step.
     variances : bool
         Whether variances compete; `tune` estimates them by itself.
     requested : tuple of str
@@ -104,9 +109,6 @@ class ErrorModelSearch:
         Whether the clock of the fixes stamps the exposures.
     exposures : bool
         Whether there are any, whose place depends on that of the IMU in the mounting.
-    align : callable, optional
-        Gives the initial state of a problem; without it no slow bias of the IMU is tried, whose
-        alignment is part of it.
     claims : FixClaims
         What is known beforehand of the sigmas of the fixes.
     """
@@ -117,11 +119,11 @@ class ErrorModelSearch:
     time_correlated: bool
     second_pass: SecondPass
     progress: Callable[[str], None]
+    align: Align
     requested: tuple[str, ...] = ()
     variances: bool = True
     events_with_fixes: bool = False
     exposures: bool = False
-    align: Callable[[EstimationProblem], InitialState] | None = None
     claims: FixClaims = NO_CLAIMS
 
     @property
@@ -243,8 +245,8 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
     )
     S, y = history.S[measured, :3], history.y[measured, :3]
     S = np.where(rejected[:, None], 1.0, S)
-    own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
-    return float(np.sum(own + log_R))
+    fix_cost = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
+    return float(np.sum(fix_cost + log_R))
 
 
 def misfit(solution: Solution) -> float:

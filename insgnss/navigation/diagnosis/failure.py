@@ -1,6 +1,5 @@
 """What becomes of a flight that has no solution: its cause in the flight file, or in the IMU."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,11 +18,7 @@ from .evidence import ErrorModelSearch, follows
 from .variances import VarianceSearch, with_variances
 
 
-def explain_failure(
-    search: ErrorModelSearch,
-    problem: EstimationProblem,
-    align: Callable[[EstimationProblem], InitialState],
-) -> Finding | None:
+def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Finding | None:
     """Look for the lever arm or time offset without which a flight has no solution.
 
     Parameters
@@ -32,8 +27,6 @@ def explain_failure(
         What the search may vary.
     problem : EstimationProblem
         The problem that has no solution with the requested errors.
-    align : callable
-        Gives the initial state of a problem, or raises DataError.
 
     Returns
     -------
@@ -43,14 +36,14 @@ def explain_failure(
     search.progress("what the fixes say with an open gate")
     open_gate = replace(problem, gate=np.inf)
     try:
-        start = align(open_gate)
+        start, _ = search.align(open_gate)
     except DataError:
         return None
     shown = _shown_by(search, open_gate, start)
     if shown is None:
         return None
     suspected, rivals = shown
-    if _biases_step(replace(search, align=align), problem, start, suspected.evidence):
+    if _biases_step(search, problem, start, suspected.evidence):
         return None
     quiet = replace(search, second_pass="off", progress=lambda _: None)
     model = with_constants(search.requested_model, suspected.groups, suspected.factor)

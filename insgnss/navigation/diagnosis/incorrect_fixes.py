@@ -158,8 +158,8 @@ def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solutio
         `APART_S` apart, with the largest innovation.
     """
     verdict = history.verdict[:, POSITION]
-    odd = np.isin(verdict, (REJECTED, COVARIANCE_RESET)) & ~problem.epochs.withheld
-    rejected = np.flatnonzero(odd)
+    is_rejected = np.isin(verdict, (REJECTED, COVARIANCE_RESET)) & ~problem.epochs.withheld
+    rejected = np.flatnonzero(is_rejected)
     if rejected.size == 0:
         return []
     breaks = np.flatnonzero(np.diff(problem.epochs.time[rejected]) > APART_S) + 1

@@ -2,7 +2,7 @@
 
 A `Case` is a segment on its way to a solution. Each of `REMEDIES` has a condition, an action that
 returns the case after it, and a sentence for the history; whoever solves segments walks the list.
-Remedies that need another problem take the alignment from the case, for this room does not align.
+Remedies that need another problem take the alignment from the search: this room does not align.
 
 One remedy needs the recording, and so is left to the caller. As a state the time offset d moves a
 fix by v d; what that leaves out is a d^2 / 2. An offset beyond `LARGE_S` is therefore taken into
@@ -38,16 +38,13 @@ from .incorrect_fixes import (
 )
 from .sensitivity import Sensitivity
 from .time_correlated import code_errors, code_message
-from .turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
+from .variances import check_biases_in_innovations, with_turn_on, without_turn_on
 
 OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
 OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
 MOST_MOVES = 4  # solutions again with moved stamps, at most
 CERTAIN_OFFSET_SIGMAS = 2.0  # sigmas of the offset
 LARGE_S = 0.005  # s, of an offset: below it the neglected a d^2 / 2 is under 0.1 mm
-
-Align = Callable[[EstimationProblem], tuple[InitialState, str]]
-"""Gives the initial state of a problem and how it was found, or raises DataError."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +59,6 @@ class Case:
         The errors of the fixes that are states of the problem.
     search : ErrorModelSearch
         What the search for an error model may vary.
-    align : callable
-        Gives the initial state of a problem of this segment, and how it was found.
     noise : NoiseModel
         The noise model of the samples.
     layout_under : callable
@@ -99,7 +94,6 @@ class Case:
     problem: EstimationProblem
     errors: FixErrors
     search: ErrorModelSearch
-    align: Align
     noise: NoiseModel
     layout_under: Callable[[NoiseModel], LayoutFactory]
     accept: tuple[str, ...] = ()
@@ -251,7 +245,7 @@ def _without_incorrect_values(case: Case) -> Case | None:
     try:
         alone = solve(bare, start, "off", separations=0, about=solution)
         if case.moving:
-            alone = diagnose(_aligning(case), start, alone).solution
+            alone = diagnose(case.search, start, alone).solution
         result = withhold_incorrect_values(
             solution,
             alone,
@@ -270,7 +264,7 @@ def _explained(case: Case) -> Case | None:
     case.search.progress("what would explain it")
     if without_turn_on(case.noise) and (biases := _biases(case)) is not None:
         return replace(case, refused=(biases, "", ()))
-    cause = explain_failure(case.search, case.problem, lambda problem: case.align(problem)[0])
+    cause = explain_failure(case.search, case.problem)
     if cause is None:
         return None
     return replace(case, refused=(cause, f"; as stated, {case.failure}", ()))
@@ -290,7 +284,7 @@ def _with_open_gate(case: Case) -> Case | None:
     open_gate = replace(case.problem, layout=layout, gate=gate_from_sigma(OPEN_GATE_SIGMA))
     gated = replace(open_gate, gate=gate)
     try:
-        start, how = case.align(open_gate)
+        start, how = case.search.align(open_gate)
         first = solve(open_gate, start, search.second_pass, search.progress, separations=0)
         solution = solve(gated, start, search.second_pass, search.progress, about=first)
     except DataError:
@@ -303,20 +297,15 @@ def _with_other_imu(case: Case) -> Case | None:
     """Solve with other errors of the IMU or larger noise, where that follows the fixes."""
     case.search.progress("other errors of the IMU, or larger noise")
     try:
-        start, how = case.align(replace(case.problem, gate=np.inf))
+        start, how = case.search.align(replace(case.problem, gate=np.inf))
     except DataError:
         return None
-    rescued = rescue(_aligning(case), case.problem, start)
+    rescued = rescue(case.search, case.problem, start)
     if rescued is None:
         return None
     solution, checks = rescued
     case = replace(case, failure=None, checks=checks, other_imu=bool(checks))
     return replace(case, start=start, how=how, solution=solution)
-
-
-def _aligning(case: Case) -> ErrorModelSearch:
-    """Return the search of a case, with the alignment that a slow bias of the IMU asks for."""
-    return replace(case.search, align=lambda problem: case.align(problem)[0])
 
 
 def _biases(case: Case) -> Finding | None:
@@ -328,7 +317,7 @@ def _biases(case: Case) -> Finding | None:
     return check_biases_in_innovations(
         case.noise,
         case.solution,
-        lambda: solve(problem, case.align(problem)[0], search.second_pass, separations=0),
+        lambda: solve(problem, case.search.align(problem)[0], search.second_pass, separations=0),
     )
 
 
@@ -347,7 +336,7 @@ def _with_error_model(case: Case) -> Case:
     before, start = case.solution, case.start
     assert before is not None
     assert start is not None
-    diagnosis = diagnose(_aligning(case), start, before, case.followed)
+    diagnosis = diagnose(case.search, start, before, case.followed)
     drift = hidden_drift(before, diagnosis.solution, diagnosis.checks)
     return replace(
         case,

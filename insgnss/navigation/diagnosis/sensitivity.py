@@ -121,15 +121,12 @@ class Constants:
         Constants or None
             None where the filter has no state that acts like one of them.
         """
-        like, factor, state, stated = [], [], [], []
+        rows: list[tuple[int, int, int, float]] = []  # state, like, factor, stated
         for s in states:
             constant, channel = wide.states[s], int(wide.channel[s])
             if constant in own.states:
                 k = own.states.index(constant)
-                state.append(N_NAV + k)
-                like.append(ABSENT)
-                factor.append(ABSENT)
-                stated.append(float(own.sigma0[k]))
+                rows.append((N_NAV + k, ABSENT, ABSENT, float(own.sigma0[k])))
                 continue
             if s == wide.rate:
                 acts_like, times = own.offset, DRIFT
@@ -137,19 +134,16 @@ class Constants:
                 acts_like, times = _bias_of(own, channel), int(wide.factor[s])
             if acts_like == ABSENT or (times < 0 and times != DRIFT):
                 return None
-            state.append(ABSENT)
-            like.append(N_NAV + acts_like)
-            factor.append(times)
-            stated.append(0.0)
+            rows.append((ABSENT, N_NAV + acts_like, times, 0.0))
         constants = tuple(wide.states[s] for s in states)
-        columns = (np.array(each) for each in (state, like, factor, stated, wide.sigma0[states]))
-        return cls(constants, *columns)
+        state, like, factor, stated = (np.array(column) for column in zip(*rows, strict=True))
+        return cls(constants, state, like, factor, stated, wide.sigma0[states])
 
 
 def _bias_of(layout: StateLayout, channel: int) -> int:
     """Return a state that is the constant bias of a channel, or ABSENT."""
-    own = (layout.channel == channel) & (layout.factor == BIAS) & (layout.beta == 0.0)
-    return int(np.argmax(own)) if own.any() else ABSENT
+    is_bias = (layout.channel == channel) & (layout.factor == BIAS) & (layout.beta == 0.0)
+    return int(np.argmax(is_bias)) if is_bias.any() else ABSENT
 
 
 @dataclass(frozen=True)
@@ -179,8 +173,8 @@ class Sensitivity:
         """Return that before the first epoch."""
         count = len(constants.states)
         errors = np.zeros((problem.layout.size, count))
-        own = np.flatnonzero(constants.state != ABSENT)
-        errors[constants.state[own], own] = 1.0
+        of_states = np.flatnonzero(constants.state != ABSENT)
+        errors[constants.state[of_states], of_states] = 1.0
         return cls(problem, constants, errors, np.zeros((count, count)), np.zeros(count))
 
     def through(
@@ -199,15 +193,15 @@ class Sensitivity:
         begin : int
             The first of them to be passed.
         """
-        h, own, count = history, self.constants, self.vector.size
+        h, constants, count = history, self.constants, self.vector.size
         measured = epochs.stop, epochs.time, epochs.rate
         records = h.F, h.D, h.H, h.K, h.S, h.y, h.used
         sums = self.errors, self.information, self.vector
         sizes = (N_NAV, count), (3, count), (3, count), N_CHANNELS
         scratch = tuple(np.empty(size) for size in sizes)
-        since = np.zeros(count) if own.since is None else own.since
-        jump = np.zeros((count, N_NAV)) if own.jump is None else own.jump
-        acts = own.like, own.factor, since, jump
+        since = np.zeros(count) if constants.since is None else constants.since
+        jump = np.zeros((count, N_NAV)) if constants.jump is None else constants.jump
+        acts = constants.like, constants.factor, since, jump
         follow_constants(*intervals, *measured, *records, begin, *acts, *sums, *scratch)
 
     def of_the_data(self) -> tuple[Array, Array]:

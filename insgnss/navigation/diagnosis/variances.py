@@ -32,6 +32,10 @@ their mean:
     c^2 = sum w_i c_i^2,     c^2 / T = sum w_i c_i^2 / T_i                                     (V.3)
 
 (Hoeting et al. 1999 on averages over models).
+
+A noise model whose axes have no `turn_on_bias`, as published variances give one, has a variance of
+zero: it takes the constant biases of the sensors for zero. Where the innovations show them, the
+solution is wrong.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,7 +43,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...records import Array
+from ...base.errors import DataError
+from ...base.units import STANDARD_GRAVITY
+from ...records import Array, Finding, Question
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.solution import Solution
 from ..innovations.likelihood import (
@@ -50,13 +56,14 @@ from ..innovations.likelihood import (
     linear_segment,
 )
 from ..innovations.search import Search
+from ..noise_model.model import NoiseModel
 from .candidates import (
     ErrorModel,
     LayoutFactory,
     with_larger_white_share,
     with_time_correlated_error,
 )
-from .evidence import liveliest_part
+from .evidence import GAIN, liveliest_part, misfit
 
 BIAS_NOISE = "IMU bias noise"
 FAMILIES = {
@@ -81,6 +88,15 @@ SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 # corrections, which a flight of minutes does not tell from an error of the base
 SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
+
+TURN_ON = {  # a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
+    "gyro": np.radians(100.0) / 3600.0,
+    "accel": 2e-3 * STANDARD_GRAVITY,
+}
+TURN_ON_ADVICE = (
+    "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or as its "
+    "recordings at rest tell"
+)
 
 
 @dataclass(frozen=True)
@@ -118,11 +134,11 @@ class VarianceSearch:
         problem = self.part.problem
         names = available(problem.layout, bool(problem.epochs.has_velocity.any()))
         self.families = {
-            family: own
+            family: some
             for family, parameters in FAMILIES.items()
-            if (own := tuple(name for name in parameters if name in names))
+            if (some := tuple(name for name in parameters if name in names))
         }
-        self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
+        self.names = tuple(dict.fromkeys(name for some in self.families.values() for name in some))
         segment = linear_segment(self.part, self.names)
         self.search = Search([segment], self.names, progress, gain=LAST_GAIN)
         self.nothing = evaluate([segment], np.zeros(len(self.names)))
@@ -291,3 +307,102 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
         return replace(model, imu=replace(model.imu, driving_noise=(gyro, accel)))
     gyro, accel = np.multiply(model.imu.white_noise, larger).tolist()
     return replace(model, imu=replace(model.imu, white_noise=(gyro, accel)))
+
+
+def without_turn_on(noise: NoiseModel) -> tuple[str, ...]:
+    """Name the sensors with noise of which an axis has no turn-on bias.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The noise model of the IMU.
+
+    Returns
+    -------
+    tuple of str
+        Some of "gyro" and "accel".
+    """
+    return tuple(
+        sensor
+        for sensor in TURN_ON
+        if any(a.white_noise > 0.0 and a.turn_on_bias == 0.0 for a in getattr(noise, sensor))
+    )
+
+
+def with_turn_on(noise: NoiseModel) -> NoiseModel:
+    """Give every axis that has no turn-on bias one of `TURN_ON`.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The noise model of the IMU.
+
+    Returns
+    -------
+    NoiseModel
+        The model with turn-on biases; those that it has stay.
+    """
+    gx, gy, gz = (
+        replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["gyro"]) for axis in noise.gyro
+    )
+    ax, ay, az = (
+        replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["accel"]) for axis in noise.accel
+    )
+    return replace(noise, gyro=(gx, gy, gz), accel=(ax, ay, az))
+
+
+def check_turn_on(noise: NoiseModel) -> Finding:
+    """Note what a noise model that `without_turn_on` names does.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        A noise model of which a sensor lacks turn-on biases.
+
+    Returns
+    -------
+    Finding
+        The note "turn-on bias".
+    """
+    missing = " and ".join(without_turn_on(noise))
+    finding = (
+        f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken "
+        "for zero"
+    )
+    return Question("turn-on bias", "turn_on_bias of gyro and accel").note(finding, TURN_ON_ADVICE)
+
+
+def check_biases_in_innovations(
+    noise: NoiseModel, solution: Solution | None, solve_with_biases: Callable[[], Solution]
+) -> Finding | None:
+    """Check whether the innovations show the turn-on biases that a noise model lacks.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        A noise model of which a sensor lacks turn-on biases.
+    solution : Solution or None
+        The solution without these biases; None where there is none.
+    solve_with_biases : callable
+        Solves the same problem with the biases among its states.
+
+    Returns
+    -------
+    Finding or None
+        The contradiction "turn-on bias" where they gain more than `evidence.GAIN` in (C.1).
+    """
+    try:
+        candidate = solve_with_biases()
+    except DataError:
+        return None
+    gain = np.inf if solution is None else misfit(solution) - misfit(candidate)
+    if gain <= GAIN:
+        return None
+    reason = (
+        "no solution without them"
+        if solution is None
+        else f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
+    )
+    check = check_turn_on(noise)
+    finding = f"{check.found}, and the innovations show them ({reason})"
+    return replace(check, found=finding, verdict="contradiction")

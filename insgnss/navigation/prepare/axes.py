@@ -48,17 +48,17 @@ def parse_axes(words: str) -> Array:
         Where a word is unknown, there are not three words, two of them lie along one line, or the
         triple is left-handed (the message gives the right-handed one).
     """
-    given = words.lower().replace(",", " ").split()
-    for word in given:
+    named = words.lower().replace(",", " ").split()
+    for word in named:
         if word not in DIRECTIONS:
             raise InputError(f"axes {words!r}: {word!r} is no direction; {near(word, DIRECTIONS)}")
-    if len(given) != 3:
+    if len(named) != 3:
         raise InputError(
-            f"axes {words!r}: {len(given)} directions, expected 3 (of the IMU's x, y and z), e.g."
+            f"axes {words!r}: {len(named)} directions, expected 3 (of the IMU's x, y and z), e.g."
             " 'forward right down'"
         )
     C_b_imu = np.zeros((3, 3))
-    for k, word in enumerate(given):
+    for k, word in enumerate(named):
         line, sense = DIRECTIONS[word]
         C_b_imu[line, k] = sense  # (A.1)
     missing = [_LINES[line] for line in range(3) if not C_b_imu[line].any()]
@@ -68,7 +68,7 @@ def parse_axes(words: str) -> Array:
             " missing"
         )
     if np.linalg.det(C_b_imu) < 0:
-        x, y, _ = given
+        x, y, _ = named
         right_handed = f"{x} {y} {_word(np.cross(C_b_imu[:, 0], C_b_imu[:, 1]))}"
         raise InputError(
             f"axes {words!r}: left-handed (determinant -1); with x {x} and y {y} it would be"

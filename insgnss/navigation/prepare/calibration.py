@@ -104,10 +104,14 @@ class ImuCalibration:
     source: str = ""
 
     def __post_init__(self) -> None:
-        for sensor in ("gyro", "accel"):
-            triad: TriadCalibration = getattr(self, sensor)
+        for sensor, triad in self.triads.items():
             if fault := _implausible(sensor, triad):
                 raise InputError(f"calibration {self.name!r}: {sensor} {fault}")
+
+    @property
+    def triads(self) -> dict[str, TriadCalibration]:
+        """Both triads by the names of their tables."""
+        return {"gyro": self.gyro, "accel": self.accel}
 
     def apply(self, imu: ImuSamples) -> ImuSamples:
         """Return calibrated samples in the same quantity (C.2), with a note of what was applied."""
@@ -125,12 +129,11 @@ class ImuCalibration:
     def summary(self) -> str:
         """Name the largest bias, scale-factor error and misalignment of both triads."""
         parts = []
-        for sensor in ("gyro", "accel"):
-            triad: TriadCalibration = getattr(self, sensor)
-            off = triad.response - np.diag(np.diag(triad.response))
+        for sensor, triad in self.triads.items():
+            beside = triad.response - np.diag(np.diag(triad.response))
             bias = np.abs(triad.bias).max()
             text = f"{np.degrees(bias):.3f} deg/s" if sensor == "gyro" else f"{bias:.3f} m/s^2"
-            ppm, mrad = 1e6 * np.abs(triad.scale_factor).max(), 1e3 * np.abs(off).max()
+            ppm, mrad = 1e6 * np.abs(triad.scale_factor).max(), 1e3 * np.abs(beside).max()
             scale = f"scale to {ppm:.0f} ppm, misalignment to {mrad:.2f} mrad"
             parts.append(f"{sensor} bias to {text}, {scale}")
         return "; ".join(parts)
@@ -148,13 +151,19 @@ def _implausible(sensor: str, triad: TriadCalibration) -> str:
     if np.abs(triad.bias).max() > BIAS_LIMIT[sensor]:
         limit = f"{BIAS_LIMIT[sensor]:.3g} {'rad/s' if sensor == 'gyro' else 'm/s^2'}"
         return f"bias: {np.abs(triad.bias).max():.3g} is beyond {limit}; check the unit"
-    far = float(np.abs(triad.response - np.eye(3)).max())
-    if far > OFF_IDENTITY:
-        return (
-            f"matrix: differs from identity by {100 * far:.0f} % (limit {100 * OFF_IDENTITY:.0f}"
-            " %); axes and units belong into the flight file"
-        )
-    return ""
+    fault = _off_identity(triad.response)
+    return fault and f"matrix: {fault}"
+
+
+def _off_identity(matrix: Array) -> str:
+    """What is wrong with a matrix that is no calibration; empty where nothing is."""
+    far = float(np.abs(matrix - np.eye(3)).max())
+    if far <= OFF_IDENTITY:
+        return ""
+    return (
+        f"differs from identity by {100 * far:.0f} % (limit {100 * OFF_IDENTITY:.0f} %); axes and"
+        " units belong into the flight file"
+    )
 
 
 def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
@@ -204,12 +213,8 @@ def _triad(table: Table, sensor: str) -> TriadCalibration:
                 "matrix", f"is given beside {' and '.join(beside)}; it replaces them, keep one"
             )
         matrix = table.matrix("matrix")
-        if np.abs(matrix - np.eye(3)).max() > OFF_IDENTITY:
-            raise table.error(
-                "matrix",
-                f"differs from identity by more than {100 * OFF_IDENTITY:.0f} %; axes and"
-                " units belong into the flight file",
-            )
+        if fault := _off_identity(matrix):
+            raise table.error("matrix", fault)
         response = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     else:
         response = np.eye(3) + _assembled(scale, off)
@@ -264,8 +269,7 @@ def write_calibration(
         for key in ("name", "source")
         if getattr(calibration, key)
     ]
-    for sensor in ("gyro", "accel"):
-        triad: TriadCalibration = getattr(calibration, sensor)
+    for sensor, triad in calibration.triads.items():
         lines += ["", f"[{sensor}]"]
         lines.append(_line("bias", triad.bias, BIAS_UNIT[sensor]))
         lines += _response_lines(triad.response - np.eye(3), "")

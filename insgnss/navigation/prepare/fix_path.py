@@ -86,21 +86,21 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
         if rows.size < 10:
             break
         q = p[rows]
-        off = np.zeros(rows.size)
-        off[2:-2] = np.linalg.norm(
+        distance = np.zeros(rows.size)
+        distance[2:-2] = np.linalg.norm(
             q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1
         )
         even = np.zeros(rows.size, dtype=bool)
         step = np.diff(gnss.time[rows])
         around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])
         even[2:-2] = around.max(axis=1) < 1.5 * np.median(step)
-        off[~even] = 0.0
-        limit = max(OUTLYING_SIGMAS * float(np.median(off)), LEAST_DETOUR_M)
-        peak = off.copy()
+        distance[~even] = 0.0
+        limit = max(OUTLYING_SIGMAS * float(np.median(distance)), LEAST_DETOUR_M)
+        peak = distance.copy()
         for shift in (1, 2):
-            peak[shift:] = np.maximum(peak[shift:], off[:-shift])
-            peak[:-shift] = np.maximum(peak[:-shift], off[shift:])
-        bad = (off > limit) & (off == peak)
+            peak[shift:] = np.maximum(peak[shift:], distance[:-shift])
+            peak[:-shift] = np.maximum(peak[:-shift], distance[shift:])
+        bad = (distance > limit) & (distance == peak)
         if not bad.any():
             break
         sound[rows[bad]] = False

@@ -38,10 +38,11 @@ def nominal_interval(time: Array) -> float:
     return float(np.median(step))
 
 
-def mean_interval(time: Array) -> float:
-    """Return the mean sample interval, s, without pauses; several nominal ones show bunches."""
+def in_bunches(time: Array, nominal: float) -> str:
+    """Return the intervals of stamps that come in bunches, pauses apart; else an empty text."""
     step = np.diff(time)
-    return float(np.mean(step[step <= max(PAUSE_S, 3.0 * nominal_interval(time))]))
+    mean = float(np.mean(step[step <= max(PAUSE_S, 3.0 * nominal_interval(time))]))
+    return f"median interval {nominal:.3g} s, mean {mean:.3g} s" if nominal < 0.5 * mean else ""
 
 
 def sample_lengths(time: Array) -> Array:
@@ -118,12 +119,12 @@ def bridged_variance(
     out = np.zeros((marks.size, 6))
     if not gaps:
         return out
-    seen = _Seen(imu, C_b_imu)
+    recording = _Seen(imu, C_b_imu)
     for t, length in gaps:
         first, last = np.searchsorted(marks, t, side="right"), np.searchsorted(marks, t + length)
         rows = np.arange(max(int(first), 1), min(int(last) + 1, marks.size))
         overlap = np.minimum(marks[rows], t + length) - np.maximum(marks[rows - 1], t)
-        out[rows] += seen.variance(t, length) * np.maximum(overlap, 0.0)[:, None] / length
+        out[rows] += recording.variance(t, length) * np.maximum(overlap, 0.0)[:, None] / length
     return out
 
 

@@ -31,7 +31,7 @@ from ...geodesy.earth import EARTH_RATE
 from ...records import Array, Finding, ImuSamples, Question
 from ...records.interpolation import columns_at
 from ...records.variances import MAD_TO_SIGMA
-from .gaps import LEAST_GAP_INTERVALS, find_gaps, mean_interval, nominal_interval
+from .gaps import LEAST_GAP_INTERVALS, find_gaps, in_bunches, nominal_interval
 from .stationarity import (
     MAX_ACCEL,
     MAX_BIAS,
@@ -104,8 +104,6 @@ class StaticSpan:
     rate_hz : float, Hz
     begin_s : float, s
         Begin of the span, from the recording's first sample.
-    filled : int
-        Number of interpolated samples in the place of missing ones.
     checks : tuple of Finding
     disturbances : tuple of Disturbance
         The strongest first.
@@ -115,7 +113,6 @@ class StaticSpan:
     accel: Array
     rate_hz: float
     begin_s: float
-    filled: int
     checks: tuple[Finding, ...]
     disturbances: tuple[Disturbance, ...]
 
@@ -185,13 +182,11 @@ def static_span(
     checks += _earth_rate(gyro) if all(channels[:3]) else []
     disturbances: tuple[Disturbance, ...] = ()
     if all(check.verdict != "contradiction" for check in checks):
-        disturbances, rest = _at_rest(
-            gyro, accel, float(time[first]), rate, [column for _, column in named]
-        )
-        checks.append(rest)
-    return StaticSpan(
-        gyro, accel, rate, float(time[first]), filled, (*imu.notes, *checks), disturbances
-    )
+        columns = [column for _, column in named]
+        disturbances, at_rest = _at_rest(gyro, accel, float(time[first]), rate, columns)
+        checks.append(at_rest)
+    begin_s, checks = float(time[first]), [*imu.notes, *checks]
+    return StaticSpan(gyro, accel, rate, begin_s, tuple(checks), disturbances)
 
 
 def _length(length_s: float) -> Finding:
@@ -203,15 +198,14 @@ def _length(length_s: float) -> Finding:
 
 def _rate(time: Array, nominal: float) -> Finding:
     """Stamps that come in bunches make no rate."""
-    mean, ask = mean_interval(time), Question("sampling", "even stamps")
+    ask = Question("sampling", "even stamps")
     finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
-    if nominal < 0.5 * mean:
+    if bunches := in_bunches(time, nominal):
         advice = (
             "the stamps come in bunches: leave their column out and give the sensor's rate"
             " (--columns, --rate)"
         )
-        finding += f"; median interval {nominal:.3g} s, mean {mean:.3g} s"
-        return ask.contradiction(finding, advice)
+        return ask.contradiction(f"{finding}; {bunches}", advice)
     return ask.ok(finding)
 
 
@@ -264,21 +258,19 @@ def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
         return [ask.contradiction("; ".join(stuck), advice)]
     checks = [ask.ok("every channel alive")]
     size = max(LEAST_IN_BLOCK, round(MOMENT_BLOCK_S * rate))
-    coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
+    coarse = {name: n for name, column in named if (n := _rounding(column, size)) is not None}
     if coarse:
-        names = ", ".join(name for name, _, _ in coarse)
-        steps = ", ".join(f"{n:.2g}" for _, n, _ in coarse)
-        shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
+        names = ", ".join(coarse)
+        steps = ", ".join(f"{n:.2g}" for n in coarse.values())
+        shares = ", ".join(f"{100 / 12 / n**2:.0f}" for n in coarse.values())
         finding = (
             f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
             " rounding"
         )
-        hidden = min(n for _, n, _ in coarse) < ROUNDED
-        advice = (
-            "the rounding hides the noise: record with a finer range"
-            if hidden
-            else "the white noise found contains the rounding"
-        )
+        hidden = min(coarse.values()) < ROUNDED
+        advice = "the white noise found contains the rounding"
+        if hidden:
+            advice = "the rounding hides the noise: record with a finer range"
         scattering = Question("rounding", f"samples scatter by {FINE_STEPS} steps and more")
         checks.append(scattering.against(finding, advice, hidden))
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
@@ -351,15 +343,15 @@ def _earth_rate(gyro: Array) -> list[Finding]:
     return [ask.note(f"|mean rate| {per_hour[0]:.3g} deg/h", advice)]
 
 
-def _rounding(column: Array, size: int) -> tuple[float, float] | None:
-    """Scatter of the samples in steps of their resolution, and the step, where that is coarse."""
+def _rounding(column: Array, size: int) -> float | None:
+    """Scatter of the samples in steps of their resolution, where that is coarse."""
     probed = column[: min(MOST_PROBED, len(column) // size * size) // size * size]
     values = np.unique(probed)
     if values.size < 2 or values.size > probed.size // 4:
         return None
     step = float(np.quantile(np.diff(values), 0.2))
     scatter = float(np.sqrt(np.median(probed.reshape(-1, size).var(axis=1))))
-    return None if scatter > FINE_STEPS * step else (max(scatter / step, 1e-3), step)
+    return None if scatter > FINE_STEPS * step else max(scatter / step, 1e-3)
 
 
 def _rail(column: Array) -> str:
@@ -459,6 +451,6 @@ def _moving_mean(x: Array, width: int) -> Array:
 
 def _score(x: Array, least: float) -> Array:
     """Deviations from the median in robust sigmas, column by column."""
-    off = x - np.median(x, axis=0)
-    sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), least)
-    return np.asarray(off / np.where(sigma > 0.0, sigma, np.inf))
+    deviation = x - np.median(x, axis=0)
+    sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(deviation), axis=0), least)
+    return np.asarray(deviation / np.where(sigma > 0.0, sigma, np.inf))

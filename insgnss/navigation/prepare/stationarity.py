@@ -154,8 +154,8 @@ def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> Statio
     lo = np.arange(blocks - WINDOW_BLOCKS + 1)
     hi = lo + WINDOW_BLOCKS
     full = _between((sums.count < 0.5 * np.median(sums.count)).astype(np.float64), lo, hi) == 0.0
-    seen = _seen_by_gnss(gnss, sums.edge(lo), sums.edge(hi))
-    quiet = _quiet(sums, lo, hi, full & (seen != MOVING), seen)
+    by_gnss = _seen_by_gnss(gnss, sums.edge(lo), sums.edge(hi))
+    quiet = _quiet(sums, lo, hi, full & (by_gnss != MOVING), by_gnss)
     periods = _periods_of(sums, _runs(quiet, sums))
     time = periods.time
     stands = _seen_by_gnss(gnss, time[:, 0], time[:, 1]) != MOVING
@@ -197,7 +197,7 @@ def _quiet(
     lo: NDArray[np.int64],
     hi: NDArray[np.int64],
     allowed: NDArray[np.bool_],
-    seen: NDArray[np.int8],
+    by_gnss: NDArray[np.int8],
 ) -> NDArray[np.bool_]:
     """Which windows are stationary, of those `allowed`."""
     n, mean, variance = sums.over(lo, hi)
@@ -217,11 +217,11 @@ def _quiet(
     candidate &= np.abs(mean[:, :3]).max(axis=1) < MAX_BIAS
     if not candidate.any():
         return candidate
-    sure = candidate & (seen == CONFIRMED)
+    sure = candidate & (by_gnss == CONFIRMED)
     base = np.flatnonzero(sure if sure.sum() >= QUIETEST else candidate)
     gyro, accel = np.maximum(gyro, FLOOR_GYRO**2), np.maximum(accel, FLOOR_ACCEL**2)
     best = base[np.argsort(gyro[base] * accel[base], kind="stable")[:QUIETEST]]
-    ratio = np.where(seen == CONFIRMED, RATIO_CONFIRMED, STATIONARY_RATIO)
+    ratio = np.where(by_gnss == CONFIRMED, RATIO_CONFIRMED, STATIONARY_RATIO)
     return (
         candidate
         & (gyro <= ratio * np.median(gyro[best]))
@@ -254,9 +254,9 @@ def _periods_of(sums: _Sums, runs: NDArray[np.int64]) -> StationaryPeriods:
 
 def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[np.int8]:
     """MOVING, UNKNOWN or CONFIRMED stationary, (w,), in the windows begin to end, (w,) s each."""
-    seen = np.full(begin.size, UNKNOWN, dtype=np.int8)
+    motion = np.full(begin.size, UNKNOWN, dtype=np.int8)
     if gnss is None or gnss.time.size < 2 or not begin.size:
-        return seen
+        return motion
     from ...geodesy.frames import LocalFrame
 
     frame = LocalFrame(float(gnss.lat[0]), float(gnss.lon[0]), float(gnss.height[0]))
@@ -274,9 +274,9 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
     covered = _covered(gnss.time, begin, end)
     for speed, deviation in speeds:
         useful = GNSS_SIGMAS * deviation.max(axis=1) < USEFUL_MS
-        seen[covered & (seen == UNKNOWN) & useful] = CONFIRMED
-        seen[covered & (np.abs(speed) > GNSS_SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
-    return seen
+        motion[covered & (motion == UNKNOWN) & useful] = CONFIRMED
+        motion[covered & (np.abs(speed) > GNSS_SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
+    return motion
 
 
 def _covered(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:

@@ -55,9 +55,9 @@ def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
             lo = max(0, lo - 2 * step)
         while hi < column.size and column[hi - 1] == value:
             hi = min(column.size, hi + 2 * step)
-        other = np.flatnonzero(column[lo:hi] != value) + lo
-        first = int(other[other < k * step].max()) + 1 if (other < k * step).any() else lo
-        last = int(other[other > k * step].min()) - 1 if (other > k * step).any() else hi - 1
+        unlike = np.flatnonzero(column[lo:hi] != value) + lo
+        first = int(unlike[unlike < k * step].max()) + 1 if (unlike < k * step).any() else lo
+        last = int(unlike[unlike > k * step].min()) - 1 if (unlike > k * step).any() else hi - 1
         if last - first + 1 >= shortest:
             runs.append((first, last))
     return runs
@@ -84,8 +84,8 @@ def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
     for channel, name in enumerate(CHANNELS):
         triad, c = (imu.gyro if channel < 3 else imu.accel), channel % 3
         for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
-            others = np.delete(triad[first : last + 1], c, axis=1)
-            moves = np.mean(np.diff(others, axis=0) != 0.0, axis=0).max()
+            neighbours = np.delete(triad[first : last + 1], c, axis=1)
+            moves = np.mean(np.diff(neighbours, axis=0) != 0.0, axis=0).max()
             length = imu.time[last] - imu.time[first]
             idle = channel < 3 and dead_band(imu, c, first, last)
             if moves > MOVES and length <= longest_s and not idle:

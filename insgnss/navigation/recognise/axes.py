@@ -196,16 +196,16 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     share = min(1.0, spacing / INDEPENDENT_CRAB_S)
     moving = np.abs(v) > MOVING_SPEED_SHARE * np.quantile(np.abs(v), 0.9)
     heading_known = moving & (pose.yaw_sigma < 0.5)
-    rest = np.zeros(v.size)
+    residual = np.zeros(v.size)
     scale = max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS)
     for _ in range(WIND_ITERATIONS):
         variance = scale**2 + (np.abs(v) * pose.yaw_sigma) ** 2
-        weight = share * moving * level / variance / (1.0 + rest**2 / variance)
+        weight = share * moving * level / variance / (1.0 + residual**2 / variance)
         N = (A.conj().T * weight) @ A + prior
         c, wind = np.linalg.solve(N, (A.conj().T * weight) @ v)
-        rest = np.abs(v - c * h - wind)
+        residual = np.abs(v - c * h - wind)
         if heading_known.any():
-            scale = max(1.2 * float(np.median(rest[heading_known])), GUST_MS)
+            scale = max(1.2 * float(np.median(residual[heading_known])), GUST_MS)
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
     along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)

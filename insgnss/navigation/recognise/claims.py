@@ -18,12 +18,10 @@ from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
 from ..prepare.axes import axes_words
-from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.gaps import find_gaps, nominal_interval
 from .axes import imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
-from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise
-from .relation import MAX_LAG_S
+from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise_between
 from .turns import OF_TURNS
 from .units import ACCEL_UNITS, GYRO_UNITS
 
@@ -114,8 +112,8 @@ def _compare_units(
         of_quantity = INCREMENT_UNITS[sensor] if recognition.quantity == "increments" else units
         unit = next((u for u, f in of_quantity.items() if abs(np.log(true / f)) < 1e-6), None)
         key = f"imu.units {sensor}"
-        off = Step(f"the numbers are off by {factor:.4g}, check {{{key}}}")
-        remedies.append(Step("the numbers look like {}", SetKey(key, unit)) if unit else off)
+        by_factor = Step(f"the numbers are off by {factor:.4g}, check {{{key}}}")
+        remedies.append(Step("the numbers look like {}", SetKey(key, unit)) if unit else by_factor)
         sure = min(sure, finding.confidence)
     if wrong_quantity and recognition.finding("quantity").confidence:
         quantity_of = SetKey("imu.quantity", recognition.quantity)
@@ -152,11 +150,9 @@ def _compare_axes(
         return ask.ok(statement)
     down_word = vertical.found.split()[0]
     if vertical.confidence > SURE_OF_EXCHANGE and down_word != imu_word(C_b_imu[2]):
-        hint = (
-            SetKey("imu.axes", recognition.axes)
-            if recognition.axes
-            else Step(f"{{imu.axes}} must have the IMU's {down_word} down")
-        )
+        hint: Remedy = Step(f"{{imu.axes}} must have the IMU's {down_word} down")
+        if recognition.axes:
+            hint = SetKey("imu.axes", recognition.axes)
         return ask.contradiction(statement, Step("the data look like {}", hint))
     if recognition.axes is None:
         return ask.note(statement, "the data do not determine which axis is forward")
@@ -181,14 +177,11 @@ def _left_handed(
         exchange = recognition.exchanges[0]
         a, b = exchange.words
         error, trial = what_is_wrong(exchange, C_b_imu), exchange.recognition
-        axes = (
-            Step(", with {}", SetKey("imu.axes", trial.axes))
-            if trial.axes
-            else Step(
-                ", and the words of {imu.axes} by how the exchanged axes lie, the IMU's {}",
-                trial.finding("vertical axis").found,
-            )
-        )
+        vertical = trial.finding("vertical axis").found
+        lie = ", and the words of {imu.axes} by how the exchanged axes lie, the IMU's {}"
+        axes = Step(lie, vertical)
+        if trial.axes:
+            axes = Step(", with {}", SetKey("imu.axes", trial.axes))
         if error != LEFT_HANDED:
             axes = Step("{}; or correct the signs in the file", axes)
     triads = exchange.recognition.finding("gyro triad")
@@ -311,9 +304,7 @@ def _misfit(imu: ImuSamples, gnss: GnssFixes, instant: float) -> tuple[float, fl
     lo, hi = instant - 0.5 * LOOKED_AT_S, instant + 0.5 * LOOKED_AT_S
     if not ((gnss.time >= lo) & (gnss.time < hi)).any():
         return 1.0, 0.0
-    recognition = recognise(
-        cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi)
-    )
+    recognition = recognise_between(imu, gnss, lo, hi)
     if recognition.finding("time offset").confidence <= SURE_OF_EXCHANGE:
         return 1.0, 0.0
     return 1.0 - float(recognition.curves["lag_score"].max()), recognition.time_offset_s

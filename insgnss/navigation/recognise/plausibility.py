@@ -14,7 +14,7 @@ from ...records.interpolation import columns_at
 from ...records.verdicts import CHECKS
 from ..prepare.axes import axes_words
 from ..prepare.fix_path import north_east, sound_fixes
-from ..prepare.gaps import LEAST_GAP_INTERVALS, find_gaps, mean_interval, nominal_interval
+from ..prepare.gaps import LEAST_GAP_INTERVALS, find_gaps, in_bunches, nominal_interval
 from ..prepare.stuck_channels import CHANNELS, STUCK_S, constant_runs, dead_band
 from .positions import check_velocity
 from .propulsion import propulsion
@@ -156,13 +156,12 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Finding:
     finding = f"{1.0 / dt:.2f} Hz, {span:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
     if gaps:
         finding += f", longest {longest:.3f} s"
-    if dt < 0.5 * (mean := mean_interval(imu.time)):
-        finding += f"; median interval {dt:.3g} s, mean {mean:.3g} s"
+    if bunches := in_bunches(imu.time, dt):
         advice = (
             "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's"
             " own clock"
         )
-        return ask.contradiction(finding, advice)
+        return ask.contradiction(f"{finding}; {bunches}", advice)
     return ask.note(finding, when=gaps)
 
 
@@ -179,11 +178,8 @@ def _silent(imu: ImuSamples, dt: float) -> Finding:
             band.append(name)
             continue
         dead.append(name)
-        how = (
-            how
-            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s"
-            f" from {imu.time[first]:.2f} s on"
-        )
+        length, begin = (last - first + 1) * dt, imu.time[first]
+        how = how or f"stays at {column[first]:z.6g} for {length:.1f} s from {begin:.2f} s on"
     ask = Question("silent sensor", f"no channel constant for over {STUCK_S:.0f} s")
     if dead:
         finding = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")

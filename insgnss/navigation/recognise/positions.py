@@ -65,9 +65,9 @@ def check_velocity(gnss: GnssFixes) -> Finding:
     if rows.sum() < LEAST_DISPLACEMENTS:
         return ask.ok(f"never faster than {LEAST_SPEED_MPS:g} m/s for long")
     moved = _displaced(gnss, pairs)
-    off = _off(moved[rows, :2], mean[rows, :2])
-    finding = f"displacements are {off:.0%} off the velocities in the median"
-    if off > AGREE:
+    off_share = _off(moved[rows, :2], mean[rows, :2])
+    finding = f"displacements are {off_share:.0%} off the velocities in the median"
+    if off_share > AGREE:
         ways = list(_misreadings(gnss, pairs))
         explanation = explain(
             (moved, mean),
@@ -167,5 +167,5 @@ def _fast(velocity: Array, least: float) -> Array:
 
 def _off(displaced: Array, velocity: Array) -> float:
     """How far displacements are off the velocities (R.11)."""
-    off = np.median(np.linalg.norm(displaced - velocity, axis=1))
-    return float(off / np.median(np.linalg.norm(velocity, axis=1)))
+    median_difference = np.median(np.linalg.norm(displaced - velocity, axis=1))
+    return float(median_difference / np.median(np.linalg.norm(velocity, axis=1)))

@@ -83,5 +83,5 @@ def propulsion(time: Array, C_nb: Array, force_n: Array, axis: Array) -> Propuls
     slope = float(np.mean(gained * felt)) / seen**2
     spacing = float(np.median(np.diff(time))) if time.size > 1 else INDEPENDENT_ACCELERATION_S
     independent = max(1.0, time.size * min(1.0, abs(spacing) / INDEPENDENT_ACCELERATION_S))
-    rest = float(np.sqrt(np.mean((felt - slope * gained) ** 2)))
-    return Propulsion(slope, rest / (seen * np.sqrt(independent)), seen)
+    residual = float(np.sqrt(np.mean((felt - slope * gained) ** 2)))
+    return Propulsion(slope, residual / (seen * np.sqrt(independent)), seen)

@@ -189,7 +189,11 @@ def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
 
     The samples reach far enough for every time offset that is looked for.
     """
-    lo, hi = liveliest(gnss, LOOKED_AT_S)
+    return recognise_between(imu, gnss, *liveliest(gnss, LOOKED_AT_S))
+
+
+def recognise_between(imu: ImuSamples, gnss: GnssFixes, lo: float, hi: float) -> Recognition:
+    """Apply `recognise` to the fixes between two instants, s, and the samples around them."""
     return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
 
 
@@ -266,7 +270,7 @@ def _recognised(
     of_clocks = clock.of_offset, clock.of_scale
     findings = force.of_quantity, force.of_unit, of_unit, triads, *of_axis, *of_clocks
     motion = _motion(relation, pose, C_b_imu if axes else np.eye(3))
-    tried = clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirror))
+    mirror_is_known = clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirror))
     return Recognition(
         force.quantity,
         unit,
@@ -280,7 +284,7 @@ def _recognised(
         clock.offset_s,
         clock.sigma_s,
         clock.scale,
-        tried and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
+        mirror_is_known and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
     )
 
 

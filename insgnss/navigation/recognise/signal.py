@@ -91,10 +91,10 @@ def _without_spikes(x: Array) -> Array:
     if len(x) < 3:
         return x
     mean = 0.5 * (x[:-2] + x[2:])
-    off = np.linalg.norm(x[1:-1] - mean, axis=1)
-    beyond = off > SPIKE_DISTANCES * float(np.quantile(off, 0.9)) + 1e-12
-    beyond[1:] &= off[1:] >= off[:-1]
-    beyond[:-1] &= off[:-1] >= off[1:]
+    deviation = np.linalg.norm(x[1:-1] - mean, axis=1)
+    beyond = deviation > SPIKE_DISTANCES * float(np.quantile(deviation, 0.9)) + 1e-12
+    beyond[1:] &= deviation[1:] >= deviation[:-1]
+    beyond[:-1] &= deviation[:-1] >= deviation[1:]
     rows = np.flatnonzero(beyond)
     x[rows + 1] = mean[rows]
     return x

@@ -80,9 +80,9 @@ def check_classes(gnss: GnssFixes) -> list[Finding]:
     return [Question(NAME, expected).against(finding, advice, stopped)]
 
 
-def _ratio(off: Array, variance: Array) -> float:
+def _ratio(distance: Array, variance: Array) -> float:
     """Median distance (n, m), in standard deviations."""
-    return float(np.median(np.sqrt(np.sum(off**2, axis=1) / np.sum(variance, axis=1))))
+    return float(np.median(np.sqrt(np.sum(distance**2, axis=1) / np.sum(variance, axis=1))))
 
 
 def _off(

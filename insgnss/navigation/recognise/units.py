@@ -56,15 +56,15 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
         (f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()
     ]
     candidates += [(1.0 / grid.interval, "m/s", "increments")]
-    (off, factor, unit, quantity), second = _nearest(candidates, size)
-    if off > MOST_LOG_MISFIT:
-        (off, factor, unit, quantity), second = _nearest(
+    (misfit, factor, unit, quantity), second = _nearest(candidates, size)
+    if misfit > MOST_LOG_MISFIT:
+        (misfit, factor, unit, quantity), second = _nearest(
             [(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size
         )
     sure = (
         MOST_CONFIDENCE
-        * float(np.clip((MOST_LOG_MISFIT - off) / (MOST_LOG_MISFIT - GOOD_LOG_MISFIT), 0.0, 1.0))
-        * (0.5 if second < off + SURE_MARGIN else 1.0)
+        * float(np.clip((MOST_LOG_MISFIT - misfit) / (MOST_LOG_MISFIT - GOOD_LOG_MISFIT), 0.0, 1.0))
+        * (0.5 if second < misfit + SURE_MARGIN else 1.0)
     )
     if sure == 0.0:
         evidence = (

@@ -17,7 +17,7 @@ from insgnss.io.formats import read_barometer, read_events, read_gnss
 from insgnss.io.formats.events.mrk import read_mrk
 from insgnss.io.formats.imu.variances import read_variances
 from insgnss.io.formats.text.text import format_rows, read_table, read_text_table
-from insgnss.navigation.noise_model.noise_file import model_of_text
+from insgnss.navigation.noise_model.model import model_of_text
 from insgnss.photogrammetry.comparison.reading import read_poses
 
 ANY = settings(

@@ -19,7 +19,7 @@ def case(**changes) -> Case:
     """A segment of which no remedy has run; the conditions look at its outcome alone."""
     search = SimpleNamespace(time_correlated=True)
     return replace(
-        Case(UNAIDED, None, search, None, load_noise_model("navchip"), None, start=object()),
+        Case(UNAIDED, None, search, load_noise_model("navchip"), None, start=object()),
         **changes,
     )
 

@@ -79,7 +79,6 @@ def test_the_time_constant_is_found_on_a_grid_and_between(true_s, found_s):
 
     model = ErrorModel(FixErrors())
     search = SimpleNamespace(
-        align=lambda problem: None,
         layout=lambda model: model.imu.slow.time_s,
         progress=lambda _: None,
     )
@@ -91,5 +90,3 @@ def test_the_time_constant_is_found_on_a_grid_and_between(true_s, found_s):
     nothing = SimpleNamespace(evidence_of=lambda *_: 3.9)
     assert slow_bias_candidate(search, model, problem, nothing) is None
     assert slow_bias_candidate(search, found.model, problem, variances) is None
-    cannot = SimpleNamespace(align=None)
-    assert slow_bias_candidate(cannot, model, problem, variances) is None

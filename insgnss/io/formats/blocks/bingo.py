@@ -17,7 +17,7 @@ import numpy as np
 
 from ....base.errors import DataError, InputError, near
 from ..text.layout import shown
-from ..text.text import Source, data_lines, decoded
+from ..text.text import Source, decoded, numbered_lines
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
@@ -73,7 +73,7 @@ def read_bingo(
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line, within = False, False, 0, 0
-    for line, row in data_lines(decoded(path)):
+    for line, row in numbered_lines(decoded(path)):
         words = row.split()
         if words[0] == END:
             inside, ended = False, True

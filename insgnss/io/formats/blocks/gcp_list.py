@@ -18,7 +18,7 @@ from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
 from ..text.layout import shown
 from ..text.numbers import whole
-from ..text.text import Source, data_lines, decoded
+from ..text.text import Source, decoded, numbered_lines
 from ..text.text import number as number_in
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, ImagePoints, positive_sigma
@@ -63,7 +63,7 @@ def read_gcp_list(
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
     text = decoded(path)
-    rows = data_lines(text)
+    rows = numbered_lines(text)
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
         raise InputError.in_file(path, f"no ground point; {MISSING}, then come the points")
@@ -150,7 +150,7 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    line, text = row
+    line, text = row[0], row[1].strip()
     words = text.upper().split()
     if not text.upper().startswith(HEAD):
         raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {MISSING}")

@@ -130,7 +130,7 @@ def read_dated_events(path: Source, options: ReadOptions = STATED_NOTHING) -> Ca
 def table_of_dates(path: Source) -> TextTable:
     """Return the fields of a table; its header is a first line without a date."""
     buf, complete = load(path)
-    lines = [(line, text.rstrip("\r")) for line, text in data_lines(path, decode(bytes(buf[:-1])))]
+    lines = list(data_lines(path, decode(bytes(buf[:-1]))))
     if not lines:
         raise InputError.in_file(path, "holds no line; check that the file was copied whole")
     delimiter = max(",;\t", key=lines[-1][1].count)

@@ -26,7 +26,7 @@ from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
 from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
 from ..text.layout import shown, split_fields
-from ..text.text import Source, check_fields, data_lines, decoded
+from ..text.text import Source, check_fields, decoded, numbered_lines
 from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
@@ -354,7 +354,7 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
         No CRS, or a line that is not name, x, y, z, three angles and two accuracies, with file and
         line.
     """
-    rows = data_lines(decoded(path))
+    rows = numbered_lines(decoded(path))
     crs = head_crs(path, rows[0]) if rows else ""
     names, position, sigma = [], [], []
     for line, text in rows[1:]:

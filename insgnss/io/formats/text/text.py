@@ -145,9 +145,8 @@ class FileLine:
 
 def data_lines(path: Source, text: str, first: int = 1) -> Iterator[tuple[FileLine, str]]:
     """Yield the lines of a text that are neither empty nor comments, counted from `first`."""
-    for line, row in enumerate(text.split("\n"), first):
-        if row.strip() and not is_comment(row):
-            yield FileLine(path, line), row
+    for line, row in numbered_lines(text, first):
+        yield FileLine(path, line), row
 
 
 def decoded(path: Source) -> str:
@@ -155,10 +154,10 @@ def decoded(path: Source) -> str:
     return decode(load_bytes(path).tobytes())
 
 
-def data_lines(text: str) -> list[tuple[int, str]]:
-    """Return the lines of a text with their numbers, without blank ones and comments."""
-    lines = enumerate(lines_of(text), start=1)
-    return [(line, row.strip()) for line, row in lines if row.strip() and not is_comment(row)]
+def numbered_lines(text: str, first: int = 1) -> list[tuple[int, str]]:
+    """Return the lines that are neither empty nor comments, with their numbers from `first`."""
+    lines = enumerate(lines_of(text), first)
+    return [(line, row) for line, row in lines if row.strip() and not is_comment(row)]
 
 
 def check_fields(path: Source, line: int, fields: Sequence[str], count: int, text: str) -> None:

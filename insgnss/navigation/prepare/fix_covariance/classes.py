@@ -117,7 +117,7 @@ FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(l
 VALIDATED = (FIXED, DEGRADED)
 # RTKLIB's 0 to 7; of what is unknown the largest
 CLASS_OF_QUALITY = SINGLE, FIXED, FLOAT, SBAS, DGPS, SINGLE, PPP, SINGLE
-FLOAT_QUALITY = 2
+FLOAT_QUALITY = 2  # RTKLIB's code of float solutions
 # fixed ones that are needed, and epochs to either side that count where they are rarer than in
 # `support_s`
 SUPPORT_EPOCHS = 5
@@ -389,11 +389,8 @@ def scaled(
 
 def base_distance(fixes: GnssFixes, base_ecef: ArrayLike) -> Array:
     """Return the distance (n,) m of the fixes from the base, ECEF (3,) m."""
-    return np.asarray(
-        np.linalg.norm(
-            geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - np.asarray(base_ecef), axis=1
-        )
-    )
+    ecef = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+    return np.asarray(np.linalg.norm(ecef - np.asarray(base_ecef), axis=1))
 
 
 def forward_backward(time: Array, forward: GnssFixes, backward: GnssFixes) -> Separation:

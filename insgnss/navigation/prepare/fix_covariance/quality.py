@@ -86,9 +86,8 @@ def without_worthless(gnss: GnssFixes) -> GnssFixes:
         f" (sigma {np.median(sigma[worthless & (gnss.quality == code)]):.3g} m)"
         for code in np.unique(gnss.quality[worthless])
     )
-    note = Question(
-        "GNSS quality", f"less than {WORTHLESS:g} times the sigma of the fixes on both sides"
-    ).note(
+    expected = f"less than {WORTHLESS:g} times the sigma of the fixes on both sides"
+    note = Question("GNSS quality", expected).note(
         f"{kinds} left out: beside those of quality {gnss.quality[usual[0]]}"
         f" ({np.median(sigma[usual]):.3g} m) they say nothing",
         "gnss.quality_sigma_m says what they are worth",

@@ -60,9 +60,8 @@ def with_rounding(gnss: GnssFixes) -> GnssFixes:
     if not any(steps):
         return gnss
     shown = " / ".join(f"{100.0 * step:.2g}" for step in steps)
-    note = Question(
-        "GNSS quality", f"steps below {COUNTS * np.sqrt(12.0):.1g} standard deviations"
-    ).note(
+    expected = f"steps below {COUNTS * np.sqrt(12.0):.1g} standard deviations"
+    note = Question("GNSS quality", expected).note(
         f"positions are rounded to steps of {shown} cm (north, east, height), which their standard"
         " deviations do not cover; the rounding was added to them",
         "write the positions with more digits (9 decimals of a degree, millimetres of height)",

@@ -290,11 +290,8 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         advice = Step("check {imu.further}: file, axes and clock")
         return 0.0, ask.contradiction(finding, advice)
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
-    inside = slice(
-        *np.searchsorted(
-            grid, [grid[0] + abs(tau) + SMOOTHED_RATES_S, grid[-1] - abs(tau) - SMOOTHED_RATES_S]
-        )
-    )
+    edge = abs(tau) + SMOOTHED_RATES_S
+    inside = slice(*np.searchsorted(grid, [grid[0] + edge, grid[-1] - edge]))
     for _ in range(OFFSET_ITERATIONS):
         d, s = (a - _grid_rates(other, grid - tau))[inside], slope[inside]
         d, s = d - d.mean(axis=0), s - s.mean(axis=0)

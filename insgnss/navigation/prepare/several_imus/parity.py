@@ -150,10 +150,10 @@ def _pair(
         d, signal = d - _slow(d), signal - _slow(signal)
         noise = np.asarray((sigma[i, k] ** 2 + sigma[j, k] ** 2) / duration[full], dtype=np.float64)
         matrix[k] = _robust_matrix(d, signal, noise)
-        rest = d - signal @ matrix[k].T
+        residual = d - signal @ matrix[k].T
         size = np.linalg.norm(signal, axis=1)
         square = np.full(len(full), np.nan)
-        square[full] = np.mean(rest**2, axis=1) / (noise + (DYNAMIC * size) ** 2)
+        square[full] = np.mean(residual**2, axis=1) / (noise + (DYNAMIC * size) ** 2)
         grid = square[: windows * WINDOW_BLOCKS].reshape(windows, -1)
         enough = np.isfinite(grid).sum(axis=1) >= WINDOW_BLOCKS // 2
         ratio[k, enough] = np.nanmean(grid[enough], axis=1)
@@ -281,10 +281,11 @@ def _stuck_samples(x: Array) -> int:
 
 def _spikes(x: Array) -> int:
     """Number of samples far from the mean of their two neighbours, which lie together."""
-    off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
-    apart = np.abs(x[2:] - x[:-2])
-    usual = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), 1e-12)
-    return int(((np.abs(off) > SPIKE_DEVIATIONS * usual) & (apart < np.abs(off))).any(axis=1).sum())
+    deviation = x[1:-1] - 0.5 * (x[:-2] + x[2:])
+    step = np.abs(x[2:] - x[:-2])
+    usual = np.maximum(MAD_TO_SIGMA * np.median(np.abs(deviation), axis=0), 1e-12)
+    is_spike = (np.abs(deviation) > SPIKE_DEVIATIONS * usual) & (step < np.abs(deviation))
+    return int(is_spike.any(axis=1).sum())
 
 
 def _fault(

@@ -5,8 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....base.errors import DataError
-from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel
-from ....navigation.noise_model.noise_file import model_of_text, text_of_model
+from ....navigation.noise_model.model import (
+    NOISE_UNITS,
+    AxisNoise,
+    NoiseModel,
+    model_of_text,
+    text_of_model,
+)
 from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
 from ..targets import beside, check_target, refuse_others, write_tuning
