@@ -13,8 +13,8 @@ from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.io.formats.blocks.image_points import ImagePoints, write_image_points
 from insgnss.photogrammetry.adjust.normals import cofactors_of
 from insgnss.photogrammetry.adjust.unknowns import POSE
-from insgnss.photogrammetry.block_adjustment.check_points import check_points
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
+from insgnss.photogrammetry.block_adjustment.residuals.check_points import check_points
 from insgnss.photogrammetry.block_adjustment.solve import Solved, solved
 from insgnss.records.block import ImageObservations
 from insgnss.simulation.plug import plugged

@@ -28,7 +28,7 @@ Where to look
     relative control: (J.12 to J.18) in `adjust/relative.py`; pairs, weights, weak datum in
         `block_adjustment/aerial/relative.py`
     indirect, Fast AT, direct: `block_adjustment/mode.py`; points from held poses (J.19, J.20):
-        `adjust/direct.py`, by `block_adjustment/solve.py`, `check_points.py` there
+        `adjust/direct.py`, by `block_adjustment/solve.py`, `residuals/check_points.py` there
     kinematic ground control: (J.21) to (J.23) in `adjust/kinematic.py`; files, (KI.1), wrong clock,
         base or lever arm: `block_adjustment/vehicle/`; options:
         `insgnss/flight/config/block_tables/vehicle.py`; size (GT.7): `target_measurement/sizes.py`

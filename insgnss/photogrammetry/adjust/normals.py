@@ -87,7 +87,7 @@ class Problem:
         return np.repeat(np.arange(self.rays.start.size - 1), np.diff(self.rays.start))
 
     @property
-    def seen(self) -> NDArray[np.int64]:
+    def ray_count(self) -> NDArray[np.int64]:
         """(m,) number of rays of each object point that take part."""
         return np.bincount(self.point[self.rays.active], minlength=self.rays.start.size - 1)
 
@@ -100,7 +100,7 @@ class Problem:
     @property
     def determined(self) -> NDArray[np.bool_]:
         """(m,) which object points take part: seen, or observed by a group."""
-        return np.asarray((self.seen > 0) | self.observed)
+        return np.asarray((self.ray_count > 0) | self.observed)
 
     def filled(self, values: Unknowns) -> Unknowns:
         """Return values with zeros for points that take no part, as kernels take them.

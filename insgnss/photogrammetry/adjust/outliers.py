@@ -282,8 +282,8 @@ def left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]
     ndarray of bool, (n,)
         Rays that could not be judged any more.
     """
-    remaining = problem.with_active(active).seen
-    alone = (remaining <= 2) & (remaining < problem.seen) & ~problem.observed
+    remaining = problem.with_active(active).ray_count
+    alone = (remaining <= 2) & (remaining < problem.ray_count) & ~problem.observed
     return np.asarray(active & alone[problem.point])
 
 

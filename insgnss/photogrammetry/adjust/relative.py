@@ -103,11 +103,22 @@ class Observed(NamedTuple):
 class RelativeAerialControl(StripControl):
     """Positions of a strip of n images, or offsets between them, and turns between them.
 
-    The weight is (m, m), of positions or offsets (m), then of turns (rad); common errors are (m, q)
-    where they are a parameter.
-
     Parameters
     ----------
+    images : tuple of int
+        (n,) rows of the images.
+    position_m, C_mc : ndarray
+        (n, 3) and (n, 3, 3) observed positions X_o, m, and attitudes C_o.
+    weight : ndarray
+        (m, m) inverse of the covariance of positions or offsets (m), then of turns (rad).
+    time, velocity, rate : ndarray
+        (n,) stamps, s, (n, 3) velocities, m/s, and (n, 3) rates, rad/s.
+    parameters : mapping
+        Row of the block that stands for each of `PARAMETERS`.
+    name : str
+        Name of the variance component.
+    common : ndarray, optional
+        (m, q) the observations by each of the common errors, where they are a parameter.
     observed : Observed
         What of the poses is observed, and the pairs.
     """

@@ -12,8 +12,7 @@ control        aerial control of the orientation, its mounting and its flight li
 vehicle        kinematic ground control: a vehicle whose target the images see
 solve          adjustment without gross errors, variances by components
 figures        everything that was determined, as adjust.json has it
-check_points   surveyed minus adjusted, judged together
-pattern        what residuals have in common on the format
+residuals      check points, judged together; what residuals have in common on the format
 judgement      what contradicts, what was determined and what not, in sentences
 trials         what explains a contradiction: each remedy is adjusted
 products       eo.json, exports, cameras, mounting, adjust.json; `page` the page

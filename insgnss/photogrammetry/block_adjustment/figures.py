@@ -16,8 +16,8 @@ from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from .aerial.relative import weakly_held
-from .check_points import CheckPoints, check_points
 from .parameters import MOUNTING, estimates
+from .residuals.check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
 from .vehicle.verdict import vehicle_figures
 
@@ -198,8 +198,8 @@ def _mounting(solved: Solved) -> dict[str, Any]:
     """Parameters between trajectory and camera with sigmas and those that were stated before."""
     file = solved.inputs.file
     where = "block file" if file.aerial_control.positions_alone else "flight file"
-    found = estimates(file, MOUNTING, solved.precision)
-    return {name: estimate | {"stated_in": where} for name, estimate in found.items()}
+    mounting = estimates(file, MOUNTING, solved.precision)
+    return {name: estimate | {"stated_in": where} for name, estimate in mounting.items()}
 
 
 def _lines(solved: Solved) -> list[dict[str, Any]]:
@@ -224,7 +224,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
 def _control(solved: Solved) -> list[dict[str, Any]]:
     problem = solved.result.problem
     names = problem.block.points
-    rays = solved.result.problem.seen
+    rays = solved.result.problem.ray_count
     out = []
     for test in solved.precision.groups:
         if test.name != GROUND:
@@ -248,7 +248,7 @@ def _control(solved: Solved) -> list[dict[str, Any]]:
 def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
     """Check points: surveyed - adjusted, with the standard deviation of this difference."""
     block, point = solved.result.problem.block, solved.result.values.point
-    rays = solved.result.problem.seen
+    rays = solved.result.problem.ray_count
     out: list[dict[str, Any]] = [
         {"point": block.points[row], "images": int(rays[row])} for row in block.check.point
     ]

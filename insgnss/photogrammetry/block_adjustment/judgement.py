@@ -22,7 +22,7 @@ from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import DATUM
 from .parameters import SIGNIFICANT_SIGMAS, determined
-from .pattern import Pattern, patterns, repeating
+from .residuals.pattern import Pattern, patterns, repeating
 from .solve import GROUND, Solved
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
 from .vehicle.verdict import few_sizes, headline_words, left_out

@@ -56,7 +56,18 @@ class Parameter:
         return self.name, 0
 
     def stated(self, file: BlockFile) -> Any:
-        """Return its standard deviation as the block file has it."""
+        """Return its standard deviation as the block file has it.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        float, tuple or None
+            None or zero: it is not estimated.
+        """
         return getattr(getattr(file, self.table), self.field)
 
     @property
@@ -65,17 +76,50 @@ class Parameter:
         return f"{self.table}.{self.field}"
 
     def left_out(self, file: BlockFile) -> bool:
-        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly."""
+        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        bool
+            Whether a trial may estimate it.
+        """
         stated = self.stated(file)
         return not stated or (self.name == BORESIGHT and stated < self.loose)
 
     def estimated_in(self, file: BlockFile) -> BlockFile:
-        """Return a block file that asks for it."""
+        """Return a block file that asks for it.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        BlockFile
+            The same otherwise.
+        """
         table = replace(getattr(file, self.table), **{self.field: self.loose})
         return replace(file, **{self.table: table})
 
     def sigma(self, file: BlockFile) -> Array | None:
-        """Return its standard deviations in `unit`; None where it is not estimated."""
+        """Return its standard deviations in `unit`; None where it is not estimated.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        ndarray or None
+            One an axis.
+        """
         stated = self.stated(file)
         if self.name == BORESIGHT and not file.aerial_control.absolute_attitudes:
             return None
@@ -85,13 +129,37 @@ class Parameter:
         return np.radians(sigma) if self.unit == "rad" else sigma
 
     def first(self, file: BlockFile) -> Array:
-        """Return its first value."""
+        """Return its first value.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        ndarray
+            A vector; of a rotation its matrix.
+        """
         if self.name == LEVER_ARM:
             return stated_lever_arm(file)
         return np.eye(3) if self.unit == "rad" else np.zeros(len(self.axes))
 
     def change(self, value: Array, file: BlockFile) -> Array:
-        """Return a value less its first one, in `unit`; of a rotation its vector."""
+        """Return a value less its first one.
+
+        Parameters
+        ----------
+        value : ndarray
+            The value.
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        ndarray
+            The difference in `unit`; of a rotation its vector.
+        """
         return vector_from_rotation(value) if self.unit == "rad" else value - self.first(file)
 
 
@@ -123,12 +191,36 @@ BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING, *VEHICLE)}
 
 
 def stated_lever_arm(file: BlockFile) -> Array:
-    """Return the lever arm (3,), m, that estimates are corrections of."""
+    """Return the lever arm that estimates are corrections of.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+
+    Returns
+    -------
+    ndarray, (3,)
+        The lever arm, m.
+    """
     return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
 
 
 def prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
-    """Return the first value of a parameter as an observation with standard deviations."""
+    """Return the first value of a parameter as an observation.
+
+    Parameters
+    ----------
+    key : tuple
+        Its block.
+    value, sigma : ndarray
+        First value and standard deviations.
+
+    Returns
+    -------
+    ParameterObservation
+        Of the variance component "mounting".
+    """
     return ParameterObservation(key, value, np.diag(1.0 / sigma**2))
 
 

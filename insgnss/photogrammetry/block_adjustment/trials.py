@@ -31,10 +31,10 @@ from ..adjust.shutter import readout_gain
 from ..adjust.unknowns import CAMERA, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images
-from .check_points import check_points
 from .inputs import Inputs
 from .mode import CAMERA_HELD
 from .parameters import BY_NAME, MOUNTING, VEHICLE, Parameter
+from .residuals.check_points import check_points
 from .solve import Solved, ground_groups, groups_of
 from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
@@ -153,12 +153,12 @@ def _plain(value: float) -> str:
 
 
 def _explains(
-    gain: float, unknowns: int, excess: float, share: float = GAIN_SHARE, tried: int = 1
+    gain: float, unknowns: int, excess: float, share: float = GAIN_SHARE, candidates: int = 1
 ) -> bool:
-    """Tell whether a gain, the best of `tried`, is no chance, and a share of what is too much."""
+    """Tell whether a gain, the best of some, is no chance, and a share of what is too much."""
     from scipy.stats import chi2
 
-    return bool(gain > max(chi2.isf((1.0 - GAIN_CHANCE) / tried, unknowns), share * excess))
+    return bool(gain > max(chi2.isf((1.0 - GAIN_CHANCE) / candidates, unknowns), share * excess))
 
 
 def trials(
@@ -271,7 +271,7 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
             shift,
             np.asarray(np.sqrt(np.diagonal(np.linalg.inv(N))), dtype=np.float64),
             "m",
-            _explains(gain, 3, excess, tried=len(groups)),
+            _explains(gain, 3, excess, candidates=len(groups)),
             "look for a wrong ambiguity or another base there; --shift-sigma (shift_sigma_m)"
             " estimates a shift of each line",
             float(of_positions.max()),
@@ -372,7 +372,7 @@ class _LeftOut:
 
 def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
     file, mode, vehicle = inputs.file, inputs.file.adjustment.mode, inputs.vehicle
-    tried: list[Parameter] = []
+    parameters: list[Parameter] = []
     if inputs.eo is not None and mode != "indirect":
         control = file.aerial_control
         possible = {
@@ -380,13 +380,13 @@ def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
             BORESIGHT: control.absolute_attitudes,
             TIME_OFFSET: motion_is_known(inputs.eo, control),
         }
-        tried += [one for one in MOUNTING if possible[one.name]]
+        parameters += [one for one in MOUNTING if possible[one.name]]
         if len(inputs.block.control) > 1:
             yield _LeftOut(DATUM[0], "m", DATUM, file, OTHER_DATUM)
     if vehicle is not None:
         drives = np.median(np.linalg.norm(vehicle.exposures.velocity, axis=1)) > DRIVING_MPS
-        tried += [one for one in VEHICLE if one.loose and (drives or one.name != CLOCK)]
-    for one in tried:
+        parameters += [one for one in VEHICLE if one.loose and (drives or one.name != CLOCK)]
+    for one in parameters:
         if one.left_out(file):
             wider, advice = one.estimated_in(file), f"estimate it with {one.option}"
             yield _LeftOut(one.error or one.name, one.unit, one.key, wider, advice)
@@ -463,4 +463,4 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
 
 def _without_rays(problem: Problem) -> list[int]:
     """Return the object points with ground control of which no image observation takes part."""
-    return [int(row) for row in np.flatnonzero(problem.observed & (problem.seen == 0))]
+    return [int(row) for row in np.flatnonzero(problem.observed & (problem.ray_count == 0))]

@@ -26,13 +26,13 @@ from insgnss.io.formats.blocks.ground_points import (
 )
 from insgnss.io.formats.blocks.image_points import read_image_points, write_image_points
 from insgnss.io.formats.orientation.eo_json import write_eo_json
-from insgnss.photogrammetry.block_adjustment.check_points import CheckPoints
 from insgnss.photogrammetry.block_adjustment.ground import ground_in_plane
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.plausibility import (
     refuse_implausible,
     worse_than_stated,
 )
+from insgnss.photogrammetry.block_adjustment.residuals.check_points import CheckPoints
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.records.block import INTERIOR
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geodesy.least_squares import Equations, NormalEquations
-from ...records.block import Array
-from ..adjust.direct import joint_covariance
-from ..adjust.normals import cofactors_of, problem_of
-from ..adjust.unknowns import POINT
-from .solve import Solved
+from ....geodesy.least_squares import Equations, NormalEquations
+from ....records.block import Array
+from ...adjust.direct import joint_covariance
+from ...adjust.normals import cofactors_of, problem_of
+from ...adjust.unknowns import POINT
+from ..solve import Solved
 
 
 @dataclass(frozen=True, eq=False)

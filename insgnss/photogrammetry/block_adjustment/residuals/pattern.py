@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ...base.findings import Finding, ranked
-from ...records.block import Array
-from ..adjust.adjustment import residuals_px
-from .solve import Solved
+from ....base.findings import Finding, ranked
+from ....records.block import Array
+from ...adjust.adjustment import residuals_px
+from ..solve import Solved
 
 # rms of the residuals that repeat by place (px), and their mean square over its variance (chosen)
 PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0

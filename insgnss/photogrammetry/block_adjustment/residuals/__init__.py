@@ -1,0 +1,1 @@
+"""What residuals say together: of check points by their covariance, of images by their place."""
