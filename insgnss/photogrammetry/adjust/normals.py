@@ -1,7 +1,7 @@
 """Normal equations of a block: assembled from image observations and groups, and solved (J.6)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,9 +60,7 @@ class Problem:
         Problem
             The same otherwise.
         """
-        return Problem(
-            self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
-        )
+        return replace(self, rays=self.rays._replace(active=active))
 
     def with_active_of(self, source: "Problem") -> "Problem":
         """Return the problem with the image observations active that are so in another.

@@ -307,7 +307,7 @@ def _precision(inputs: Inputs, control: Control) -> Precision:
     problem = problem.with_active(valid(problem, values))
     point = np.where(problem.determined[:, None], values.point, np.nan)
     zero = cost(problem, values)[0]
-    solution = Adjusted(problem, values.with_points(point), zero, zero, 0, redundancy_of(problem))
+    solution = Adjusted(problem, values.with_points(point), zero, 0, redundancy_of(problem))
     if inputs.file.adjustment.mode == "direct":
         return direct_precision(solution)
     return precision_of(solution, 1.0)

@@ -20,7 +20,7 @@ from ..adjust.unknowns import Key, Unknowns
 from ..adjust.variance_components import reweighted
 from .aerial.control import Control, control_of, motion_of_images
 from .inputs import Inputs
-from .vehicle.control import vehicle_control, with_first_points
+from .vehicle.control import vehicle_control
 
 GROUND = "ground control"
 Progress = Callable[[str], None]
@@ -183,8 +183,10 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
     """
     block = inputs.block
     groups, blocks = groups_of(inputs, control, control_points(block.control))
-    values = with_first_points(first_values(block), inputs.vehicle, block)
-    return problem_of(block, groups, blocks), replace(values, blocks=blocks)
+    values = replace(first_values(block), blocks=blocks)
+    if (vehicle := inputs.vehicle) is not None:  # one image alone sees each place of the target
+        values.point[vehicle.rows_in(block)[1]] = vehicle.exposures.position_m
+    return problem_of(block, groups, blocks), values
 
 
 def groups_of(
