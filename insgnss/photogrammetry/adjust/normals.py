@@ -75,9 +75,14 @@ class Problem:
         Problem
             The same otherwise.
         """
-        active = np.empty(source.order.size, dtype=bool)
-        active[source.order] = source.rays.active
-        return self.with_active(active[self.order])
+        return self.with_active(source.active[self.order])
+
+    @property
+    def active(self) -> NDArray[np.bool_]:
+        """(n,) which of the block's image observations take part."""
+        active = np.empty(self.order.size, dtype=bool)
+        active[self.order] = self.rays.active
+        return active
 
     @property
     def point(self) -> NDArray[np.int64]:

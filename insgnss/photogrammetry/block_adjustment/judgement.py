@@ -290,8 +290,7 @@ def _images(solved: Solved) -> Iterator[Finding]:
     block = problem.block
     observations = block.observations
     shared = np.bincount(observations.point, minlength=len(block.points))[observations.point] > 1
-    active = np.zeros(len(observations), dtype=bool)
-    active[problem.order] = problem.rays.active
+    active = problem.active
     n = len(block.images)
     total = np.bincount(observations.image[shared], minlength=n)
     missing = np.bincount(observations.image[shared & ~active], minlength=n)
@@ -402,12 +401,14 @@ def _explained(
 def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Ground control points with gross errors, which were rejected."""
     for point in figures["rejected_ground_control"]:
-        residual = lengths([1e3 * x for x in point["residual_m"]])
+        residual = ""  # of a point that nothing else observes
+        if None not in point["residual_m"]:
+            residual = f"{lengths([1e3 * x for x in point['residual_m']])} (east, north, up), "
         yield ranked(
             GROUND,
             max(1.0, point["w"] / LIMIT_W),
             f"ground control point {point['point']} does not fit and was left out: {residual}"
-            f" (east, north, up), {point['w']:.1f} sigma",
+            f"{point['w']:.1f} sigma",
             "check its coordinates and its image measurements",
         )
 

@@ -274,9 +274,9 @@ def estimates(
         if parameter.key in blocks and before is not None:
             out[parameter.name] = {
                 "unit": parameter.unit,
-                "value": parameter.change(blocks[parameter.key], file).tolist(),
-                "sigma": np.sqrt(np.diagonal(precision.cov(parameter.key))).tolist(),
-                "sigma_before": before.tolist(),
+                "value": parameter.change(blocks[parameter.key], file),
+                "sigma": np.sqrt(np.diagonal(precision.cov(parameter.key))),
+                "sigma_before": before,
             }
     return out
 

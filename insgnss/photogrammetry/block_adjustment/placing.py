@@ -99,12 +99,33 @@ def in_tangent_plane(union: Joined, notes: list[str]) -> Joined:
         The same otherwise.
     """
     lat, lon, h = (float(x) for x in ecef_to_geodetic(np.nanmean(union.position_m, axis=0)))
-    plane = TangentPlane(lat, lon, h)
-    notes.append(
-        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the images"
-    )
+    plane = noted_plane(TangentPlane(lat, lon, h), "images", notes)
     position = plane.position_from_geodetic(*ecef_to_geodetic(union.position_m))
     return replace(union, position_m=position, C_mc=plane.C_em.T @ union.C_mc)
+
+
+def noted_plane(plane: TangentPlane, members: str, notes: list[str]) -> TangentPlane:
+    """Return a tangent plane that no file states.
+
+    Parameters
+    ----------
+    plane : TangentPlane
+        The plane.
+    members : str
+        At the middle of which it is.
+    notes : list of str
+        Gets a sentence with its origin.
+
+    Returns
+    -------
+    TangentPlane
+        The plane.
+    """
+    notes.append(
+        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the"
+        f" {members}"
+    )
+    return plane
 
 
 def in_own_datum(
