@@ -17,15 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records.block import INTERIOR, RADIAL
-from .aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
-from .aerial import COMMON as COMMON_ERRORS
+from .aerial import BORESIGHT, COMMON, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from .normals import unknown_name
-from .precision import COMMON, Precision
+from .precision import COMMON_MOTIONS, Precision
 from .unknowns import CAMERA, POINT, POSE
 
 TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to separate (chosen)
 AERIAL = "aerial control"
-HEIGHT, ABOUT_Y, ABOUT_X = COMMON
+HEIGHT, ABOUT_Y, ABOUT_X = COMMON_MOTIONS
 TWO_HEIGHTS = (
     "fly some strips at two and a half times the height: what the camera does to the ground grows"
     " with the height, a length of the mounting does not"
@@ -121,7 +120,7 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
     layout, block = problem.layout, problem.block
     columns, names, kinds, owners = [], [], [], []
     for column, (name, row) in enumerate(layout.names()):
-        if name in (POSE, POINT, COMMON_ERRORS) or layout.held[column]:
+        if name in (POSE, POINT, COMMON) or layout.held[column]:
             continue
         position = column - int(layout.of((name, row))[0][0])
         columns.append(column)
@@ -131,9 +130,9 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
     n, rows = len(columns), np.array(columns, dtype=np.int64)
     for c, camera in enumerate(block.cameras):
         whose = f" of {camera.name}" if len(block.cameras) > 1 else ""
-        names += [f"{motion} of all images{whose}" for motion in COMMON]
-        kinds += COMMON
-        owners += [c] * len(COMMON)
+        names += [f"{motion} of all images{whose}" for motion in COMMON_MOTIONS]
+        kinds += COMMON_MOTIONS
+        owners += [c] * len(COMMON_MOTIONS)
     covariance = np.block([[Q.of(rows), Q.common[rows]], [Q.common[rows].T, Q.common_motions]])
     sigma = np.sqrt(np.diagonal(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -19,7 +19,7 @@ from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from .aerial.relative import weakly_held
-from .parameters import MOUNTING, VEHICLE, estimates
+from .parameters import MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, estimates
 from .residuals.check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
 
@@ -201,7 +201,7 @@ def _mounting(solved: Solved) -> dict[str, Any]:
     """Parameters between trajectory and camera with sigmas and those that were stated before."""
     file = solved.inputs.file
     where = "block file" if file.aerial_control.positions_alone else "flight file"
-    mounting = estimates(file, MOUNTING, solved.precision)
+    mounting = estimates(file, MOUNTING_PARAMETERS, solved.precision)
     return {name: estimate | {"stated_in": where} for name, estimate in mounting.items()}
 
 
@@ -278,7 +278,7 @@ def _vehicle(solved: Solved) -> dict[str, Any] | None:
         "exposures": n,
         "left_out": sum(p["left_out"] for p in points),
         "sizes": len(sizes),
-        "parameters": estimates(solved.inputs.file, VEHICLE, solved.precision),
+        "parameters": estimates(solved.inputs.file, VEHICLE_PARAMETERS, solved.precision),
         "points": points,
     }
 

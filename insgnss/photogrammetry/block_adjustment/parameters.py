@@ -166,7 +166,7 @@ class Parameter:
 XYZ = ("x", "y", "z")
 FRD = ("forward", "right", "down")
 ENU = ("east", "north", "up")
-MOUNTING = (
+MOUNTING_PARAMETERS = (
     Parameter(LEVER_ARM, "aerial_control", "lever_arm_sigma_m", "m", XYZ, (10.0,) * 3),
     Parameter(BORESIGHT, "aerial_control", "boresight_sigma_deg", "rad", XYZ, 30.0),
     Parameter(
@@ -180,14 +180,14 @@ MOUNTING = (
     ),
 )
 """Between a trajectory and the camera."""
-VEHICLE = (
+VEHICLE_PARAMETERS = (
     Parameter(TARGET_ARM, "vehicle", "target_sigma_m", "m", FRD, (10.0,) * 3),
     Parameter(CLOCK, "vehicle", "time_offset_sigma_s", "s", ("",), 10.0),
     Parameter(VEHICLE_SHIFT, "vehicle", "shift_sigma_m", "m", ENU, (100.0,) * 3),
     Parameter(SIZE, "vehicle", "size_sigma_m", "m", ("",)),
 )
 """Of a vehicle whose target the images see; no trial estimates its size."""
-BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING, *VEHICLE)}
+BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING_PARAMETERS, *VEHICLE_PARAMETERS)}
 
 
 def stated_lever_arm(file: BlockFile) -> Array:

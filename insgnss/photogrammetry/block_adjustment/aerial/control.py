@@ -34,7 +34,7 @@ from ...adjust.aerial import (
 from ...adjust.groups import ObservationGroup
 from ...adjust.unknowns import Key
 from ..inputs import Inputs
-from ..parameters import MOUNTING, prior, priors
+from ..parameters import MOUNTING_PARAMETERS, prior, priors
 from .relative import Strip, absolute_group, breaks, relative_groups
 
 SHORTEST_STEP_S = 1e-3  # between images: no camera is as fast, and equal stamps divide by nothing
@@ -98,7 +98,7 @@ def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
     motion, line = _motion(eo, options), breaks(eo, options.gap_s)
     other_lines = _other_lines(eo, options)
-    shared = priors(inputs.file, MOUNTING)
+    shared = priors(inputs.file, MOUNTING_PARAMETERS)
     blocks: dict[Key, Array] = {one.key: one.value for one in shared}
     groups: list[ObservationGroup] = [*shared]
     lines: list[Rows] = []

@@ -8,7 +8,7 @@ from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.kinematic import SIZE, KinematicControl, TargetSize
 from ...adjust.unknowns import Key
 from ..inputs import Inputs
-from ..parameters import VEHICLE, priors
+from ..parameters import VEHICLE_PARAMETERS, priors
 
 
 def vehicle_control(
@@ -33,7 +33,7 @@ def vehicle_control(
     vehicle, block, options = inputs.vehicle, inputs.block, inputs.file.vehicle
     if vehicle is None:
         return [], {}
-    shared = priors(inputs.file, VEHICLE)
+    shared = priors(inputs.file, VEHICLE_PARAMETERS)
     first = {one.key: one.value for one in shared}
     parameters = {name: row for name, row in first if name != SIZE}
     if (TIME_OFFSET, 0) in blocks:

@@ -18,7 +18,7 @@ from ...adjust.kinematic import (
     VEHICLE_SHIFT,
 )
 from ...adjust.unknowns import Key
-from ..parameters import FRD, VEHICLE
+from ..parameters import FRD, VEHICLE_PARAMETERS
 from .places import Vehicle
 
 MANY_LEFT_OUT = 0.1
@@ -114,7 +114,7 @@ def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str
     str
         The advice; empty of what is no unknown of a vehicle.
     """
-    if vehicle is None or key not in [one.key for one in VEHICLE]:
+    if vehicle is None or key not in [one.key for one in VEHICLE_PARAMETERS]:
         return ""
     if key[0] == CLOCK:
         offset = vehicle.options.time_offset_s + float(value[0])
