@@ -164,7 +164,9 @@ def _intersected(
     return Solved(inputs, control, precision, {}, rejected, (), precision.result.iterations)
 
 
-def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
+def set_up(
+    inputs: Inputs, control: Control, points: Sequence[ObservationGroup] | None = None
+) -> tuple[Problem, Unknowns]:
     """Return all observations of a block, and first values of its unknowns.
 
     Parameters
@@ -173,6 +175,8 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
         The block.
     control : Control
         Its aerial control.
+    points : sequence of ObservationGroup, optional
+        Its ground control; by default all of it.
 
     Returns
     -------
@@ -182,7 +186,8 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
         First values.
     """
     block = inputs.block
-    groups, blocks = groups_of(inputs, control, control_points(block.control))
+    points = control_points(block.control) if points is None else points
+    groups, blocks = groups_of(inputs, control, points)
     values = replace(first_values(block), blocks=blocks)
     if (vehicle := inputs.vehicle) is not None:  # one image alone sees each place of the target
         values.point[vehicle.rows_in(block)[1]] = vehicle.exposures.position_m
