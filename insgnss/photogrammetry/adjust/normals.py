@@ -10,7 +10,7 @@ from ...base.errors import DataError
 from ...records.block import INTERIOR, MODELS, Array, ImageBlock
 from .envelope import Factor
 from .envelope import factorised as envelope_factorised
-from .groups import ObservationGroup
+from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity, elimination, points
 from .unknowns import CAMERA, POINT, POSE, Key, Layout, Unknowns, layout_of
 
@@ -76,6 +76,11 @@ class Problem:
             The same otherwise.
         """
         return self.with_active(source.active[self.order])
+
+    @property
+    def stated_groups(self) -> tuple[ObservationGroup, ...]:
+        """The groups with the variances that were stated."""
+        return tuple(g.group if isinstance(g, Rescaled) else g for g in self.groups)
 
     @property
     def active(self) -> NDArray[np.bool_]:

@@ -12,7 +12,6 @@ from ...records.block import INTERIOR, Array, ImageBlock
 from ...records.relative import GAP_S
 from ..adjust.adjustment import residuals_px
 from ..adjust.aerial import DRIFT, SHIFT
-from ..adjust.groups import Rescaled
 from ..adjust.kinematic import KinematicControl, TargetSize
 from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.relative import RelativeAerialControl
@@ -206,11 +205,8 @@ def _mounting(solved: Solved) -> dict[str, Any]:
 
 
 def _lines(solved: Solved) -> list[dict[str, Any]]:
-    images, blocks, control = (
-        solved.result.problem.block.images,
-        solved.result.values.blocks,
-        solved.control,
-    )
+    images, blocks = solved.result.problem.block.images, solved.result.values.blocks
+    control = solved.control
     out = _rows(
         {
             "first_image": [images[rows[0]] for rows in control.lines],
@@ -252,8 +248,7 @@ def _vehicle(solved: Solved) -> dict[str, Any] | None:
         return None
     problem, n = solved.result.problem, len(vehicle.images)
     _, rows, rays = vehicle.rows_in(problem.block)
-    groups = [g.group if isinstance(g, Rescaled) else g for g in problem.groups]
-    tests = list(zip(groups, solved.precision.groups, strict=True))
+    tests = list(zip(problem.stated_groups, solved.precision.groups, strict=True))
     (places,) = (test for group, test in tests if isinstance(group, KinematicControl))
     points = _rows(
         {

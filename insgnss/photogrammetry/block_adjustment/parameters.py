@@ -29,25 +29,25 @@ class Parameter:
     ----------
     name : str
         Its name among the unknowns.
-    table, field : str
-        Where the block file has its standard deviation; it is estimated where there is one.
+    option : str
+        Table and key of its standard deviation in the block file; it is estimated where there is
+        one.
     unit : str
         m, s or rad; of rad it is a rotation.
-    axes : tuple of str
-        Names of its components.
     loose : float or tuple of float
         The standard deviation with which trials estimate it, as the block file would have it,
         beyond any error that was seen; zero: none does.
+    axes : tuple of str
+        Names of its components.
     error : str
         What sentences call it where the block file leaves it out; by default its name.
     """
 
     name: str
-    table: str
-    field: str
+    option: str
     unit: str
-    axes: tuple[str, ...]
-    loose: float | tuple[float, ...] = 0.0
+    loose: float | tuple[float, ...]
+    axes: tuple[str, ...] = ("",)
     error: str = ""
 
     @property
@@ -68,12 +68,8 @@ class Parameter:
         float, tuple or None
             None or zero: it is not estimated.
         """
-        return getattr(getattr(file, self.table), self.field)
-
-    @property
-    def option(self) -> str:
-        """What asks for it, as a block file has it."""
-        return f"{self.table}.{self.field}"
+        table, field = self.option.split(".")
+        return getattr(getattr(file, table), field)
 
     def left_out(self, file: BlockFile) -> bool:
         """Tell whether a block file leaves it out; a bore-sight also where it is held nearly.
@@ -104,8 +100,9 @@ class Parameter:
         BlockFile
             The same otherwise.
         """
-        table = replace(getattr(file, self.table), **{self.field: self.loose})
-        return replace(file, **{self.table: table})
+        table, field = self.option.split(".")
+        wider = replace(getattr(file, table), **{field: self.loose})
+        return replace(file, **{table: wider})
 
     def sigma(self, file: BlockFile) -> Array | None:
         """Return its standard deviations in `unit`; None where it is not estimated.
@@ -142,7 +139,7 @@ class Parameter:
             A vector; of a rotation its matrix.
         """
         if self.name == LEVER_ARM:
-            return stated_lever_arm(file)
+            return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
         return np.eye(3) if self.unit == "rad" else np.zeros(len(self.axes))
 
     def change(self, value: Array, file: BlockFile) -> Array:
@@ -167,43 +164,21 @@ XYZ = ("x", "y", "z")
 FRD = ("forward", "right", "down")
 ENU = ("east", "north", "up")
 MOUNTING_PARAMETERS = (
-    Parameter(LEVER_ARM, "aerial_control", "lever_arm_sigma_m", "m", XYZ, (10.0,) * 3),
-    Parameter(BORESIGHT, "aerial_control", "boresight_sigma_deg", "rad", XYZ, 30.0),
+    Parameter(LEVER_ARM, "aerial_control.lever_arm_sigma_m", "m", (10.0,) * 3, XYZ),
+    Parameter(BORESIGHT, "aerial_control.boresight_sigma_deg", "rad", 30.0, XYZ),
     Parameter(
-        TIME_OFFSET,
-        "aerial_control",
-        "time_offset_sigma_s",
-        "s",
-        ("",),
-        1.0,
-        "delay of the exposures",
+        TIME_OFFSET, "aerial_control.time_offset_sigma_s", "s", 1.0, error="delay of the exposures"
     ),
 )
 """Between a trajectory and the camera."""
 VEHICLE_PARAMETERS = (
-    Parameter(TARGET_ARM, "vehicle", "target_sigma_m", "m", FRD, (10.0,) * 3),
-    Parameter(CLOCK, "vehicle", "time_offset_sigma_s", "s", ("",), 10.0),
-    Parameter(VEHICLE_SHIFT, "vehicle", "shift_sigma_m", "m", ENU, (100.0,) * 3),
-    Parameter(SIZE, "vehicle", "size_sigma_m", "m", ("",)),
+    Parameter(TARGET_ARM, "vehicle.target_sigma_m", "m", (10.0,) * 3, FRD),
+    Parameter(CLOCK, "vehicle.time_offset_sigma_s", "s", 10.0),
+    Parameter(VEHICLE_SHIFT, "vehicle.shift_sigma_m", "m", (100.0,) * 3, ENU),
+    Parameter(SIZE, "vehicle.size_sigma_m", "m", 0.0),
 )
 """Of a vehicle whose target the images see; no trial estimates its size."""
 BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING_PARAMETERS, *VEHICLE_PARAMETERS)}
-
-
-def stated_lever_arm(file: BlockFile) -> Array:
-    """Return the lever arm that estimates are corrections of.
-
-    Parameters
-    ----------
-    file : BlockFile
-        The block file.
-
-    Returns
-    -------
-    ndarray, (3,)
-        The lever arm, m.
-    """
-    return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
 
 
 def prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:

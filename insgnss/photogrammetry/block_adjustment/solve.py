@@ -10,7 +10,7 @@ from ...base.errors import DataError
 from ...records.block import Array, ImageBlock
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.direct import intersected_points
-from ..adjust.groups import ObservationGroup, PointObservation, Rescaled, control_points
+from ..adjust.groups import ObservationGroup, PointObservation, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import IMAGE, Component, Precision, precision_of
@@ -232,5 +232,4 @@ def ground_groups(problem: Problem) -> list[PointObservation]:
     list of PointObservation
         One a point; those that were rejected are not there.
     """
-    plain = (g.group if isinstance(g, Rescaled) else g for g in problem.groups)
-    return [group for group in plain if isinstance(group, PointObservation)]
+    return [group for group in problem.stated_groups if isinstance(group, PointObservation)]

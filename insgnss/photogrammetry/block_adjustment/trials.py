@@ -243,10 +243,12 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
     as an adjustment with the shift as a further unknown has, without another adjustment.
     """
     best: Trial | None = None
-    groups = [g for g in solved.result.problem.groups if _is_line(g)]
+    problem = solved.result.problem
+    pairs = zip(problem.groups, problem.stated_groups, strict=True)
+    groups = [group for group, stated in pairs if _is_line(stated)]
     if len(groups) < FEWEST_LINES or solved.inputs.file.aerial_control.shift_sigma_m is not None:
         return None
-    block = solved.result.problem.block
+    block = problem.block
     for group in groups:
         e, J = group.linearised(solved.result.values)
         images = [row for name, row in group.keys if name == POSE]
@@ -280,8 +282,7 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
 
 def _is_line(group: ObservationGroup) -> bool:
     """Tell whether a group is absolute control of a flight line of several images."""
-    line = getattr(group, "group", group)
-    return isinstance(line, AerialControl) and len(line.images) >= FEWEST_OF_LINE
+    return isinstance(group, AerialControl) and len(group.images) >= FEWEST_OF_LINE
 
 
 def shift_of_check_points(solved: Solved) -> Trial | None:
