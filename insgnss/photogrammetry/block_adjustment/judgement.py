@@ -377,25 +377,21 @@ def _explained(
     if finding.rank < 1.0 or not (trials_made or direct):
         return finding
     good = [trial for trial in trials_made if trial.explains]
-    if not good and direct:
-        return replace(
-            finding,
-            remedy="adjust the same files in mode fast_at or iso, which try what explains it",
-        )
-    if not good:
+    if good:
+        best = good[0]
+        remedy = f"{best.name} of {best.shown} explains it: {best.remedy}{_rivals(best, good)}"
+        if direct:
+            remedy += "; where poses are held, errors of camera constant and bore-sight look alike"
+    elif direct:
+        remedy = "adjust the same files in mode fast_at or iso, which try what explains it"
+    else:
         names = ", ".join(trial.name for trial in trials_made)
         weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"
-        return replace(
-            finding,
-            remedy=f"tried without success: {names}; look for gross errors, exchanged names, or"
-            f" standard deviations that are too small{weights}",
+        remedy = (
+            f"tried without success: {names}; look for gross errors, exchanged names, or"
+            f" standard deviations that are too small{weights}"
         )
-    best = good[0]
-    sentence = f"{best.name} of {best.shown} explains it: {best.remedy}"
-    sentence += _rivals(best, good)
-    if direct:
-        sentence += "; where poses are held, errors of camera constant and bore-sight look alike"
-    return replace(finding, remedy=sentence)
+    return replace(finding, remedy=remedy)
 
 
 def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
