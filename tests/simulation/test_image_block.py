@@ -260,9 +260,8 @@ def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
     simulated = flown(7, minutes=5.0)
     made = simulate_block(simulated, BlockOptions(tie_points=30.0, gross_errors=0.02), 7)
     block = joined(of_table(made.measured, IGN8), made.ground, perturbed(simulated, 7)).block
-    cleaned = without_outliers(
-        problem_of(block, control_points(block.control)), first_values(block), scale=1.0
-    )
+    problem = problem_of(block, control_points(block.control))
+    cleaned = without_outliers(problem, first_values(block))
     assert cleaned.result.sigma0 == pytest.approx(1.0, abs=0.05)
     rejected = np.zeros(len(made.uv), dtype=bool)
     rejected[cleaned.rejected] = True

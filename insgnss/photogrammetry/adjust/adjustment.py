@@ -1,7 +1,6 @@
 """The iteration: Levenberg-Marquardt on the normal equations of a block."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +34,6 @@ class Adjusted:
         The adjusted values.
     cost : float
         e^T P e.
-    first_cost : float
-        The same at the first values.
     iterations : int
         Steps taken or refused.
     redundancy : int
@@ -46,7 +43,6 @@ class Adjusted:
     problem: Problem
     values: Unknowns
     cost: float
-    first_cost: float
     iterations: int
     redundancy: int
 
@@ -56,11 +52,7 @@ class Adjusted:
         return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else np.nan
 
 
-def adjusted(
-    problem: Problem,
-    values: Unknowns,
-    progress: Callable[[int, float], None] | None = None,
-) -> Adjusted:
+def adjusted(problem: Problem, values: Unknowns) -> Adjusted:
     """Adjust a block.
 
     Image observations that cannot take part at the first values (of a point behind its camera,
@@ -72,8 +64,6 @@ def adjusted(
         The observations.
     values : Unknowns
         First values of all unknowns; points without a first value (NaN) do not take part.
-    progress : callable, optional
-        Called with the number of each step and the cost after it.
 
     Returns
     -------
@@ -92,17 +82,16 @@ def adjusted(
             f"image {names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: no first values"
             " of position and attitude; give them, or four points with coordinates that it sees"
         )
-    steps, costs = 0, []
+    steps = 0
     for _ in range(MOST_VALIDITY_ROUNDS):
         active = valid(problem, values)
-        result = _iterated(problem.with_active(active), values, steps, progress)
+        result = _iterated(problem.with_active(active), values, steps)
         steps, values = result.iterations, result.values
-        costs.append(result.first_cost)
         again = _intersected_again(problem, values)
         if (valid(problem, again) == active).all():
             break
         values = again
-    return replace(result, first_cost=costs[0])
+    return result
 
 
 def _oriented(values: Unknowns) -> NDArray[np.bool_]:
@@ -127,12 +116,7 @@ def _intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
     return values.with_points(np.where(missing[:, None], point, values.point))
 
 
-def _iterated(
-    problem: Problem,
-    values: Unknowns,
-    steps: int,
-    progress: Callable[[int, float], None] | None,
-) -> Adjusted:
+def _iterated(problem: Problem, values: Unknowns, steps: int) -> Adjusted:
     """Iterate with the observations that are active, which are valid at the first values."""
     values = problem.filled(values)
     groups = linearised(problem, values)
@@ -160,8 +144,6 @@ def _iterated(
         share(converged(predicted, longest, ends))
         if accepted:
             values, now, groups = trial, new, ahead
-        if progress is not None:
-            progress(step, now)
         if (negligible and damping == 0.0) or (small and not accepted):
             break
         if accepted:
@@ -177,11 +159,11 @@ def _iterated(
     if damping > 0.0:  # a damped step has a solution where the unknowns are not determined
         factorised(problem, assembled(problem, values, groups=groups))
     point = np.where(problem.determined[:, None], values.point, np.nan)
-    return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
+    return Adjusted(problem, values.with_points(point), now, step, redundancy_of(problem))
 
 
 def _step(
-    problem: Problem, values: Unknowns, damping: float, groups: Linearised | None = None
+    problem: Problem, values: Unknowns, damping: float, groups: Linearised
 ) -> tuple[Array, Array, float]:
     """Return corrections of columns and points, and dx^T N dx."""
     normals = assembled(problem, values, damping, groups)

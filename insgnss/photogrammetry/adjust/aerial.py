@@ -168,7 +168,17 @@ class StripControl:
 
 
 def put(J: Array, columns: NDArray[np.int64], blocks: Array) -> None:
-    """Write a block of each row of (k, 3, u), from a column of its own on."""
+    """Write a block into each row of (k, 3, u), from a column of its own on.
+
+    Parameters
+    ----------
+    J : ndarray, (k, 3, u)
+        Is written.
+    columns : ndarray of int, (k,)
+        First columns.
+    blocks : ndarray, (k, 3, d)
+        The blocks.
+    """
     wide = columns[:, None] + np.arange(blocks.shape[2])
     J[np.arange(len(J))[:, None, None], np.arange(3)[:, None], wide[:, None]] = blocks
 
@@ -177,8 +187,24 @@ def put(J: Array, columns: NDArray[np.int64], blocks: Array) -> None:
 class AerialControl(StripControl):
     """Observed poses of n images (J.8, J.9), or positions alone.
 
-    The weight is (6 n, 6 n), of position and psi image after image, or (3 n, 3 n) of positions
-    alone; common errors (n, 6, q) are those of position and psi.
+    Parameters
+    ----------
+    images : tuple of int
+        (n,) rows of the images.
+    position_m, C_mc : ndarray
+        (n, 3) and (n, 3, 3) observed positions X_o, m, and attitudes C_o.
+    weight : ndarray
+        (6 n, 6 n) inverse of the covariance of position (m) and psi (rad), image after image; of
+        (3 n, 3 n) positions alone are observed.
+    time, velocity, rate : ndarray
+        (n,) stamps, s, (n, 3) velocities, m/s, and (n, 3) rates, rad/s.
+    parameters : mapping
+        Row of the block that stands for each of `PARAMETERS`.
+    name : str
+        Name of the variance component.
+    common : ndarray, optional
+        (n, 6, q) A: position (m) and psi (rad) by each of the common errors, where they are a
+        parameter.
     """
 
     def __post_init__(self) -> None:

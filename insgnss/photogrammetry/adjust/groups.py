@@ -59,7 +59,20 @@ class ObservationGroup(Protocol):
 
 
 def refuse_other_shapes(group: object, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Refuse a group one of whose arrays has another shape than expected, by its field."""
+    """Refuse a group one of whose arrays has another shape than expected.
+
+    Parameters
+    ----------
+    group : ObservationGroup
+        The group.
+    shapes : mapping
+        Expected shape by field.
+
+    Raises
+    ------
+    InputError
+        A shape differs.
+    """
     for name, shape in shapes.items():
         if (got := getattr(group, name).shape) != shape:
             raise InputError(f"{type(group).__name__}.{name}: shape {got}, expected {shape}")
@@ -68,7 +81,22 @@ def refuse_other_shapes(group: object, shapes: Mapping[str, tuple[int, ...]]) ->
 def refuse_other_parameters(
     group: object, parameters: Mapping[str, int], order: Sequence[str]
 ) -> None:
-    """Refuse a group with a parameter that its equations do not have."""
+    """Refuse a group with a parameter that its equations do not have.
+
+    Parameters
+    ----------
+    group : ObservationGroup
+        The group.
+    parameters : mapping
+        Its parameters.
+    order : sequence of str
+        Those of its equations.
+
+    Raises
+    ------
+    InputError
+        A parameter is none of them.
+    """
     if unknown := set(parameters) - set(order):
         raise InputError(
             f"{type(group).__name__}.parameters: {', '.join(sorted(unknown))} is none of"
@@ -77,7 +105,20 @@ def refuse_other_parameters(
 
 
 def keys_of_parameters(parameters: Mapping[str, int], order: Sequence[str]) -> tuple[Key, ...]:
-    """Return the blocks of the parameters that are unknowns, in the order of a group's columns."""
+    """Return the blocks of the parameters that are unknowns.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Row of the block of each.
+    order : sequence of str
+        All parameters in the order of a group's columns.
+
+    Returns
+    -------
+    tuple of tuple
+        Their keys in this order.
+    """
     return tuple((name, parameters[name]) for name in order if name in parameters)
 
 

@@ -1,7 +1,7 @@
 """Normal equations of a block: assembled from image observations and groups, and solved (J.6)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from ...base.errors import DataError
 from ...records.block import INTERIOR, MODELS, Array, ImageBlock
 from .envelope import Factor
 from .envelope import factorised as envelope_factorised
-from .groups import ObservationGroup
+from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity, elimination, points
 from .unknowns import CAMERA, POINT, POSE, Key, Layout, Unknowns, layout_of
 
@@ -60,9 +60,7 @@ class Problem:
         Problem
             The same otherwise.
         """
-        return Problem(
-            self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
-        )
+        return replace(self, rays=self.rays._replace(active=active))
 
     def with_active_of(self, source: "Problem") -> "Problem":
         """Return the problem with the image observations active that are so in another.
@@ -77,9 +75,19 @@ class Problem:
         Problem
             The same otherwise.
         """
-        active = np.empty(source.order.size, dtype=bool)
-        active[source.order] = source.rays.active
-        return self.with_active(active[self.order])
+        return self.with_active(source.active[self.order])
+
+    @property
+    def stated_groups(self) -> tuple[ObservationGroup, ...]:
+        """The groups with the variances that were stated."""
+        return tuple(g.group if isinstance(g, Rescaled) else g for g in self.groups)
+
+    @property
+    def active(self) -> NDArray[np.bool_]:
+        """(n,) which of the block's image observations take part."""
+        active = np.empty(self.order.size, dtype=bool)
+        active[self.order] = self.rays.active
+        return active
 
     @property
     def point(self) -> NDArray[np.int64]:

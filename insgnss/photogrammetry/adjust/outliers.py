@@ -57,8 +57,6 @@ class RejectedControl:
     ----------
     group : int
         Row among the groups of the problem.
-    name : str
-        Name of its variance component.
     point : str
         The object point.
     w : float
@@ -69,7 +67,6 @@ class RejectedControl:
     """
 
     group: int
-    name: str
     point: str
     w: float
     off_m: Array
@@ -103,7 +100,6 @@ def without_outliers(
     problem: Problem,
     values: Unknowns,
     limit_w: float = LIMIT_W,
-    scale: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Cleaned:
     """Adjust a block and reject gross errors of its image observations and ground control.
@@ -116,8 +112,6 @@ def without_outliers(
         First values.
     limit_w : float
         Largest standardised residual that is accepted.
-    scale : float, optional
-        Variance of unit weight for the tests; by default that of the adjustment.
     progress : callable, optional
         Is called with the name of each round.
 
@@ -138,7 +132,7 @@ def without_outliers(
         progress(f"tests, round {k + 1}: {gone} image observations rejected")
         result = adjusted(problem.with_active(active), values)
         values = result.values.completed(values)
-        precision = precision_of(result, scale)
+        precision = precision_of(result)
         worst = worst_of_points(problem, precision.w[problem.order], limit_w)
         control = _worst_control(whole, precision, left_out, limit_w)
         if control is not None:
@@ -244,7 +238,7 @@ def _rejection(whole: Problem, result: Adjusted, row: int, w: float) -> Rejected
     """Return what is said of a group that was rejected."""
     group = whole.groups[row]
     e, _ = group.linearised(result.values)
-    return RejectedControl(row, group.name, whole.block.points[group.keys[0][1]], w, e)
+    return RejectedControl(row, whole.block.points[group.keys[0][1]], w, e)
 
 
 def _lengths(result: Adjusted, rays: collinearity.Rays) -> tuple[Array, float]:

@@ -16,7 +16,7 @@ from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 NONCENTRALITY = 4.13
 """Of Baarda's test with 0.1 % false alarms and 80 % power."""
-COMMON = ("height", "rotation about y", "rotation about x")
+COMMON_MOTIONS = ("height", "rotation about y", "rotation about x")
 """Motions that all images of a camera may have in common: mean Z of their projection centres (m),
 and mean rotation about the axes of the camera (rad): roll and pitch where y looks back or ahead."""
 IMAGE = "image observations"
@@ -84,7 +84,7 @@ class Cofactors:
     stored : ndarray
         S^-1 within the envelope of the normal matrix; zero in rows and columns of what is held.
     common : ndarray, (u, 3 c)
-        Cofactors of all columns with the common motions of each camera's images (`COMMON`).
+        Cofactors of all columns with the common motions of each camera's images (`COMMON_MOTIONS`).
     common_motions : ndarray, (3 c, 3 c)
         Cofactors of these motions.
     """
@@ -313,11 +313,11 @@ def cofactors_from(problem: Problem, values: Unknowns, factor: Factor) -> Cofact
         Those that the envelope stores, and those of common motions.
     """
     layout, block = problem.layout, problem.block
-    motions = np.zeros((layout.size, len(COMMON) * len(block.cameras)))
+    motions = np.zeros((layout.size, len(COMMON_MOTIONS) * len(block.cameras)))
     share = 1.0 / np.maximum(np.bincount(block.camera, minlength=len(block.cameras)), 1)
     for i, c in enumerate(block.camera):
         columns, _ = layout.of((POSE, i))
-        first = len(COMMON) * c
+        first = len(COMMON_MOTIONS) * c
         motions[columns[2], first] = share[c]
         motions[columns[3:], first + 1] = share[c] * values.C_mc[i][:, 1]
         motions[columns[3:], first + 2] = share[c] * values.C_mc[i][:, 0]

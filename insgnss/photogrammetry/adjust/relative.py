@@ -103,11 +103,22 @@ class Observed(NamedTuple):
 class RelativeAerialControl(StripControl):
     """Positions of a strip of n images, or offsets between them, and turns between them.
 
-    The weight is (m, m), of positions or offsets (m), then of turns (rad); common errors are (m, q)
-    where they are a parameter.
-
     Parameters
     ----------
+    images : tuple of int
+        (n,) rows of the images.
+    position_m, C_mc : ndarray
+        (n, 3) and (n, 3, 3) observed positions X_o, m, and attitudes C_o.
+    weight : ndarray
+        (m, m) inverse of the covariance of positions or offsets (m), then of turns (rad).
+    time, velocity, rate : ndarray
+        (n,) stamps, s, (n, 3) velocities, m/s, and (n, 3) rates, rad/s.
+    parameters : mapping
+        Row of the block that stands for each of `PARAMETERS`.
+    name : str
+        Name of the variance component.
+    common : ndarray, optional
+        (m, q) the observations by each of the common errors, where they are a parameter.
     observed : Observed
         What of the poses is observed, and the pairs.
     """
@@ -194,24 +205,15 @@ def operator(C_mc: Array, observed: Observed) -> "csr_array":
     from scipy.sparse import csr_array
 
     n, (i, j) = len(C_mc), observed.pairs.T
-    eye, m = np.eye(3), observed.sizes(len(C_mc))[0]
-    blocks: list[tuple[int, int, Array]] = []
-    if observed.positions == "absolute":
-        blocks += [(3 * k, 6 * k, eye) for k in range(n)]
-    else:
-        for k, (a, b) in enumerate(zip(i, j, strict=True)):
-            blocks += [(3 * k, 6 * b, eye), (3 * k, 6 * a, -eye)]
+    of_position = np.zeros((n, 3, 6 * n))
+    put(of_position, 6 * np.arange(n), np.broadcast_to(np.eye(3), (n, 3, 3)))
+    L = of_position if observed.positions == "absolute" else of_position[j] - of_position[i]
     if observed.turns:
-        for k, (a, b) in enumerate(zip(i, j, strict=True)):
-            row = m + 3 * k
-            blocks += [(row, 6 * b + 3, C_mc[a] @ C_mc[b].T), (row, 6 * a + 3, -eye)]
-    shape = sum(observed.sizes(n)), 6 * n
-    if not blocks:
-        return csr_array(shape)
-    rows = np.concatenate([np.repeat(np.arange(r, r + 3), 3) for r, _, _ in blocks])
-    columns = np.concatenate([np.tile(np.arange(c, c + 3), 3) for _, c, _ in blocks])
-    data = np.concatenate([block.ravel() for _, _, block in blocks])
-    return csr_array((data, (rows, columns)), shape=shape)
+        of_turn = np.zeros((i.size, 3, 6 * n))
+        put(of_turn, 6 * j + 3, C_mc[i] @ C_mc[j].swapaxes(1, 2))
+        put(of_turn, 6 * i + 3, np.broadcast_to(-np.eye(3), (i.size, 3, 3)))
+        L = np.concatenate([L, of_turn])
+    return csr_array(L.reshape(-1, 6 * n))
 
 
 def smoothed(L: "csr_array", P: Array) -> Array:

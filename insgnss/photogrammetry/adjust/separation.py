@@ -17,15 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records.block import INTERIOR, RADIAL
-from .aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
-from .aerial import COMMON as COMMON_ERRORS
+from .aerial import BORESIGHT, COMMON, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from .normals import unknown_name
-from .precision import COMMON, Precision
+from .precision import COMMON_MOTIONS, Precision
 from .unknowns import CAMERA, POINT, POSE
 
 TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to separate (chosen)
 AERIAL = "aerial control"
-HEIGHT, ABOUT_Y, ABOUT_X = COMMON
+HEIGHT, ABOUT_Y, ABOUT_X = COMMON_MOTIONS
 TWO_HEIGHTS = (
     "fly some strips at two and a half times the height: what the camera does to the ground grows"
     " with the height, a length of the mounting does not"
@@ -119,21 +118,18 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
     """
     problem, Q = precision.result.problem, precision.cofactors
     layout, block = problem.layout, problem.block
-    columns, names, kinds, owners = [], [], [], []
+    columns, unknowns = [], list[tuple[str, str, int | None]]()
     for column, (name, row) in enumerate(layout.names()):
-        if name in (POSE, POINT, COMMON_ERRORS) or layout.held[column]:
+        if name in (POSE, POINT, COMMON) or layout.held[column]:
             continue
         position = column - int(layout.of((name, row))[0][0])
         columns.append(column)
-        names.append(unknown_name(problem, column))
-        kinds.append(_kind(name, position, layout.columns))
-        owners.append(row if name == CAMERA else None)
+        kind, camera_row = _kind(name, position, layout.columns), row if name == CAMERA else None
+        unknowns.append((unknown_name(problem, column), kind, camera_row))
     n, rows = len(columns), np.array(columns, dtype=np.int64)
     for c, camera in enumerate(block.cameras):
         whose = f" of {camera.name}" if len(block.cameras) > 1 else ""
-        names += [f"{motion} of all images{whose}" for motion in COMMON]
-        kinds += COMMON
-        owners += [c] * len(COMMON)
+        unknowns += [(f"{motion} of all images{whose}", motion, c) for motion in COMMON_MOTIONS]
     covariance = np.block([[Q.of(rows), Q.common[rows]], [Q.common[rows].T, Q.common_motions]])
     sigma = np.sqrt(np.diagonal(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -142,12 +138,13 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
     pairs = []
     for i, j in np.argwhere(np.triu(np.abs(rho), 1) > TOO_CORRELATED):
         # motions are no unknowns: what is told of them is told of a parameter of their camera
-        if i < n and (j < n or owners[i] == owners[j]):
-            pair = frozenset((kinds[i], kinds[j]))
+        (first, kind, camera_row), (second, other_kind, other_row) = unknowns[i], unknowns[j]
+        if i < n and (j < n or camera_row == other_row):
+            pair = frozenset((kind, other_kind))
             remedy = REMEDIES.get(pair, "")
             if pair == {"f", HEIGHT} and observed:
                 remedy = OTHER_VIEWS
-            pairs.append(Inseparable(names[i], names[j], float(rho[i, j]), remedy))
+            pairs.append(Inseparable(first, second, float(rho[i, j]), remedy))
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))
 
 

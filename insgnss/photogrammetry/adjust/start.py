@@ -1,6 +1,7 @@
 """First values: forward intersection of points, resection of images."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,14 +158,11 @@ def resected(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
         far = ((xy[:, None] - xy[chosen][None]) ** 2).sum(axis=2).min(axis=1)
         chosen.append(int(np.argmax(far)))
     best: tuple[Array, Array, float] | None = None
-    for i in range(len(chosen)):
-        for j in range(i + 1, len(chosen)):
-            for k in range(j + 1, len(chosen)):
-                rows = [chosen[i], chosen[j], chosen[k]]
-                for X0, C in three_point_poses(xy[rows], X[rows]):
-                    misfit = _misfit(X0, C, xy, X)
-                    if best is None or misfit < best[2]:
-                        best = X0, C, misfit
+    for three in combinations(chosen, 3):
+        for X0, C in three_point_poses(xy[list(three)], X[list(three)]):
+            misfit = _misfit(X0, C, xy, X)
+            if best is None or misfit < best[2]:
+                best = X0, C, misfit
     if best is None or not np.isfinite(best[2]):
         return None
     return _improved(*best, xy, X)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...records.block import ImageObservations
 from .adjustment import adjusted
 from .groups import Rescaled
 from .normals import Problem
@@ -124,9 +123,8 @@ def with_factors(problem: Problem, factors: Mapping[str, float]) -> Problem:
     block = problem.block
     of_camera = np.array([factors.get(name, 1.0) for name in image_components(block)])
     factor = of_camera[block.camera[block.observations.image]]
-    of_block = block.observations
-    sigma = of_block.sigma_px * np.sqrt(factor)[:, None]
-    observations = ImageObservations(of_block.image, of_block.point, of_block.uv, sigma)
+    sigma_px = block.observations.sigma_px * np.sqrt(factor)[:, None]
+    observations = replace(block.observations, sigma_px=sigma_px)
     groups = tuple(
         Rescaled(group, factors[group.name]) if group.name in factors else group
         for group in problem.groups

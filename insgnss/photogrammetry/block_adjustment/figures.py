@@ -1,25 +1,26 @@
 """Figures of an adjusted block: everything that adjust.json, the page and the sentences show."""
 
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, cast
 
 import numpy as np
 
 from ...base import __version__
-from ...base.files import picked
+from ...base.files import json_ready, picked
 from ...geodesy.rotation import vector_from_rotation
-from ...records.block import INTERIOR, ImageBlock
+from ...records.block import INTERIOR, Array, ImageBlock
 from ...records.relative import GAP_S
 from ..adjust.adjustment import residuals_px
 from ..adjust.aerial import DRIFT, SHIFT
+from ..adjust.kinematic import KinematicControl, TargetSize
 from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from .aerial.relative import weakly_held
-from .parameters import MOUNTING, estimates
+from .parameters import MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, estimates
 from .residuals.check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
-from .vehicle.verdict import vehicle_figures
 
 
 def figures_of(solved: Solved) -> dict[str, Any]:
@@ -37,7 +38,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
     """
     block, result = solved.result.problem.block, solved.result
     checks = check_points(solved)
-    return {
+    figures = {
         "format": "insgnss adjustment",
         "format_version": 1,
         "software": f"insgnss {__version__}",
@@ -52,8 +53,8 @@ def figures_of(solved: Solved) -> dict[str, Any]:
             {
                 "image": block.images[datum.image],
                 "images": datum.held,
-                "position": bool(np.isfinite(datum.sigma[0])),
-                "attitude": bool(np.isfinite(datum.sigma[1])),
+                "position": np.isfinite(datum.sigma[0]),
+                "attitude": np.isfinite(datum.sigma[1]),
             }
             for datum in weakly_held(result.problem.groups, solved.precision.groups)
         ],
@@ -63,10 +64,9 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "flight_lines": _lines(solved),
         "ground_control": _control(solved),
         "rejected_ground_control": [
-            {"point": c.point, "residual_m": c.off_m.tolist(), "w": c.w}
-            for c in solved.rejected_control
+            {"point": c.point, "residual_m": c.off_m, "w": c.w} for c in solved.rejected_control
         ],
-        "vehicle": vehicle_figures(solved),
+        "vehicle": _vehicle(solved),
         "check_points": _check(solved, checks),
         "check_points_together": {
             "normalised_square": checks.normalised_square,
@@ -87,6 +87,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "block_file": solved.inputs.file.resolved(),
         "points": _points(solved, block),
     }
+    return cast(dict[str, Any], json_ready(figures))
 
 
 def _weighed(solved: Solved) -> list[str]:
@@ -153,13 +154,16 @@ def _counts(solved: Solved) -> dict[str, int]:
     }
 
 
+def _rows(columns: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
+    """Return the rows of columns of one length, each by the names of the columns."""
+    rows = zip(*columns.values(), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
 def _components(solved: Solved) -> list[dict[str, Any]]:
     return [
-        {
-            **picked(c, "name", "observations", "redundancy"),
-            "variance": None if np.isnan(c.variance) else c.variance,
-            "factor": solved.factors.get(c.name, 1.0),
-        }
+        picked(c, "name", "observations", "redundancy", "variance")
+        | {"factor": solved.factors.get(c.name, 1.0)}
         for c in solved.components
     ]
 
@@ -167,28 +171,26 @@ def _components(solved: Solved) -> list[dict[str, Any]]:
 def _cameras(solved: Solved) -> list[dict[str, Any]]:
     """Interior orientations with standard deviations, and how well a ray of a corner is known."""
     values, block = solved.result.values, solved.result.problem.block
-    layout = solved.result.problem.layout
+    columns = solved.result.problem.layout.columns
     out = []
     for c, camera in enumerate(block.cameras):
         sigma = solved.precision.sigma_interior(c)
-        cov = solved.precision.cov((CAMERA, c)) if layout.columns.size else np.zeros((0, 0))
-        names = [INTERIOR[k] for k in layout.columns]
+        estimated = np.isin(INTERIOR, camera.free)
+        of_parameters = {
+            "value": values.interior[c],
+            "first": camera.interior,
+            "sigma": np.where(estimated, sigma, np.nan),
+            "estimated": estimated,
+        }
+        cov = solved.precision.cov((CAMERA, c)) if columns.size else np.zeros((0, 0))
         root = np.sqrt(np.maximum(np.diagonal(cov), 1e-300))
         out.append(
             {
                 **picked(camera, "name", "width", "height", "unit_px", "model"),
                 "images": int((block.camera == c).sum()),
-                "parameters": {
-                    name: {
-                        "value": float(values.interior[c, k]),
-                        "first": float(camera.interior[k]),
-                        "sigma": float(sigma[k]) if name in camera.free else None,
-                        "estimated": name in camera.free,
-                    }
-                    for k, name in enumerate(INTERIOR)
-                },
-                "correlated": names,
-                "correlation": (cov / root / root[:, None]).tolist(),
+                "parameters": dict(zip(INTERIOR, _rows(of_parameters), strict=True)),
+                "correlated": [INTERIOR[k] for k in columns],
+                "correlation": cov / root / root[:, None],
             }
         )
     return out
@@ -198,83 +200,113 @@ def _mounting(solved: Solved) -> dict[str, Any]:
     """Parameters between trajectory and camera with sigmas and those that were stated before."""
     file = solved.inputs.file
     where = "block file" if file.aerial_control.positions_alone else "flight file"
-    mounting = estimates(file, MOUNTING, solved.precision)
+    mounting = estimates(file, MOUNTING_PARAMETERS, solved.precision)
     return {name: estimate | {"stated_in": where} for name, estimate in mounting.items()}
 
 
 def _lines(solved: Solved) -> list[dict[str, Any]]:
     images, blocks = solved.result.problem.block.images, solved.result.values.blocks
-    out = []
-    for k, rows in enumerate(solved.control.lines):
-        line_figures: dict[str, Any] = {
-            "first_image": images[rows[0]],
-            "last_image": images[rows[-1]],
-            "images": int(rows.size),
-            "control": solved.control.of_lines[k],
+    control = solved.control
+    out = _rows(
+        {
+            "first_image": [images[rows[0]] for rows in control.lines],
+            "last_image": [images[rows[-1]] for rows in control.lines],
+            "images": [rows.size for rows in control.lines],
+            "control": control.of_lines,
         }
+    )
+    for k, line in enumerate(out):
         for name in (SHIFT, DRIFT):
             if (name, k) in blocks:
-                line_figures[name] = blocks[(name, k)].tolist()
-                cov = solved.precision.cov((name, k))
-                line_figures[f"sigma_{name}"] = np.sqrt(np.diagonal(cov)).tolist()
-        out.append(line_figures)
+                sigma = np.sqrt(np.diagonal(solved.precision.cov((name, k))))
+                line |= {name: blocks[(name, k)], f"sigma_{name}": sigma}
     return out
 
 
 def _control(solved: Solved) -> list[dict[str, Any]]:
-    problem = solved.result.problem
-    names = problem.block.points
-    rays = solved.result.problem.ray_count
-    out = []
-    for test in solved.precision.groups:
-        if test.name != GROUND:
-            continue
-        row = test.keys[0][1]
-        out.append(
-            {
-                "point": names[row],
-                "images": int(rays[row]),
-                "residual_m": test.e.tolist(),
-                "redundancy": test.redundancy.tolist(),
-                "w": test.w.tolist(),
-                "detectable_m": [float(x) if np.isfinite(x) else None for x in test.detectable],
-                "position_m": solved.result.values.point[row].tolist(),
-                "sigma_m": np.sqrt(np.diagonal(solved.precision.cov((POINT, row)))).tolist(),
-            }
-        )
-    return out
+    problem, point = solved.result.problem, solved.result.values.point
+    tests = [test for test in solved.precision.groups if test.name == GROUND]
+    rows = [test.keys[0][1] for test in tests]
+    cov = [solved.precision.cov((POINT, row)) for row in rows]
+    return _rows(
+        {
+            "point": [problem.block.points[row] for row in rows],
+            "images": problem.ray_count[rows],
+            "residual_m": [test.e for test in tests],
+            "redundancy": [test.redundancy for test in tests],
+            "w": [test.w for test in tests],
+            "detectable_m": [test.detectable for test in tests],
+            "position_m": point[rows],
+            "sigma_m": [np.sqrt(np.diagonal(P)) for P in cov],
+        }
+    )
+
+
+def _vehicle(solved: Solved) -> dict[str, Any] | None:
+    """Kinematic ground control; None without a vehicle."""
+    if (vehicle := solved.inputs.vehicle) is None:
+        return None
+    problem, n = solved.result.problem, len(vehicle.images)
+    _, rows, rays = vehicle.rows_in(problem.block)
+    tests = list(zip(problem.stated_groups, solved.precision.groups, strict=True))
+    (places,) = (test for group, test in tests if isinstance(group, KinematicControl))
+    points = _rows(
+        {
+            "image": vehicle.images,
+            "point": vehicle.points,
+            "residual_m": places.e.reshape(n, 3),
+            "redundancy": places.redundancy.reshape(n, 3),
+            "w": places.w.reshape(n, 3),
+            "residual_px": residuals_px(solved.result)[rays],
+            "left_out": ~problem.active[rays],
+            "sigma_before_m": np.sqrt(np.diagonal(vehicle.cov)).reshape(n, 3),
+        }
+    )
+    sizes = {g.point: (g.size_px, test) for g, test in tests if isinstance(g, TargetSize)}
+    for row, figures in zip(rows.tolist(), points, strict=True):
+        if row in sizes:
+            size, test = sizes[row]
+            figures |= {"size_px": size, "size_residual_px": test.e[0], "size_w": test.w[0]}
+    return {
+        "file": str(vehicle.options.file),
+        "kind": vehicle.track.kind,
+        "exposures": n,
+        "left_out": sum(p["left_out"] for p in points),
+        "sizes": len(sizes),
+        "parameters": estimates(solved.inputs.file, VEHICLE_PARAMETERS, solved.precision),
+        "points": points,
+    }
 
 
 def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
     """Check points: surveyed - adjusted, with the standard deviation of this difference."""
     block, point = solved.result.problem.block, solved.result.values.point
-    rays = solved.result.problem.ray_count
-    out: list[dict[str, Any]] = [
-        {"point": block.points[row], "images": int(rays[row])} for row in block.check.point
-    ]
+    rows = block.check.point
+    images = solved.result.problem.ray_count[rows]
+    out = _rows({"point": [block.points[row] for row in rows], "images": images})
     for k, (check_row, d) in enumerate(zip(checks.rows, checks.difference_m, strict=True)):
         P = checks.cov[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         total = P + checks.survey[k]
         out[check_row] |= {
-            "difference_m": d.tolist(),
-            "sigma_m": np.sqrt(np.diagonal(total)).tolist(),
-            "sigma_adjusted_m": np.sqrt(np.diagonal(P)).tolist(),
-            "normalised_square": float(d @ np.linalg.solve(total, d)),
-            "position_m": point[block.check.point[check_row]].tolist(),
+            "difference_m": d,
+            "sigma_m": np.sqrt(np.diagonal(total)),
+            "sigma_adjusted_m": np.sqrt(np.diagonal(P)),
+            "normalised_square": d @ np.linalg.solve(total, d),
+            "position_m": point[rows[check_row]],
         }
     return out
 
 
-def _statistics(checks: CheckPoints) -> dict[str, list[float] | None]:
+def _statistics(checks: CheckPoints) -> dict[str, Array | None]:
     """Return mean, root mean square and largest difference of each coordinate, m."""
     d = checks.difference_m
     if not d.size:
         return {"mean_m": None, "rms_m": None, "largest_m": None}
     largest = d[np.abs(d).argmax(axis=0), np.arange(3)]
     return {
-        "mean_m": d.mean(axis=0).tolist(),
-        "rms_m": np.sqrt((d**2).mean(axis=0)).tolist(),
-        "largest_m": largest.tolist(),
+        "mean_m": d.mean(axis=0),
+        "rms_m": np.sqrt((d**2).mean(axis=0)),
+        "largest_m": largest,
     }
 
 
@@ -290,53 +322,46 @@ def _images(solved: Solved) -> list[dict[str, Any]]:
     square = np.bincount(image[taking], (e[taking] ** 2).sum(axis=1), n)
     rejected = np.bincount(image[solved.rejected], minlength=n)
     sigma = np.sqrt(np.maximum(np.diagonal(solved.precision.pose_cov, axis1=1, axis2=2), 0.0))
-    out = []
-    for i, name in enumerate(block.images):
-        image_figures: dict[str, Any] = {
-            "image": name,
-            "observations": int(count[i]),
-            "rejected": int(rejected[i]),
-            "rms_px": float(np.sqrt(square[i] / (2 * count[i]))) if count[i] else None,
-            "position_m": values.position[i].tolist(),
-            "sigma_m": sigma[i, :3].tolist(),
-            "sigma_rad": sigma[i, 3:].tolist(),
+    with np.errstate(invalid="ignore"):  # of images without observations
+        rms = np.sqrt(square / (2 * count))
+    out = _rows(
+        {
+            "image": block.images,
+            "observations": count,
+            "rejected": rejected,
+            "rms_px": rms,
+            "position_m": values.position,
+            "sigma_m": sigma[:, :3],
+            "sigma_rad": sigma[:, 3:],
         }
-        if eo is not None and row[i] >= 0:
-            image_figures["moved_m"] = (values.position[i] - eo.position_m[row[i]]).tolist()
+    )
+    if eo is not None:
+        for i in np.flatnonzero(row >= 0):
             turn = values.C_mc[i] @ eo.C_mc[row[i]].T
-            image_figures["turned_rad"] = vector_from_rotation(turn).tolist()
-        out.append(image_figures)
+            out[i]["moved_m"] = values.position[i] - eo.position_m[row[i]]
+            out[i]["turned_rad"] = vector_from_rotation(turn)
     return out
 
 
 def _rejected(solved: Solved) -> list[dict[str, Any]]:
-    block = solved.result.problem.block
-    e = residuals_px(solved.result)
-    observations = block.observations
-    return [
+    block, rows = solved.result.problem.block, solved.rejected
+    return _rows(
         {
-            "image": block.images[observations.image[k]],
-            "point": block.points[observations.point[k]],
-            "residual_px": [float(x) if np.isfinite(x) else None for x in e[k]],
+            "image": [block.images[i] for i in block.observations.image[rows]],
+            "point": [block.points[p] for p in block.observations.point[rows]],
+            "residual_px": residuals_px(solved.result)[rows],
         }
-        for k in solved.rejected
-    ]
+    )
 
 
 def _points(solved: Solved, block: ImageBlock) -> dict[str, Any]:
     """Return the median standard deviations of all object points, and of minimal biases."""
-    sigma = solved.precision.point_sigma
-    finite = np.isfinite(sigma).all(axis=1)
-    detectable = solved.precision.detectable_px
-    mask = np.isfinite(detectable)
+    sigma, detectable = solved.precision.point_sigma, solved.precision.detectable_px
+    finite, mask = np.isfinite(sigma).all(axis=1), np.isfinite(detectable)
+    heights = solved.result.values.point[:, 2]
     return {
-        "median_sigma_m": np.median(sigma[finite], axis=0).tolist() if finite.any() else None,
-        "median_detectable_px": float(np.median(detectable[mask])) if mask.any() else None,
+        "median_sigma_m": np.median(sigma[finite], axis=0) if finite.any() else None,
+        "median_detectable_px": np.median(detectable[mask]) if mask.any() else None,
         "detectable_of_sigmas": NONCENTRALITY,
-        "heights_m": [
-            float(x)
-            for x in np.nanquantile(solved.result.values.point[:, 2], (0.02, 0.5, 0.98)).tolist()
-        ]
-        if block.points
-        else None,
+        "heights_m": np.nanquantile(heights, (0.02, 0.5, 0.98)) if block.points else None,
     }

@@ -16,6 +16,7 @@ from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
 from ...io.formats.origins import origin_in, statement_of
 from ...records import ExteriorOrientation
+from .placing import noted_plane
 
 # largest distance of the middle of ground points from that of the images (m) at which another CRS
 # is named for them: blocks are smaller, and zones differ by more
@@ -211,8 +212,4 @@ def _in_own_plane(
     notes += [axes.unit_note] if axes.unit_note else []
     lat, lon, h = axes.geodetic(ground.position_m.mean(axis=0, keepdims=True))
     plane = TangentPlane(float(lat[0]), float(lon[0]), float(h[0]))
-    notes.append(
-        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the ground"
-        " points"
-    )
-    return ground.in_plane(axes, plane)
+    return ground.in_plane(axes, noted_plane(plane, "ground points", notes))

@@ -157,7 +157,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     for camera in union.block.cameras:
         refuse_field_of_view(camera)
     block, rows = union.block, union.eo_row
-    if eo is None and crs_of(file, source) is None and not source.local:
+    if eo is None and not (file.ground.crs or source.crs) and not source.local:
         block = replace(block, position_m=union.position_m, C_mc=union.C_mc)  # axes of the ground
     distances = read_distances(file.ground.distances, block)
     constraints: tuple[ObservationGroup, ...] = ()
@@ -342,11 +342,6 @@ def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     if file.camera.free is None:
         return cameras
     return tuple(replace(camera, free=file.camera.free) for camera in cameras)
-
-
-def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:
-    """Return the CRS of the ground points, None where they stand in the axes of the block."""
-    return file.ground.crs or source.crs
 
 
 def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:

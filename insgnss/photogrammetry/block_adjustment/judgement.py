@@ -290,8 +290,7 @@ def _images(solved: Solved) -> Iterator[Finding]:
     block = problem.block
     observations = block.observations
     shared = np.bincount(observations.point, minlength=len(block.points))[observations.point] > 1
-    active = np.zeros(len(observations), dtype=bool)
-    active[problem.order] = problem.rays.active
+    active = problem.active
     n = len(block.images)
     total = np.bincount(observations.image[shared], minlength=n)
     missing = np.bincount(observations.image[shared & ~active], minlength=n)
@@ -378,36 +377,34 @@ def _explained(
     if finding.rank < 1.0 or not (trials_made or direct):
         return finding
     good = [trial for trial in trials_made if trial.explains]
-    if not good and direct:
-        return replace(
-            finding,
-            remedy="adjust the same files in mode fast_at or iso, which try what explains it",
-        )
-    if not good:
+    if good:
+        best = good[0]
+        remedy = f"{best.name} of {best.shown} explains it: {best.remedy}{_rivals(best, good)}"
+        if direct:
+            remedy += "; where poses are held, errors of camera constant and bore-sight look alike"
+    elif direct:
+        remedy = "adjust the same files in mode fast_at or iso, which try what explains it"
+    else:
         names = ", ".join(trial.name for trial in trials_made)
         weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"
-        return replace(
-            finding,
-            remedy=f"tried without success: {names}; look for gross errors, exchanged names, or"
-            f" standard deviations that are too small{weights}",
+        remedy = (
+            f"tried without success: {names}; look for gross errors, exchanged names, or"
+            f" standard deviations that are too small{weights}"
         )
-    best = good[0]
-    sentence = f"{best.name} of {best.shown} explains it: {best.remedy}"
-    sentence += _rivals(best, good)
-    if direct:
-        sentence += "; where poses are held, errors of camera constant and bore-sight look alike"
-    return replace(finding, remedy=sentence)
+    return replace(finding, remedy=remedy)
 
 
 def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Ground control points with gross errors, which were rejected."""
     for point in figures["rejected_ground_control"]:
-        residual = lengths([1e3 * x for x in point["residual_m"]])
+        residual = ""  # of a point that nothing else observes
+        if None not in point["residual_m"]:
+            residual = f"{lengths([1e3 * x for x in point['residual_m']])} (east, north, up), "
         yield ranked(
             GROUND,
             max(1.0, point["w"] / LIMIT_W),
             f"ground control point {point['point']} does not fit and was left out: {residual}"
-            f" (east, north, up), {point['w']:.1f} sigma",
+            f"{point['w']:.1f} sigma",
             "check its coordinates and its image measurements",
         )
 

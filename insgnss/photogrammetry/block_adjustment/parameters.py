@@ -29,25 +29,25 @@ class Parameter:
     ----------
     name : str
         Its name among the unknowns.
-    table, field : str
-        Where the block file has its standard deviation; it is estimated where there is one.
+    option : str
+        Table and key of its standard deviation in the block file; it is estimated where there is
+        one.
     unit : str
         m, s or rad; of rad it is a rotation.
-    axes : tuple of str
-        Names of its components.
     loose : float or tuple of float
         The standard deviation with which trials estimate it, as the block file would have it,
         beyond any error that was seen; zero: none does.
+    axes : tuple of str
+        Names of its components.
     error : str
         What sentences call it where the block file leaves it out; by default its name.
     """
 
     name: str
-    table: str
-    field: str
+    option: str
     unit: str
-    axes: tuple[str, ...]
-    loose: float | tuple[float, ...] = 0.0
+    loose: float | tuple[float, ...]
+    axes: tuple[str, ...] = ("",)
     error: str = ""
 
     @property
@@ -56,26 +56,67 @@ class Parameter:
         return self.name, 0
 
     def stated(self, file: BlockFile) -> Any:
-        """Return its standard deviation as the block file has it."""
-        return getattr(getattr(file, self.table), self.field)
+        """Return its standard deviation as the block file has it.
 
-    @property
-    def option(self) -> str:
-        """What asks for it, as a block file has it."""
-        return f"{self.table}.{self.field}"
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        float, tuple or None
+            None or zero: it is not estimated.
+        """
+        table, field = self.option.split(".")
+        return getattr(getattr(file, table), field)
 
     def left_out(self, file: BlockFile) -> bool:
-        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly."""
+        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        bool
+            Whether a trial may estimate it.
+        """
         stated = self.stated(file)
         return not stated or (self.name == BORESIGHT and stated < self.loose)
 
     def estimated_in(self, file: BlockFile) -> BlockFile:
-        """Return a block file that asks for it."""
-        table = replace(getattr(file, self.table), **{self.field: self.loose})
-        return replace(file, **{self.table: table})
+        """Return a block file that asks for it.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        BlockFile
+            The same otherwise.
+        """
+        table, field = self.option.split(".")
+        wider = replace(getattr(file, table), **{field: self.loose})
+        return replace(file, **{table: wider})
 
     def sigma(self, file: BlockFile) -> Array | None:
-        """Return its standard deviations in `unit`; None where it is not estimated."""
+        """Return its standard deviations in `unit`; None where it is not estimated.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        ndarray or None
+            One an axis.
+        """
         stated = self.stated(file)
         if self.name == BORESIGHT and not file.aerial_control.absolute_attitudes:
             return None
@@ -85,50 +126,76 @@ class Parameter:
         return np.radians(sigma) if self.unit == "rad" else sigma
 
     def first(self, file: BlockFile) -> Array:
-        """Return its first value."""
+        """Return its first value.
+
+        Parameters
+        ----------
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        ndarray
+            A vector; of a rotation its matrix.
+        """
         if self.name == LEVER_ARM:
-            return stated_lever_arm(file)
+            return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
         return np.eye(3) if self.unit == "rad" else np.zeros(len(self.axes))
 
     def change(self, value: Array, file: BlockFile) -> Array:
-        """Return a value less its first one, in `unit`; of a rotation its vector."""
+        """Return a value less its first one.
+
+        Parameters
+        ----------
+        value : ndarray
+            The value.
+        file : BlockFile
+            The block file.
+
+        Returns
+        -------
+        ndarray
+            The difference in `unit`; of a rotation its vector.
+        """
         return vector_from_rotation(value) if self.unit == "rad" else value - self.first(file)
 
 
 XYZ = ("x", "y", "z")
 FRD = ("forward", "right", "down")
 ENU = ("east", "north", "up")
-MOUNTING = (
-    Parameter(LEVER_ARM, "aerial_control", "lever_arm_sigma_m", "m", XYZ, (10.0,) * 3),
-    Parameter(BORESIGHT, "aerial_control", "boresight_sigma_deg", "rad", XYZ, 30.0),
+MOUNTING_PARAMETERS = (
+    Parameter(LEVER_ARM, "aerial_control.lever_arm_sigma_m", "m", (10.0,) * 3, XYZ),
+    Parameter(BORESIGHT, "aerial_control.boresight_sigma_deg", "rad", 30.0, XYZ),
     Parameter(
-        TIME_OFFSET,
-        "aerial_control",
-        "time_offset_sigma_s",
-        "s",
-        ("",),
-        1.0,
-        "delay of the exposures",
+        TIME_OFFSET, "aerial_control.time_offset_sigma_s", "s", 1.0, error="delay of the exposures"
     ),
 )
 """Between a trajectory and the camera."""
-VEHICLE = (
-    Parameter(TARGET_ARM, "vehicle", "target_sigma_m", "m", FRD, (10.0,) * 3),
-    Parameter(CLOCK, "vehicle", "time_offset_sigma_s", "s", ("",), 10.0),
-    Parameter(VEHICLE_SHIFT, "vehicle", "shift_sigma_m", "m", ENU, (100.0,) * 3),
-    Parameter(SIZE, "vehicle", "size_sigma_m", "m", ("",)),
+VEHICLE_PARAMETERS = (
+    Parameter(TARGET_ARM, "vehicle.target_sigma_m", "m", (10.0,) * 3, FRD),
+    Parameter(CLOCK, "vehicle.time_offset_sigma_s", "s", 10.0),
+    Parameter(VEHICLE_SHIFT, "vehicle.shift_sigma_m", "m", (100.0,) * 3, ENU),
+    Parameter(SIZE, "vehicle.size_sigma_m", "m", 0.0),
 )
 """Of a vehicle whose target the images see; no trial estimates its size."""
-BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING, *VEHICLE)}
-
-
-def stated_lever_arm(file: BlockFile) -> Array:
-    """Return the lever arm (3,), m, that estimates are corrections of."""
-    return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
+BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING_PARAMETERS, *VEHICLE_PARAMETERS)}
 
 
 def prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
-    """Return the first value of a parameter as an observation with standard deviations."""
+    """Return the first value of a parameter as an observation.
+
+    Parameters
+    ----------
+    key : tuple
+        Its block.
+    value, sigma : ndarray
+        First value and standard deviations.
+
+    Returns
+    -------
+    ParameterObservation
+        Of the variance component "mounting".
+    """
     return ParameterObservation(key, value, np.diag(1.0 / sigma**2))
 
 
@@ -182,9 +249,9 @@ def estimates(
         if parameter.key in blocks and before is not None:
             out[parameter.name] = {
                 "unit": parameter.unit,
-                "value": parameter.change(blocks[parameter.key], file).tolist(),
-                "sigma": np.sqrt(np.diagonal(precision.cov(parameter.key))).tolist(),
-                "sigma_before": before.tolist(),
+                "value": parameter.change(blocks[parameter.key], file),
+                "sigma": np.sqrt(np.diagonal(precision.cov(parameter.key))),
+                "sigma_before": before,
             }
     return out
 

@@ -38,7 +38,9 @@ DISTANCES = TableSpec(
     text=True,
     strict=METRES,
 )
-FEWEST_RAYS = 3  # of a point of a free network: of two, one that is rejected leaves it undetermined
+FEWEST_FREE_RAYS = (
+    3  # of a point of a free network: of two, one that is rejected leaves it undetermined
+)
 MOST_FREE_POINTS = 1500  # of a free network (chosen): its normal matrix of points is dense, 160 MB
 FEWEST_COMMON = 3  # images, or ground points: fewer leave a similarity (S.1) a rotation
 
@@ -99,12 +101,33 @@ def in_tangent_plane(union: Joined, notes: list[str]) -> Joined:
         The same otherwise.
     """
     lat, lon, h = (float(x) for x in ecef_to_geodetic(np.nanmean(union.position_m, axis=0)))
-    plane = TangentPlane(lat, lon, h)
-    notes.append(
-        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the images"
-    )
+    plane = noted_plane(TangentPlane(lat, lon, h), "images", notes)
     position = plane.position_from_geodetic(*ecef_to_geodetic(union.position_m))
     return replace(union, position_m=position, C_mc=plane.C_em.T @ union.C_mc)
+
+
+def noted_plane(plane: TangentPlane, members: str, notes: list[str]) -> TangentPlane:
+    """Return a tangent plane that no file states.
+
+    Parameters
+    ----------
+    plane : TangentPlane
+        The plane.
+    members : str
+        At the middle of which it is.
+    notes : list of str
+        Gets a sentence with its origin.
+
+    Returns
+    -------
+    TangentPlane
+        The plane.
+    """
+    notes.append(
+        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the"
+        f" {members}"
+    )
+    return plane
 
 
 def in_own_datum(
@@ -156,12 +179,12 @@ def in_own_datum(
     else:
         rays = np.bincount(block.observations.point, minlength=len(block.points))
         rows, first = np.flatnonzero(np.isfinite(values.point[:, 0])), values.point
-        rows = rows[rays[rows] >= FEWEST_RAYS]
+        rows = rows[rays[rows] >= FEWEST_FREE_RAYS]
         keys = tuple((POINT, int(row)) for row in rows)
         if not FEWEST_COMMON <= rows.size <= MOST_FREE_POINTS:
             raise InputError(
-                f'adjustment.datum = "points": {rows.size} points are seen by {FEWEST_RAYS} images'
-                f" or more, {FEWEST_COMMON} to {MOST_FREE_POINTS} make a free network; take"
+                f'adjustment.datum = "points": {rows.size} points are seen by {FEWEST_FREE_RAYS}'
+                f" images or more, {FEWEST_COMMON} to {MOST_FREE_POINTS} make a free network; take"
                 ' "images"'
             )
     return block, (InnerConstraints(keys, first[rows], not distances),)

@@ -26,7 +26,7 @@ from ...io.formats.blocks.measured_block import of_table
 from ...io.formats.orientation.eo_json import read_one_camera
 from ...io.formats.returned.cameras import read_camera
 from ...records import ExteriorOrientation
-from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
+from ...records.block import BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ...report.charts.chart import Chart
 from ...report.document import Document, Section, write_with_page
 from ...report.figures.block import precision_map
@@ -63,15 +63,12 @@ class Plan(Shown):
     solved : Solved
         The block at its solution.
     figures : dict
-        As of an adjusted block; residuals are zero.
-    best : tuple or None
-        Where one more control point helps most (east, north, m), the largest height sigma before
-        and with it, m, and the name of an image near it.
+        As of an adjusted block, residuals are zero; next_control_point is where one more control
+        point helps most, or None.
     """
 
     solved: Solved
     figures: dict[str, Any]
-    best: tuple[Array, float, float, str] | None
     files: tuple[Path, ...] = ()
 
     def document(self, charts: Sequence[Chart] = ()) -> Document:
@@ -123,9 +120,10 @@ class Plan(Shown):
                     f"{c['first']} and {c['second']} will hardly be told apart (correlation"
                     f" {c['correlation']:+.2f}): {c['remedy']}"
                 )
-        if self.best is not None:
-            where, before, after, image = self.best
-            gain = "would help most" if after < WORTH_RATIO * before else "would help little, even"
+        if (best := self.figures["next_control_point"]) is not None:
+            where, image = best["position_m"], best["image"]
+            before, after = (best[f"largest_height_sigma_{when}_m"] for when in ("before", "after"))
+            gain = "would help most" if _is_worth_it(best) else "would help little, even"
             yield (
                 f"one more ground control point {gain} at E {where[0]:.0f}, N {where[1]:.0f} m"
                 f" (near {image}): largest height sigma of points in three images"
@@ -134,16 +132,7 @@ class Plan(Shown):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
-        return self.figures | {
-            "next_control_point": None
-            if self.best is None
-            else {
-                "position_m": self.best[0].tolist(),
-                "largest_height_sigma_before_m": self.best[1],
-                "largest_height_sigma_after_m": self.best[2],
-                "image": self.best[3],
-            },
-        }
+        return self.figures
 
 
 def expected(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -237,11 +226,11 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     solved = Solved(inputs, control, _precision(inputs, control), {}, none, (), 0)
     figures = figures_of(solved)
     figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
-    best = None
+    figures["next_control_point"] = None
     if mode != "direct":
         progress("trying one more ground control point")
-        best = _next_point(solved, eo)
-    plan = Plan(solved, figures, best)
+        figures["next_control_point"] = _next_point(solved, eo)
+    plan = Plan(solved, figures)
     if out is None:
         return plan
     progress(f"writing {out}")
@@ -250,8 +239,12 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
 
 def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
     """Write document and page, both or none."""
-    where = plan.best[0] if plan.best and plan.best[2] < WORTH_RATIO * plan.best[1] else None
-    chart = precision_map(plan.figures, ground_of(plan.solved), where)
+    best = plan.figures["next_control_point"]
+    chart = precision_map(
+        plan.figures,
+        ground_of(plan.solved),
+        np.array(best["position_m"]) if best is not None and _is_worth_it(best) else None,
+    )
     with together() as staging:
         into = staging.tree(out)
         write_with_page(plan.document([chart]), plan.as_dict(), into / DOCUMENT, into / PAGE)
@@ -307,13 +300,19 @@ def _precision(inputs: Inputs, control: Control) -> Precision:
     problem = problem.with_active(valid(problem, values))
     point = np.where(problem.determined[:, None], values.point, np.nan)
     zero = cost(problem, values)[0]
-    solution = Adjusted(problem, values.with_points(point), zero, zero, 0, redundancy_of(problem))
+    solution = Adjusted(problem, values.with_points(point), zero, 0, redundancy_of(problem))
     if inputs.file.adjustment.mode == "direct":
         return direct_precision(solution)
     return precision_of(solution, 1.0)
 
 
-def _next_point(solved: Solved, eo: ExteriorOrientation) -> tuple[Array, float, float, str] | None:
+def _is_worth_it(point: Mapping[str, Any]) -> bool:
+    """Tell whether a control point improves the largest sigma of heights enough for its survey."""
+    before, after = point["largest_height_sigma_before_m"], point["largest_height_sigma_after_m"]
+    return bool(after < WORTH_RATIO * before)
+
+
+def _next_point(solved: Solved, eo: ExteriorOrientation) -> dict[str, Any] | None:
     """Try one more control point where points that three images see are worst in height."""
     block = solved.result.problem.block
     rays = np.bincount(block.observations.point, minlength=len(block.points))
@@ -334,4 +333,9 @@ def _next_point(solved: Solved, eo: ExteriorOrientation) -> tuple[Array, float, 
     again = _precision(replace(solved.inputs, block=changed), solved.control)
     after = float(again.point_sigma[good, 2].max())
     near = int(np.argmin(np.linalg.norm(eo.position_m[:, :2] - X[:2], axis=1)))
-    return X, float(sigma[worst]), after, eo.images[near]
+    return {
+        "position_m": X.tolist(),
+        "largest_height_sigma_before_m": float(sigma[worst]),
+        "largest_height_sigma_after_m": after,
+        "image": eo.images[near],
+    }

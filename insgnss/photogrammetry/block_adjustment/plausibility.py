@@ -26,6 +26,7 @@ from .readings import (
     FEWEST_RAYS,
     Reading,
     as_given,
+    median_length,
     readings,
     some_rays,
     with_values,
@@ -175,17 +176,11 @@ def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: 
     n, out = len(names), list[tuple[int, float]]()
     remaining = whole
     while len(out) <= MOST_NAMED_IMAGES:
-        count = np.bincount(remaining.point)
-        remaining = remaining.rows(count[remaining.point] >= 2)
-        distance = np.linalg.norm(remaining.residuals(), axis=1)
-        medians = np.array(
-            [
-                np.median(distance[remaining.image == i])
-                if (remaining.image == i).sum() >= FEWEST_OF_IMAGE
-                else 0.0
-                for i in range(n)
-            ]
-        )
+        remaining = remaining.crossing(np.ones(remaining.image.size, dtype=bool))
+        residuals, medians = remaining.residuals(), np.zeros(n)
+        for i in range(n):
+            if (of_image := remaining.image == i).sum() >= FEWEST_OF_IMAGE:
+                medians[i] = median_length(residuals[of_image])
         worst = int(np.argmax(medians / limit))
         if medians[worst] <= limit[worst]:
             break
@@ -209,8 +204,7 @@ def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: 
         rows[some] = some[::-1]
 
         def median(reading: Reading) -> float:
-            distance = np.linalg.norm(reading.residuals(), axis=1)
-            return float(np.median(distance[np.isin(reading.image, some)]))
+            return median_length(reading.residuals()[np.isin(reading.image, some)])
 
         moved = Candidate[Reading]("", lambda r: replace(r, position=r.position[rows], C=r.C[rows]))
         explanation = explain(whole, [moved], median, float(limit[some].min()))
@@ -244,7 +238,7 @@ def _refuse_ground(inputs: Inputs, whole: Reading, miss_px: float) -> None:
     limit = max(OFF_M, 3.0 * miss_px / float(np.median(mine.f)) * abs(height), 0.02 * abs(height))
     offset = stated - X
     middle = np.median(offset, axis=0)
-    size = float(np.median(np.linalg.norm(offset, axis=1)))
+    size = median_length(offset)
     if size <= limit:
         _refuse_exchanged(names, stated, X, limit)
         return
@@ -254,7 +248,7 @@ def _refuse_ground(inputs: Inputs, whole: Reading, miss_px: float) -> None:
     )
 
     def misfit(position: Array) -> float:
-        return float(np.median(np.linalg.norm(position - X, axis=1)))
+        return median_length(position - X)
 
     axes = ("easting", "northing", "height")
     turned = [

@@ -249,15 +249,13 @@ def write_points(solved: Solved, path: Path) -> None:
     block, cov = solved.result.problem.block, solved.precision.point_cov
     role = np.full(len(block.points), "tie", dtype=object)
     role[block.control.point], role[block.check.point] = "control", "check"
-    taking = np.isfinite(solved.precision.redundancy[:, 0])
-    rays = np.bincount(block.observations.point[taking], minlength=len(block.points))
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
     numbers = np.column_stack(
         [
             solved.result.values.point,
             np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0.0)),
             cov[:, [0, 0, 1], [1, 2, 2]],
-            rays,
+            solved.result.problem.ray_count,
         ]
     )[rows]
     names = quoted_names([block.points[k] for k in rows], ",", "point")

@@ -110,7 +110,7 @@ class Reading:
         n = 3 if self.velocity is None else 4
         change = np.zeros(n)
         e = self.residuals()
-        best = _median(e)
+        best = median_length(e)
         damping = 0.0
         for step_number in range(MOST_READING_STEPS):
             if step_number >= FEW_STEPS and best > hopeless:
@@ -128,7 +128,7 @@ class Reading:
             step = -np.linalg.solve(N * (1.0 + damping * np.eye(n)), g)
             step *= min(1.0, LONGEST_READING_STEP / max(float(np.linalg.norm(step)), 1e-12))
             ahead = self.residuals(change + step)
-            if not (after := _median(ahead)) < best:
+            if not (after := median_length(ahead)) < best:
                 if damping > 10.0:
                     break
                 damping = max(10.0 * damping, 0.1)
@@ -140,7 +140,19 @@ class Reading:
         return best, change
 
 
-def _median(e: Array) -> float:
+def median_length(e: Array) -> float:
+    """Return the median length of vectors.
+
+    Parameters
+    ----------
+    e : ndarray, (n, d)
+        The vectors.
+
+    Returns
+    -------
+    float
+        In their unit.
+    """
     return float(np.median(np.linalg.norm(e, axis=1)))
 
 

@@ -10,7 +10,7 @@ from ...base.errors import DataError
 from ...records.block import Array, ImageBlock
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.direct import intersected_points
-from ..adjust.groups import ObservationGroup, PointObservation, Rescaled, control_points
+from ..adjust.groups import ObservationGroup, PointObservation, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import IMAGE, Component, Precision, precision_of
@@ -20,7 +20,7 @@ from ..adjust.unknowns import Key, Unknowns
 from ..adjust.variance_components import reweighted
 from .aerial.control import Control, control_of, motion_of_images
 from .inputs import Inputs
-from .vehicle.control import vehicle_control, with_first_points
+from .vehicle.control import vehicle_control
 
 GROUND = "ground control"
 Progress = Callable[[str], None]
@@ -164,7 +164,9 @@ def _intersected(
     return Solved(inputs, control, precision, {}, rejected, (), precision.result.iterations)
 
 
-def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
+def set_up(
+    inputs: Inputs, control: Control, points: Sequence[ObservationGroup] | None = None
+) -> tuple[Problem, Unknowns]:
     """Return all observations of a block, and first values of its unknowns.
 
     Parameters
@@ -173,6 +175,8 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
         The block.
     control : Control
         Its aerial control.
+    points : sequence of ObservationGroup, optional
+        Its ground control; by default all of it.
 
     Returns
     -------
@@ -182,9 +186,12 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
         First values.
     """
     block = inputs.block
-    groups, blocks = groups_of(inputs, control, control_points(block.control))
-    values = with_first_points(first_values(block), inputs.vehicle, block)
-    return problem_of(block, groups, blocks), replace(values, blocks=blocks)
+    points = control_points(block.control) if points is None else points
+    groups, blocks = groups_of(inputs, control, points)
+    values = replace(first_values(block), blocks=blocks)
+    if (vehicle := inputs.vehicle) is not None:  # one image alone sees each place of the target
+        values.point[vehicle.rows_in(block)[1]] = vehicle.exposures.position_m
+    return problem_of(block, groups, blocks), values
 
 
 def groups_of(
@@ -225,5 +232,4 @@ def ground_groups(problem: Problem) -> list[PointObservation]:
     list of PointObservation
         One a point; those that were rejected are not there.
     """
-    plain = (g.group if isinstance(g, Rescaled) else g for g in problem.groups)
-    return [group for group in plain if isinstance(group, PointObservation)]
+    return [group for group in problem.stated_groups if isinstance(group, PointObservation)]

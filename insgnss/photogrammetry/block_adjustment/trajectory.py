@@ -37,14 +37,13 @@ from ...records import ExteriorOrientation
 from ...records.block import Array
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.aerial import AerialControl
-from ..adjust.groups import PointObservation
 from ..adjust.normals import cofactors_of, columns_of
 from ..adjust.precision import explained
 from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
 from .inputs import Inputs
-from .solve import Solved, set_up
+from .solve import Solved, ground_groups, set_up
 
 DIRECTORY = "trajectory"
 ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
@@ -207,15 +206,9 @@ class _Linearised:
         chains = pose_chains(joint.flight, joint.recording, segments, eo)
         inputs = replace(solved.inputs, eo=eo)
         control = control_of(inputs, whole=[(chain.rows, chain.cov) for chain in chains])
-        problem, first = set_up(inputs, control)
-        rejected = {point.point for point in solved.rejected_control}
-        names = inputs.block.points
-        groups = tuple(
-            group
-            for group in problem.groups
-            if not (isinstance(group, PointObservation) and names[group.point] in rejected)
-        )
-        problem = with_factors(replace(problem, groups=groups), solved.factors)
+        points = ground_groups(solved.result.problem)
+        problem, first = set_up(inputs, control, points)
+        problem = with_factors(problem, solved.factors)
         problem = problem.with_active_of(solved.result.problem)
         blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
         result = adjusted(problem, replace(values.completed(first), blocks=blocks))

@@ -31,9 +31,9 @@ from ..adjust.shutter import readout_gain
 from ..adjust.unknowns import CAMERA, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images
-from .inputs import Inputs
+from .inputs import USUAL_FREE, Inputs
 from .mode import CAMERA_HELD
-from .parameters import BY_NAME, MOUNTING, VEHICLE, Parameter
+from .parameters import BY_NAME, MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, Parameter
 from .residuals.check_points import check_points
 from .solve import Solved, ground_groups, groups_of
 from .solve import solved as adjusted_block
@@ -52,7 +52,6 @@ DRIVING_MPS = 0.1  # of a vehicle (median) whose clock its places show (chosen)
 CHECK_SHIFT = "shift of check points"
 OTHER_DATUM = "check CRS, heights (geoid or ellipsoid) and antenna of the base"
 OF_TIE_POINTS = "adjust the tie points in mode iso, and take the camera.toml that it writes"
-USUAL = ("f", "cx", "cy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,10 +243,12 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
     as an adjustment with the shift as a further unknown has, without another adjustment.
     """
     best: Trial | None = None
-    groups = [g for g in solved.result.problem.groups if _is_line(g)]
+    problem = solved.result.problem
+    pairs = zip(problem.groups, problem.stated_groups, strict=True)
+    groups = [group for group, stated in pairs if _is_line(stated)]
     if len(groups) < FEWEST_LINES or solved.inputs.file.aerial_control.shift_sigma_m is not None:
         return None
-    block = solved.result.problem.block
+    block = problem.block
     for group in groups:
         e, J = group.linearised(solved.result.values)
         images = [row for name, row in group.keys if name == POSE]
@@ -281,8 +282,7 @@ def _shifted_line(solved: Solved, excess: float) -> Trial | None:
 
 def _is_line(group: ObservationGroup) -> bool:
     """Tell whether a group is absolute control of a flight line of several images."""
-    line = getattr(group, "group", group)
-    return isinstance(line, AerialControl) and len(line.images) >= FEWEST_OF_LINE
+    return isinstance(group, AerialControl) and len(group.images) >= FEWEST_OF_LINE
 
 
 def shift_of_check_points(solved: Solved) -> Trial | None:
@@ -380,24 +380,26 @@ def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
             BORESIGHT: control.absolute_attitudes,
             TIME_OFFSET: motion_is_known(inputs.eo, control),
         }
-        parameters += [one for one in MOUNTING if possible[one.name]]
+        parameters += [one for one in MOUNTING_PARAMETERS if possible[one.name]]
         if len(inputs.block.control) > 1:
             yield _LeftOut(DATUM[0], "m", DATUM, file, OTHER_DATUM)
     if vehicle is not None:
         drives = np.median(np.linalg.norm(vehicle.exposures.velocity, axis=1)) > DRIVING_MPS
-        parameters += [one for one in VEHICLE if one.loose and (drives or one.name != CLOCK)]
+        parameters += [
+            one for one in VEHICLE_PARAMETERS if one.loose and (drives or one.name != CLOCK)
+        ]
     for one in parameters:
         if one.left_out(file):
             wider, advice = one.estimated_in(file), f"estimate it with {one.option}"
             yield _LeftOut(one.error or one.name, one.unit, one.key, wider, advice)
-    if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
+    if any(not set(USUAL_FREE) <= set(camera.free) for camera in inputs.block.cameras):
         advice = OF_TIE_POINTS if mode in CAMERA_HELD else "estimate it with camera.free"
         yield _LeftOut("interior orientation", "px", (CAMERA, 0), file, advice)
 
 
 def _with_usual(block: ImageBlock) -> ImageBlock:
     """Return the block with the usual parameters of its cameras estimated."""
-    free = {n for n in INTERIOR if n in USUAL or n in ("k1", "k2", "p1", "p2")}
+    free = {n for n in INTERIOR if n in USUAL_FREE or n in ("k1", "k2", "p1", "p2")}
     cameras = tuple(
         replace(c, free=tuple(n for n in INTERIOR if n in c.free or n in free))
         for c in block.cameras
@@ -437,7 +439,7 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         factors.pop(name, None)
     problem = with_factors(problem, factors)
     values = replace(result.values, blocks=blocks)
-    reconnects = (key == DATUM or key in [one.key for one in VEHICLE]) and bool(alone)
+    reconnects = (key == DATUM or key in [one.key for one in VEHICLE_PARAMETERS]) and bool(alone)
     if reconnects:  # rays that were rejected for the shift's sake take part again
         again = without_outliers(problem, values).result
     else:

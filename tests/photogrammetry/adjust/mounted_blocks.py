@@ -138,4 +138,4 @@ def precision_expected(plan: Plan) -> Precision:
         )
     values = Unknowns(centre, turned, camera.interior[None].copy(), X, blocks)
     problem = problem_of(block, groups, blocks)
-    return precision_of(Adjusted(problem, values, 1.0, 1.0, 0, 1), 1.0)
+    return precision_of(Adjusted(problem, values, 1.0, 0, 1), 1.0)

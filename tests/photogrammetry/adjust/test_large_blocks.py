@@ -20,7 +20,7 @@ from insgnss.photogrammetry.adjust.aerial import (
     ParameterObservation,
 )
 from insgnss.photogrammetry.adjust.groups import control_points, weight_of
-from insgnss.photogrammetry.adjust.normals import problem_of
+from insgnss.photogrammetry.adjust.normals import linearised, problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.records.block import ImageObservations
 
@@ -91,7 +91,8 @@ def test_one_step(corridor, monkeypatch) -> None:
     sigma[sigma == 0.0] = 1.0
     for damping in (0.0, 1e-3):
         (got, got_points, _), (want, want_points, _) = (
-            _step(problem, first, damping) for problem in (sparse, whole)
+            _step(problem, first, damping, linearised(problem, first))
+            for problem in (sparse, whole)
         )
         poses, others = of_images(sparse, got)
         assert (np.abs(poses - of_images(whole, want)[0]) / sigma).max() < 1e-9

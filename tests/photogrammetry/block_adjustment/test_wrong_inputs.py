@@ -28,6 +28,7 @@ from insgnss.io.formats.blocks.image_points import read_image_points, write_imag
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.photogrammetry.block_adjustment.ground import ground_in_plane
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
+from insgnss.photogrammetry.block_adjustment.judgement import _control
 from insgnss.photogrammetry.block_adjustment.plausibility import (
     refuse_implausible,
     worse_than_stated,
@@ -405,3 +406,10 @@ def test_a_shift_of_check_points_is_found_with_its_covariance() -> None:
     H = np.vstack([np.eye(3)] * 4)
     assert value == pytest.approx([1.0, -2.0, 3.0])
     assert cov == pytest.approx(np.linalg.inv(H.T @ np.linalg.inv(P) @ H))
+
+
+def test_a_control_point_that_nothing_else_observes_is_named_without_a_residual() -> None:
+    """Oracle: the figures by hand: there is no residual where no image observation is left."""
+    points = [{"point": "G1", "residual_m": [None] * 3, "w": 8.0}]
+    (finding,) = _control({"rejected_ground_control": points})
+    assert "ground control point G1 does not fit and was left out: 8.0 sigma" in finding.sentence

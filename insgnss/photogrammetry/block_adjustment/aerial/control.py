@@ -25,19 +25,17 @@ from ....records.block import Array
 from ....records.relative import GAP_S
 from ....records.rows import covariance_of_rows
 from ...adjust.aerial import (
-    BORESIGHT,
     COMMON,
     DRIFT,
     SHIFT,
-    AerialControl,
     ParameterObservation,
     chained_covariance,
 )
-from ...adjust.groups import ObservationGroup, weight_of
+from ...adjust.groups import ObservationGroup
 from ...adjust.unknowns import Key
 from ..inputs import Inputs
-from ..parameters import MOUNTING, prior, priors
-from .relative import Strip, breaks, relative_groups
+from ..parameters import MOUNTING_PARAMETERS, prior, priors
+from .relative import Strip, absolute_group, breaks, relative_groups
 
 SHORTEST_STEP_S = 1e-3  # between images: no camera is as fast, and equal stamps divide by nothing
 LONGEST_CHAIN_IMAGES = 200  # of one group (chosen): its dense covariance is 1200 x 1200, 12 MB
@@ -100,7 +98,7 @@ def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
     motion, line = _motion(eo, options), breaks(eo, options.gap_s)
     other_lines = _other_lines(eo, options)
-    shared = priors(inputs.file, MOUNTING)
+    shared = priors(inputs.file, MOUNTING_PARAMETERS)
     blocks: dict[Key, Array] = {one.key: one.value for one in shared}
     groups: list[ObservationGroup] = [*shared]
     lines: list[Rows] = []
@@ -131,37 +129,10 @@ def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None
         if control in RELATIVE:
             groups += relative_groups(strip, control, eo, motion, line, options)
         else:
-            groups.append(_absolute(strip, control, eo, motion, options))
+            groups.append(absolute_group(strip, control, eo, motion, options))
         lines.append(image_of[rows])
         controls.append(control)
     return Control(tuple(groups), blocks, tuple(lines), kind, tuple(controls))
-
-
-def _absolute(
-    strip: Strip,
-    control: str,
-    eo: ExteriorOrientation,
-    motion: tuple[Array, Array],
-    options: AerialControlTable,
-) -> AerialControl:
-    """Return absolute control of a strip: of poses, or of positions alone."""
-    rows, cov, parameters = strip.rows, strip.cov, strip.parameters
-    if control == "Ap":
-        keep = (6 * np.arange(rows.size)[:, None] + np.arange(3)).ravel()
-        cov = cov[np.ix_(keep, keep)]
-        parameters = {p: k for p, k in parameters.items() if p != BORESIGHT}
-    who = f"{options.file}: flight line from image {eo.images[rows[0]]}"
-    return AerialControl(
-        tuple(int(i) for i in strip.images),
-        eo.position_m[rows],
-        eo.C_mc[rows],
-        weight_of(cov, who),
-        eo.time[rows],
-        motion[0][rows],
-        motion[1][rows],
-        parameters,
-        common=strip.factor,
-    )
 
 
 def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:

@@ -116,7 +116,18 @@ def first_poses(table: AerialControlTable, source: MeasuredBlock) -> FirstPoses:
 
 
 def plane_of(poses: Poses) -> TangentPlane:
-    """Return the tangent plane at the middle of poses, on the ellipsoid."""
+    """Return the tangent plane at the middle of poses.
+
+    Parameters
+    ----------
+    poses : Poses
+        The poses.
+
+    Returns
+    -------
+    TangentPlane
+        Its origin is on the ellipsoid.
+    """
     return TangentPlane(float(np.mean(poses.lat)), float(np.mean(poses.lon)), 0.0)
 
 

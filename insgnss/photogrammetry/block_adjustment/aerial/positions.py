@@ -21,12 +21,12 @@ from ....io.exposures.images import natural
 from ....io.exposures.numbering import image_numbers
 from ....io.formats.blocks.joined import matched
 from ....io.formats.blocks.measured_block import MeasuredBlock
-from ....io.formats.origins import statement_of
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ...comparison.hints import Hints, turned
 from ...comparison.poses import Poses
 from ...comparison.reading import read_poses
+from ..placing import noted_plane
 from .first_poses import (
     FirstPoses,
     first_attitudes,
@@ -79,11 +79,7 @@ def orientation_of(
     first = first_poses(table, source)
     rows, images = _of_images(poses, first, source, notes)
     poses = poses.taken(rows)
-    plane = plane_of(poses)
-    notes.append(
-        f"axes are those of the tangent plane with {statement_of(plane)}, the middle of the"
-        " positions"
-    )
+    plane = noted_plane(plane_of(poses), "positions", notes)
     position = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)
     C_mE = plane.C_mn(poses.lat, poses.lon) @ NED_ENU
     cov = np.zeros((len(images), 6, 6))

@@ -16,7 +16,8 @@ from ....flight.config.block_tables.aerial_control import AerialControlTable
 from ....navigation.orient.relative import line_pairs
 from ....records import ExteriorOrientation
 from ....records.block import Array
-from ...adjust.aerial import BORESIGHT, COMMON, SHIFT
+from ....records.rows import covariance_of_rows
+from ...adjust.aerial import BORESIGHT, COMMON, SHIFT, AerialControl
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.precision import GroupTest
 from ...adjust.relative import (
@@ -54,6 +55,29 @@ class Strip(NamedTuple):
     factor: Array | None
     parameters: dict[str, int]
 
+    def poses(
+        self, eo: ExteriorOrientation, motion: tuple[Array, Array], weight: Array
+    ) -> tuple[tuple[int, ...], Array, Array, Array, Array, Array, Array]:
+        """Return what a group of the strip is made of, up to its parameters.
+
+        Parameters
+        ----------
+        eo : ExteriorOrientation
+            The orientation.
+        motion : tuple of ndarray
+            (n, 3) velocities, m/s, and rates, rad/s, of all its images.
+        weight : ndarray
+            Weight of the group.
+
+        Returns
+        -------
+        tuple
+            As `StripControl` has it.
+        """
+        rows, (velocity, rate) = self.rows, motion
+        pose = eo.position_m[rows], eo.C_mc[rows], weight
+        return tuple(self.images.tolist()), *pose, eo.time[rows], velocity[rows], rate[rows]
+
 
 def breaks(eo: ExteriorOrientation, gap_s: float) -> Rows:
     """Number the flight lines of all images.
@@ -77,25 +101,39 @@ def breaks(eo: ExteriorOrientation, gap_s: float) -> Rows:
     return np.cumsum(~follows).astype(np.int64)
 
 
-def pairs_of(time: Array, line: Rows, gap_s: float) -> Rows:
-    """Return the pairs of neighbours in a line.
+def absolute_group(
+    strip: Strip,
+    control: str,
+    eo: ExteriorOrientation,
+    motion: tuple[Array, Array],
+    options: AerialControlTable,
+) -> AerialControl:
+    """Return absolute control of a strip as an observation group.
 
     Parameters
     ----------
-    time : ndarray, (n,)
-        Stamps, s.
-    line : ndarray of int, (n,)
-        Number of the line of each image.
-    gap_s : float
-        Longest time between both, s.
+    strip : Strip
+        Its images and their errors.
+    control : str
+        "Ap/Aa", or "Ap" of positions alone.
+    eo : ExteriorOrientation
+        The orientation.
+    motion : tuple of ndarray
+        (n, 3) velocities, m/s, and rates, rad/s, of all its images.
+    options : AerialControlTable
+        Names the file.
 
     Returns
     -------
-    ndarray of int, (k, 2)
-        First and second image.
+    AerialControl
+        The group.
     """
-    first = np.flatnonzero((np.diff(line) == 0) & (np.diff(time) <= gap_s))
-    return np.stack([first, first + 1], axis=1).astype(np.int64)
+    cov, parameters = strip.cov, strip.parameters
+    if control == "Ap":
+        cov = covariance_of_rows(cov, 2 * np.arange(strip.rows.size), 3)
+        parameters = {p: k for p, k in parameters.items() if p != BORESIGHT}
+    weight = weight_of(cov, f"{options.file}: flight line from image {eo.images[strip.rows[0]]}")
+    return AerialControl(*strip.poses(eo, motion, weight), parameters, common=strip.factor)
 
 
 def relative_groups(
@@ -130,7 +168,8 @@ def relative_groups(
     """
     rows = strip.rows
     position, turns = control.startswith("Rp"), control.endswith("Ra")
-    pairs = pairs_of(eo.time[rows], line[rows], options.gap_s)
+    follows = (np.diff(line[rows]) == 0) & (np.diff(eo.time[rows]) <= options.gap_s)
+    pairs = np.flatnonzero(follows)[:, None] + np.arange(2)
     observed = Observed("relative" if position else "absolute", turns, pairs)
     groups: list[ObservationGroup] = []
     left_out = {BORESIGHT, SHIFT} if position else {BORESIGHT}
@@ -154,49 +193,17 @@ def relative_groups(
         if factor is None:
             parameters.pop(COMMON, None)
         who = f"{options.file}: relative control from image {eo.images[rows[0]]}"
-        groups.append(
-            RelativeAerialControl(
-                tuple(int(i) for i in strip.images),
-                eo.position_m[rows],
-                C,
-                weight_of(cov, who),
-                eo.time[rows],
-                motion[0][rows],
-                motion[1][rows],
-                parameters,
-                common=factor,
-                observed=observed,
-            )
-        )
+        poses = strip.poses(eo, motion, weight_of(cov, who))
+        groups.append(RelativeAerialControl(*poses, parameters, common=factor, observed=observed))
     sigma = (
         options.datum_sigma_m if position else np.inf,
         float(np.radians(options.datum_sigma_deg)) if turns else np.inf,
     )
-    for chain in chains(rows.size, pairs):
+    for chain in np.split(np.arange(rows.size), np.flatnonzero(~follows) + 1):
         middle = int(chain[chain.size // 2])
         i, size = int(strip.images[middle]), int(chain.size)
         groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, DATUM))
     return groups
-
-
-def chains(n: int, pairs: Rows) -> list[Rows]:
-    """Return the images that pairs tie together.
-
-    Parameters
-    ----------
-    n : int
-        Number of images.
-    pairs : ndarray of int, (k, 2)
-        Pairs of neighbours.
-
-    Returns
-    -------
-    list of ndarray of int
-        Images of each chain, in order.
-    """
-    tied = np.zeros(n, dtype=bool)
-    tied[pairs[:, 1]] = True
-    return np.split(np.arange(n), np.flatnonzero(~tied)[1:])
 
 
 def weakly_held(groups: Sequence[ObservationGroup], tests: Sequence[GroupTest]) -> list[Datum]:

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from ....records.block import Array, ImageBlock
+from ....records.block import Array
 from ...adjust.aerial import TIME_OFFSET
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.kinematic import SIZE, KinematicControl, TargetSize
-from ...adjust.unknowns import Key, Unknowns
+from ...adjust.unknowns import Key
 from ..inputs import Inputs
-from ..parameters import VEHICLE, priors
-from .places import Vehicle
+from ..parameters import VEHICLE_PARAMETERS, priors
 
 
 def vehicle_control(
@@ -34,7 +33,7 @@ def vehicle_control(
     vehicle, block, options = inputs.vehicle, inputs.block, inputs.file.vehicle
     if vehicle is None:
         return [], {}
-    shared = priors(inputs.file, VEHICLE)
+    shared = priors(inputs.file, VEHICLE_PARAMETERS)
     first = {one.key: one.value for one in shared}
     parameters = {name: row for name, row in first if name != SIZE}
     if (TIME_OFFSET, 0) in blocks:
@@ -63,27 +62,3 @@ def vehicle_control(
             )
         )
     return groups, first
-
-
-def with_first_points(values: Unknowns, vehicle: Vehicle | None, block: ImageBlock) -> Unknowns:
-    """Return first values with the places of the target, which one image alone sees.
-
-    Parameters
-    ----------
-    values : Unknowns
-        First values.
-    vehicle : Vehicle or None
-        The vehicle.
-    block : ImageBlock
-        The block.
-
-    Returns
-    -------
-    Unknowns
-        The same otherwise.
-    """
-    if vehicle is None:
-        return values
-    point = values.point.copy()
-    point[vehicle.rows_in(block)[1]] = vehicle.exposures.position_m
-    return values.with_points(point)

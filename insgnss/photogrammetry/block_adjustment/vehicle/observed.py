@@ -18,7 +18,7 @@ from ....io.formats.text.layout import shown
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
+class TargetViews:
     """Image observations in which the vehicle's target is a point of its own in every image.
 
     Parameters
@@ -37,7 +37,7 @@ class Observed:
     divided: tuple[str, ...]
 
 
-def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> Observed:
+def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> TargetViews:
     """Find the vehicle's target in the image observations, and divide it by images.
 
     Parameters
@@ -51,7 +51,7 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
 
     Returns
     -------
-    Observed
+    TargetViews
         The observations with a name an image.
 
     Raises
@@ -88,7 +88,7 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
     return _divided(measured, rows, target)
 
 
-def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Observed:
+def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> TargetViews:
     """Give every image a point of its own."""
     obs, points = measured.observations, list(measured.points)
     taken = set(points)
@@ -118,7 +118,7 @@ def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Obs
             observations=replace(obs, point=new[point]),
         )
     of_changed = changed.observations
-    return Observed(
+    return TargetViews(
         changed,
         tuple(changed.images[i] for i in of_changed.image[rows]),
         tuple(changed.points[p] for p in of_changed.point[rows]),
@@ -126,21 +126,19 @@ def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Obs
     )
 
 
-def without(observed: Observed, images: Sequence[str], key: str = "vehicle.skip") -> Observed:
+def without(observed: TargetViews, images: Sequence[str]) -> TargetViews:
     """Leave the target out of some images.
 
     Parameters
     ----------
-    observed : Observed
+    observed : TargetViews
         All of them.
     images : sequence of str
         Names of images.
-    key : str
-        The option that names them, for the message.
 
     Returns
     -------
-    Observed
+    TargetViews
         The rest; points that nobody sees any more keep their names.
 
     Raises
@@ -151,7 +149,8 @@ def without(observed: Observed, images: Sequence[str], key: str = "vehicle.skip"
     gone = set(images)
     if bad := sorted(gone - set(observed.images)):
         raise InputError(
-            f"{key}: {bad[0]!r} does not see the target; {near(bad[0], observed.images[:200])}"
+            f"vehicle.skip: {bad[0]!r} does not see the target;"
+            f" {near(bad[0], observed.images[:200])}"
         )
     points = {p for i, p in zip(observed.images, observed.points, strict=True) if i in gone}
     observations, names = observed.measured.observations, observed.measured.points

@@ -68,7 +68,18 @@ class Vehicle:
         return replace(self, **rows_of(self, rows, fields), exposures=exposures, cov=cov)
 
     def rows_in(self, block: ImageBlock) -> tuple[Rows, Rows, Rows]:
-        """Return the rows of its images, points and image observations in a block, (n,) each."""
+        """Return the rows of its images, points and image observations in a block.
+
+        Parameters
+        ----------
+        block : ImageBlock
+            The block that sees it.
+
+        Returns
+        -------
+        tuple of ndarray
+            (n,) each.
+        """
         of_image = {name: k for k, name in enumerate(block.images)}
         of_point = {name: k for k, name in enumerate(block.points)}
         of_ray = {p: k for k, p in enumerate(block.observations.point.tolist())}

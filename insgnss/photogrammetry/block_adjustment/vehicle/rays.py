@@ -20,6 +20,7 @@ from ....geodesy.explain import Candidate, best_shift, explain
 from ....records.block import Array, ImageBlock
 from ...adjust.start import directions
 from ...adjust.unknowns import Unknowns
+from ..readings import median_length
 from .places import CLOCKS, Vehicle
 from .track import along_course
 
@@ -77,14 +78,16 @@ def refuse_elsewhere(
     met = centre + depth[:, None] * direction
     miss_m = (met - stated)[:, :2]
     limit = max(LEAST_MISS_M, MISS_SIGMAS * float(np.median(sigma_rad[image] * depth)))
-    size = _middle(miss_m)
+    size = median_length(miss_m)
     if size <= limit:
         return
     text = (
         f"the vehicle is not where images see its target: {size:.1f} m beside it in the middle of"
         f" {rows.size} images, {np.linalg.norm(miss_m[0]):.1f} m in {vehicle.images[0]}"
     )
-    explanation = explain(miss_m, _readings(vehicle, met, miss_m), _middle, floor=MEETING_FLOOR_M)
+    explanation = explain(
+        miss_m, _readings(vehicle, met, miss_m), median_length, floor=MEETING_FLOOR_M
+    )
     if explanation is None:
         raise DataError(
             f"{text}; neither another time nor a constant shift brings it there:"
@@ -116,10 +119,6 @@ def _directions(block: ImageBlock, image: Rows, ray: Rows, C_mc: Array) -> Array
     """Return the rays of the target in the axes of the block."""
     xy = directions(block)[ray]
     return np.einsum("nij,nj->ni", C_mc[image], np.column_stack([xy, np.ones(len(xy))]))
-
-
-def _middle(miss_m: Array) -> float:
-    return float(np.median(np.linalg.norm(miss_m, axis=1)))
 
 
 def _readings(vehicle: Vehicle, met: Array, miss_m: Array) -> Iterator[Candidate[Array]]:
@@ -170,7 +169,7 @@ def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, flo
         moved, within = track.at(vehicle.time + seconds, longest)
         if within.sum() < max(FEWEST_SIGHTINGS, len(within) // 3):
             return np.inf
-        return _middle((met - moved.position_m)[within, :2])
+        return median_length((met - moved.position_m)[within, :2])
 
     return best_shift(distance_m, range_s, SEARCH_STEP_S, *FINER_S)
 

@@ -209,6 +209,8 @@ def read_track(
         track = _of_trajectory(options, path, plane)
     else:
         track = _of_table(options, path, plane, eo)
+    share, duration_s = options.correlated_share, options.correlation_time_s
+    track = replace(track, share=share, duration_s=duration_s)
     if track.time is not None and options.time_offset_s:
         track = replace(track, time=track.time + options.time_offset_s)
     return track
@@ -275,9 +277,6 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
         C_mv,
         arm,
         root,
-        None,
-        options.correlated_share,
-        options.correlation_time_s,
     )
 
 
@@ -403,9 +402,6 @@ def _of_table(
         along_course(velocity),
         np.zeros(3),
         root,
-        None,
-        options.correlated_share,
-        options.correlation_time_s,
     )
 
 

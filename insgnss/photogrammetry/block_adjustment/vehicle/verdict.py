@@ -1,4 +1,4 @@
-"""What an adjustment says of the vehicle: figures, findings, and what to do about a trial."""
+"""What an adjustment says of the vehicle: findings, and what to do about a trial."""
 
 from collections.abc import Iterator, Mapping
 from itertools import permutations, product
@@ -10,21 +10,15 @@ from ....base.findings import Finding, ranked
 from ....base.wording import some
 from ....records.block import Array
 from ....report.rules.wording import lengths
-from ...adjust.adjustment import residuals_px
-from ...adjust.groups import Rescaled
 from ...adjust.kinematic import (
     CLOCK,
     KINEMATIC,
     SIZE,
     SIZES,
     VEHICLE_SHIFT,
-    KinematicControl,
-    TargetSize,
 )
-from ...adjust.precision import GroupTest
 from ...adjust.unknowns import Key
-from ..parameters import FRD, VEHICLE, estimates
-from ..solve import Solved
+from ..parameters import FRD, VEHICLE_PARAMETERS
 from .places import Vehicle
 
 MANY_LEFT_OUT = 0.1
@@ -42,63 +36,6 @@ MISTAKES: dict[tuple[tuple[int, ...], tuple[float, ...]], str] = {  # by order a
         "it was given in the axes of a camera that looks ahead (right, down, forward)"
     ),
 }
-
-
-def vehicle_figures(solved: Solved) -> dict[str, Any] | None:
-    """Return the figures of the kinematic ground control of an adjusted block.
-
-    Parameters
-    ----------
-    solved : Solved
-        The block.
-
-    Returns
-    -------
-    dict or None
-        None without a vehicle.
-    """
-    if (vehicle := solved.inputs.vehicle) is None:
-        return None
-    problem, residuals = solved.result.problem, residuals_px(solved.result)
-    n = len(vehicle.images)
-    _, rows, rays = vehicle.rows_in(problem.block)
-    active = np.zeros(len(problem.block.observations), dtype=bool)
-    active[problem.order] = problem.rays.active
-    sizes: dict[int, GroupTest] = {}
-    places: GroupTest | None = None
-    for group, test in zip(problem.groups, solved.precision.groups, strict=True):
-        plain = group.group if isinstance(group, Rescaled) else group
-        if isinstance(plain, KinematicControl):
-            places = test
-        elif isinstance(plain, TargetSize):
-            sizes[plain.point] = test
-    assert places is not None
-    e, w, r = (x.reshape(n, 3) for x in (places.e, places.w, places.redundancy))
-    points = []
-    for k, (p, ray) in enumerate(zip(rows.tolist(), rays.tolist(), strict=True)):
-        fig: dict[str, Any] = {
-            "image": vehicle.images[k],
-            "point": vehicle.points[k],
-            "residual_m": e[k].tolist(),
-            "redundancy": r[k].tolist(),
-            "w": w[k].tolist(),
-            "residual_px": [float(x) if np.isfinite(x) else None for x in residuals[ray]],
-            "left_out": not bool(active[ray]),
-            "sigma_before_m": np.sqrt(np.diagonal(vehicle.cov)[3 * k : 3 * k + 3]).tolist(),
-        }
-        if p in sizes:
-            fig |= {"size_px": float(vehicle.size_px[k])}
-            fig |= {"size_residual_px": float(sizes[p].e[0]), "size_w": float(sizes[p].w[0])}
-        points.append(fig)
-    return {
-        "file": str(vehicle.options.file),
-        "kind": vehicle.track.kind,
-        "exposures": n,
-        "left_out": sum(p["left_out"] for p in points),
-        "sizes": len(sizes),
-        "parameters": estimates(solved.inputs.file, VEHICLE, solved.precision),
-        "points": points,
-    }
 
 
 def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
@@ -177,7 +114,7 @@ def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str
     str
         The advice; empty of what is no unknown of a vehicle.
     """
-    if vehicle is None or key not in [one.key for one in VEHICLE]:
+    if vehicle is None or key not in [one.key for one in VEHICLE_PARAMETERS]:
         return ""
     if key[0] == CLOCK:
         offset = vehicle.options.time_offset_s + float(value[0])
