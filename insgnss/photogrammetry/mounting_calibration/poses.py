@@ -28,7 +28,7 @@ from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recog
 from ...io.formats.detect import head_of
 from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
-from ...records import Array
+from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
 from ..comparison.hints import Hints, turned
 from ..comparison.poses import FarError, Poses
@@ -75,9 +75,8 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
 
         eo = read_one_camera(path, "a calibration")
         lat, lon, h = (float(v) for v in eo.origin)
-        date = calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
         on_earth = eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", str(path), ()
-        return CameraPoses(*on_earth, TangentPlane(lat, lon, h), date=date)
+        return CameraPoses(*on_earth, TangentPlane(lat, lon, h), date=date_of(eo))
     form = sniff_poses(path)
     # a comment of poses.csv speaks of its angles as EO_local-plane.txt does
     if form in ("gnss", "eo_local_plane") and is_pose_table(path):
@@ -91,6 +90,11 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
             " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
         )
     return _on_the_earth(path, read_poses(path, hints=hints))
+
+
+def date_of(eo: ExteriorOrientation) -> str:
+    """Return the day of the first image, ISO."""
+    return calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
 
 
 def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
@@ -211,6 +215,8 @@ class Positions:
         Where the positions stand on the Earth; None: in axes of their own.
     time : ndarray, (n,), or None
         Seconds of the GPS week.
+    poses : CameraPoses or None
+        Those of the images that see the positions, where they were intersected.
     """
 
     path: Path
@@ -219,6 +225,24 @@ class Positions:
     cov: Array | None
     plane: TangentPlane | None = None
     time: Array | None = None
+    poses: CameraPoses | None = None
+
+    def with_sigma(self, sigma_m: float | tuple[float, float, float]) -> Array:
+        """Return the covariances of the file, those of standard deviations where it has none.
+
+        Parameters
+        ----------
+        sigma_m : float, or three of them
+            Of each axis.
+
+        Returns
+        -------
+        ndarray, (n, 3, 3)
+            m^2.
+        """
+        if self.cov is not None:
+            return self.cov
+        return np.tile(np.diag(np.full(3, sigma_m) ** 2), (len(self.names), 1, 1))
 
 
 def read_positions(

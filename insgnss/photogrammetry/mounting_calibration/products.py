@@ -257,15 +257,15 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     result = replace(result, files=(out, document, page))
     with together():
         write_mounting_file(result.mounting, out)
-        files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
+        files = [file for path in given for file in files_of(path)]
         numbers = result.as_dict() | made_from(files, document, [out])
         write_with_page(document_of(result, result.charts()), numbers, document, page)
     return result
 
 
-def _within(directory: Path) -> list[Path]:
-    """List the files of a directory that is an input, such as a model of COLMAP."""
-    return sorted(path for path in directory.rglob("*") if path.is_file())
+def files_of(path: Path) -> list[Path]:
+    """List the files of an input, itself or those of a directory, such as a model of COLMAP."""
+    return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
 
 
 def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
