@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import LARGEST_UNIT
@@ -13,9 +12,9 @@ from ...geodesy.crs import crs_of
 from ...geodesy.datums import sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
+from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED
 
-Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
 
 

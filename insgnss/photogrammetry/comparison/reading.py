@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
@@ -32,7 +31,7 @@ from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
 from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
-from ...records import ExteriorOrientation, Trajectory
+from ...records import Array, ExteriorOrientation, Trajectory
 from ...records.interpolation import columns_at
 from ...records.observations import UNKNOWN_MPS
 from .hints import Hints, diagonal, globe_of, turned
@@ -40,8 +39,6 @@ from .of_records import imu_poses, poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
 from .returned import framed_coordinates, placed_poses, read_adjusted_poses
 from .tables import LAYOUTS, read_table_poses
-
-Array = NDArray[np.float64]
 
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.inputs import opened_text
@@ -38,10 +37,9 @@ from ...geodesy.rotation import (
 )
 from ...io.formats.origins import HEAD, origin_in
 from ...io.formats.text.text import TextTable, read_text_table
+from ...records import Array
 from .hints import Hints, diagonal, globe_of
 from .poses import CoordinateFrame, Poses, tangent_frame
-
-Array = NDArray[np.float64]
 
 SYNONYMS = {"yaw": "heading"}  # of RealityCapture
 # how the first coordinate begins where the second is the one to the east
