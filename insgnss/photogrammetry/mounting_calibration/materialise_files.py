@@ -347,31 +347,18 @@ def _calibrated(
 def _charts(results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets) -> Sequence[Chart]:
     from ...report.figures.mounting import Scatter, scattered
 
+    def scatter(each: Array, name: str, sigma: Array, mean: Array, mean_sigma: Array) -> Scatter:
+        names = tuple(f"{name}{k}" for k in range(1, len(each) + 1))
+        none_left_out = np.zeros(len(each), dtype=np.bool_)
+        return Scatter(names, each, np.tile(sigma, (len(each), 1)), none_left_out, mean, mean_sigma)
+
     charts = []
-    if len(receiver.each_m) > 1:
-        n = len(receiver.each_m)
+    if (n := len(receiver.each_m)) > 1:
         sigma = np.sqrt(np.diag(receiver.antenna_cov))
-        data = Scatter(
-            tuple(f"session {k + 1}" for k in range(n)),
-            receiver.each_m,
-            np.tile(sigma * np.sqrt(n), (n, 1)),
-            np.zeros(n, dtype=np.bool_),
-            receiver.antenna_m,
-            sigma,
-        )
-        axes = ("x", "y", "z")
+        data = scatter(receiver.each_m, "session ", sigma * np.sqrt(n), receiver.antenna_m, sigma)
         title = "Phase centre of each session, in the frame of the first"
-        charts.append(scattered(data, "session", title, axes))
-    residual = np.concatenate([r.residual_m for r in results])
-    n = len(residual)
-    data = Scatter(
-        tuple(str(k + 1) for k in range(n)),
-        residual,
-        np.zeros((n, 3)),
-        np.zeros(n, dtype=np.bool_),
-        np.zeros(3),
-        np.zeros(3),
-    )
+        charts.append(scattered(data, "session", title, ("x", "y", "z")))
+    none = np.zeros(3)
+    data = scatter(np.concatenate([r.residual_m for r in results]), "", none, none, none)
     title = "Misclosures of the targets on camera and receiver, in camera axes"
-    charts.append(scattered(data, "target", title))
-    return charts
+    return [*charts, scattered(data, "target", title)]

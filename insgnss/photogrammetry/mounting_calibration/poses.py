@@ -19,7 +19,6 @@ from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.metashape_chunk import read_metashape_references
 from ...io.formats.blocks.pose_table import (
-    NamedPositions,
     is_pose_table,
     read_pose_table,
     read_position_table,
@@ -274,54 +273,45 @@ def read_positions(
         raise InputError.in_file(path, "does not exist; check the path")
     if is_block(path):
         ground, crs = read_metashape_references(path)
-        return _of_crs(path, ground, options.crs or crs, options.geoid, plane)
+        return placed_positions(path, ground, options.crs or crs, options.geoid, plane)
     table = read_position_table(path)
-    return positions_of(path, table, options, plane)
+    n = len(table.names)
+    cov = np.tile(np.eye(3), (n, 1, 1)) if table.cov is None else table.cov
+    if table.geodetic:
+        lat, lon, h = table.position.T
+        plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
+        R = plane.C_mn(lat, lon) @ NED_ENU.T
+        position = plane.position_from_geodetic(lat, lon, h)
+        placed = Positions(path, table.names, position, R @ cov @ R.transpose(0, 2, 1), plane)
+    else:
+        ground = GroundTable(table.names, table.position, cov, np.zeros(n, dtype=np.bool_), True)
+        placed = placed_positions(path, ground, options.crs or "", options.geoid, plane)
+    return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
 
 
-def positions_of(
-    path: Path, table: NamedPositions, options: PlaceOptions, plane: TangentPlane | None = None
+def placed_positions(
+    path: Path, ground: GroundTable, crs: str, geoid: Path | None, plane: TangentPlane | None
 ) -> Positions:
-    """Return the positions of a table, as `read_positions` does.
+    """Return the points of a table of a CRS in a tangent plane, by default that at their mean.
 
     Parameters
     ----------
     path : Path
-        Its file.
-    table : NamedPositions
-        The table.
-    options : PlaceOptions
-        Its CRS, which latitude and longitude do not need.
-    plane : TangentPlane, optional
-        By default at the mean.
+        Their file.
+    ground : GroundTable
+        The points.
+    crs : str
+        Their CRS; of none, or a local one, they stay as they are.
+    geoid : Path or None
+        Grid of geoid heights.
+    plane : TangentPlane or None
+        The plane.
 
     Returns
     -------
     Positions
-        In a tangent plane where they have a place.
+        By the names of the points.
     """
-    if table.geodetic:
-        lat, lon, h = table.position.T
-        plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
-        cov = table.cov
-        if cov is not None:
-            R = plane.C_mn(lat, lon) @ NED_ENU.T
-            cov = R @ cov @ R.transpose(0, 2, 1)
-        position = plane.position_from_geodetic(lat, lon, h)
-        return Positions(path, table.names, position, cov, plane, table.time)
-    if options.crs is None:
-        return Positions(path, table.names, table.position, table.cov, None, table.time)
-    cov = np.broadcast_to(np.eye(3), (len(table.names), 3, 3)) if table.cov is None else table.cov
-    ground = GroundTable(
-        table.names, table.position, cov, np.zeros(len(table.names), dtype=np.bool_), True
-    )
-    placed = _of_crs(path, ground, options.crs, options.geoid, plane)
-    return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
-
-
-def _of_crs(
-    path: Path, ground: GroundTable, crs: str, geoid: Path | None, plane: TangentPlane | None
-) -> Positions:
     if not crs or "LOCAL_CS" in crs or "ENGCRS" in crs:
         return Positions(path, ground.points, ground.position_m, ground.cov)
     axes = GroundAxes(crs, geoid)

@@ -35,6 +35,7 @@ from ..lever_arm.similarity import (
     GroundPoints,
     SimilarityLeverArm,
     similarity_lever_arm,
+    tilt_of,
 )
 from .intersections import intersected, surveyed_points
 from .options import SimilarityOptions
@@ -247,13 +248,8 @@ def _refuse_attitudes(
         return
     R = result.frame.rotation
 
-    def tilt(C: Array) -> float:
-        up = (R @ C)[:, 2]
-        mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
-        return float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean())))
-
     candidates = suspected(cameras.name, of_attitudes(camera.opk), lambda C, change: change(C))
-    explanation = explain(poses.C_rc, candidates, tilt, LEVEL_DEG)
+    explanation = explain(poses.C_rc, candidates, lambda C: tilt_of(R @ C)[1], LEVEL_DEG)
     if explanation is not None:
         raise InputError(
             f"{cameras}: cameras tilt by {result.tilt_deg:.0f} deg rms (limit {TILTED_DEG:g} deg"
