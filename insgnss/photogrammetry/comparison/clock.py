@@ -44,10 +44,7 @@ def by_names(matched: Matched) -> Finding | None:
     usual = float(np.median(offset))
     if abs(usual) < LEAST_SHIFT_S:
         return None
-    before, after = (
-        float(np.sqrt(np.mean(offset**2))),
-        float(np.sqrt(np.mean((offset - usual) ** 2))),
-    )
+    before, after = (rms(seconds[:, None]) for seconds in (offset, offset - usual))
     if after > EXPLAINS * before:
         return None
     words = (

@@ -16,6 +16,7 @@ from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED
 
 Origin = tuple[float, float, float]
+CODE = re.compile(r"EPSG:\d+(?:\+\d+)?")  # of a CRS, of a compound one as well
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,11 @@ class Hints:
         """The projection, if a CRS is given."""
         return None if self.crs is None else self.projected(self.crs)
 
+    def projection_in(self, header: str) -> MapProjection | None:
+        """Return the projection, else that of the CRS whose code a header names."""
+        code = CODE.search(header)
+        return self.projection or (None if code is None else self.projected(code[0]))
+
     def projected(self, code: str) -> MapProjection:
         """Return the projection of a CRS that a file names."""
         return MapProjection(code, self.geoid, self.datum, self.epoch, any_unit=True)
@@ -71,7 +77,7 @@ def globe_of(text: str) -> tuple[str, str | None, float | None]:
     UsageError
         A code that PROJ does not know.
     """
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", text)
+    code = CODE.search(text)
     if code is None:
         return "", None, None
     crs = crs_of(code[0])

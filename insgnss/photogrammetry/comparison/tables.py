@@ -18,7 +18,6 @@ tangent plane of its axes; the camera has axes right, up, back, that of tum righ
 direction (data_specs of the formats). Degrees and metres.
 """
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -210,12 +209,6 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
     if kind in ("geographic", "geocentric"):
         return CoordinateFrame(kind, datum=datum, epoch=epoch)
     plane = origin_in(path)
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", head) if kind else None
-    if plane is None and (code is not None or hints.crs is not None):
-        return CoordinateFrame(
-            "projected",
-            projection=(
-                hints.projected(code[0]) if hints.projection is None and code else hints.projection
-            ),
-        )
+    if plane is None and (projection := hints.projection_in(head if kind else "")) is not None:
+        return CoordinateFrame("projected", projection=projection)
     return tangent_frame(path, x, hints.plane or plane)
