@@ -75,15 +75,11 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     summary = "\n".join([*notes, result.summary()])
     figures = result.as_dict() | {"file": out, "notes": notes}
     flight = () if options.flight is None else (options.flight,)
+    origin = f"of {options.imu.name}, sha256 {sha256(options.imu)}"
     with together():
-        write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
+        write_calibration(result.calibration, out, (*summary.splitlines(), origin))
         write_json(document, figures | made_from((options.imu, *flight), document, [out]))
     return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
-
-
-def _origin(imu: Path) -> str:
-    """Return the line of a calibration that says what it was made from."""
-    return f"of {imu.name}, sha256 {sha256(imu)}"
 
 
 def _refuse_others(out: Path, imu: Path) -> None:

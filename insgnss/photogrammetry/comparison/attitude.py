@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...geodesy.conventions import BODY_SETS, CAMERA_SETS, angles, turned_by
 from ...geodesy.explain import Candidate
@@ -30,13 +29,13 @@ from ...geodesy.rotation import (
     rotation_from_vector,
     vector_from_rotation,
 )
+from ...records import Array
 from .hypotheses import recognised, taken_off
 from .matching import Matched
 from .poses import Poses
 from .position import BODY_AXES, CAMERA_AXES
 from .result import Finding
 
-Array = NDArray[np.float64]
 Change = Callable[[Array], Array]
 
 LEAST_RAD = float(np.radians(0.003))  # rms below which nobody asks why

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import DataError, UsageError, near
 from ...base.files import picked
@@ -26,8 +25,6 @@ from ...records.block import INTERIOR, BrownCamera
 from ...records.cameras.camera import equidistant, pixels_of, rays_of
 from ...report.document import Document, Section, Table
 from ...report.verdict import worst_of
-
-Array = NDArray[np.float64]
 
 GRID = 25  # points along each side of the image
 # px: what remains of two calibrations of one camera; images are measured to some tenths of a pixel

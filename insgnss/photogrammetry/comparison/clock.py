@@ -15,18 +15,16 @@ other by name.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import DataError
 from ...geodesy.conventions import time_scale
 from ...geodesy.explain import EXPLAINS, best_shift
+from ...records import Array
 from .hypotheses import LEAST_POSES, rms
-from .matching import Matched, covered, interpolated, match, times
+from .matching import Matched, covered, interpolated, match, sparser, times
 from .poses import Poses
 from .position import difference, velocity_of
 from .result import Finding
-
-Array = NDArray[np.float64]
 
 WIDEST_S = 30  # of the shifts that are tried: leap seconds are less
 MOST_POSES = 500  # that the search looks at
@@ -46,10 +44,7 @@ def by_names(matched: Matched) -> Finding | None:
     usual = float(np.median(offset))
     if abs(usual) < LEAST_SHIFT_S:
         return None
-    before, after = (
-        float(np.sqrt(np.mean(offset**2))),
-        float(np.sqrt(np.mean((offset - usual) ** 2))),
-    )
+    before, after = (rms(seconds[:, None]) for seconds in (offset, offset - usual))
     if after > EXPLAINS * before:
         return None
     words = (
@@ -140,11 +135,10 @@ def _step(a: Poses, b: Poses, shift: float) -> float:
 def _sampled(a: Poses, b: Poses, shift: float) -> tuple[Poses, Poses] | None:
     """Some poses of the one with fewer, and the other's at the same times; as `match`."""
     try:
-        in_a, in_b = times(a, b)
+        in_a, in_b = times(a, b, shift)
     except DataError:
         return None
-    in_b = in_b + shift
-    of_a = not b.images and (bool(a.images) or in_a.size <= in_b.size)
+    of_a = sparser(a, b)
     sparse, dense, wanted, samples = (a, b, in_a, in_b) if of_a else (b, a, in_b, in_a)
     inside = np.flatnonzero(covered(samples, wanted))
     if inside.size < max(LEAST_POSES, LEAST_SHARE * wanted.size):

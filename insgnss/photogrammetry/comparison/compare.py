@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
 from ...geodesy.datums import between_datums, fitting_crs
 from ...io.options.comparison_options import ComparisonOptions
-from ...records import ExteriorOrientation, Trajectory
+from ...records import Array, ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .hints import Hints
@@ -25,8 +24,6 @@ from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
 from .shifts import scatter, shift_from_positions
-
-Array = NDArray[np.float64]
 
 MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
 
@@ -95,25 +92,22 @@ def _read_both(
             if shifted is None:
                 raise
             read[k] = read_poses(path, form, shifted)
-            notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
+            notes.append(_of_shift(path, given[1 - k][0], shifted))
     for k, error in without_origin:
-        other = read[1 - k]
+        (path, form), reference, other = given[k], given[1 - k][0], read[1 - k]
         if other is None or other.plane is None:
             raise error
-        if shifted := shift_from_positions(Path(str(given[k][0])), given[k][1], hints[k], other):
-            read[k] = read_poses(*given[k], shifted)
-            notes.append(_of_shift(given[k][0], given[1 - k][0], shifted))
-            continue
-        plane = other.plane
-        borrowed = replace(
-            hints[k],
-            origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height),
-        )
-        read[k] = read_poses(given[k][0], given[k][1], borrowed)
-        notes.append(
-            f"{given[k][0]} does not give the origin of its tangent plane; that of"
-            f" {given[1 - k][0]} was taken"
-        )
+        if hint := shift_from_positions(Path(str(path)), form, hints[k], other):
+            notes.append(_of_shift(path, reference, hint))
+        else:
+            plane = other.plane
+            origin = float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height
+            hint = replace(hints[k], origin=origin)
+            notes.append(
+                f"{path} does not give the origin of its tangent plane; that of {reference} was"
+                " taken"
+            )
+        read[k] = read_poses(path, form, hint)
     first, second = read
     assert first is not None
     assert second is not None

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import LARGEST_UNIT
@@ -13,10 +12,11 @@ from ...geodesy.crs import crs_of
 from ...geodesy.datums import sibling_code
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
+from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED
 
-Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
+CODE = re.compile(r"EPSG:\d+(?:\+\d+)?")  # of a CRS, of a compound one as well
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,11 @@ class Hints:
         """The projection, if a CRS is given."""
         return None if self.crs is None else self.projected(self.crs)
 
+    def projection_in(self, header: str) -> MapProjection | None:
+        """Return the projection, else that of the CRS whose code a header names."""
+        code = CODE.search(header)
+        return self.projection or (None if code is None else self.projected(code[0]))
+
     def projected(self, code: str) -> MapProjection:
         """Return the projection of a CRS that a file names."""
         return MapProjection(code, self.geoid, self.datum, self.epoch, any_unit=True)
@@ -72,7 +77,7 @@ def globe_of(text: str) -> tuple[str, str | None, float | None]:
     UsageError
         A code that PROJ does not know.
     """
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", text)
+    code = CODE.search(text)
     if code is None:
         return "", None, None
     crs = crs_of(code[0])

@@ -8,14 +8,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...geodesy.explain import Candidate, Explanation, explain
+from ...records import Array
 from .matching import Matched
 from .poses import Poses
 from .result import Aspect, Finding
 
-Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
 
 # poses, spread over all, by which readings are judged: more tell no more (chosen)

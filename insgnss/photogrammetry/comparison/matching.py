@@ -21,9 +21,8 @@ from ...base.errors import DataError
 from ...geodesy.frames import ecef_to_geodetic
 from ...geodesy.gpstime import WEEK_S
 from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
+from ...records import Array
 from .poses import Poses
-
-Array = NDArray[np.float64]
 
 GAP_STEPS = 3.0  # of the usual distance of samples: over more, nothing is interpolated (chosen)
 SAME_INSTANT_S = 1e-6  # between stamps of one instant: tables print microseconds
@@ -100,8 +99,13 @@ def _stems(images: tuple[str, ...]) -> tuple[str, ...]:
     return stems if len(set(stems)) == len(stems) else ()
 
 
-def times(a: Poses, b: Poses) -> tuple[Array, Array]:
-    """Times of both in seconds of a's week; DataError where one has none."""
+def sparser(a: Poses, b: Poses) -> bool:
+    """Whether partners are interpolated in b at the times of a: images, else the fewer poses."""
+    return not b.images and (bool(a.images) or a.n <= b.n)
+
+
+def times(a: Poses, b: Poses, shift_s: float = 0.0) -> tuple[Array, Array]:
+    """Times of both in seconds of a's week, b's shifted; DataError where one has none."""
     for poses in (a, b):
         if poses.time is None:
             other = b if poses is a else a
@@ -116,17 +120,13 @@ def times(a: Poses, b: Poses) -> tuple[Array, Array]:
     assert a.time is not None
     assert b.time is not None
     weeks = b.gps_week - a.gps_week if a.gps_week is not None and b.gps_week is not None else 0
-    return a.time, b.time + WEEK_S * weeks
+    return a.time, b.time + WEEK_S * weeks + shift_s
 
 
 def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
-    in_a, in_b = times(a, b)
-    in_b = in_b + shift_s
-    wanted, samples, of_a = (
-        (in_a, in_b, True)
-        if not b.images and (a.images or in_a.size <= in_b.size)
-        else (in_b, in_a, False)
-    )
+    in_a, in_b = times(a, b, shift_s)
+    of_a = sparser(a, b)
+    sparse, dense, wanted, samples = (a, b, in_a, in_b) if of_a else (b, a, in_b, in_a)
     inside = covered(samples, wanted)
     if not inside.any():
         spans = (
@@ -138,7 +138,6 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
             " scale (UTC is 18 s behind GPST)"
         )
     rows = np.flatnonzero(inside)
-    sparse, dense = (a, b) if of_a else (b, a)
     partner = interpolated(dense, samples, wanted[rows])
     left_dense = int(((samples < wanted[rows[0]]) | (samples > wanted[rows[-1]])).sum())
     left = (sparse.n - rows.size, left_dense)

@@ -28,7 +28,7 @@ def poses_of(record: ExteriorOrientation | Trajectory, source: str = "") -> Pose
     Its positions, attitudes and covariances; covariances that are zero are taken as not known.
     """
     source, cov = source or repr(record), record.cov
-    position, attitude = _known(cov[:, :3, :3]), _known(cov[:, -3:, -3:])
+    position, attitude = _nonzero(cov[:, :3, :3]), _nonzero(cov[:, -3:, -3:])
     if isinstance(record, ExteriorOrientation):
         plane = TangentPlane(*record.origin)
         frame = CoordinateFrame("tangent plane", plane, datum=record.datum, epoch=record.epoch)
@@ -55,7 +55,7 @@ def poses_of(record: ExteriorOrientation | Trajectory, source: str = "") -> Pose
     )
 
 
-def _known(P: Array) -> Array | None:
+def _nonzero(P: Array) -> Array | None:
     """Covariances, None where the variances are zero."""
     return P if (np.diagonal(P, axis1=1, axis2=2) > 0.0).all() else None
 

@@ -13,11 +13,10 @@ from ...base.errors import InputError
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
+from ...records import Array
 from ...records.framed import PROJECTED, TANGENT
 from ...records.rows import rows_of
 from .hints import turned
-
-Array = NDArray[np.float64]
 
 
 class NoOriginError(InputError):
@@ -156,6 +155,7 @@ class CoordinateFrame:
                 path, "has coordinates of a projected CRS; name it, such as crs = EPSG:2056"
             )
         numbers = x / self.projection.unit_m
+        problem = f"{path}: coordinates such as {numbers[0, 0]:.3f} {numbers[0, 1]:.3f}"
         if (up := float(np.median(np.abs(x[:, 2])))) > FAR_UP_M:
             raise FarError(
                 f"{path}: heights such as {numbers[0, 2]:.3f} are {1e-3 * up:.0f} km in"
@@ -167,15 +167,12 @@ class CoordinateFrame:
         except InputError as error:
             if exchanged := self._exchanged(x):
                 raise InputError(f"{path}: {error}{exchanged}") from None
-            e, n = numbers[0, :2]
-            problem = f"{path}: coordinates such as {e:.3f} {n:.3f}"
             raise FarError(f"{problem}: {error}", numbers) from None
         far = self.projection.degrees_outside(lat, lon)
         local = far > 0.0 and float(np.abs(x[:, :2]).max()) < PLANE_M
         if (far > FAR_DEG or local) and not self._exchanged(x):  # which compare explains
-            e, n = numbers[0, :2]
             raise FarError(
-                f"{path}: coordinates such as {e:.3f} {n:.3f} lie outside the area of"
+                f"{problem} lie outside the area of"
                 f" {self.projection.name}; give their own CRS, or what was subtracted from"
                 " them, --shift (compare: --coordinate-shift)",
                 numbers,

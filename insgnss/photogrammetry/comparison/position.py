@@ -25,20 +25,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import FOOT_M, METRE, US_FOOT_M
 from ...geodesy.conventions import exchanged, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, LEAST_MISFIT_RATIO, Candidate
 from ...geodesy.frames import ecef_to_geodetic
+from ...records import Array
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from .hypotheses import DIGITS, recognised, rms, taken_off
 from .matching import Matched
 from .poses import CoordinateFrame, Poses
 from .result import Finding
 
-Array = NDArray[np.float64]
 Change = Callable[[Array], Array]
 
 LEAST_RMS_M = 0.005  # rms below which nobody asks why

@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
 from ...base.inputs import first_bytes, opened_text
 from ...geodesy.datums import at_epoch
-from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import (
     CV_RUB,
     NED_ENU,
@@ -32,7 +30,7 @@ from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
 from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
-from ...records import ExteriorOrientation, Trajectory
+from ...records import Array, ExteriorOrientation, Trajectory
 from ...records.interpolation import columns_at
 from ...records.observations import UNKNOWN_MPS
 from .hints import Hints, diagonal, globe_of, turned
@@ -40,8 +38,6 @@ from .of_records import imu_poses, poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
 from .returned import framed_coordinates, placed_poses, read_adjusted_poses
 from .tables import LAYOUTS, read_table_poses
-
-Array = NDArray[np.float64]
 
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
@@ -198,7 +194,9 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
     eo = read_generic_ascii(path)
     columns, n = eo.columns, len(eo.images)
     axes = ("lon", "lat", "h")
-    _, datum, epoch = globe_of(_frame_line(path))
+    with opened_text(path, errors="replace") as stream:
+        header = next((line for line in stream if line.startswith("# frame:")), "")
+    _, datum, epoch = globe_of(header)
     frame = CoordinateFrame("geographic", datum=datum, epoch=epoch)
     if not all(name in columns for name in axes):
         if not all(name in columns for name in "xyz"):
@@ -207,7 +205,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
             )
         axes = ("x", "y", "z")
         plane = hints.plane or origin_in(path)
-        projection = hints.projection or _crs_in(path, eo.frame_kind, hints)
+        projection = hints.projection_in(header if eo.frame_kind == "projected" else "")
         frame = CoordinateFrame(eo.frame_kind, plane, projection, datum, epoch)
     poses = frame.poses(
         path,
@@ -220,18 +218,6 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         gps_week=hints.gps_week if "week" not in columns or not n else int(columns["week"][0]),
     )
     return poses if eo.C_fc is not None else replace(poses, C_Ex=eo.C_Ec)
-
-
-def _frame_line(path: Path) -> str:
-    """The line of a header that names the frame, empty where there is none."""
-    with opened_text(path, errors="replace") as stream:
-        return next((line for line in stream if line.startswith("# frame:")), "")
-
-
-def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
-    """The CRS that the header of a projected frame names by its code."""
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", _frame_line(path))
-    return None if code is None or kind != "projected" else hints.projected(code[0])
 
 
 def _trajectory_csv(path: Path, hints: Hints) -> Poses:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...geodesy.crs import crs_of, geodetic_from_geographic
@@ -22,11 +21,10 @@ from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import read_returned_poses
+from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from .hints import Hints
 from .poses import PLANE_M, CoordinateFrame, Poses, tangent_frame
-
-Array = NDArray[np.float64]
 
 # heights above the ellipsoid of a camera (m): Dead Sea to a jet's ceiling
 CAMERA_HEIGHTS_M = -500.0, 15e3

@@ -7,18 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...geodesy.crs import crs_of
 from ...io.formats.blocks.joined import matched
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.reading import RETURNED, read_returned_poses
+from ...records import Array
 from ...records.framed import GEOCENTRIC, PROJECTED
 from .hints import Hints
 from .poses import Poses
 from .reading import sniff_poses
-
-Array = NDArray[np.float64]
 
 STEP = 1000.0  # of what is subtracted, in the unit of the CRS: exports round to it
 # largest difference of both files' positions beside whole steps: beyond, the next step is as near

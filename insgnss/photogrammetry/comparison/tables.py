@@ -18,12 +18,10 @@ tangent plane of its axes; the camera has axes right, up, back, that of tum righ
 direction (data_specs of the formats). Degrees and metres.
 """
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.inputs import opened_text
@@ -38,10 +36,9 @@ from ...geodesy.rotation import (
 )
 from ...io.formats.origins import HEAD, origin_in
 from ...io.formats.text.text import TextTable, read_text_table
+from ...records import Array
 from .hints import Hints, diagonal, globe_of
 from .poses import CoordinateFrame, Poses, tangent_frame
-
-Array = NDArray[np.float64]
 
 SYNONYMS = {"yaw": "heading"}  # of RealityCapture
 # how the first coordinate begins where the second is the one to the east
@@ -212,12 +209,6 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
     if kind in ("geographic", "geocentric"):
         return CoordinateFrame(kind, datum=datum, epoch=epoch)
     plane = origin_in(path)
-    code = re.search(r"EPSG:\d+(?:\+\d+)?", head) if kind else None
-    if plane is None and (code is not None or hints.crs is not None):
-        return CoordinateFrame(
-            "projected",
-            projection=(
-                hints.projected(code[0]) if hints.projection is None and code else hints.projection
-            ),
-        )
+    if plane is None and (projection := hints.projection_in(head if kind else "")) is not None:
+        return CoordinateFrame("projected", projection=projection)
     return tangent_frame(path, x, hints.plane or plane)

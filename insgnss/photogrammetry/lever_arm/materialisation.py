@@ -43,7 +43,7 @@ from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
-from .records import MOST_ITERATIONS, LeverArm, factor_limit, refuse_other_shapes
+from .records import MOST_ITERATIONS, LeverArm, factor_limit, millimetres, refuse_other_shapes
 from .tripod import weighted_mean
 
 # residuals of both: other targets, not small covariances
@@ -146,11 +146,11 @@ class ReceiverTargets:
         """Return how far the phase centres of the sessions are apart."""
         if len(self.each_m) < 2:
             return "phase centre from one session: nothing checks it; turn the receiver by 90 deg"
-        sigma = 1e3 * np.sqrt(np.diag(self.antenna_cov))
+        sigma = np.sqrt(np.diag(self.antenna_cov))
         text = (
             f"phase centres of {len(self.each_m)} sessions {1e3 * self.apart_m.mean():.1f} mm apart"
             f" in the mean, {1e3 * self.apart_m.max():.1f} mm at most; standard errors of their"
-            f" mean [{sigma[0]:.1f}, {sigma[1]:.1f}, {sigma[2]:.1f}] mm"
+            f" mean {millimetres(sigma)} mm"
         )
         if self.variance_factor > self.factor_limit:
             text += (

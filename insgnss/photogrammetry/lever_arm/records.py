@@ -109,6 +109,11 @@ class LeverArm(Shown):
         return np.sqrt(np.diag(self.cov)[-3:])
 
 
+def millimetres(values: Array, sign: str = "") -> str:
+    """Return three lengths, m, in millimetres: "[+462.0, -1.0, -65.0]" with the sign "+"."""
+    return "[" + ", ".join(f"{1e3 * v:{sign}.1f}" for v in values) + "]"
+
+
 def factor_limit(redundancy: int) -> float:
     """Return what chance allows of a variance factor; NaN without redundancy."""
     from scipy.stats import chi2

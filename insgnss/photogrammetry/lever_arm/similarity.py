@@ -228,8 +228,7 @@ def similarity_lever_arm(
     residual, factor = solution.groups[0].e, solution.square() / dof
     limit = factor_limit(dof)
     C = R @ poses.C_rc
-    up = C[:, 2]  # the vertical in camera axes
-    mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
+    mean, tilt_deg = tilt_of(C)
     forward = C[:, :2, int(np.argmin(np.abs(mean)))]
     result = SimilarityLeverArm(
         system.arm,
@@ -242,7 +241,7 @@ def similarity_lever_arm(
         residual[:n],
         residual[n:],
         float(np.linalg.norm((forward / np.linalg.norm(forward, axis=1)[:, None]).mean(axis=0))),
-        float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean()))),
+        tilt_deg,
         mean,
     )
     _plausible(result, C[:, :, 2].mean(axis=0))
@@ -252,6 +251,13 @@ def similarity_lever_arm(
             " antenna positions belong to the same images?"
         )
     return result
+
+
+def tilt_of(C: Array) -> tuple[Array, float]:
+    """Return the mean vertical in camera axes, and the rms tilt of the cameras about it, deg."""
+    up = C[:, 2]
+    mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
+    return mean, float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean())))
 
 
 class _System:

@@ -31,7 +31,7 @@ from ...base.errors import DataError
 from ...geodesy.least_squares import Equations, NormalEquations
 from ...geodesy.rotation import skew, vector_from_rotation
 from ...records import Array
-from .records import SIGNIFICANCE, LeverArm, PosedAntennas, factor_limit
+from .records import SIGNIFICANCE, LeverArm, PosedAntennas, factor_limit, millimetres
 
 TURNED_DEG = 20.0  # between setups: below, a common offset of the frames hides in the lever arm
 
@@ -71,8 +71,8 @@ class TripodLeverArm(LeverArm):
         """Return the lever arm, its check and what nothing checked."""
         n, out = len(self.each_m), np.flatnonzero(self.outlier) + 1
         text = [
-            f"lever arm camera to antenna {_mm(self.lever_arm_m)} +- {_mm(self.sigma_m)} mm in"
-            f" camera axes, from {n - len(out)} of {n} setups"
+            f"lever arm camera to antenna {millimetres(self.lever_arm_m)} +-"
+            f" {millimetres(self.sigma_m)} mm in camera axes, from {n - len(out)} of {n} setups"
         ]
         if len(out):
             away = 1e3 * np.linalg.norm(self.each_m[out - 1] - self.lever_arm_m, axis=1)
@@ -84,13 +84,13 @@ class TripodLeverArm(LeverArm):
             text.append("one setup, nothing checks it: add two more, turned against it")
         elif self.consistent:
             text.append(
-                f"one setup scatters by {_mm(self.spread_m)} mm, as its covariance says (variance"
-                f" factor {self.variance_factor:.2f}, limit {self.factor_limit:.2f})"
+                f"one setup scatters by {millimetres(self.spread_m)} mm, as its covariance says"
+                f" (variance factor {self.variance_factor:.2f}, limit {self.factor_limit:.2f})"
             )
         else:
             text.append(
-                f"setups scatter by {_mm(self.spread_m)} mm, more than their covariances say"
-                f" (variance factor {self.variance_factor:.1f}, limit {self.factor_limit:.2f});"
+                f"setups scatter by {millimetres(self.spread_m)} mm, more than their covariances"
+                f" say (variance factor {self.variance_factor:.1f}, limit {self.factor_limit:.2f});"
                 " standard errors grown accordingly: are poses and pins in one frame and scale?"
             )
         if n > 1 and self.attitude_span_deg < TURNED_DEG:
@@ -99,10 +99,6 @@ class TripodLeverArm(LeverArm):
                 f" {TURNED_DEG:g}): an offset between photogrammetry and tachymetry would not show"
             )
         return "; ".join(text)
-
-
-def _mm(values: Array) -> str:
-    return "[" + ", ".join(f"{1e3 * v:.1f}" for v in values) + "]"
 
 
 def tripod_lever_arm(setups: PosedAntennas) -> TripodLeverArm:

@@ -161,9 +161,7 @@ class Model:
             TURN: start.rotation,
             SCALE: np.array([start.scale]),
         }
-        self.S = shared_covariance(
-            block, start.scale, (assumptions.camera_m, assumptions.camera_rad)
-        )
+        self.S = shared_covariance(block, start.scale, assumptions.alike)
         self.shared = not self.whole and bool(np.diagonal(self.S).all())
         if self.shared:
             self.values[CAMERA_FIXED] = np.zeros(6)
@@ -185,7 +183,6 @@ class Model:
         self.pieces = flight.pieces(rows)
         self.where = {int(row): k for k, row in enumerate(rows)}
         self.Q = pose_covariances(block, start.scale)
-        self.georeferenced = block.georeferenced
         self.arms = self._same_arms()
 
     def _prior(self) -> tuple[Equations, Equations]:
@@ -197,7 +194,7 @@ class Model:
         for name in (LEVER_ARM, TIME_OFFSET, BENDING, CAMERA_FIXED):
             if name in self.values:
                 off[self.place[name]] = -self.values[name]
-        if self.georeferenced:
+        if self.block.georeferenced:
             if assumed.shift_sigma_m is not None:
                 sigma[self.place[TRANSLATION]] = max(assumed.shift_sigma_m, 1e-6)
                 off[self.place[TRANSLATION]] = self.origin - self.values[TRANSLATION]

@@ -15,6 +15,7 @@ from ...report.figures.mounting import over_motion
 from .equations import SCALE, TURN
 from .in_flight import MountingResult
 from .judgement import facts_of, linear_functions
+from .poses import date_of
 from .products import CalibratedMounting, metashape_line, provenance
 
 GROUPS = {"antenna_m": "antenna_m", "imu_m": "imu_m", "boresight": "boresight", "delay": DELAY}
@@ -42,7 +43,9 @@ def calibrated(
         The same as of the other calibrations.
     """
     cameras = result.solved.block.cameras
-    origin = provenance((), cameras, photo, date or result.date) | {"inputs": result.inputs}
+    origin = provenance((), cameras, photo, date or date_of(result.solved.flight.eo)) | {
+        "inputs": result.inputs
+    }
     mounting = mounting_file(result, flight, origin)
     line = metashape_line(mounting)
     return CalibratedMounting(

@@ -19,14 +19,12 @@ from ...flight.config.flight_file import Flight
 from ...flight.processing.input_files import input_files
 from ...flight.processing.pipeline import ProcessResult, process
 from ...geodesy.frames import TangentPlane
-from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import (
     nearest_rotation,
     rotation_from_vector,
     vector_from_rotation,
 )
 from ...io.formats.orientation.mounting_file import DELAY, VECTORS
-from ...records.block import Array
 from ...records.cameras.mounting import Mounting
 from ..comparison.hints import Hints
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
@@ -43,6 +41,7 @@ from .options import Assumptions
 from .plausibility import Path as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .poses import read_camera_poses
+from .products import files_of
 from .records import CameraPoses, FlightPoses, Stated
 from .solution import Solved, solve
 
@@ -71,8 +70,6 @@ class MountingResult:
         Delay from event to mid-exposure, s.
     corrections : tuple of float
         Largest correction over its sigma in each round.
-    date : str
-        Of the flight, ISO.
     inputs : tuple of (str, str)
         Name and SHA-256 of the files.
     notes : tuple of str
@@ -87,10 +84,9 @@ class MountingResult:
     mounting: Mounting
     delay_s: float
     corrections: tuple[float, ...]
-    date: str
     inputs: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
-    input_files: tuple[Path, ...] = ()
+    input_files: tuple[Path, ...]
 
     @property
     def headline(self) -> str:
@@ -117,7 +113,7 @@ def _listed(names: list[str]) -> str:
 
 def calibrate_mounting(
     flight: Flight,
-    poses: Path | CameraPoses,
+    poses: Path,
     assumptions: Assumptions | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> MountingResult:
@@ -127,7 +123,7 @@ def calibrate_mounting(
     ----------
     flight : Flight
         The flight file.
-    poses : Path or CameraPoses
+    poses : Path
         Poses of an adjusted block: a file or directory of any readable program.
     assumptions : Assumptions, optional
         What is known before; by default nothing but the frame of a georeferenced block.
@@ -150,18 +146,17 @@ def calibrate_mounting(
         raise InputError.in_file(
             flight.path, "no [camera]; a mounting needs the events of the exposures"
         )
-    assumptions = assumptions or Assumptions(frame="auto")
+    assumptions = assumptions or Assumptions()
     # before the flight is processed, which takes minutes
     hints = Hints(crs=assumptions.crs, geoid=assumptions.geoid, shift=assumptions.shift)
-    read = None if isinstance(poses, CameraPoses) else read_camera_poses(poses, hints)
+    read = read_camera_poses(poses, hints)
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
-    given: CameraPoses | None = poses if isinstance(poses, CameraPoses) else None
+    given: CameraPoses | None = None
     for number in range(MOST_RUNS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:
-            assert read is not None
             given = block_poses(read, flight_poses.eo)
         if assumptions.frame == "shift" and not given.georeferenced:
             raise UsageError(
@@ -199,7 +194,7 @@ def calibrate_mounting(
             "what is not determined is held at the flight file's value, and the rest follows by its"
             " correlations"
         )
-    notes += _statistics(solved)
+    notes.append(_statistics(solved))
     notes.append(
         f"processed with it again, the corrections are {corrections[-1]:.2f} sigma at most"
         if len(corrections) > 1
@@ -212,12 +207,9 @@ def calibrate_mounting(
         mounting,
         delay,
         tuple(corrections),
-        calendar_from_gps(flight_poses.eo.gps_week, float(flight_poses.eo.time[0]))
-        .date()
-        .isoformat(),
         _inputs(flight, result, poses),
         tuple(notes),
-        (*input_files(flight), *(() if isinstance(poses, CameraPoses) else (poses,))),
+        (*input_files(flight), poses),
     )
 
 
@@ -315,7 +307,8 @@ def determined(
         for group in USEFUL
         if group != "shift"
     }
-    C_cb = _turned(stated.mounting.C_cb, of["boresight"])
+    # C_cb C_cb'^T = exp([beta x])
+    C_cb = rotation_from_vector(of["boresight"]).T @ stated.mounting.C_cb
     T = stated.mounting.camera_from_body
     mounting = replace(
         stated.mounting,
@@ -326,11 +319,6 @@ def determined(
     value = {(group, axis): float(x) for (group, axis, _), x in zip(names, mixed, strict=True)}
     judged = tuple(replace(c, value=value[c.group, c.axis]) if c.determined else c for c in judged)
     return mounting, float(of["delay"][0]), judged
-
-
-def _turned(C_cb: Array, beta: Array) -> Array:
-    """Return C_cb' whose bore-sight against C_cb is beta: C_cb C_cb'^T = exp([beta x])."""
-    return np.asarray(rotation_from_vector(beta).T @ C_cb)
 
 
 def _largest(
@@ -352,27 +340,23 @@ def _largest(
     return max(ratios, default=0.0)
 
 
-def _statistics(solved: Solved) -> list[str]:
+def _statistics(solved: Solved) -> str:
     """Say how the covariances of both sides agree with the residuals."""
     own = [float(np.sqrt(x)) for x in solved.factors.values()]
-    notes = []
     if solved.block.cov is not None:
-        words = "standard deviations of the block's poses, by the residuals,"
-        notes.append(f"{words} {own[0]:.2f} of those stated; the former are taken")
-    else:
-        notes.append(
-            "the block's poses have no covariances; their residuals give"
-            f" {1e3 * own[0] * FIRST_POSITION:.0f} mm and"
-            f" {np.degrees(own[1] * FIRST_ATTITUDE):.4f} deg"
+        return (
+            "standard deviations of the block's poses, by the residuals,"
+            f" {own[0]:.2f} of those stated; the former are taken"
         )
-    return notes
+    return (
+        "the block's poses have no covariances; their residuals give"
+        f" {1e3 * own[0] * FIRST_POSITION:.0f} mm and {np.degrees(own[1] * FIRST_ATTITUDE):.4f} deg"
+    )
 
 
-def _inputs(
-    flight: Flight, result: ProcessResult, poses: Path | CameraPoses
-) -> tuple[tuple[str, str], ...]:
-    own = [(str(name), str(digest)) for name, digest in result.report["inputs_sha256"].items()]
-    if isinstance(poses, CameraPoses):
-        return tuple(own)
-    files = sorted(p for p in poses.rglob("*") if p.is_file()) if poses.is_dir() else [poses]
-    return (*own, *((relative(p, flight.path.parent), sha256(p)) for p in files[:50]))
+def _inputs(flight: Flight, result: ProcessResult, poses: Path) -> tuple[tuple[str, str], ...]:
+    of_flight = (
+        (str(name), str(digest)) for name, digest in result.report["inputs_sha256"].items()
+    )
+    files = files_of(poses)[:50]
+    return (*of_flight, *((relative(file, flight.path.parent), sha256(file)) for file in files))

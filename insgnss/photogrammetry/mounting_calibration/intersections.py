@@ -10,13 +10,12 @@ from ...base.errors import DataError, InputError
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.ground_points import read_ground_points
 from ...io.formats.blocks.measured_block import MeasuredBlock
-from ...io.formats.blocks.pose_table import NamedPositions
-from ...records import Array
-from ...records.block import BrownCamera
+from ...records.block import Array, BrownCamera
 from ...records.cameras.camera import rays_of
+from ...records.rows import rows_of
 from ..lever_arm.materialisation import intersected_target
 from .options import PlaceOptions
-from .poses import Positions, positions_of
+from .poses import Positions, placed_positions
 from .records import CameraPoses
 
 
@@ -133,13 +132,9 @@ def surveyed_points(
         ground = read_ground_points(path)
     if ground is None or ground.check.all():
         raise InputError.in_file(path, "has no ground control; leave --ground out")
-    use = ~ground.check
-    names = tuple(name for name, taken in zip(ground.points, use, strict=True) if taken)
-    table = NamedPositions(names, ground.position_m[use], False, ground.cov[use])
-    if plane is None:
-        return Positions(path, names, table.position, table.cov)
-    if crs is None:
+    ground = replace(ground, **rows_of(ground, ~ground.check, vars(ground)))
+    if plane is not None and crs is None:
         raise InputError.in_file(
             path, "antenna positions are on the Earth; give the CRS of the points, --crs"
         )
-    return positions_of(path, table, replace(places, crs=crs), plane)
+    return placed_positions(path, ground, "" if plane is None else crs or "", places.geoid, plane)

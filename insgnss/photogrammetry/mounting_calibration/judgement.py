@@ -44,6 +44,12 @@ UNITS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
 METRES = (1e3, "mm", 1)
 
 
+def shown(group: str, value: float) -> str:
+    """Return a value of a group, m, rad or s, in the unit in which people read it."""
+    factor, unit, digits = UNITS.get(group, METRES)
+    return f"{factor * value:.{digits}f} {unit}"
+
+
 @dataclass(frozen=True)
 class Component:
     """One component of the mounting.
@@ -101,7 +107,7 @@ class Component:
     def text(self) -> str:
         """Value, or why there is none."""
         factor, unit, digits = UNITS.get(self.group, METRES)
-        sigma = f"{factor * self.sigma:.{digits}f} {unit}"
+        sigma = shown(self.group, self.sigma)
         if not self.determined:
             own = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
             whose = "mounting.antenna_sigma_m" if own else "limit"
@@ -193,16 +199,14 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
             limit = min(limit, max(stated.antenna_sigma_m, LEAST_LIMIT_M))
         verdict, why = (DETERMINED, "") if sigma[k] <= limit else (UNDETERMINED, "")
         off = 0.0 if own is None else float(abs(values[k] - before[k]) / np.hypot(sigma[k], own))
-        factor, unit, digits = UNITS.get(group, METRES)
+        in_file = shown(group, before[k])
         if verdict == UNDETERMINED:
             undetermined.append(len(out))
             why = _why(names, V, k, facts)
             if off > DOUBTFUL_SIGMAS:
-                there = f"{factor * before[k]:.{digits}f} {unit}"
-                why += f"; the flight file's {there} lies {off:.1f} sigma from what was found"
+                why += f"; the flight file's {in_file} lies {off:.1f} sigma from what was found"
         elif off > CONTRADICTS:
-            verdict = CONTRADICTING
-            why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
+            verdict, why = CONTRADICTING, f"{in_file} there, {off:.0f} sigma"
         out.append(
             Component(
                 group,
@@ -260,53 +264,39 @@ def linear_functions(
     """
     antenna, imu = solved.lever_arms()
     J_arms = solved.lever_arm_derivatives()
-    names: list[tuple[str, int, str]] = []
-    rows: list[Array] = []
-    values: list[float] = []
-    before: list[float] = []
-    C_cb = solved.C_cb
-    for group, J, now, then in (
-        ("antenna_m", J_arms[:3], antenna, stated.mounting.antenna_m),
-        ("imu_m", J_arms[3:], imu, stated.mounting.imu_m),
-    ):
-        for axis in range(3):
-            names.append((group, axis, f"{GROUPS[group]} {'xyz'[axis]} ({_direction(C_cb, axis)})"))
-            rows.append(J[axis])
-            values.append(float(now[axis]))
-            before.append(float(then[axis]))
+    columns, C_cb = solved.place, solved.C_cb
+    unknowns = np.eye(len(solved.cov))
     beta = vector_from_rotation(stated.mounting.C_cb @ C_cb.T)
-    fixed = solved.block.georeferenced
-    moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
-    slice_of = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
-    slice_of |= {"turn": TURN, "scale": SCALE}
-    if CAMERA_FIXED in solved.place:
-        slice_of["camera"] = CAMERA_FIXED
-    shift = (
-        solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
-    )
     delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
-    value_of = {"boresight": beta, "delay": delay, moved: shift}
-    value_of |= {"turn": np.zeros(3), "scale": np.zeros(1), "camera": np.zeros(6)}
+    moved, shift = "translation", np.zeros(3)  # of axes of its own nobody asks for it
+    if solved.block.georeferenced:
+        moved = "shift"
+        shift = solved.values[TRANSLATION] - solved.block.position.mean(axis=0)
     change = " against the flight file's" if "boresight" in stated.keys else ""
-    words_of = {
-        "boresight": [f"bore-sight{change} about {a}" for a in "xyz"],
-        "delay": ["camera delay"],
-        moved: [f"{moved} {a}" for a in ("east", "north", "up")],
-        "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],
-        "scale": ["scale of the block"],
-        "camera": [f"{axis} by the block's camera" for axis in "xyz"]
-        + [f"turn about {axis} by the block's camera" for axis in "xyz"],
-    }
-    for group, key in slice_of.items():
-        where = solved.place[key]
-        for axis, name in enumerate(words_of[group]):
-            row = np.zeros(solved.cov.shape[0])
-            row[where.start + axis] = 1.0
-            names.append((group, axis, name))
-            rows.append(row)
-            values.append(float(value_of[group][axis]))
-            before.append(stated.delay_s if group == "delay" else 0.0)
-    return names, np.array(rows), np.array(values), np.array(before)
+    about = [f"bore-sight{change} about {axis}" for axis in "xyz"]
+    enu, axes = ("east", "north", "up"), [f"{'xyz'[k]} ({_direction(C_cb, k)})" for k in range(3)]
+    arms = {key: [f"{GROUPS[key]} {axis}" for axis in axes] for key in ("antenna_m", "imu_m")}
+    of_turn, none = [f"turn of the block about {axis}" for axis in enu], np.zeros(3)
+    # group, derivatives, values, those of the flight file, words of each axis
+    groups: list[tuple[str, Array, Array, Array | float, list[str]]] = [
+        ("antenna_m", J_arms[:3], antenna, stated.mounting.antenna_m, arms["antenna_m"]),
+        ("imu_m", J_arms[3:], imu, stated.mounting.imu_m, arms["imu_m"]),
+        ("boresight", unknowns[columns[BORESIGHT]], beta, 0.0, about),
+        ("delay", unknowns[columns[TIME_OFFSET]], delay, stated.delay_s, ["camera delay"]),
+        (moved, unknowns[columns[TRANSLATION]], shift, 0.0, [f"{moved} {axis}" for axis in enu]),
+        ("turn", unknowns[columns[TURN]], none, 0.0, of_turn),
+        ("scale", unknowns[columns[SCALE]], np.zeros(1), 0.0, ["scale of the block"]),
+    ]
+    if CAMERA_FIXED in columns:
+        axes = [*"xyz", *(f"turn about {axis}" for axis in "xyz")]
+        words = [f"{axis} by the block's camera" for axis in axes]
+        groups.append(("camera", unknowns[columns[CAMERA_FIXED]], np.zeros(6), 0.0, words))
+    return (
+        [(group, axis, name) for group, *_, words in groups for axis, name in enumerate(words)],
+        np.vstack([J for _, J, *_ in groups]),
+        np.hstack([values for _, _, values, *_ in groups]),
+        np.hstack([np.full(len(values), before) for _, _, values, before, _ in groups]),
+    )
 
 
 def _direction(C_cb: Array, axis: int) -> str:
@@ -337,11 +327,9 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
         if names[k][0] == "imu_m":
             return "poses tell the antenna's place, hardly the IMU's: measure it on the aircraft"
         return "the poses are not precise enough"
-    factor, unit, digits = UNITS.get(names[k][0], METRES)
-    left *= factor
     words = f"not told from {' and '.join(names[j][2] for j in others)}"
-    words += f" (were {'they' if len(others) > 1 else 'it'} known, {left:.{digits}f} {unit}"
-    words += f" instead of {factor * first:.{digits}f})"
+    words += f" (were {'they' if len(others) > 1 else 'it'} known, {shown(names[k][0], left)}"
+    words += f" instead of {shown(names[k][0], first).partition(' ')[0]})"
     groups = {names[k][0], *(names[j][0] for j in others)}
     vertical = any(w in names[i][2] for i in (k, *others) for w in ("up", "down"))
     if groups == {names[k][0], "camera"}:
@@ -400,7 +388,6 @@ def _advise(
     hypothetical.append((words, solved.conditioned(antenna, none, 0.005)[1]))
     for k in undetermined:
         c, row = out[k], J[k]
-        factor, unit, digits = UNITS.get(c.group, METRES)
         others = [t for t in hypothetical if not (c.group == "antenna_m" and "antenna" in t[0])]
         given = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in others]
         good = [i for i in range(len(others)) if given[i] <= c.limit]
@@ -408,9 +395,7 @@ def _advise(
         best = int(np.argmin(given))
         if not good and given[best] < 0.5 * c.sigma:
             good = [best]
-        remedies = tuple(
-            f"{others[i][0]} would give {factor * given[i]:.{digits}f} {unit}" for i in good
-        )
+        remedies = tuple(f"{others[i][0]} would give {shown(c.group, given[i])}" for i in good)
         out[k] = replace(c, remedies=remedies)
 
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,35 +31,13 @@ from ..lever_arm.materialisation import (
 from ..lever_arm.records import RULER_M
 from .intersections import intersected
 from .options import MaterialiseOptions
-from .poses import is_block, read_camera_poses
+from .poses import Positions, is_block, read_camera_poses
 from .products import CalibratedMounting, of_lever_arm, provenance
-from .records import CameraPoses
 
-ANTENNA = "antenna"
 PHASE_CENTRE_SIGMA_M = 5e-3  # where a table has no standard deviation of the phase centre
 LARGEST_SENSOR_M = 3.0  # of targets on a sensor from each other: others are in another unit
 CLOSE_M = 0.005  # targets that fit in another reading
 TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one
-
-
-@dataclass(frozen=True, eq=False)
-class _Points:
-    """Targets by names: positions, and covariances where the file has them."""
-
-    path: Path
-    names: tuple[str, ...]
-    position: Array
-    cov: Array | None
-    poses: CameraPoses | None = None
-
-    def targets(self, names: Sequence[str], sigma: float) -> Targets:
-        rows = [self.names.index(name) for name in names]
-        own = sigma**2 * np.eye(3)
-        cov = np.broadcast_to(own, (len(rows), 3, 3)) if self.cov is None else self.cov[rows]
-        try:
-            return Targets(self.position[rows], np.array(cov))
-        except DataError as refusal:
-            raise InputError(f"{self.path}: {refusal}") from None
 
 
 def calibrate_materialise(
@@ -93,7 +71,7 @@ def calibrate_materialise(
     own, sessions = _points(camera), [_session(path, options) for path in options.receiver]
     if not sessions:
         raise UsageError("calibrate materialise: --receiver needs a file a session")
-    on_receiver = _common(sessions, options.receiver)
+    on_receiver = _common(sessions, options.antenna_name)
     receiver = _receiver(sessions, on_receiver, options)
     blocks = [_points(path) for path in (mounted, *([options.after] if options.after else []))]
     on_camera = [name for name in own.names if all(name in block.names for block in blocks)]
@@ -111,7 +89,7 @@ def calibrate_materialise(
                 )
     used = [name for name in on_receiver if all(name in block.names for block in blocks)]
     pose, pose_cov = _own_pose(own, camera, options)
-    targets = camera_targets(own.targets(on_camera, options.target_sigma_m), *pose, pose_cov)
+    targets = camera_targets(_targets(own, on_camera, options.target_sigma_m), *pose, pose_cov)
     rows = [on_receiver.index(name) for name in used]
     on_both = Targets(receiver.targets.position[rows], receiver.targets.cov[rows])
     receiver = replace(receiver, targets=on_both)
@@ -136,7 +114,7 @@ def _refuse_twice(files: Sequence[Path]) -> None:
         )
 
 
-def _points(path: Path) -> _Points:
+def _points(path: Path) -> Positions:
     """Return the targets of a table, or those that a block intersects."""
     if not path.exists():
         raise InputError.in_file(path, "does not exist; check the path")
@@ -145,7 +123,7 @@ def _points(path: Path) -> _Points:
         if table.geodetic:
             raise InputError.in_file(path, "targets stand in Cartesian axes; give x, y, z")
         _refuse_large(path, table)
-        return _Points(path, table.names, table.position, table.cov)
+        return Positions(path, table.names, table.position, table.cov)
     poses = read_camera_poses(path)
     assert poses.block is not None
     if not poses.cameras:
@@ -162,7 +140,16 @@ def _points(path: Path) -> _Points:
         raise InputError.in_file(path, "no target is measured in two images; measure more of them")
     position = np.array([target.position for target in targets.values()])
     cov = np.array([target.cov for target in targets.values()])
-    return _Points(path, tuple(targets), position, cov, poses)
+    return Positions(path, tuple(targets), position, cov, poses=poses)
+
+
+def _targets(points: Positions, names: Sequence[str], sigma_m: float) -> Targets:
+    """Return some of the targets of a file, in this order."""
+    rows = [points.names.index(name) for name in names]
+    try:
+        return Targets(points.position[rows], points.with_sigma(sigma_m)[rows])
+    except DataError as refusal:
+        raise InputError(f"{points.path}: {refusal}") from None
 
 
 def _refuse_large(path: Path, table: NamedPositions) -> None:
@@ -176,7 +163,7 @@ def _refuse_large(path: Path, table: NamedPositions) -> None:
         )
 
 
-def _session(path: Path, options: MaterialiseOptions) -> _Points:
+def _session(path: Path, options: MaterialiseOptions) -> Positions:
     points = _points(path)
     if options.antenna_name not in points.names:
         raise InputError.in_file(
@@ -197,28 +184,28 @@ def _session(path: Path, options: MaterialiseOptions) -> _Points:
     return points
 
 
-def _common(sessions: Sequence[_Points], paths: Sequence[Path]) -> list[str]:
+def _common(sessions: Sequence[Positions], antenna: str) -> list[str]:
     """Return the targets of the first session; all others must have them."""
     first = sessions[0]
-    names = [name for name in first.names if name != ANTENNA]
-    for session, path in zip(sessions[1:], paths[1:], strict=True):
+    names = [name for name in first.names if name != antenna]
+    for session in sessions[1:]:
         names = [name for name in names if name in session.names]
         if len(names) < 3:
             raise InputError.in_file(
-                path, f"has {len(names)} targets of {paths[0]} by their names; 3 are needed"
+                session.path,
+                f"has {len(names)} targets of {first.path} by their names; 3 are needed",
             )
     return names
 
 
 def _receiver(
-    sessions: Sequence[_Points], names: Sequence[str], options: MaterialiseOptions
+    sessions: Sequence[Positions], names: Sequence[str], options: MaterialiseOptions
 ) -> ReceiverTargets:
-    names = [name for name in names if name != options.antenna_name]
     made = []
     for points in sessions:
         row = points.names.index(options.antenna_name)
-        cov = PHASE_CENTRE_SIGMA_M**2 * np.eye(3) if points.cov is None else points.cov[row]
-        targets = points.targets(names, options.target_sigma_m)
+        cov = points.with_sigma(PHASE_CENTRE_SIGMA_M)[row]
+        targets = _targets(points, names, options.target_sigma_m)
         made.append(ReceiverSession(targets, points.position[row], cov))
     try:
         return receiver_targets(*made)
@@ -228,7 +215,7 @@ def _receiver(
 
 
 def _own_pose(
-    own: _Points, camera: Path, options: MaterialiseOptions
+    own: Positions, camera: Path, options: MaterialiseOptions
 ) -> tuple[tuple[Array, Array], Array]:
     """Return pose and covariance of the image that the camera itself took."""
     poses = own.poses
@@ -254,7 +241,7 @@ def _own_pose(
 def _estimated(
     targets: CameraTargets,
     receiver: ReceiverTargets,
-    block: _Points,
+    block: Positions,
     on_camera: Sequence[str],
     on_receiver: Sequence[str],
     options: MaterialiseOptions,
@@ -263,7 +250,7 @@ def _estimated(
     first = similarity(block.position[rows], targets.targets.position)
     scale = 1.0 if first is None or not first.scale > 0.0 else first.scale
     sigma = options.target_sigma_m / scale
-    camera_in, receiver_in = (block.targets(names, sigma) for names in (on_camera, on_receiver))
+    camera_in, receiver_in = (_targets(block, names, sigma) for names in (on_camera, on_receiver))
 
     def fitted(position: Array) -> MaterialisedLeverArm:
         n = len(on_camera)
@@ -360,31 +347,18 @@ def _calibrated(
 def _charts(results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets) -> Sequence[Chart]:
     from ...report.figures.mounting import Scatter, scattered
 
+    def scatter(each: Array, name: str, sigma: Array, mean: Array, mean_sigma: Array) -> Scatter:
+        names = tuple(f"{name}{k}" for k in range(1, len(each) + 1))
+        none_left_out = np.zeros(len(each), dtype=np.bool_)
+        return Scatter(names, each, np.tile(sigma, (len(each), 1)), none_left_out, mean, mean_sigma)
+
     charts = []
-    if len(receiver.each_m) > 1:
-        n = len(receiver.each_m)
+    if (n := len(receiver.each_m)) > 1:
         sigma = np.sqrt(np.diag(receiver.antenna_cov))
-        data = Scatter(
-            tuple(f"session {k + 1}" for k in range(n)),
-            receiver.each_m,
-            np.tile(sigma * np.sqrt(n), (n, 1)),
-            np.zeros(n, dtype=np.bool_),
-            receiver.antenna_m,
-            sigma,
-        )
-        axes = ("x", "y", "z")
+        data = scatter(receiver.each_m, "session ", sigma * np.sqrt(n), receiver.antenna_m, sigma)
         title = "Phase centre of each session, in the frame of the first"
-        charts.append(scattered(data, "session", title, axes))
-    residual = np.concatenate([r.residual_m for r in results])
-    n = len(residual)
-    data = Scatter(
-        tuple(str(k + 1) for k in range(n)),
-        residual,
-        np.zeros((n, 3)),
-        np.zeros(n, dtype=np.bool_),
-        np.zeros(3),
-        np.zeros(3),
-    )
+        charts.append(scattered(data, "session", title, ("x", "y", "z")))
+    none = np.zeros(3)
+    data = scatter(np.concatenate([r.residual_m for r in results]), "", none, none, none)
     title = "Misclosures of the targets on camera and receiver, in camera axes"
-    charts.append(scattered(data, "target", title))
-    return charts
+    return [*charts, scattered(data, "target", title)]

@@ -266,14 +266,9 @@ class Assumptions(FrameOptions, DataOptions):
     )
 
     @property
-    def camera_m(self) -> float:
-        """Of errors that all poses of a block have alike in camera axes (L.6), m."""
-        return self.pose_sigma[0]
-
-    @property
-    def camera_rad(self) -> float:
-        """The same of attitudes, ten times as much in viewing direction."""
-        return math.radians(self.pose_sigma[1])
+    def alike(self) -> tuple[float, float]:
+        """Of errors that all poses of a block have alike in camera axes (L.6), m and rad."""
+        return self.pose_sigma[0], math.radians(self.pose_sigma[1])
 
     def __post_init__(self) -> None:
         super().__post_init__()

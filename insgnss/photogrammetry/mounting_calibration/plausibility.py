@@ -289,9 +289,10 @@ def refuse_frame(solved: Solved) -> None:
         )
         whole = float(np.linalg.det(near)) == 1.0
         if whole and near[2, 2] == 1.0:  # about the viewing direction: the camera sits otherwise
+            remaining_deg = np.degrees(np.linalg.norm(vector_from_rotation(E @ near.T)))
             raise InputError(
                 f"{words}: mounting.camera_from_body is another; with {T.astype(int).tolist()}"
-                f" {_rest(E, near):.1f} deg remain"
+                f" {remaining_deg:.1f} deg remain"
             )
         if whole and near[2, 2] == -1.0:  # it would look at the sky
             raise InputError(
@@ -311,7 +312,3 @@ def refuse_frame(solved: Solved) -> None:
             " positions are of two systems; adjust it with positions of this flight, or take it as"
             " a block without coordinates (--frame similarity)"
         )
-
-
-def _rest(E: Array, near: Array) -> float:
-    return float(np.degrees(np.linalg.norm(vector_from_rotation(E @ near.T))))

@@ -19,7 +19,6 @@ from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.metashape_chunk import read_metashape_references
 from ...io.formats.blocks.pose_table import (
-    NamedPositions,
     is_pose_table,
     read_pose_table,
     read_position_table,
@@ -28,7 +27,7 @@ from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recog
 from ...io.formats.detect import head_of
 from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
-from ...records import Array
+from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
 from ..comparison.hints import Hints, turned
 from ..comparison.poses import FarError, Poses
@@ -75,9 +74,8 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
 
         eo = read_one_camera(path, "a calibration")
         lat, lon, h = (float(v) for v in eo.origin)
-        date = calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
         on_earth = eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", str(path), ()
-        return CameraPoses(*on_earth, TangentPlane(lat, lon, h), date=date)
+        return CameraPoses(*on_earth, TangentPlane(lat, lon, h), date=date_of(eo))
     form = sniff_poses(path)
     # a comment of poses.csv speaks of its angles as EO_local-plane.txt does
     if form in ("gnss", "eo_local_plane") and is_pose_table(path):
@@ -91,6 +89,11 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
             " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
         )
     return _on_the_earth(path, read_poses(path, hints=hints))
+
+
+def date_of(eo: ExteriorOrientation) -> str:
+    """Return the day of the first image, ISO."""
+    return calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
 
 
 def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
@@ -211,6 +214,8 @@ class Positions:
         Where the positions stand on the Earth; None: in axes of their own.
     time : ndarray, (n,), or None
         Seconds of the GPS week.
+    poses : CameraPoses or None
+        Those of the images that see the positions, where they were intersected.
     """
 
     path: Path
@@ -219,6 +224,24 @@ class Positions:
     cov: Array | None
     plane: TangentPlane | None = None
     time: Array | None = None
+    poses: CameraPoses | None = None
+
+    def with_sigma(self, sigma_m: float | tuple[float, float, float]) -> Array:
+        """Return the covariances of the file, those of standard deviations where it has none.
+
+        Parameters
+        ----------
+        sigma_m : float, or three of them
+            Of each axis.
+
+        Returns
+        -------
+        ndarray, (n, 3, 3)
+            m^2.
+        """
+        if self.cov is not None:
+            return self.cov
+        return np.tile(np.diag(np.full(3, sigma_m) ** 2), (len(self.names), 1, 1))
 
 
 def read_positions(
@@ -250,54 +273,45 @@ def read_positions(
         raise InputError.in_file(path, "does not exist; check the path")
     if is_block(path):
         ground, crs = read_metashape_references(path)
-        return _of_crs(path, ground, options.crs or crs, options.geoid, plane)
+        return placed_positions(path, ground, options.crs or crs, options.geoid, plane)
     table = read_position_table(path)
-    return positions_of(path, table, options, plane)
+    n = len(table.names)
+    cov = np.tile(np.eye(3), (n, 1, 1)) if table.cov is None else table.cov
+    if table.geodetic:
+        lat, lon, h = table.position.T
+        plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
+        R = plane.C_mn(lat, lon) @ NED_ENU.T
+        position = plane.position_from_geodetic(lat, lon, h)
+        placed = Positions(path, table.names, position, R @ cov @ R.transpose(0, 2, 1), plane)
+    else:
+        ground = GroundTable(table.names, table.position, cov, np.zeros(n, dtype=np.bool_), True)
+        placed = placed_positions(path, ground, options.crs or "", options.geoid, plane)
+    return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
 
 
-def positions_of(
-    path: Path, table: NamedPositions, options: PlaceOptions, plane: TangentPlane | None = None
+def placed_positions(
+    path: Path, ground: GroundTable, crs: str, geoid: Path | None, plane: TangentPlane | None
 ) -> Positions:
-    """Return the positions of a table, as `read_positions` does.
+    """Return the points of a table of a CRS in a tangent plane, by default that at their mean.
 
     Parameters
     ----------
     path : Path
-        Its file.
-    table : NamedPositions
-        The table.
-    options : PlaceOptions
-        Its CRS, which latitude and longitude do not need.
-    plane : TangentPlane, optional
-        By default at the mean.
+        Their file.
+    ground : GroundTable
+        The points.
+    crs : str
+        Their CRS; of none, or a local one, they stay as they are.
+    geoid : Path or None
+        Grid of geoid heights.
+    plane : TangentPlane or None
+        The plane.
 
     Returns
     -------
     Positions
-        In a tangent plane where they have a place.
+        By the names of the points.
     """
-    if table.geodetic:
-        lat, lon, h = table.position.T
-        plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
-        cov = table.cov
-        if cov is not None:
-            R = plane.C_mn(lat, lon) @ NED_ENU.T
-            cov = R @ cov @ R.transpose(0, 2, 1)
-        position = plane.position_from_geodetic(lat, lon, h)
-        return Positions(path, table.names, position, cov, plane, table.time)
-    if options.crs is None:
-        return Positions(path, table.names, table.position, table.cov, None, table.time)
-    cov = np.broadcast_to(np.eye(3), (len(table.names), 3, 3)) if table.cov is None else table.cov
-    ground = GroundTable(
-        table.names, table.position, cov, np.zeros(len(table.names), dtype=np.bool_), True
-    )
-    placed = _of_crs(path, ground, options.crs, options.geoid, plane)
-    return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
-
-
-def _of_crs(
-    path: Path, ground: GroundTable, crs: str, geoid: Path | None, plane: TangentPlane | None
-) -> Positions:
     if not crs or "LOCAL_CS" in crs or "ENGCRS" in crs:
         return Positions(path, ground.points, ground.position_m, ground.cov)
     axes = GroundAxes(crs, geoid)

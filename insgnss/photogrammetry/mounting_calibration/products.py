@@ -26,6 +26,7 @@ from ...report.document import Document, Section, Table, write_with_page
 from ...report.notebook import Shown
 from ...report.verdict import worst_of
 from ..lever_arm.difference import lever_arm_difference
+from ..lever_arm.records import millimetres
 
 DETERMINED, NOT_DETERMINED = "determined", "not determined"
 NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
@@ -197,7 +198,7 @@ def of_lever_arm(
         The result of the verb.
     """
     arm, cov = antenna
-    value = f"{millimetres(arm)} +- {millimetres(np.sqrt(np.diag(cov)), '')}"
+    value = f"{millimetres(arm, '+')} mm +- {millimetres(np.sqrt(np.diag(cov)))} mm"
     one = ("antenna_m", NOT_DETERMINED if why_not else DETERMINED, why_not or value)
     mounting = MountingFile(
         verb=f"calibrate {verb}",
@@ -257,15 +258,15 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     result = replace(result, files=(out, document, page))
     with together():
         write_mounting_file(result.mounting, out)
-        files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
+        files = [file for path in given for file in files_of(path)]
         numbers = result.as_dict() | made_from(files, document, [out])
         write_with_page(document_of(result, result.charts()), numbers, document, page)
     return result
 
 
-def _within(directory: Path) -> list[Path]:
-    """List the files of a directory that is an input, such as a model of COLMAP."""
-    return sorted(path for path in directory.rglob("*") if path.is_file())
+def files_of(path: Path) -> list[Path]:
+    """List the files of an input, itself or those of a directory, such as a model of COLMAP."""
+    return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
 
 
 def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
@@ -368,21 +369,3 @@ def metashape_line(mounting: MountingFile) -> str:
     if angles is not None:
         parts.append("yaw pitch roll " + " ".join(f"{v:.4f}" for v in np.degrees(angles)) + " deg")
     return f"Metashape, GPS/INS Offset: {', '.join(parts)}" if parts else ""
-
-
-def millimetres(values: Array, sign: str = "+") -> str:
-    """Return three lengths in words.
-
-    Parameters
-    ----------
-    values : ndarray, (3,)
-        m.
-    sign : str
-        "+" of values, empty of standard errors.
-
-    Returns
-    -------
-    str
-        Such as "[+462.0, -1.0, -65.0] mm".
-    """
-    return "[" + ", ".join(f"{1e3 * v:{sign}.1f}" for v in values) + "] mm"

@@ -35,6 +35,7 @@ from ..lever_arm.similarity import (
     GroundPoints,
     SimilarityLeverArm,
     similarity_lever_arm,
+    tilt_of,
 )
 from .intersections import intersected, surveyed_points
 from .options import SimilarityOptions
@@ -101,14 +102,14 @@ def calibrate_similarity(
     notes = (*camera.notes, *notes)
     camera, order = camera.taken(rows), own
     position = fixes.position[order]
-    antenna_cov, more = _antenna_cov(fixes, options, len(order), order)
+    antenna_cov, more = _antenna_cov(fixes, options)
     notes += more
     first = similarity(camera.position, position)
     scale = 1.0 if first is None or not first.scale > 0.0 else first.scale
     if camera.cov is None:
         notes += (f"{cameras.name} has no standard deviations: {options.sigma_of_poses}",)
     pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
-    poses = PosedAntennas(camera.position, camera.C_rc, pose_cov, position, antenna_cov)
+    poses = PosedAntennas(camera.position, camera.C_rc, pose_cov, position, antenna_cov[order])
     ground = GroundPoints()
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
@@ -118,29 +119,26 @@ def calibrate_similarity(
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
     direction = flight_direction(position, result.frame.rotation @ camera.C_rc, time)
-    flown = None if direction is None else _AlongFlight.of(result, direction)
-    if flown is not None:
-        notes += (flown.note,)
+    along_flight = None if direction is None else _AlongFlight.of(result, direction)
+    if along_flight is not None:
+        notes += (along_flight.note,)
     notes += (*_as_they_stand(camera, position, fixes.plane), ALIKE)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
-    return _calibrated(result, flown, poses, notes, origin, inputs)
+    return _calibrated(result, along_flight, poses, notes, origin, inputs)
 
 
-def _antenna_cov(
-    fixes: Positions, options: SimilarityOptions, n: int, rows: Any
-) -> tuple[Array, tuple[str, ...]]:
-    if options.antenna_sigma_m is None and fixes.cov is not None:
-        return fixes.cov[rows], ()
+def _antenna_cov(fixes: Positions, options: SimilarityOptions) -> tuple[Array, tuple[str, ...]]:
+    """Return the covariances of the antenna positions, and what was taken for granted of them."""
     horizontal, vertical = options.antenna_sigma_m or ANTENNA_SIGMAS_M
-    cov = np.diag(np.square([horizontal, horizontal, vertical]))
-    notes: tuple[str, ...] = ()
-    if options.antenna_sigma_m is None:
-        notes = (
-            f"{fixes.path.name} has no standard deviations: {1e3 * horizontal:g} mm horizontal,"
-            f" {1e3 * vertical:g} mm vertical",
-        )
-    return np.broadcast_to(cov, (n, 3, 3)).copy(), notes
+    stated = (horizontal, horizontal, vertical)
+    if options.antenna_sigma_m is not None:
+        return replace(fixes, cov=None).with_sigma(stated), ()
+    note = (
+        f"{fixes.path.name} has no standard deviations: {1e3 * horizontal:g} mm horizontal,"
+        f" {1e3 * vertical:g} mm vertical"
+    )
+    return fixes.with_sigma(stated), (note,) if fixes.cov is None else ()
 
 
 def _ground(
@@ -250,13 +248,8 @@ def _refuse_attitudes(
         return
     R = result.frame.rotation
 
-    def tilt(C: Array) -> float:
-        up = (R @ C)[:, 2]
-        mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
-        return float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean())))
-
     candidates = suspected(cameras.name, of_attitudes(camera.opk), lambda C, change: change(C))
-    explanation = explain(poses.C_rc, candidates, tilt, LEVEL_DEG)
+    explanation = explain(poses.C_rc, candidates, lambda C: tilt_of(R @ C)[1], LEVEL_DEG)
     if explanation is not None:
         raise InputError(
             f"{cameras}: cameras tilt by {result.tilt_deg:.0f} deg rms (limit {TILTED_DEG:g} deg"
@@ -346,7 +339,7 @@ class _AlongFlight:
         return text
 
     @property
-    def doubt(self) -> str:
+    def refusal(self) -> str:
         """Why the components along it are not determined; empty where they may be."""
         along, across = self.along, self.across
         stamps = along > STAMPS * across and along**2 - across**2 > RULER_M**2
@@ -379,17 +372,17 @@ def _as_they_stand(
 
 
 def _components(
-    result: SimilarityLeverArm, flown: _AlongFlight | None
+    result: SimilarityLeverArm, along_flight: _AlongFlight | None
 ) -> list[tuple[str, str, str]]:
     """Return name, verdict and value, or why there is none, of each axis."""
     components = []
     for axis, name in enumerate("xyz"):
         why = result.verdict(axis).partition(" not determined ")[2]
         value = f"{result.lever_arm_m[axis]:+.4f} +- {result.sigma_m[axis]:.4f} m"
-        if flown is not None and abs(flown.direction.in_camera[axis]) > SAME_AXIS:
+        if along_flight is not None and abs(along_flight.direction.in_camera[axis]) > SAME_AXIS:
             value += ", lever arm and delay of the exposures times speed as one"
-            if doubt := flown.doubt:
-                why = f"{why}; {doubt}" if why else f"({doubt})"
+            if refusal := along_flight.refusal:
+                why = f"{why}; {refusal}" if why else f"({refusal})"
         word = NOT_DETERMINED if why else DETERMINED
         components.append((f"antenna_m {name}", word, why.strip() or value))
     return components
@@ -397,13 +390,13 @@ def _components(
 
 def _calibrated(
     result: SimilarityLeverArm,
-    flown: _AlongFlight | None,
+    along_flight: _AlongFlight | None,
     poses: PosedAntennas,
     notes: tuple[str, ...],
     origin: dict[str, Any],
     inputs: list[Path],
 ) -> CalibratedMounting:
-    components = _components(result, flown)
+    components = _components(result, along_flight)
     parts = result.summary().split("; ")
     headline = f"{parts[0]}; {parts[-1] if parts[-1].startswith('res') else '; '.join(parts[-2:])}"
     each = (
@@ -419,14 +412,14 @@ def _calibrated(
         components,
         (headline, *(f"{name} {word}: {text}" for name, word, text in components)),
         notes,
-        _document(result, flown, inputs),
-        lambda: _charts(result, flown, poses),
+        _document(result, along_flight, inputs),
+        lambda: _charts(result, along_flight, poses),
         origin,
     )
 
 
 def _document(
-    result: SimilarityLeverArm, flown: _AlongFlight | None, inputs: Sequence[Path]
+    result: SimilarityLeverArm, along_flight: _AlongFlight | None, inputs: Sequence[Path]
 ) -> dict[str, Any]:
     document: dict[str, Any] = {
         **picked(result, "lever_arm_m", "sigma_m", "determined", "vertical_correlation"),
@@ -437,22 +430,22 @@ def _document(
         "residual_rms_m": np.sqrt((result.residual_m**2).mean(axis=0)),
         "inputs": inputs,
     }
-    if flown is not None:
+    if along_flight is not None:
         document["along_flight_direction"] = {
-            "lever_arm_m": flown.value,
-            "sigma_m": flown.sigma,
-            "speed_mps": flown.direction.speed_mps,
-            "residual_rms_m": flown.along,
-            "residual_across_rms_m": flown.across,
+            "lever_arm_m": along_flight.value,
+            "sigma_m": along_flight.sigma,
+            "speed_mps": along_flight.direction.speed_mps,
+            "residual_rms_m": along_flight.along,
+            "residual_across_rms_m": along_flight.across,
         }
     return document
 
 
 def _charts(
-    result: SimilarityLeverArm, flown: _AlongFlight | None, poses: PosedAntennas
+    result: SimilarityLeverArm, along_flight: _AlongFlight | None, poses: PosedAntennas
 ) -> tuple[Chart, ...]:
     from ...report.figures.mounting import Residuals, residuals
 
     n = len(result.residual_m)
-    course = np.full(n, np.nan) if flown is None else flown.direction.course_deg
+    course = np.full(n, np.nan) if along_flight is None else along_flight.direction.course_deg
     return residuals(Residuals(result.residual_m, course, poses.antenna_m))

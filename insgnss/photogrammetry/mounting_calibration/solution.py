@@ -17,7 +17,7 @@ camera, is well determined as a rule, l and eta by the way in which a flight mov
 Bore-sight errors are those of E, a rotation beta on its left; B' = T_b'^c' E' T_b'^c B.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -271,7 +271,6 @@ def solve(
     flight: FlightPoses,
     rows: Rows,
     assumptions: Assumptions,
-    progress: Callable[[str], None] | None = None,
 ) -> Solved:
     """Adjust mounting and frame.
 
@@ -285,8 +284,6 @@ def solve(
         (n,) rows of these images in the flight's orientation, increasing.
     assumptions : Assumptions
         What is known before.
-    progress : callable, optional
-        Receives what is done.
 
     Returns
     -------
@@ -309,9 +306,6 @@ def solve(
     for _ in range(VARIANCE_ROUNDS):
         before = factors
         factors, flight_factor = _factors(normals, factors, block.cov is not None)
-        if progress is not None:
-            words = " and ".join(f"{f:.2f}" for f in factors.values())
-            progress(f"variances of the block's poses by {words}")
         normals = _adjusted(model, factors)
         if np.allclose([*factors.values()], [*before.values()], rtol=VARIANCE_SETTLED):
             break

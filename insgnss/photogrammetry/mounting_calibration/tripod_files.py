@@ -54,9 +54,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
     first, second, notes = joined(camera.images, pin.names, poses, pins, 1)
     notes = (*camera.notes, *notes)
     camera = camera.taken(first)
-    pin_cov = pin.cov
-    if pin_cov is None:
-        pin_cov = np.broadcast_to(options.pin_sigma_m**2 * np.eye(3), (len(pin.names), 3, 3))
+    if pin.cov is None:
         notes += (f"{pins.name} has no standard deviations: {1e3 * options.pin_sigma_m:g} mm",)
     if camera.cov is None:
         notes += (f"{poses.name} has no standard deviations: {options.sigma_of_poses}",)
@@ -65,7 +63,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         camera.C_rc,
         camera.with_sigma(options.sigma_of_poses),
         pin.position[second],
-        pin_cov[second],
+        pin.with_sigma(options.pin_sigma_m)[second],
     )
     result = _estimated(setups, poses, pins, camera.opk)
     inputs = (poses, pins)

@@ -13,7 +13,7 @@ targets.html        the contact sheet
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -90,14 +90,14 @@ def write_predictions(inputs: Inputs, path: Path) -> None:
     write_table(path, comments, COLUMNS, lines())
 
 
-def measured_points(inputs: Inputs, windows: list[Window]) -> ImagePoints:
+def measured_points(inputs: Inputs, windows: Sequence[Window]) -> ImagePoints:
     """Return what stands of the measurements, as image observations.
 
     Parameters
     ----------
     inputs : Inputs
         The flight and its ground points.
-    windows : list of Window
+    windows : sequence of Window
         All windows.
 
     Returns
@@ -123,14 +123,14 @@ def measured_points(inputs: Inputs, windows: list[Window]) -> ImagePoints:
     )
 
 
-def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
+def write_rejected(inputs: Inputs, windows: Sequence[Window], path: Path) -> None:
     """Write what was rejected, data_specs/target_rejections.md.
 
     Parameters
     ----------
     inputs : Inputs
         The flight and its ground points.
-    windows : list of Window
+    windows : sequence of Window
         All windows.
     path : Path
         The file.
@@ -153,14 +153,14 @@ def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
     write_table(path, (f"targets that were not measured: {PIXEL_ORIGIN}",), head, lines())
 
 
-def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[str]:
+def write_measured(inputs: Inputs, windows: Sequence[Window], into: Path) -> list[str]:
     """Write the tables and the files of other programs.
 
     Parameters
     ----------
     inputs : Inputs
         The flight and its ground points.
-    windows : list of Window
+    windows : sequence of Window
         All windows; at least one is accepted.
     into : Path
         Directory of the files.

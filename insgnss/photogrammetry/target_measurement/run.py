@@ -2,8 +2,8 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ JUDGED = 5
 
 
 @dataclass(frozen=True, eq=False)
-class PredictionResult:
+class PredictionResult(Shown):
     """Where ground points are expected.
 
     Parameters
@@ -54,22 +54,26 @@ class PredictionResult:
     figures : dict
         What `--json` prints.
     files : tuple of Path
-        The table.
+        What was written.
     """
 
     inputs: Inputs
     figures: dict[str, Any]
     files: tuple[Path, ...]
 
-    def summary(self) -> str:
-        """Return the text for the terminal."""
+    def document(self) -> Document:
+        """Return what was found, for the terminal."""
         return Document(
             "targets in images",
             self.figures["headline"],
             worst_of("this is where to expect them, before anything is measured"),
             (Section("Notes", self.figures["notes"]),),
             files=self.files,
-        ).text()
+        )
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -77,37 +81,47 @@ class PredictionResult:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasurementResult(Shown):
+class MeasurementResult(PredictionResult):
     """Targets measured in the photographs of a flight.
 
     Parameters
     ----------
-    inputs : Inputs
-        The flight, its ground points and their predictions.
+    inputs, figures, files
+        As `PredictionResult` has them.
     windows : tuple of Window
-        What became of each.
-    figures : dict
-        What targets.json holds.
-    files : tuple of Path
-        The products.
+        Every predicted target in the photographs that are there.
     refusal : DataError or None
-        Why no observations were written; None where they were.
+        Why nearly nothing was found; then no observations are written.
     """
 
-    inputs: Inputs
     windows: tuple[Window, ...]
-    figures: dict[str, Any]
-    files: tuple[Path, ...]
     refusal: DataError | None
 
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        document = document_of(self.inputs, self.figures, self.refusal, files=self.files)
-        return document.text()
+    def document(self, sheet: Iterable[Section] = ()) -> Document:
+        """Return what was found, for terminal and page; the page has the contact sheet.
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the document for machines."""
-        return self.figures
+        Parameters
+        ----------
+        sheet : iterable of Section
+            The contact sheet.
+
+        Returns
+        -------
+        Document
+            With the reasons of rejections.
+        """
+        figures, refusal, request = self.figures, self.refusal, self.inputs.request
+        reasons = [
+            f"{count} rejected: {reason}" for reason, count in figures["rejected_by"].items()
+        ]
+        return Document(
+            f"{request.ground.name}: targets in images",
+            f"{figures['headline']}{': no observations are written' if refusal else ''}",
+            worst_of("every target was measured", reasons, [str(refusal)] if refusal else []),
+            (Section("Rejected", reasons), Section("Notes", figures["notes"]), *sheet),
+            [request.eo, request.ground],
+            files=self.files,
+        )
 
 
 LARGEST_SHARE = 0.2  # of a photograph that a target may fill
@@ -256,11 +270,11 @@ def measure_targets(
     share = figures["measured"] / len(windows)
     few = share < FEW_MEASURED if len(windows) >= JUDGED else not share
     refusal = _refusal(figures, advice(inputs, photographs, progress)) if few else None
-    files: tuple[Path, ...] = ()
-    if write:
-        progress(f"writing {directory}")
-        files = _written(inputs, photographs, windows, figures, refusal, directory)
-    return MeasurementResult(inputs, tuple(windows), figures, files, refusal)
+    result = MeasurementResult(inputs, figures, (), tuple(windows), refusal)
+    if not write:
+        return result
+    progress(f"writing {directory}")
+    return _written(result, photographs, directory)
 
 
 def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
@@ -392,22 +406,16 @@ def _refusal(figures: dict[str, Any], trial: str) -> DataError:
 
 
 def _written(
-    inputs: Inputs,
-    photographs: Photographs,
-    windows: list[Window],
-    figures: dict[str, Any],
-    refusal: DataError | None,
-    directory: Path,
-) -> tuple[Path, ...]:
+    result: MeasurementResult, photographs: Photographs, directory: Path
+) -> MeasurementResult:
     """Write the products, all of them or none; of a refusal the sheet and what was rejected."""
+    inputs, windows, figures = result.inputs, result.windows, result.figures
     with together() as staging:
         into = staging.tree(directory)
-        if refusal is None:
+        if result.refusal is None:
             figures["notes"] += write_measured(inputs, windows, into)
         write_rejected(inputs, windows, into / REJECTED_TABLE)
-        sheet = tuple(sheet_sections(inputs, windows))
-        page = document_of(inputs, figures, refusal, sheet)
-        atomic_write(into / PAGE, page.html())
+        atomic_write(into / PAGE, result.document(sheet_sections(inputs, windows)).html())
         image = np.unique(inputs.predictions.image[[w.row for w in windows]])
         looked = [photographs.files[k] for k in image.tolist()]
         used = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
@@ -416,45 +424,8 @@ def _written(
         write_json(into / DOCUMENT, figures)
         files = staging.goals()
         refuse_overwriting(files, _inputs_of(inputs.request), ANOTHER)
-    return files
+    return replace(result, files=files)
 
 
 def _inputs_of(request: Request) -> tuple[Path | None, ...]:
     return request.eo, request.ground, request.camera, request.target.picture
-
-
-def document_of(
-    inputs: Inputs,
-    figures: Mapping[str, Any],
-    refusal: DataError | None,
-    sheet: Sequence[Section] = (),
-    files: Sequence[Path] = (),
-) -> Document:
-    """Return what a measurement of targets says, with its contact sheet.
-
-    Parameters
-    ----------
-    inputs : Inputs
-        The flight and its ground points.
-    figures : mapping
-        What targets.json holds.
-    refusal : DataError or None
-        Why no observations are written.
-    sheet : sequence of Section
-        The contact sheet, for the page.
-    files : sequence of Path
-        What was written.
-    """
-    reasons = [f"{count} rejected: {reason}" for reason, count in figures["rejected_by"].items()]
-    return Document(
-        f"{inputs.request.ground.name}: targets in images",
-        f"{figures['headline']}{': no observations are written' if refusal else ''}",
-        worst_of("every target was measured", reasons, [str(refusal)] if refusal else []),
-        (
-            Section("Rejected", reasons),
-            Section("Notes", figures["notes"]),
-            *sheet,
-        ),
-        [inputs.request.eo, inputs.request.ground],
-        files=files,
-    )

@@ -10,6 +10,8 @@ direction t of G e. Without distortion it would be longer by (f / q_3) / |G e|, 
 Its standard deviation is that of the deformation (T = M^-1 T_0) and that of both ends by (GT.4).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...io.formats.vehicle.target_sizes import TargetSizes
@@ -21,14 +23,14 @@ LEVEL_SINE = 1e-6
 """Of the sine of the tilt below which every diameter is parallel to the image."""
 
 
-def target_sizes(inputs: Inputs, windows: list[Window]) -> TargetSizes:
+def target_sizes(inputs: Inputs, windows: Sequence[Window]) -> TargetSizes:
     """Return the apparent sizes of a target in the photographs in which it was measured.
 
     Parameters
     ----------
     inputs : Inputs
         The flight and the vehicle.
-    windows : list of Window
+    windows : sequence of Window
         All windows.
 
     Returns

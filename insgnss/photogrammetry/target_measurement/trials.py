@@ -55,9 +55,9 @@ def advice(inputs: Inputs, photographs: Photographs, progress: Callable[[str], N
             windows = windows_of(trial, photographs, quiet, plain)
         except InputError:  # a target that cannot be, such as bars wider than long
             continue
-        found = len(accepted(windows))
-        if found > ADVICE_SHARE * rows.size:
-            return f"with {change} {found} of {rows.size} that were tried are found"
+        count = len(accepted(windows))
+        if count > ADVICE_SHARE * rows.size:
+            return f"with {change} {count} of {rows.size} that were tried are found"
     return ""
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.advance import through
+from ...records import Array
 from ..targets.codes import LEAST_CLEAR, Reading, Ring, read_ring
 from ..targets.matching import Match
 from ..targets.measurement import Measurement, Rules, measure
@@ -15,7 +16,6 @@ from ..targets.neighbours import LIMIT, disagreeing
 from .inputs import Inputs
 from .photographs import Photographs, read_grey
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 SHOWN_SIGMAS = 3.0  # of the prediction, in a window of the contact sheet: its ellipse is drawn

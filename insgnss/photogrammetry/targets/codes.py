@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import InputError
+from ...records import Array
 from .matching import SHADE
-
-Array = NDArray[np.float64]
 
 SAMPLES = 16  # of the azimuth, in a segment
 _RING_SHARES = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the ring, where it is sampled: its rims are blurred

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...records import Array
 from .template import Template
-
-Array = NDArray[np.float64]
 
 MOST_MATCHING_STEPS = 25  # beyond which a matching does not converge (chosen)
 CONVERGED_PX = 1e-3  # step of the centre that ends a matching (chosen)

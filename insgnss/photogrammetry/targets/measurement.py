@@ -3,15 +3,14 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import InputError
+from ...records import Array
 from .matching import Freedom, Match, match
 from .search import Peak, find
 from .signals import Signal
 from .template import Template, rotated
-
-Array = NDArray[np.float64]
 
 WIDE_PX = 16.0  # radius of a signal from which on its places are less sharp in proportion
 _SHADOW_EXPLAINS = 0.6  # of what is left without it, for three unknowns in 150 pixels

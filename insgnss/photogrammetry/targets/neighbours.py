@@ -1,11 +1,9 @@
 """The images of one point against each other."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...geodesy.least_squares import Equations, NormalEquations
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 LIMIT = 4.0  # sigmas: one good measurement in 3000 is lost
 _FEWEST = 3  # images, for one of them to be told from the others

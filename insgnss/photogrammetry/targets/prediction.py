@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError
 from ...geodesy.rotation import skew
-from ...records.block import INTERIOR, BrownCamera, InteriorCovariance
+from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ...records.cameras.camera import pixels_of
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 VISIBILITY = ("visible", "outside the format", "beyond the fold", "behind the camera")

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...records import Array
 from .template import Template
-
-Array = NDArray[np.float64]
 
 _MOST_PLACES = 3  # of the best, which the matching tries: one is the target, one its rival
 _APART_PX = 3.0  # between places: the matching finds what is nearer

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import InputError
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...records import Array
 from .signals import Signal
-
-Array = NDArray[np.float64]
 
 OVERSAMPLING = 5  # points in a pixel, odd, so that the mean over a pixel lies in its middle
 # of the logarithm of the blur: between levels the template is linear to 1e-3 of it

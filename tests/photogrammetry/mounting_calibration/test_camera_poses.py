@@ -1,6 +1,7 @@
 """Camera poses of any format, and antenna positions, in one frame."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,12 @@ from test_similarity_files import ARM, Flown
 
 import insgnss
 from insgnss.base.errors import InputError
+from insgnss.geodesy.frames import TangentPlane
+from insgnss.io.formats.blocks.ground_points import GroundAxes, GroundTable
+from insgnss.photogrammetry.mounting_calibration.intersections import surveyed_points
+from insgnss.photogrammetry.mounting_calibration.options import PlaceOptions
 from insgnss.photogrammetry.mounting_calibration.poses import joined, read_camera_poses
+from insgnss.photogrammetry.mounting_calibration.records import CameraPoses
 
 ORIGIN = np.array([np.radians(46.57), np.radians(6.54), 0.0])
 FORMATS = {
@@ -73,6 +79,19 @@ def test_names_are_joined_without_their_endings(tmp_path) -> None:
     )
     assert (first.tolist(), second.tolist()) == ([1], [0])
     assert notes == ("1 of 2 in p without partner: a/DSC1.JPG", "1 of 2 in q without partner: DSC3")
+
+
+def test_markers_of_a_project_keep_their_standard_deviations_in_metres(tmp_path) -> None:
+    """Oracle: the program states metres, in a CRS of feet as in any other."""
+    ground = GroundTable(
+        ("P",), np.array([[3.1e6, 1.7e6, 5e3]]), 1e-4 * np.eye(3)[None], np.array([False])
+    )
+    block = SimpleNamespace(ground=ground, crs="EPSG:6428")
+    poses = CameraPoses(("a",), np.zeros((1, 3)), np.eye(3)[None], load=lambda: block)
+    lat, lon, h = (float(x[0]) for x in GroundAxes(block.crs).geodetic(ground.position_m))
+    path, plane = tmp_path / "project.psx", TangentPlane(lat, lon, h)
+    placed = surveyed_points(path, path, poses, PlaceOptions(), plane)
+    assert np.linalg.eigvalsh(placed.cov[0]) == pytest.approx(1e-4)
 
 
 def test_what_holds_no_poses_is_refused(tmp_path) -> None:

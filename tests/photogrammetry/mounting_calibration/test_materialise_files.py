@@ -76,6 +76,19 @@ def run(directory, *more, camera="camera.csv", pose=("--pose", "poses.csv", "--i
     return main(["calibrate", "materialise", "-q", *(there(word) for word in words)])
 
 
+def test_the_row_of_the_phase_centre_has_any_name_and_place(tmp_path) -> None:
+    """Oracle: the same numbers with the row last and called antenna."""
+    write(tmp_path)
+    assert run(tmp_path) == 0
+    expected = read_mounting_file(tmp_path / "mounting.toml")[0].antenna_m
+    for path in tmp_path.glob("r*.csv"):
+        head, *targets, antenna = path.read_text().splitlines()
+        rows = (head, antenna.replace("antenna", "APC"), *targets)
+        path.write_text("".join(f"{row}\n" for row in rows))
+    assert run(tmp_path, "--antenna-name", "APC", "--force") == 0
+    assert read_mounting_file(tmp_path / "mounting.toml")[0].antenna_m == pytest.approx(expected)
+
+
 def test_table_1_of_paper_002(tmp_path, capsys) -> None:
     """Oracle: Table 1 of paper 002: lever arms before and after within 2 mm, 23.4 and 25.1 mm from
     that in flight (the paper's text: 26 mm).
