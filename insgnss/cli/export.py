@@ -15,7 +15,7 @@ from ..io.options.camera_options import ImageMatch
 from ..io.options.kinds import Checked
 from ..io.options.schema import Triple, argument
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Result, Verb
 
 if TYPE_CHECKING:
     from ..flight.exporting.export import Exported
@@ -406,10 +406,10 @@ def _list_formats() -> str:
     return "formats:\n" + "".join(lines) + "of a noise model:\n" + "".join(noise)
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     verb = proof_verb if options.proof else export_verb
-    return show_result(options, progress, verb(options, progress))
+    return verb(options, progress)
 
 
 VERB = Verb(

@@ -8,7 +8,7 @@ from ...base.errors import UsageError
 from ...io.options.schema import argument
 from ...photogrammetry.mounting_calibration.options import MaterialiseOptions
 from ..console import Progress
-from ..verb import Verb
+from ..verb import Judged, Verb
 from .mounting_options import Products, finished
 
 
@@ -30,8 +30,8 @@ class Inputs:
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Judged:
+    """Do what the parsed command line asks for."""
     from ...photogrammetry.mounting_calibration.materialise_files import calibrate_materialise
 
     files = [p for p in (options.mounted, *options.receiver, options.after) if p is not None]

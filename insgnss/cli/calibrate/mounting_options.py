@@ -9,7 +9,7 @@ from ...base.errors import OptionError
 from ...io.options.kinds import Checked
 from ...io.options.schema import argument
 from ..console import Progress
-from ..verb import show_judged
+from ..verb import Judged
 
 if TYPE_CHECKING:
     from ...photogrammetry.mounting_calibration.products import CalibratedMounting
@@ -33,11 +33,12 @@ class Products(Checked):
 
 def finished(
     options: argparse.Namespace, progress: Progress, result: "CalibratedMounting", *files: Path
-) -> int:
-    """Write and print a result; return the exit code."""
+) -> Judged:
+    """Write the result of a calibration of `files`."""
     from ...photogrammetry.mounting_calibration.products import compared, written
 
     if options.compare is not None:
         result = compared(result, options.compare)
     progress("write")
-    return show_judged(options, progress, written(result, options.out, options.force), *files)
+    result = written(result, options.out, options.force)
+    return Judged(result, result.refusal, files)

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...io.options.schema import argument
 from ...photogrammetry.mounting_calibration.options import TripodOptions
 from ..console import Progress
-from ..verb import Verb
+from ..verb import Judged, Verb
 from .mounting_options import Products, finished
 
 
@@ -28,8 +28,8 @@ class Inputs:
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Judged:
+    """Do what the parsed command line asks for."""
     from ...photogrammetry.mounting_calibration.tripod_files import calibrate_tripod
 
     progress("calibrating")
