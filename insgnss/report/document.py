@@ -25,12 +25,13 @@ from .charts.chart import Chart
 from .charts.encoded import script_safe
 from .markup import (
     charted,
+    closing,
     embedded,
     escape,
     folded,
+    opening,
     sentence,
     table,
-    whole_page,
     with_contents,
 )
 from .verdict import Verdict
@@ -262,23 +263,17 @@ class Document:
         body = "".join(map(placed, (*shown, first)))
         origin = "".join(map(placed, origins))
         word, why, _ = self.verdict
-        blocks = (embedded(name, script_safe(block)) for name, block in data.items())
         reason = f"<strong>{escape(self.verdict.shown)}</strong>: {escape(why)}."
-        return whole_page(
-            self.title,
-            self.headline,
-            word,
-            (
-                f'<p class="reason {word}">{reason}</p>\n',
-                with_contents(body, "" if whole else APPENDIX),
-                origin,
-                *blocks,
-            ),
-            self.heading,
-            self.about,
-            [s for s in shown if isinstance(s, Chart)],
-            twin_sha256,
-        )
+        charts = [s for s in shown if isinstance(s, Chart)]
+        yield opening(self.title, bool(charts))
+        yield f"<h1>{escape(self.heading or self.title)}</h1>\n"
+        yield f'<p class="soft about">{escape(sentence(self.about))}</p>\n' if self.about else ""
+        yield f'<p class="headline {word}">{escape(self.headline)}.</p>\n'
+        yield f'<p class="reason {word}">{reason}</p>\n'
+        yield with_contents(body, "" if whole else APPENDIX)
+        yield origin
+        yield from (embedded(name, script_safe(block)) for name, block in data.items())
+        yield from closing(charts, twin_sha256)
 
     def _made_from(self) -> Iterator[Section]:
         """Settings, input files, programs, date and place."""
