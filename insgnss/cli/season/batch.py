@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ...base.errors import InsgnssError
+from ...base.wording import duration
 from ...batch.season.request import SeasonRequest
 from ..console import Progress
 from ..verb import Judged, Result, Verb
@@ -61,14 +62,8 @@ class _Lines:
         if not self._progress.renews and seconds - self._last < SELDOM_S:
             return
         self._last = seconds
-        left = f", some {_duration((count - done) * seconds / worked)} left" if worked else ""
+        left = f", some {duration((count - done) * seconds / worked)} left" if worked else ""
         self._progress(f"{done} of {count} flights{left}")
-
-
-def _duration(seconds: float) -> str:
-    from ...batch.season.run import duration
-
-    return duration(seconds)
 
 
 VERB = Verb(
