@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import InputError, UsageError
 from ..base.inputs import is_file
 from ..base.wording import spoken_as
-from ..flight.config.block_file import (
-    BLOCK_TABLES,
-    DIRECTORY,
-    BlockFile,
-    BlockOutput,
-    load_block,
-)
+from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
 from ..flight.config.command_line import add_options, given_of, names_of
 from ..io.options.schema import argument
 from .console import Progress

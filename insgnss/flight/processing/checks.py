@@ -29,7 +29,6 @@ from ...io.formats.images.exif import CameraTags, camera_tags
 from ...io.formats.orientation.mounting_file import MountingFile
 from ...navigation.align.initial import MOST_ATTITUDE_SIGMA_RAD
 from ...navigation.prepare.gaps import BRIDGE_S
-from ...navigation.recognise import plausibility
 from ...navigation.recognise.positions import VELOCITY_UNITS
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question, Trajectory
 from ...records.cameras.mounting import Mounting
@@ -441,27 +440,6 @@ def check_stationary(imu: ImuSamples, periods: Array) -> Finding:
         f"at rest for {100 * share:.0f} % of the time",
         Step("a moving sensor needs fixes: give {gnss.file}"),
         when=bad,
-    )
-
-
-def check_heading(flight: Flight, trajectory: Trajectory) -> Finding:
-    """Check the heading against the course, which tells a wrong axis of the IMU.
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-    trajectory : Trajectory
-        Rows of the smoothed trajectory.
-
-    Returns
-    -------
-    Finding
-        The check of `navigation.recognise.plausibility.check_heading`.
-    """
-
-    return plausibility.check_heading(
-        trajectory.time, trajectory.C_nb, trajectory.velocity_ned, flight.imu.C_b_imu
     )
 
 

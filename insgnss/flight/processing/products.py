@@ -212,7 +212,8 @@ def write_products(
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
-        report |= _provenance(flight, Path(out), staging.goals())
+        report["flight_directory"] = relative(flight.path.parent, Path(out))
+        report[HASHES] = hashes_of_products(staging.goals(), Path(out))
         digest = write_report_json(report, directory / REPORT)
         write_report(
             directory / "report.html", report, result.diagnostics, eo, recording.series, digest
@@ -220,14 +221,6 @@ def write_products(
         files = staging.goals()
         _refuse_overwriting(flight, files)
     return files
-
-
-def _provenance(flight: Flight, out: Path, files: Iterable[Path]) -> dict[str, Any]:
-    """Return where the flight file lies, seen from the products, and the hash of each of these."""
-    return {
-        "flight_directory": relative(flight.path.parent, out),
-        HASHES: hashes_of_products(files, out),
-    }
 
 
 def _not_writable(directory: Path) -> str | None:
