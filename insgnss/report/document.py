@@ -7,7 +7,7 @@ another way. JSON files have numbers of their own, which the verb gives to `writ
 
 import platform
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -97,6 +97,24 @@ class Table:
     head: Sequence[str] = ()
     numbers: bool = False
     name: str = "rows"
+
+    @classmethod
+    def of(
+        cls, records: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+    ) -> "Table":
+        """Return a table of one row a record.
+
+        Parameters
+        ----------
+        records : iterable
+            What the rows are of.
+        columns : mapping
+            By its head what a column says of a record.
+        more
+            Further fields.
+        """
+        rows = [[cell(record) for cell in columns.values()] for record in records]
+        return cls(rows, tuple(columns), **more)
 
     def html(self) -> str:
         """Return the table for the page, folded where it is long."""
