@@ -181,7 +181,6 @@ def _units(
 
 def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
-
     kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
     return {
         key: unit
@@ -192,7 +191,6 @@ def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
 
 def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str | None:
     """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
-
     factor = factor_of_numbers(recognition, key)
     if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
         return None
