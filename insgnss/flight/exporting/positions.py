@@ -80,7 +80,7 @@ def export_positions(
             " give the bundle adjustment the lever arm, or let it estimate it",
         )
     frame = cameras.crs or "geographic coordinates of WGS84"
-    return Exported(path, frame, tuple(notes), helpers=tuple(helpers))
+    return Exported(path, frame, tuple(notes), helpers=tuple(helpers), format=name)
 
 
 def _placed(
