@@ -286,7 +286,7 @@ def test_the_reader_of_imports_sees_all_kinds() -> None:
         "navigation.filter.problem",
         "navigation.prepare.clock",
     } <= inner_imports("flight.processing.solve_segments")
-    assert "navigation.recognise.plausibility" in inner_imports("flight.processing.checks")
+    assert "navigation.recognise.plausibility" in inner_imports("flight.processing.pipeline")
     assert "flight.processing.pipeline" in inner_imports("cli.process")
     assert "flight.processing.pipeline" not in inner_imports("cli.process", only_at_import=True)
     assert {"numpy", "insgnss.base.compilation"} <= set(imports("navigation.filter.kernels.update"))

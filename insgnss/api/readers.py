@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..records import Array, ExteriorOrientation, Trajectory
+from ..records.interpolation import columns_at
 
 if TYPE_CHECKING:
     from ..photogrammetry.comparison.poses import Poses
@@ -117,7 +118,7 @@ def _read_sbet(path: Path, gps_week: int | None) -> Trajectory:
     if (beside := smrmsg_beside(path)) is not None:
         errors = read_smrmsg(beside)
         table = np.column_stack([errors.sigma_position_m, errors.sigma_velocity, errors.sigma_rpy])
-        sigma = np.column_stack([np.interp(s.time, errors.time, column) for column in table.T])
+        sigma = columns_at(s.time, errors.time, table)
     return Trajectory(
         time=s.time,
         lat=s.lat,

@@ -1,17 +1,14 @@
 """Ground points in photographs as functions of Python: predict_targets, measure_targets."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..base.advance import heard, logged
 from ..base.inputs import Source, reading
+from ..flight.config.block_file import VehicleTable
+from ..photogrammetry.target_measurement import run
+from ..photogrammetry.target_measurement.request import Request, Target
 from .keywords import path_of
 from .verbs import Progress
-
-if TYPE_CHECKING:
-    from ..flight.config.block_file import VehicleTable
-    from ..photogrammetry.target_measurement.request import Target
-    from ..photogrammetry.target_measurement.run import MeasurementResult, PredictionResult
 
 
 @heard
@@ -24,10 +21,10 @@ def predict_targets(
     *,
     crs: str | None = None,
     geoid: Source | None = None,
-    vehicle: "VehicleTable | None" = None,
+    vehicle: VehicleTable | None = None,
     write: bool = True,
     progress: Progress = logged,
-) -> "PredictionResult":
+) -> run.PredictionResult:
     """Predict where the images of a flight show its ground points.
 
     Parameters
@@ -52,13 +49,10 @@ def predict_targets(
     DataError : no ground point lies in any image.
     UsageError : a file is missing, or the table cannot be written.
     """
-    from ..photogrammetry.target_measurement.request import Request
-    from ..photogrammetry.target_measurement.run import predict_targets as predicted
-
     request = Request(
         Path(eo), Path(ground), Path(camera), None, crs, path_of(geoid), vehicle=vehicle
     )
-    return predicted(request, path_of(out), progress, write)
+    return run.predict_targets(request, path_of(out), progress, write)
 
 
 @heard
@@ -70,15 +64,15 @@ def measure_targets(
     images: Source,
     out: Source | None = None,
     *,
-    target: "Target | None" = None,
+    target: Target | None = None,
     crs: str | None = None,
     geoid: Source | None = None,
     search_px: float = 0.0,
-    vehicle: "VehicleTable | None" = None,
+    vehicle: VehicleTable | None = None,
     write: bool = True,
     force: bool = False,
     progress: Progress = logged,
-) -> "MeasurementResult":
+) -> run.MeasurementResult:
     """Measure the targets on ground points in the photographs of a flight.
 
     Parameters
@@ -109,9 +103,6 @@ def measure_targets(
     DataError : no ground point lies in an image that has a photograph.
     UsageError : a file is missing, or the products cannot be written.
     """
-    from ..photogrammetry.target_measurement.request import Request, Target
-    from ..photogrammetry.target_measurement.run import measure_targets as measured
-
     request = Request(
         Path(eo),
         Path(ground),
@@ -123,4 +114,4 @@ def measure_targets(
         search_px,
         vehicle=vehicle,
     )
-    return measured(request, path_of(out), progress, write, force=force)
+    return run.measure_targets(request, path_of(out), progress, write, force=force)

@@ -210,16 +210,11 @@ def tune(
     """
     from ..flight.config.flight_file import Flight
     from ..flight.config.keys.changes import with_changes
-    from ..flight.config.load import load_flight
     from ..noise.tuning.options import TuneOptions
 
     target = path_of(out)
-    if (
-        not isinstance(source, Flight)
-        and isinstance(source, str | os.PathLike)
-        and _is_flight(Path(source))
-    ):
-        source = load_flight(Path(source))
+    if isinstance(source, str | os.PathLike) and _is_flight(Path(source)):
+        source = flight_of(source)
     if isinstance(source, Flight):
         if options:
             raise UsageError(

@@ -134,6 +134,13 @@ def command_line(arguments: Sequence[str]) -> str:
     return shlex.join(arguments)
 
 
+def duration(seconds: float) -> str:
+    """Return a time as people say it: 45 s, 12 min, 3.5 h."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
+
+
 def some(items: Iterable[object], most: int = 3, mark: str = ", ") -> str:
     """The first of many in one phrase, "a, b, c and 4 more"; all where they are not many."""
     texts = [*map(str, items)]

@@ -9,20 +9,14 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import InputError, UsageError
 from ..base.inputs import is_file
 from ..base.wording import spoken_as
-from ..flight.config.block_file import (
-    BLOCK_TABLES,
-    DIRECTORY,
-    BlockFile,
-    BlockOutput,
-    load_block,
-)
+from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
 from ..flight.config.command_line import add_options, given_of, names_of
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show_judged, show_result
+from .verb import Judged, Result, Verb
 
 if TYPE_CHECKING:
-    from ..photogrammetry.block_adjustment.run import AdjustmentResult
+    pass
 
 EXAMPLE = """\
   insgnss adjust block.toml
@@ -132,15 +126,15 @@ def _refuse_missing(tables: Mapping[str, Any], block: Path) -> None:
             raise UsageError(f"adjust: {name} {path} does not exist; check the path")
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
+    """Do what the parsed command line asks for."""
     file = block_of(options)
     if options.plan:
         from ..photogrammetry.block_adjustment.plan import planned
         from ..photogrammetry.block_adjustment.run import directory_of
 
         out = directory_of(file, options.out)
-        return show_result(options, progress, planned(file, progress, out))
+        return planned(file, progress, out)
     from ..photogrammetry.block_adjustment.run import adjust
 
     flight = None
@@ -148,10 +142,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         from ..flight.config.load import load_flight
 
         flight = load_flight(options.trajectory)
-    result: AdjustmentResult = adjust(
-        file, options.out, progress, force=options.force, flight=flight
-    )
-    return show_judged(options, progress, result, file.path)
+    result = adjust(file, options.out, progress, force=options.force, flight=flight)
+    return Judged(result, result.refusal, (file.path,))
 
 
 VERB = Verb(

@@ -7,7 +7,7 @@ from pathlib import Path
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Result, Verb
 
 READ = "toml metashape opencv kalibr colmap pix4d opensfm bentley inpho dbat"
 """Formats of `io.formats.returned.cameras`, named here so that help needs no numpy."""
@@ -32,15 +32,14 @@ class Request(Checked):
     force: bool = argument(False, "replace a file that is there and differs")
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     from ..photogrammetry.comparison.cameras import report_cameras
 
     progress("reading cameras")
-    result = report_cameras(
+    return report_cameras(
         options.file, options.second, options.name, options.form, options.out, options.force
     )
-    return show_result(options, progress, result)
 
 
 VERB = Verb(

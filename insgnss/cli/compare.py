@@ -11,8 +11,7 @@ from ..base.inputs import sha256
 from ..io.options.comparison_options import ComparisonOptions
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
-from .console import Progress
-from .verb import Verb, show_result
+from .verb import Verb
 
 if TYPE_CHECKING:
     from ..base.files import Content
@@ -82,16 +81,11 @@ def _of_same(page: Path, inputs: Sequence[Path]) -> bool:
     return all(path.is_file() and sha256(path) in text for path in inputs)
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
-    return show_result(options, progress, compare(options, progress))
-
-
 VERB = Verb(
     "compare",
     "differences of two exterior orientations or trajectories, and which mistaken convention"
     " explains them",
     EXAMPLE,
     (Inputs, ComparisonOptions, Products),
-    run,
+    compare,
 )

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
 from ..base.errors import UsageError
+from ..base.wording import duration
 
 LONG_STEP_S = 5.0  # a step of which more is to be expected says how far it is
 RENEWED_S = 0.2  # between two renewals of the line on a terminal
@@ -86,7 +87,7 @@ class Progress:
         left = (now - began) * (1.0 - done) / (done - before)
         long = now - began + left > LONG_STEP_S
         if long and now - self._written >= (RENEWED_S if self._terminal else REPEATED_S):
-            self._write(f"{self._step}: {100.0 * done:.0f} %, {_duration(left)} left")
+            self._write(f"{self._step}: {100.0 * done:.0f} %, {duration(left)} left")
 
     def _write(self, text: str) -> None:
         self._written = time.monotonic()
@@ -126,13 +127,6 @@ def fitted(text: str, width: int | None = None) -> str:
             line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
         )
     return "\n".join(out)
-
-
-def _duration(seconds: float) -> str:
-    """Return a time that is left, to two digits or so."""
-    if seconds < 100.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
 
 
 class Parser(argparse.ArgumentParser):

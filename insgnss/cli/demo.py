@@ -7,7 +7,7 @@ from pathlib import Path
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Result, Verb
 
 
 @dataclass(frozen=True)
@@ -21,12 +21,11 @@ class Request(Checked):
     seed: int = argument(0, "of the random numbers")
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     from ..api.demo import demo
 
-    result = demo(options.directory, options.minutes, options.seed, progress)
-    return show_result(options, progress, result)
+    return demo(options.directory, options.minutes, options.seed, progress)
 
 
 VERB = Verb(

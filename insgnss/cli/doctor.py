@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..base.errors import UsageError
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, report_error, show_result
+from .verb import Judged, Result, Verb
 
 EXAMPLE = """  insgnss doctor
   insgnss doctor --compile
@@ -27,22 +27,18 @@ class Request:
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
+    """Do what the parsed command line asks for."""
     if options.limits:
         if options.compile:
             raise UsageError("--limits and --compile: --limits looks at nothing; leave one out")
         from ..batch.installation.limits import read_limits
 
-        return show_result(options, progress, read_limits())
+        return read_limits()
     from ..batch.installation.examination import examine
 
     result = examine(progress, options.compile)
-    show_result(options, progress, result)
-    if (refusal := result.refusal) is None:
-        return 0
-    report_error(f"error: {refusal}", refusal.exit_code, as_json=False)
-    return refusal.exit_code
+    return Judged(result, result.refusal)
 
 
 VERB = Verb(

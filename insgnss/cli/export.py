@@ -3,7 +3,7 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +15,7 @@ from ..io.options.camera_options import ImageMatch
 from ..io.options.kinds import Checked
 from ..io.options.schema import Triple, argument
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Result, Verb
 
 if TYPE_CHECKING:
     from ..flight.exporting.export import Exported
@@ -31,28 +31,6 @@ EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metas
 
 
 NOISE_SETTINGS = {"rate": "rate_hz", "cluster": "cluster_s", "topic": "topic"}
-
-
-@dataclass(frozen=True)
-class ExportResult:
-    """What was written, and what its reader must know."""
-
-    format: str
-    files: tuple[Path, ...]
-    notes: tuple[str, ...] = ()
-
-    def summary(self) -> str:
-        """For the terminal."""
-        return "\n".join([*map(str, self.files), *(f"note: {note}" for note in self.notes)])
-
-    def as_dict(self) -> dict[str, Any]:
-        """For machines; `file` is the export itself."""
-        return {
-            "format": self.format,
-            "file": self.files[0],
-            "files": list(self.files),
-            "notes": list(self.notes),
-        }
 
 
 @dataclass(frozen=True)
@@ -145,7 +123,7 @@ class Request(Checked):
     )
 
 
-def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write a noise model as another estimator reads it.
 
     Raises
@@ -172,17 +150,17 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
     beside = given.eo.parent if given.eo.is_file() else Path()
     text = text_for(given.format, model, **options)
 
-    def write(out: Path) -> "Exported":
-        atomic_write(out, text)
-        return Exported(out, "", ())
-
-    done = _written(given, beside / FORMS[given.format][0], write, progress)
     kept = options.get("cluster_s", 10.0)
     note = (
         f"white noise and random walk have the model's Allan variance at {kept:g} s; other times"
         " differ (data_specs/noise_exports.md)"
     )
-    return ExportResult(given.format, done.all_files, (note,))
+
+    def write(out: Path) -> Exported:
+        atomic_write(out, text)
+        return Exported(out, "", (note,), format=given.format)
+
+    return _written(given, beside / FORMS[given.format][0], write, progress)
 
 
 def _written(
@@ -222,7 +200,7 @@ def _positive(key: str, text: str) -> float:
     return value
 
 
-def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Do what the parsed command line asks for."""
     from ..noise.processes.consumers import FORMS
 
@@ -255,8 +233,7 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
         return export(eo, given.format, out, target, given.rename, **options)
 
     done = _written(given, product, write, progress)
-    notes = done.notes if moved is None else (*done.notes, moved.sentence)
-    return ExportResult(given.format, done.all_files, notes)
+    return done if moved is None else replace(done, notes=(*done.notes, moved.sentence))
 
 
 def _moved_base(request: argparse.Namespace) -> Any:
@@ -333,7 +310,7 @@ def _read_positions(request: argparse.Namespace) -> tuple[Any, tuple[str, ...]]:
     return positions, (*poses.notes, *notes)
 
 
-def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write camera positions without an IMU in a format that takes them without angles."""
     from ..flight.exporting.export import Target
     from ..flight.exporting.positions import export_positions, position_format
@@ -352,7 +329,7 @@ def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) 
         return export_positions(positions, given.format, out, target)
 
     done = _written(given, given.eo.parent / form.product, write, progress)
-    return ExportResult(given.format, done.all_files, (*done.notes, *notes))
+    return replace(done, notes=(*done.notes, *notes))
 
 
 def _settings(texts: Sequence[str]) -> dict[str, str]:
@@ -366,7 +343,7 @@ def _settings(texts: Sequence[str]) -> dict[str, str]:
     return settings
 
 
-def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write the synthetic scene of `--proof`, whose positional arguments are FORMAT and DIR.
 
     Raises
@@ -374,7 +351,7 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
     UsageError
         For options that have no meaning with it.
     """
-    from ..flight.exporting.export import known_format
+    from ..flight.exporting.export import Exported, known_format
     from ..flight.proof.write import write_proof
 
     name, directory = str(given.eo), Path(given.format)
@@ -386,9 +363,8 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
             " DIR"
         )
     progress("writing the scene")
-    return ExportResult(
-        name, tuple(write_proof(name, directory, given.crs, given.geoid, given.frame, given.ground))
-    )
+    files = write_proof(name, directory, given.crs, given.geoid, given.frame, given.ground)
+    return Exported(files[0], "", (), tuple(files), format=name)
 
 
 def _list_formats() -> str:
@@ -406,10 +382,10 @@ def _list_formats() -> str:
     return "formats:\n" + "".join(lines) + "of a noise model:\n" + "".join(noise)
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     verb = proof_verb if options.proof else export_verb
-    return show_result(options, progress, verb(options, progress))
+    return verb(options, progress)
 
 
 VERB = Verb(

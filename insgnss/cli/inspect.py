@@ -7,7 +7,7 @@ from pathlib import Path
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show_judged
+from .verb import Judged, Verb
 
 
 @dataclass(frozen=True)
@@ -27,19 +27,20 @@ class Request(Checked):
     force: bool = argument(False, "let --write overwrite existing files", needs=("write",))
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Judged:
+    """Do what the parsed command line asks for."""
     from ..flight.inspection.described import flight_file, inspect_flight
     from ..flight.inspection.run import inspect_files
 
     described = flight_file(options.source, options.write is not None)
     if described is not None:
-        return show_judged(options, progress, inspect_flight(described, progress), *options.source)
+        checked = inspect_flight(described, progress)
+        return Judged(checked, checked.refusal, options.source)
     result = inspect_files(options.source, progress)
     if options.write is not None and not result.missing:
         progress("writing")
         result = result.write(options.write, options.force)
-    return show_judged(options, progress, result, *options.source)
+    return Judged(result, result.refusal, options.source)
 
 
 VERB = Verb(

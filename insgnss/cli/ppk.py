@@ -20,7 +20,7 @@ from ..io.options.camera_options import CameraInput, ImageMatch, RoverEvents
 from ..io.options.kinds import accepted
 from ..io.options.schema import argument, declared
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Verb
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkInput, PpkResult
@@ -296,15 +296,10 @@ def geodetic_position(coordinates: Any, key: str) -> Any:
     return np.array([np.radians(lat), np.radians(lon), height])
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
-    return show_result(options, progress, ppk(options, progress))
-
-
 VERB = Verb(
     "ppk",
     "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB",
     EXAMPLE,
     add_arguments,
-    run,
+    ppk,
 )

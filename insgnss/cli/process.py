@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show
+from .verb import Result, Verb
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Request:
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     from ..flight.config.load import load_flight, remounted, with_engine
 
     flight = load_flight(options.flight)
@@ -45,8 +45,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         flight = with_engine(flight, options.engine)
     from ..flight.processing import pipeline
 
-    result = pipeline.process(flight, options.out, progress, force=options.force)
-    return show(options, progress, result.summary, lambda: result.report)
+    return pipeline.process(flight, options.out, progress, force=options.force)
 
 
 VERB = Verb(

@@ -8,7 +8,7 @@ from ..base.errors import OptionError, UsageError
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show
+from .verb import Message, Verb
 
 SURVEYS = ("ign8", "ign6x1")
 PUBLISHED = ("block2015", "corridor2014", "mapkite")
@@ -81,8 +81,8 @@ class Request(Checked):
             raise OptionError("block", problem, self.block)
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Message:
+    """Do what the parsed command line asks for."""
     if options.flight in PUBLISHED:
         return _published(options, progress)
     if options.unknown_boresight is not None:
@@ -115,11 +115,11 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     message = f"{flight_file}\nnext: insgnss process {flight_file}"
     if options.block is not None:
         message += f", then insgnss adjust {options.directory / 'block.toml'}"
-    return show(options, progress, lambda: message, lambda: {"flight": flight_file})
+    return Message(message, {"flight": flight_file})
 
 
-def _published(options: argparse.Namespace, progress: Progress) -> int:
-    """Write an image block of the literature; return the exit code."""
+def _published(options: argparse.Namespace, progress: Progress) -> Message:
+    """Write an image block of the literature."""
     for name in ("minutes", "imu_rate", "vibration", "raw_gnss", "block", "gross_errors"):
         if getattr(options, name) not in (None, False):
             option = f"--{name.replace('_', '-')}"
@@ -138,7 +138,7 @@ def _published(options: argparse.Namespace, progress: Progress) -> int:
     write_survey(options.directory, made)
     block = options.directory / "block.toml"
     message = f"{block}\nnext: insgnss adjust {block}"
-    return show(options, progress, lambda: message, lambda: {"block": block})
+    return Message(message, {"block": block})
 
 
 VERB = Verb(

@@ -11,7 +11,7 @@ from ..flight.config.command_line import add_options, made_of
 from ..io.options.schema import Triple, argument
 from ..photogrammetry.target_measurement.request import Request, Target
 from .console import Progress
-from .verb import Verb, show_judged, show_result
+from .verb import Judged, Result, Verb
 
 EXAMPLE = """\
   insgnss targets predict 02_Processed/GPS-INS/eo.json gcp.csv camera.toml
@@ -79,17 +79,15 @@ def request_of(options: argparse.Namespace) -> Request:
     return made_of(Request, options, target=target, vehicle=vehicle)
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
+    """Do what the parsed command line asks for."""
     from ..photogrammetry.target_measurement.run import measure_targets, predict_targets
 
     request = request_of(options)
     if options.job == "predict":
-        return show_result(
-            options, progress, predict_targets(request, options.out, progress, force=options.force)
-        )
+        return predict_targets(request, options.out, progress, force=options.force)
     result = measure_targets(request, options.out, progress, force=options.force)
-    return show_judged(options, progress, result, request.ground)
+    return Judged(result, result.refusal, (request.ground,))
 
 
 VERB = Verb(

@@ -11,8 +11,7 @@ from ..base.errors import UsageError
 from ..flight.config.command_line import add_options, made_of
 from ..io.options.schema import option
 from ..noise.tuning.options import TuneOptions
-from .console import Progress
-from .verb import Verb, show_result
+from .verb import Verb
 
 if TYPE_CHECKING:
     from ..noise.tuning.in_flight.estimation import FlightTuning
@@ -120,16 +119,11 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
     setattr(parser, "rearranged", parse)  # noqa: B010
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
-    return show_result(options, progress, tune(options, progress))
-
-
 VERB = Verb(
     "tune",
     "a noise model, with its uncertainty, from static recordings of an IMU or from the innovations"
     " of a flight",
     EXAMPLE,
     add_arguments,
-    run,
+    tune,
 )

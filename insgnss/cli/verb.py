@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..base.errors import InsgnssError
 from ..base.files import json_ready
 from ..flight.config.command_line import add_options, made_of
 from .console import Parser, Progress, fitted
@@ -21,6 +22,31 @@ class Result(Protocol):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A result with what it refuses, an error of `files`, which becomes the exit code."""
+
+    result: Result
+    refusal: InsgnssError | None
+    files: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Message:
+    """A result that is a text and a document."""
+
+    text: str
+    document: dict[str, Any]
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        return self.text
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return self.document
 
 
 @dataclass(frozen=True)
@@ -38,8 +64,9 @@ class Verb:
     arguments : tuple of type, or callable
         The dataclasses that declare the verb's options, or what adds them to its parser.
     run : callable, or None
-        Does what the parsed command line asks for; returns the exit code. It finds the value of
-        each declared option, its default where nobody gave it, and in `records` the dataclasses.
+        Does what the parsed command line asks for; returns the result, which is shown. It finds the
+        value of each declared option, its default where nobody gave it, and in `records` the
+        dataclasses.
         None where only the verbs below it do something.
     more_help : callable, optional
         Gives the text behind the help, only when help is asked for.
@@ -49,7 +76,7 @@ class Verb:
     what: str
     example: str
     arguments: tuple[type, ...] | Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace, Progress], int] | None
+    run: Callable[[argparse.Namespace, Progress], Result | Judged] | None
     more_help: Callable[[], str] | None = None
 
     def add_to(self, verbs: Any, below: bool = False) -> None:
@@ -81,7 +108,7 @@ class Verb:
             options.records = {kind: made_of(kind, options) for kind in self.arguments}
             for record in options.records.values():
                 vars(options).update(vars(record))
-        return self.run(options, progress) if self.run else 0
+        return _show(options, progress, self.run(options, progress)) if self.run else 0
 
     def _add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the verb's own options to its parser."""
@@ -91,43 +118,25 @@ class Verb:
             self.arguments(parser)
 
 
-def show(
-    options: argparse.Namespace,
-    progress: Progress,
-    summary: Callable[[], str],
-    document: Callable[[], dict[str, Any]],
-) -> int:
-    """Print a result as text or JSON; return exit code 0."""
+def _show(options: argparse.Namespace, progress: Progress, result: Result | Judged) -> int:
+    """Print a result as text or JSON, its refusal as one line on standard error.
+
+    Return the exit code.
+    """
+    refusal, error = None, ""
+    if isinstance(result, Judged):
+        refusal, files = result.refusal, ", ".join(map(str, result.files))
+        result, error = result.result, f"{files}: {refusal}" if files else str(refusal)
     progress.clear()
     if options.json:
-        print_json(document())
+        refused = {} if refusal is None else {"error": error, "exit_code": refusal.exit_code}
+        print_json(result.as_dict() | refused)
     else:
-        print(fitted(summary(), None if sys.stdout.isatty() else 0))
-    return 0
-
-
-def show_result(options: argparse.Namespace, progress: Progress, result: Result) -> int:
-    """Print a result that has `summary` and `as_dict`; return exit code 0."""
-    return show(options, progress, result.summary, result.as_dict)
-
-
-def show_judged(options: argparse.Namespace, progress: Progress, result: Any, *files: Path) -> int:
-    """Print a result of `files`.
-
-    Return 0, or the exit code of its refusal, which is one line on standard error.
-    """
-    refusal = result.refusal
+        print(fitted(result.summary(), None if sys.stdout.isatty() else 0))
     if refusal is None:
-        return show_result(options, progress, result)
-    error, code = f"{', '.join(map(str, files))}: {refusal}", refusal.exit_code
-    show(
-        options,
-        progress,
-        result.summary,
-        lambda: result.as_dict() | {"error": error, "exit_code": code},
-    )
-    report_error(f"error: {error}", code, as_json=False)
-    return code
+        return 0
+    report_error(f"error: {error}", refusal.exit_code, as_json=False)
+    return refusal.exit_code
 
 
 def print_json(document: Any) -> None:

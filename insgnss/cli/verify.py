@@ -9,7 +9,7 @@ from pathlib import Path
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, show_judged
+from .verb import Judged, Verb
 
 EXAMPLE = """  insgnss verify ign8/flight.toml
   insgnss verify ign8 --minutes 1 --start 381600
@@ -40,18 +40,18 @@ class Request(Checked):
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Judged:
+    """Do what the parsed command line asks for."""
     if options.flight.is_file() and options.flight.suffix.lower() != ".toml":
         from ..gnss.rinex.against_georinex import compare_with_georinex
 
         compared = compare_with_georinex(options.flight, progress)
-        return show_judged(options, progress, compared, options.flight)
+        return Judged(compared, compared.refusal, (options.flight,))
     from ..flight.config.load import load_flight
     from ..flight.reference.verify import verify
 
     result = verify(load_flight(options.flight), options.minutes, options.start, progress)
-    return show_judged(options, progress, result, options.flight)
+    return Judged(result, result.refusal, (options.flight,))
 
 
 VERB = Verb(

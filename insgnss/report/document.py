@@ -7,7 +7,7 @@ another way. JSON files have numbers of their own, which the verb gives to `writ
 
 import platform
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -25,12 +25,13 @@ from .charts.chart import Chart
 from .charts.encoded import script_safe
 from .markup import (
     charted,
+    closing,
     embedded,
     escape,
     folded,
+    opening,
     sentence,
     table,
-    whole_page,
     with_contents,
 )
 from .verdict import Verdict
@@ -96,6 +97,24 @@ class Table:
     head: Sequence[str] = ()
     numbers: bool = False
     name: str = "rows"
+
+    @classmethod
+    def of(
+        cls, records: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+    ) -> "Table":
+        """Return a table of one row a record.
+
+        Parameters
+        ----------
+        records : iterable
+            What the rows are of.
+        columns : mapping
+            By its head what a column says of a record.
+        more
+            Further fields.
+        """
+        rows = [[cell(record) for cell in columns.values()] for record in records]
+        return cls(rows, tuple(columns), **more)
 
     def html(self) -> str:
         """Return the table for the page, folded where it is long."""
@@ -262,23 +281,17 @@ class Document:
         body = "".join(map(placed, (*shown, first)))
         origin = "".join(map(placed, origins))
         word, why, _ = self.verdict
-        blocks = (embedded(name, script_safe(block)) for name, block in data.items())
         reason = f"<strong>{escape(self.verdict.shown)}</strong>: {escape(why)}."
-        return whole_page(
-            self.title,
-            self.headline,
-            word,
-            (
-                f'<p class="reason {word}">{reason}</p>\n',
-                with_contents(body, "" if whole else APPENDIX),
-                origin,
-                *blocks,
-            ),
-            self.heading,
-            self.about,
-            [s for s in shown if isinstance(s, Chart)],
-            twin_sha256,
-        )
+        charts = [s for s in shown if isinstance(s, Chart)]
+        yield opening(self.title, bool(charts))
+        yield f"<h1>{escape(self.heading or self.title)}</h1>\n"
+        yield f'<p class="soft about">{escape(sentence(self.about))}</p>\n' if self.about else ""
+        yield f'<p class="headline {word}">{escape(self.headline)}.</p>\n'
+        yield f'<p class="reason {word}">{reason}</p>\n'
+        yield with_contents(body, "" if whole else APPENDIX)
+        yield origin
+        yield from (embedded(name, script_safe(block)) for name, block in data.items())
+        yield from closing(charts, twin_sha256)
 
     def _made_from(self) -> Iterator[Section]:
         """Settings, input files, programs, date and place."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
+from ..records.interpolation import columns_at
 
 Array = NDArray[np.float64]
 
@@ -54,11 +55,9 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
         if d.time[last] - d.time[first] < SHORTEST_LINE_S:
             continue
         third = (last - first) // 3
-        begin, end = (
-            _mean_course(course[first : first + third]),
-            _mean_course(course[last - third : last]),
-        )
-        if abs(_wrapped(end - begin)) > math.radians(BEND_DEG):
+        ends = (slice(first, first + third), slice(last - third, last))
+        begin, end = (_mean_course(course[rows]) for rows in ends)
+        if abs(math.remainder(end - begin, 2.0 * math.pi)) > math.radians(BEND_DEG):
             continue
         image, after = (
             (0, 0)
@@ -72,29 +71,21 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
 
 def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
     """Course over each row's neighbourhood, rad, and whether it is straight there."""
-    east, north = d.position[:, 1], d.position[:, 0]
+    here = d.position[:, :2]
     shifted = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
-    before, after = (
-        np.stack([np.interp(t, d.time, x) for x in (north, east)], axis=1) for t in shifted
-    )
-    here = np.stack([north, east], axis=1)
+    before, after = (columns_at(time, d.time, here) for time in shifted)
     a, b = here - before, after - here
     speed = np.hypot(d.velocity[:, 0], d.velocity[:, 1])
     least = max(SLOWEST_MS, SLOWEST * float(np.quantile(speed, 0.9)))
     turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
     turn[(d.time - d.time[0] < HALF_S) | (d.time[-1] - d.time < HALF_S)] = 0.0
     whole = after - before
-    return np.arctan2(whole[:, 1], whole[:, 0]), (np.abs(turn) < math.radians(STRAIGHT_DEG)) & (
-        speed > least
-    )
+    straight = (np.abs(turn) < math.radians(STRAIGHT_DEG)) & (speed > least)
+    return np.arctan2(whole[:, 1], whole[:, 0]), straight
 
 
 def _mean_course(course: Array) -> float:
     return math.atan2(float(np.sin(course).sum()), float(np.cos(course).sum()))
-
-
-def _wrapped(angle: float) -> float:
-    return math.remainder(angle, 2.0 * math.pi)
 
 
 def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:

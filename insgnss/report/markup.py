@@ -19,39 +19,26 @@ _POLICY = (
 )
 
 
-def whole_page(
-    title: str,
-    headline: str,
-    mood: str,
-    body: Iterable[str],
-    heading: str = "",
-    about: str = "",
-    charts: Sequence[Chart] = (),
-    report_sha256: str = "",
-) -> Iterator[str]:
-    """A whole page, piece by piece.
-
-    Parameters
-    ----------
-    title, headline : texts without HTML; the headline without full stop.
-    mood : "good", "doubtful" or "bad".
-    body : HTML below the headline.
-    heading, about : above the headline, by default the title and nothing below it.
-    charts : what `charted` has places for in the body; the page draws them itself.
-    report_sha256 : SHA-256 of the text of report.json of the same run, for `insgnss figures`.
-    """
+def opening(title: str, charts: bool) -> str:
+    """The head of a page, and its beginning; charts : whether it draws some."""
     style = asset("uplot/uPlot.min.css") + "\n" + asset("report.css") if charts else ""
-    yield (
+    return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}'
         "</title>\n"
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         f"<style>\n{style or asset('report.css')}\n</style>\n</head>\n<body>\n<main>\n"
     )
-    yield f"<h1>{escape(heading or title)}</h1>\n"
-    yield f'<p class="soft about">{escape(sentence(about))}</p>\n' if about else ""
-    yield f'<p class="headline {mood}">{escape(headline)}.</p>\n'
-    yield from body
+
+
+def closing(charts: Sequence[Chart], report_sha256: str) -> Iterator[str]:
+    """The end of a page, piece by piece.
+
+    Parameters
+    ----------
+    charts : what `charted` has places for in the page, which draws them itself.
+    report_sha256 : SHA-256 of the text of report.json of the same run, for `insgnss figures`.
+    """
     yield "</main>\n"
     if charts:
         yield embedded(BLOCK, encoded(charts, report_sha256))

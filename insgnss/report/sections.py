@@ -129,42 +129,37 @@ def flight_lines(s: Summary) -> Section:
     The largest of each sigma stands out.
     """
     lines: Sequence[Mapping[str, Any]] = s["lines"]
-    forms = (
-        ("horizontal_mm", millimetres),
-        ("down_mm", millimetres),
-        ("tilt_deg", "{:.3f}".format),
-        ("heading_deg", "{:.3f}".format),
-    )
-    columns = [
-        _with_largest([line[key] for line in lines], form) if lines else [] for key, form in forms
-    ]
-    rows = [
-        (
-            str(line["line"]),
-            f"{line['start_s']:.1f} – {line['end_s']:.1f}",
-            f"{line['course_deg']:.0f}",
-            f"{line['length_m']:.0f}",
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "Line": lambda line: str(line["line"]),
+        "TOW, s": lambda line: f"{line['start_s']:.1f} – {line['end_s']:.1f}",
+        "course, deg": lambda line: f"{line['course_deg']:.0f}",
+        "length, m": lambda line: f"{line['length_m']:.0f}",
+        "images": lambda line: (
             f"{line['first_image']} – {line['last_image']} ({line['images']})"
             if line["images"]
-            else "–",
-            *(column[k] for column in columns),
-        )
-        for k, line in enumerate(lines)
-    ]
-    head: tuple[str, ...] = ("Line", "TOW, s", "course, deg", "length, m", "images")
-    head += ("horizontal", "height", "tilt, deg", "heading, deg")
+            else "–"
+        ),
+        "horizontal": _with_largest(lines, "horizontal_mm", millimetres),
+        "height": _with_largest(lines, "down_mm", millimetres),
+        "tilt, deg": _with_largest(lines, "tilt_deg", "{:.3f}".format),
+        "heading, deg": _with_largest(lines, "heading_deg", "{:.3f}".format),
+    }
     caption = (
         "median standard deviations on each straight line, numbered as in the figures; the largest,"
         " where one is, is in bold"
     )
-    return _captioned("Line by line", caption, Table(rows, head, True, "lines"), brief=True)
+    table = Table.of(lines, columns, numbers=True, name="lines")
+    return _captioned("Line by line", caption, table, brief=True)
 
 
-def _with_largest(values: Sequence[float], form: Callable[[float], str]) -> list[str]:
-    """Return cells of which the largest, where there is one, stands out."""
-    cells, largest = [*map(form, values)], form(max(values))
+def _with_largest(
+    lines: Sequence[Mapping[str, Any]], key: str, form: Callable[[float], str]
+) -> Callable[[Mapping[str, Any]], str]:
+    """Return what a column says of a line; the largest value, where there is one, stands out."""
+    cells = [form(line[key]) for line in lines]
+    largest = form(max((line[key] for line in lines), default=0.0))
     alone = len(cells) > 1 and cells.count(largest) == 1
-    return [strong(cell, alone and cell == largest) for cell in cells]
+    return lambda line: strong(form(line[key]), alone and form(line[key]) == largest)
 
 
 def fixes_by_line(s: Summary) -> Section:
@@ -177,35 +172,34 @@ def fixes_by_line(s: Summary) -> Section:
     def pair(usual: float | None, extreme: float | None, form: str) -> str:
         return "–" if usual is None else f"{usual:{form}} ({extreme:{form}})"
 
-    rows = [
-        (
-            str(line["line"]),
-            str(line["used"]),
-            strong(str(line["rejected"]), line["rejected"] > 0),
-            f"{share(line['fixed_share'])} / {share(line['float_share'])}",
-            pair(line["satellites"], line["least_satellites"], ".0f"),
-            pair(line["pdop"], line["largest_pdop"], ".1f"),
-            three(line["innovation_mm"], ".1f"),
-            three(line["innovation_sigma_mm"], ".1f"),
-        )
-        for line in (lines if any(line["fixes"] for line in lines) else ())
-    ]
-    head: tuple[str, ...] = (
-        "Line",
-        "fixes used",
-        "rejected",
-        Marked("fixed / float, %", tip=FIXED),
-    )
-    head += ("satellites (least)", Marked("PDOP (largest)", tip=PDOP))
-    head += ("mean innovation N / E / D, mm", "sigma of one, mm")
-    stated = [k for k in range(len(head)) if any(row[k] not in ("–", "– / –") for row in rows)]
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "Line": lambda line: str(line["line"]),
+        "fixes used": lambda line: str(line["used"]),
+        "rejected": lambda line: strong(str(line["rejected"]), line["rejected"] > 0),
+        Marked("fixed / float, %", tip=FIXED): lambda line: (
+            f"{share(line['fixed_share'])} / {share(line['float_share'])}"
+        ),
+        "satellites (least)": lambda line: pair(
+            line["satellites"], line["least_satellites"], ".0f"
+        ),
+        Marked("PDOP (largest)", tip=PDOP): lambda line: pair(
+            line["pdop"], line["largest_pdop"], ".1f"
+        ),
+        "mean innovation N / E / D, mm": lambda line: three(line["innovation_mm"], ".1f"),
+        "sigma of one, mm": lambda line: three(line["innovation_sigma_mm"], ".1f"),
+    }
+    lines = lines if any(line["fixes"] for line in lines) else ()
+    stated = {
+        head: cell
+        for head, cell in columns.items()
+        if any(cell(line) not in ("–", "– / –") for line in lines)
+    }
     caption = (
         "the fixes of each line, by what their source says of them. A mean innovation beyond a"
         " fraction of the sigma of one fix is systematic: lever arm, time offset, or the fixes"
         " themselves"
     )
-    cells = [[row[k] for k in stated] for row in rows]
-    table = Table(cells, [head[k] for k in stated], True, "lines")
+    table = Table.of(lines, stated, numbers=True, name="lines")
     return _captioned("GNSS line by line", caption, table)
 
 

@@ -111,7 +111,7 @@ def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
 
     def process(loaded, out, progress, force):
         progress("smoothing")
-        return types.SimpleNamespace(report=report, summary=lambda: "not shown")
+        return types.SimpleNamespace(as_dict=lambda: report, summary=lambda: "not shown")
 
     pipeline.process = process
     assert main(["process", str(flight), "--json"]) == 0

@@ -968,7 +968,7 @@ def test_a_full_disk_leaves_nothing(data, capsys, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", "report.json")
 
-    monkeypatch.setattr("insgnss.report.page.write_report_json", full)
+    monkeypatch.setattr("insgnss.flight.processing.products.write_report_json", full)
     _refused(capsys, data.root, 2, ("No space left on device", "free space"))
 
 

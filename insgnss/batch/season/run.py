@@ -13,7 +13,7 @@ from ...base.beside import processors
 from ...base.errors import InsgnssError, UsageError
 from ...base.files import atomic_write, picked
 from ...base.output.staging import together
-from ...base.wording import relative
+from ...base.wording import duration, relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
 from .page import MARK, is_ours, page_html, season_document
@@ -108,13 +108,6 @@ def headline(outcomes: Sequence[Outcome]) -> str:
     if count[WAITING]:
         words.append(f"{count[WAITING]} not reached")
     return f"{len(outcomes)} flights: {', '.join(words)}; {images} images"
-
-
-def duration(seconds: float) -> str:
-    """Return a time as people say it: 45 s, 12 min, 3.5 h."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
 def line_of(outcome: Outcome) -> str:

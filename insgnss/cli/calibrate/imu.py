@@ -14,7 +14,7 @@ from ...base.provenance import made_from, refuse_other_results
 from ...io.options.kinds import Checked
 from ...io.options.schema import argument
 from ..console import Progress
-from ..verb import Verb, show
+from ..verb import Message, Verb
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Request(Checked):
     force: bool = argument(False, "overwrite the calibration of another recording")
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Message:
+    """Do what the parsed command line asks for."""
     from ...io.formats import read_imu
     from ...navigation.prepare.calibration import write_calibration
     from ...noise.multi_position.calibration import calibrate_multi_position
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     with together():
         write_calibration(result.calibration, out, (*summary.splitlines(), origin))
         write_json(document, figures | made_from((options.imu, *flight), document, [out]))
-    return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
+    return Message(f"{summary}\n{out}\n{document}", figures)
 
 
 def _refuse_others(out: Path, imu: Path) -> None:

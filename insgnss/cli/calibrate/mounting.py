@@ -20,7 +20,7 @@ from ...photogrammetry.mounting_calibration.options import (
     TripodOptions,
 )
 from ..console import Progress
-from ..verb import Verb, show_judged
+from ..verb import Judged, Verb
 
 if TYPE_CHECKING:
     from ...photogrammetry.mounting_calibration.products import CalibratedMounting
@@ -111,20 +111,21 @@ class FlightFiles:
 
 def _finished(
     options: argparse.Namespace, progress: Progress, result: "CalibratedMounting", *files: Path
-) -> int:
-    """Write and print a result; return the exit code."""
+) -> Judged:
+    """Write the result of a calibration of `files`."""
     from ...photogrammetry.mounting_calibration.products import compared, written
 
     if options.compare is not None:
         result = compared(result, options.compare)
     progress("write")
-    return show_judged(options, progress, written(result, options.out, options.force), *files)
+    result = written(result, options.out, options.force)
+    return Judged(result, result.refusal, files)
 
 
 def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: type) -> Verb:
     """Return the verb of a calibration of two files, which the module of its name holds."""
 
-    def run(options: argparse.Namespace, progress: Progress) -> int:
+    def run(options: argparse.Namespace, progress: Progress) -> Judged:
         room = import_module("...photogrammetry.mounting_calibration", __package__).__name__
         calibrate = getattr(import_module(f"{room}.{name}_files"), f"calibrate_{name}")
         progress("calibrating")
@@ -134,8 +135,8 @@ def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: t
     return Verb(name, meaning, example, (inputs, chosen, Products), run)
 
 
-def _run_mounting(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
+    """Do what the parsed command line asks for."""
     from ...flight.config.load import load_flight
     from ...photogrammetry.mounting_calibration.flight_products import calibrated
     from ...photogrammetry.mounting_calibration.in_flight import calibrate_mounting

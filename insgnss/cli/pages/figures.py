@@ -8,7 +8,7 @@ from typing import Literal
 from ...io.options.kinds import Checked
 from ...io.options.schema import argument
 from ..console import Progress
-from ..verb import Verb, show_result
+from ..verb import Result, Verb
 
 EXAMPLE = """  insgnss figures results/02_Processed/GPS-INS/report.json --format pdf --out paper
   insgnss figures adjust.html --only map by-image --format svg
@@ -40,15 +40,14 @@ class Request(Checked):
     force: bool = argument(False, "overwrite existing files")
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     from ...report.charts.files import figure_files
 
     progress("drawing")
-    result = figure_files(
+    return figure_files(
         options.source, options.format, options.out, options.only, options.width, options.force
     )
-    return show_result(options, progress, result)
 
 
 VERB = Verb(

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...io.options.kinds import Checked
 from ...io.options.schema import argument
 from ..console import Progress
-from ..verb import Verb, show_result
+from ..verb import Result, Verb
 
 EXAMPLE = """  insgnss report results/02_Processed/GPS-INS/report.json
   insgnss report report.html --pdf ign8.pdf --appendix"""
@@ -29,13 +29,12 @@ class Request(Checked):
     force: bool = argument(False, "overwrite an existing file")
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result:
+    """Do what the parsed command line asks for."""
     from ...report.printed import print_page
 
     progress("printing")
-    result = print_page(options.source, options.pdf, options.appendix, options.force)
-    return show_result(options, progress, result)
+    return print_page(options.source, options.pdf, options.appendix, options.force)
 
 
 VERB = Verb(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...io.options.schema import argument
 from ..console import Progress
-from ..verb import Verb, report_error, show_result
+from ..verb import Judged, Verb
 
 EXAMPLE = """  insgnss archive season
   insgnss archive season --remake"""
@@ -22,16 +22,12 @@ class Request:
     )
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Judged:
+    """Do what the parsed command line asks for."""
     from ...batch.season.archive import examine_archive
 
     result = examine_archive(options.directory, options.remake, progress)
-    show_result(options, progress, result)
-    if (refusal := result.refusal) is None:
-        return 0
-    report_error(f"error: {refusal}", refusal.exit_code, as_json=False)
-    return refusal.exit_code
+    return Judged(result, result.refusal)
 
 
 VERB = Verb(

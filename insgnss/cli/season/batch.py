@@ -3,9 +3,11 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from ...base.errors import InsgnssError
+from ...base.wording import duration
 from ...batch.season.request import SeasonRequest
 from ..console import Progress
-from ..verb import Verb, report_error, show_result
+from ..verb import Judged, Result, Verb
 
 if TYPE_CHECKING:
     from ...batch.season.work import Outcome
@@ -17,20 +19,22 @@ EXAMPLE = """  insgnss batch season
 SELDOM_S = 20.0  # between lines of progress where no terminal renews one
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
+def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
+    """Do what the parsed command line asks for."""
     from ...batch.season.run import line_of, run_season
 
     request = options.records[SeasonRequest]
     lines = _Lines(progress, silent=options.json)
     result = run_season(request, lambda one: lines.show(one, line_of(one)), lines.tick)
-    show_result(options, progress, result)
-    if result.exit_code:
-        count = sum(one.exit_code != 0 for one in result.outcomes)
-        where = next(file for file in result.files if file.suffix == ".html")
-        line = f"error: {count} of {len(result.outcomes)} flights failed; why stands in {where}"
-        report_error(line, result.exit_code, as_json=False)
-    return result.exit_code
+    if not result.exit_code:
+        return result
+    count = sum(one.exit_code != 0 for one in result.outcomes)
+    where = next(file for file in result.files if file.suffix == ".html")
+    failure = InsgnssError(
+        f"{count} of {len(result.outcomes)} flights failed; why stands in {where}"
+    )
+    failure.exit_code = result.exit_code
+    return Judged(result, failure)
 
 
 class _Lines:
@@ -58,14 +62,8 @@ class _Lines:
         if not self._progress.renews and seconds - self._last < SELDOM_S:
             return
         self._last = seconds
-        left = f", some {_duration((count - done) * seconds / worked)} left" if worked else ""
+        left = f", some {duration((count - done) * seconds / worked)} left" if worked else ""
         self._progress(f"{done} of {count} flights{left}")
-
-
-def _duration(seconds: float) -> str:
-    from ...batch.season.run import duration
-
-    return duration(seconds)
 
 
 VERB = Verb(

@@ -12,14 +12,7 @@ from ...base.errors import InputError, near
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
 from ...io.options.kinds import Checked, Kind, no_mapping, register
-from ...io.options.schema import (
-    Declared,
-    Triple,
-    columns_of_file,
-    option,
-    sigmas,
-    take_record,
-)
+from ...io.options.schema import Declared, Triple, columns_of_file, option, sigmas, take_record
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
 if TYPE_CHECKING:

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, OptionError, near
 from ...io.options.kinds import Checked, Kind, no_mapping, no_text, other_class, register
-from ...io.options.schema import (
-    Declared,
-    Triple,
-    Words,
-    columns_of_file,
-    option,
-    take_record,
-)
+from ...io.options.schema import Declared, Triple, Words, columns_of_file, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns

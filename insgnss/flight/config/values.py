@@ -118,16 +118,6 @@ def covariance_of(table: Table) -> CovarianceModel:
     return CovarianceModel().with_changes(changes)
 
 
-def _file(table: Table, key: str, value: Any) -> Any:
-    """The path of a file that is there and not empty."""
-    return table.file(key)
-
-
-def _directory(table: Table, key: str, value: Any) -> Any:
-    """A directory that is there or is to be made."""
-    return table.text(key)
-
-
 def _existing(table: Table, key: str, value: Any) -> Any:
     """The path of a file or directory that is there."""
     return _present(table, key, [table.resolve(table.text(key), key)], Path.exists)[0]
@@ -224,18 +214,14 @@ def _camera_mounting(table: Table, key: str, value: Any) -> Any:
     return mounting
 
 
-def _covariance(table: Table, key: str, value: Any) -> Any:
-    return covariance_of(table.table(key))
-
-
 READERS: dict[str, Callable[[Table, str, Any], Any]] = {
     "angles": _angles,
     "camera_mounting": _camera_mounting,
-    "covariance": _covariance,
-    "directory": _directory,
+    "covariance": lambda table, key, value: covariance_of(table.table(key)),
+    "directory": lambda table, key, value: table.text(key),
     "engine": _engine,
     "existing": _existing,
-    "file": _file,
+    "file": lambda table, key, value: table.file(key),
     "file_or_directory": _file_or_directory,
     "files": _files,
     "images": _images,

@@ -79,6 +79,16 @@ class Exported:
     notes: tuple[str, ...]
     files: tuple[Path, ...] = ()
     helpers: tuple[Path, ...] = ()
+    format: str = ""
+
+    def summary(self) -> str:
+        """Return the files, one a line, and the notes."""
+        return "\n".join([*map(str, self.all_files), *(f"note: {note}" for note in self.notes)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        files = list(self.all_files)
+        return {"format": self.format, "file": files[0], "files": files, "notes": list(self.notes)}
 
     @property
     def all_files(self) -> tuple[Path, ...]:
@@ -191,7 +201,7 @@ def _export(
             )
         control = _relative(name, in_frame(eo, TANGENT), eo, options) if options else None
         form.write(eo, path, relative=control)
-        return Exported(path, "tangent plane", ())
+        return Exported(path, "tangent plane", (), format=name)
     notes = []
     if target.crs is not None and is_globe(target.crs):
         if eo.datum is None:
@@ -224,7 +234,7 @@ def _export(
         atomic_writes(beside)
     notes += own or ()
     notes += _notes(form, projection, framed, eo, target, "length_unit" in options)
-    return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside))
+    return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside), format=name)
 
 
 def on_area(projection: MapProjection, lat: Array, lon: Array) -> Iterator[str]:

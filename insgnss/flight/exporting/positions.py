@@ -78,7 +78,7 @@ def export_positions(
             f"{antenna} of {len(positions.images)} positions are of the antenna, not of the camera:"
             " give the bundle adjustment the lever arm, or let it estimate it",
         )
-    return Exported(path, cameras.frame.name, tuple(notes), helpers=tuple(helpers))
+    return Exported(path, cameras.frame.name, tuple(notes), helpers=tuple(helpers), format=name)
 
 
 def _placed(

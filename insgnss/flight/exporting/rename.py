@@ -140,9 +140,5 @@ def names_file(path: Path) -> Path:
 
 def write_names(names: dict[str, str], path: Path) -> None:
     """Write the table of old and new names, which `read_names` reads back."""
-    quoted = ('"' + name.replace('"', '""') + '"' for pair in names.items() for name in pair)
-    atomic_write(path, [",".join(HEADER), "\n", *_rows(list(quoted))])
-
-
-def _rows(fields: list[str]) -> list[str]:
-    return [f"{old},{new}\n" for old, new in zip(fields[::2], fields[1::2], strict=True)]
+    quoted = [['"' + name.replace('"', '""') + '"' for name in pair] for pair in names.items()]
+    atomic_write(path, "".join(f"{old},{new}\n" for old, new in [HEADER, *quoted]))

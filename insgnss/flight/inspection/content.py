@@ -21,7 +21,6 @@ from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
 from .result import Recorded
 from .rinex.result import draft_raw_gnss
-from .rinex.survey import Survey
 from .sensing import Sensing
 from .sources import Source
 
@@ -63,6 +62,8 @@ def draft_flight(
     by_role = {source.role: source for source in recorded.sources}
     site = by_role["imu"].site
     raw_gnss = rinex is not None and not rinex.missing and site is None and gnss is None
+    rover = rinex.rover if rinex is not None and raw_gnss else None
+    of_rover = 0 if rover is None else rover.events
     if rinex is not None and rinex.missing and site is None and gnss is None:
         return None, f"no fixes of a receiver, and the RINEX files lack {rinex.missing}"
     if gnss is None and site is None and not raw_gnss:
@@ -95,19 +96,14 @@ def draft_flight(
                 why = source.why[key]
                 draft.add("camera", key, source.keys[key], why, why != SCALE_OPEN)
         draft.add("camera", "clock", *recorded.event_clock)
-    elif of_rover := _events_of_rover(rinex if raw_gnss else None):
+    elif of_rover:
         words = f"{of_rover} camera events are in the rover's file; name their images"
         draft.add("camera", "images", "photos", words, False)
-    _mounting(draft, "events" in by_role or bool(_events_of_rover(rinex if raw_gnss else None)))
+    _mounting(draft, "events" in by_role or bool(of_rover))
     if gnss is not None or raw_gnss:
         _filter(draft, gnss, recognition)
     draft.add("output", "directory", "results")
     return draft, ""
-
-
-def _events_of_rover(rinex: Survey | None) -> int:
-    """How many camera events the rover's RINEX has."""
-    return 0 if rinex is None or rinex.rover is None else rinex.rover.events
 
 
 def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
@@ -185,7 +181,6 @@ def _units(
 
 def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
-
     kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
     return {
         key: unit
@@ -196,7 +191,6 @@ def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
 
 def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str | None:
     """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
-
     factor = factor_of_numbers(recognition, key)
     if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
         return None

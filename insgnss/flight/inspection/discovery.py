@@ -154,7 +154,6 @@ def sources_of(path: Path) -> list[Source]:
 
 def _known_log(path: Path) -> list[Source] | None:
     """Sources of a file whose format says what it holds; None for tables."""
-
     with opened(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
             return []
@@ -176,7 +175,6 @@ def _known_log(path: Path) -> list[Source] | None:
 
 def _psins(path: Path) -> Source:
     """A log of increments whose header gives the site and the axes."""
-
     header = read_psins_header(path)
     site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
     keys, why = {"quantity": "increments"}, {"quantity": "by the format"}
@@ -185,7 +183,6 @@ def _psins(path: Path) -> Source:
 
 def _fix_log(path: Path, form: str) -> Source:
     """A receiver's log; standard deviations stand in where it has none."""
-
     entry = Keys()
     if form == "gpx":
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
@@ -205,7 +202,6 @@ def _fix_log(path: Path, form: str) -> Source:
 
 def _flight_log(path: Path, form: str) -> list[Source]:
     """The log of an autopilot: samples and fixes, and exposures where it holds any."""
-
     names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
     keys = {key: list(value) for key, value in SINGLE_POINT.items()}
     why = {"sigma_m": LOG_SIGMA, "sigma_velocity_mps": LOG_SIGMA}

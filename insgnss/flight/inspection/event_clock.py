@@ -54,7 +54,6 @@ def clock_of_events(
     tuple of str, str, bool
         "imu" or "receiver", why, and whether the recording tells it.
     """
-
     of_imu, of_gnss, of_events = sources
     form = "" if of_events is None else sniff_events(of_events.path)
     if gnss is None or events is None or of_gnss is None or of_events is None:
@@ -96,7 +95,6 @@ def scale_of_dates(
     gnss : GnssFixes
         In the week of the events, or without one.
     """
-
     count, week = events.time.size, events.gps_week
     if "time_scale" not in source.keys or week is None or count < ENOUGH_IMAGES:
         return source, events

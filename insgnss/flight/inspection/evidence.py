@@ -176,7 +176,6 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
     tuple of str
         The axes in words, and the IMU axis that is vertical.
     """
-
     axis = int(np.argmax(np.abs(mean_force)))
     words = ["", "", ""]
     words[axis] = "up" if mean_force[axis] > 0.0 else "down"

@@ -33,7 +33,6 @@ def right_handed(
         With the exchange, and a note that says so; as they were, with a contradiction, where the
         format does not let the flight file name its columns.
     """
-
     usual = parse_axes(source.axes or USUAL_AXES)
     exchange = of_axes(recognition.exchanges, usual) or recognition.exchanges[0]
     keys, (a, b) = source.keys, exchange.words

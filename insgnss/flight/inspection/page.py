@@ -10,6 +10,7 @@ from ...base.files import json_ready, picked
 from ...base.units import DEG_PER_H, MILLI_G
 from ...navigation.prepare.fix_path import north_east
 from ...navigation.recognise.findings import Finding
+from ...records.interpolation import columns_at
 from ...report.charts.chart import Chart
 from ...report.document import Document, Drawing, Section, Table, checked
 from ...report.figures.recognition import answers_in_words
@@ -86,7 +87,7 @@ def _hovers(result: InspectionData) -> bool:
     if gnss is None or gnss.time.size < 2:
         return False
     time = np.arange(gnss.time[0], gnss.time[-1], SPEED_S)
-    path = np.column_stack([np.interp(time, gnss.time, way) for way in north_east(gnss).T])
+    path = columns_at(time, gnss.time, north_east(gnss))
     step = np.linalg.norm(np.diff(path, axis=0), axis=1)
     return bool(step.size and np.median(step) < KEEPS_PLACE_MS * SPEED_S)
 

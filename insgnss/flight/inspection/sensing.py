@@ -28,6 +28,7 @@ from ...navigation.noise_model.model import (
     load_noise_model,
     shipped_models,
 )
+from ...navigation.noise_model.noise_model import NOISE_UNITS
 from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, GnssFixes, ImuSamples
@@ -244,21 +245,13 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
     if sensing.rest_s > 0.0 and sensing.grade != "navigation":
         turn_gyro = max(2.0 * float(np.abs(sensing.mean_gyro).max()), 5.0 * sigma_gyro)
         turn_accel = max(2.0 * abs(sensing.gravity - STANDARD_GRAVITY), 0.4 * turn_accel)
-    gyro = _axes(
-        sensing.moving_gyro,
-        turn_gyro,
-        sigma_gyro,
-        tau,
-        ("deg/h/sqrt(Hz)", "deg/h", "deg/s^2/sqrt(Hz)"),
-        _CONSTANTS[sensing.grade],
+    of_sensors = (
+        ("gyro", sensing.moving_gyro, turn_gyro, sigma_gyro),
+        ("accel", sensing.moving_accel, turn_accel, sigma_accel),
     )
-    accel = _axes(
-        sensing.moving_accel,
-        turn_accel,
-        sigma_accel,
-        tau,
-        ("ug/sqrt(Hz)", "mg", "ug/s/sqrt(Hz)"),
-        _CONSTANTS[sensing.grade],
+    gyro, accel = (
+        _axes(sensor, white, turn_on, GaussMarkov.from_sigma(tau, sigma), _CONSTANTS[sensing.grade])
+        for sensor, white, turn_on, sigma in of_sensors
     )
     source = (
         "drafted by insgnss inspect: white noise measured in this recording, the rest a-priori of"
@@ -268,22 +261,25 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
 
 
 def _axes(
+    sensor: str,
     white: Array,
     turn_on: float,
-    sigma: float,
-    tau: float,
-    units: tuple[str, str, str],
+    error: GaussMarkov,
     constants: tuple[float, float] | None,
 ) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
     """The three axes alike, with the largest white noise of them.
 
-    Two digits are kept in the units of white noise, bias and driving noise.
+    Two digits are kept in the units in which a file writes white noise, bias and driving noise.
     """
-    values = (float(white.max()), turn_on, GaussMarkov.from_sigma(tau, sigma).driving_noise)
-    density, bias, driving = (
-        rounded(value, unit, 2) for value, unit in zip(values, units, strict=True)
-    )
-    axis = AxisNoise(density, turn_on_bias=bias, gauss_markov=(GaussMarkov(tau, driving),))
+    values = {
+        "white_noise": float(white.max()),
+        "turn_on_bias": turn_on,
+        "driving_noise": error.driving_noise,
+    }
+    units = NOISE_UNITS[sensor]
+    density, bias, driving = (rounded(value, units[key], 2) for key, value in values.items())
+    error = replace(error, driving_noise=driving)
+    axis = AxisNoise(density, turn_on_bias=bias, gauss_markov=(error,))
     if constants is not None:
         axis = replace(axis, scale_factor=constants[0], misalignment=constants[1])
     return axis, axis, axis

@@ -29,7 +29,6 @@ from ...io.formats.images.exif import CameraTags, camera_tags
 from ...io.formats.orientation.mounting_file import MountingFile
 from ...navigation.align.initial import MOST_ATTITUDE_SIGMA_RAD
 from ...navigation.prepare.gaps import BRIDGE_S
-from ...navigation.recognise import plausibility
 from ...navigation.recognise.positions import VELOCITY_UNITS
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question, Trajectory
 from ...records.cameras.mounting import Mounting
@@ -201,7 +200,6 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     UsageError
         Where such a format takes metres only and the CRS counts in feet.
     """
-
     output = flight.output
     globe = output.crs is not None and is_globe(output.crs)
     kind = GEOGRAPHIC if globe else PROJECTED
@@ -237,7 +235,6 @@ def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
     DataError
         Where the median standard deviation of an angle is beyond `MOST_ATTITUDE_SIGMA_RAD`.
     """
-
     diagonal = np.diagonal(trajectory.cov, axis1=1, axis2=2)
     sigma = np.median(np.sqrt(diagonal[:, 6:]), axis=0)
     if not sigma.max() < MOST_ATTITUDE_SIGMA_RAD:
@@ -345,7 +342,6 @@ def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Find
     list of Finding
         One a file; silent on what the file or the images do not say.
     """
-
     day = calendar_from_gps(gps_week, tow).date()
     return [_check_mounting_file(flight, source, day) for source in flight.mounting_files]
 
@@ -377,7 +373,6 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> F
 
 def camera_of(flight: Flight) -> CameraTags | None:
     """What the first image of the flight says of its camera; None where there is none to ask."""
-
     match = None if flight.camera is None else flight.camera.match
     if match is None or match.images is None or not match.images.is_dir():
         return None
@@ -444,27 +439,6 @@ def check_stationary(imu: ImuSamples, periods: Array) -> Finding:
     )
 
 
-def check_heading(flight: Flight, trajectory: Trajectory) -> Finding:
-    """Check the heading against the course, which tells a wrong axis of the IMU.
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-    trajectory : Trajectory
-        Rows of the smoothed trajectory.
-
-    Returns
-    -------
-    Finding
-        The check of `navigation.recognise.plausibility.check_heading`.
-    """
-
-    return plausibility.check_heading(
-        trajectory.time, trajectory.C_nb, trajectory.velocity_ned, flight.imu.C_b_imu
-    )
-
-
 def check_segments(
     times: Sequence[Array], failures: Sequence[tuple[tuple[float, float], DataError]]
 ) -> Finding:
@@ -482,7 +456,6 @@ def check_segments(
     Finding
         The note "IMU gaps".
     """
-
     kept = ", ".join(f"{time[0]:.1f} to {time[-1]:.1f} s" for time in times)
     finding = f"the flight falls into segments of their own, {kept}"
     if failures:

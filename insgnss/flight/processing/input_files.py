@@ -162,7 +162,6 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> Device:
         The samples as they were read, with what `navigation.prepare.imu.prepared` has to do to
         them.
     """
-
     imu = options.file
     if isinstance(imu, Path):
         imu = read_imu(imu, gps_week=gps_week, **reading_of(options))
@@ -205,7 +204,6 @@ def read_imus(flight: Flight) -> tuple[Device, ...]:
 
 def _read_fixes(options: GnssInput, gps_week: int | None, imu: Device) -> GnssFixes:
     """Read ready positions, take those of an object, or make those of a stationary sensor."""
-
     if options.stationary is not None:
         sigma_m = options.sigma_m or STATIONARY_SIGMA_M
         samples = replace(imu.samples, time=imu.samples.time + imu.time_offset_s)
@@ -246,7 +244,6 @@ def read_barometer_file(options: BarometerInput, gps_week: int | None) -> Barome
     BarometerHeights
         The heights, their stamps moved by the time offset of the flight file.
     """
-
     heights = options.file
     if isinstance(heights, Path):
         heights = read_barometer(heights, gps_week=gps_week, **reading_of(options))

@@ -20,15 +20,12 @@ from ...base.received.trusted import at_home
 from ...base.wording import relative
 from ...io.exposures.instants import refuse_outside
 from ...navigation.prepare.clock import common_span
+from ...navigation.recognise.plausibility import check_heading
 from ...records import Diagnostics, ExteriorOrientation, Finding, Trajectory
 from ...records.strips import CommonErrors, StripCovariance
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
-from .checks import (
-    check_heading,
-    refuse_contradictions,
-    refuse_unobservable,
-)
+from .checks import refuse_contradictions, refuse_unobservable
 from .clocks import on_gpst
 from .diagnostics import constants_of, report_rows, run_diagnostics, tried_antennas
 from .history import run_history
@@ -129,7 +126,8 @@ def _process(
     clock.step("orient")
     rows = report_rows(segments, week)
     sampled = Trajectory.joined([row.trajectory for row in rows])
-    checks = (*checks, check_heading(flight, sampled))
+    course = (sampled.time, sampled.C_nb, sampled.velocity_ned)
+    checks = (*checks, check_heading(*course, flight.imu.C_b_imu))
     refuse_contradictions(flight, checks[-1:])
     history = run_history(flight, recording, segments, checks)
     eo = orient_images(flight, recording, segments, history)

@@ -78,7 +78,6 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
         first where `out` names it, the second where the flight file does; InputError where the
         flight file names one outside of its own directory.
     """
-
     directory = flight.output.directory if out is None else Path(out)
     refusal: type[InsgnssError] = InputError
     where = f"{flight.path}: output.directory"
@@ -153,7 +152,6 @@ def refuse_image_names(flight: Flight, images: Sequence[str]) -> None:
     InputError
         The first such name, or a rule of output.rename that is none.
     """
-
     with of_flight_file(flight, "output.formats", (InputError, UsageError)):
         refuse_names(images, flight.output.formats, flight.output.rename)
 
@@ -195,7 +193,6 @@ def write_products(
         Where a product would overwrite an input, or cannot be what the flight file asks
         for.
     """
-
     eo, trajectory, report, ppk = result.eo, result.trajectory, result.report, recording.ppk
     with together() as staging:
         directory = staging.tree(Path(out))
@@ -212,7 +209,8 @@ def write_products(
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
-        report |= _provenance(flight, Path(out), staging.goals())
+        report["flight_directory"] = relative(flight.path.parent, Path(out))
+        report[HASHES] = hashes_of_products(staging.goals(), Path(out))
         digest = write_report_json(report, directory / REPORT)
         write_report(
             directory / "report.html", report, result.diagnostics, eo, recording.series, digest
@@ -220,14 +218,6 @@ def write_products(
         files = staging.goals()
         _refuse_overwriting(flight, files)
     return files
-
-
-def _provenance(flight: Flight, out: Path, files: Iterable[Path]) -> dict[str, Any]:
-    """Return where the flight file lies, seen from the products, and the hash of each of these."""
-    return {
-        "flight_directory": relative(flight.path.parent, out),
-        HASHES: hashes_of_products(files, out),
-    }
 
 
 def _not_writable(directory: Path) -> str | None:
@@ -267,7 +257,6 @@ def _write_solution(
     The exposures are those of the run, their times back on the clock of the fixes, as these were
     solved.
     """
-
     ppk.write(directory / SOLUTION)
     events = recording.events
     if events is not None and ppk.fixes.gps_week is not None:
@@ -289,7 +278,6 @@ def _export(
     The gyroscopes of `noise` give relative control its weight. What the report says of it is
     returned.
     """
-
     form, output = EXPORTS[name], flight.output
     globe = output.crs is not None and is_globe(output.crs)
     named = output.crs is not None and (GEOGRAPHIC if globe else PROJECTED) in form.frames

@@ -156,7 +156,6 @@ class Recording:
     @property
     def series(self) -> Mapping[str, Any]:
         """What the source of the fixes says of each epoch, as `report.charts.gnss` takes it."""
-
         return fix_series(self.gnss) if self.ppk is None else self.ppk.series
 
     def moved(self, offset_s: float) -> "Recording":
@@ -210,7 +209,6 @@ def read_recording(flight: Flight) -> Recording:
     InputError, DataError
         Where a file is not what the flight file says, or does not support a check.
     """
-
     barometer = None
     with of_flight_file(flight):  # an option that its file's format does not have
         devices, gnss, cameras, ppk = read_files(flight)
@@ -291,7 +289,6 @@ def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> Covarian
     ppk : PpkResult or None
         The PPK solution of raw observations, which has calibrated its fixes.
     """
-
     gnss = flight.gnss
     calibrated = ppk is not None or (isinstance(gnss.file, Path) and gnss.calibrate_covariance)
     return CovarianceRules(
@@ -321,7 +318,6 @@ def with_dead_bands(
     tuple of NoiseModel, list of Finding
         The same model and no note where no band counts.
     """
-
     gyro, named = list(noise.gyro), []
     for k, band in bands.items():
         axis = int(np.argmax(np.abs(C_b_imu[:, k])))
@@ -353,7 +349,6 @@ def _checks(
     more: list[Finding],
 ) -> list[Finding]:
     """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
-
     plane = flight.tangent_plane
     origin = None if plane is None else np.asarray(plane.origin)
     events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
@@ -405,7 +400,6 @@ def _turn_on_bias(
     stationary: StationaryPeriods, C_b_imu: Array, noise: NoiseModel, gnss: GnssFixes
 ) -> str:
     """Describe the bias in the stationary periods, which the filter finds by itself."""
-
     gyro, accel = (
         [axis.turn_on_bias or LEAST_BIAS for axis in triad] for triad in (noise.gyro, noise.accel)
     )
@@ -442,7 +436,6 @@ def _with_recognised(
 
 def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> Remedy:
     """Say how the flight file exchanges two axes of gyros and accelerometers alike."""
-
     options, (a, b) = flight.imu, ("xyz"[k] for k in pair)
     if not isinstance(options.file, Path):
         return f"exchange {a} and {b} in gyro and accel of the samples"
@@ -460,7 +453,6 @@ def _recognised(
     flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
 ) -> tuple[Recognition, list[Finding]]:
     """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
-
     options = flight.imu
     accel_sign = int(options.accel_sign)
     recognition = with_exchanges(

@@ -81,3 +81,7 @@ class ProcessResult(Charted):
     def summary(self) -> str:
         """Return the text for the terminal."""
         return run_document(self.report, files=self.files).text()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what report.json holds."""
+        return self.report

@@ -14,15 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .artists import (
-    INKS,
-    SHADE_NAMES,
-    SHADES,
-    draw_layer,
-    draw_shades,
-    named,
-    number_shades,
-)
+from .artists import INKS, SHADE_NAMES, SHADES, draw_layer, draw_shades, named, number_shades
 from .chart import Array, Axes, Chart, Layer
 
 Form = Literal["png", "pdf", "svg"]

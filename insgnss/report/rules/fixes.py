@@ -59,14 +59,14 @@ def residuals(f: Figures) -> Iterator[Finding]:
     yield ranked("residuals", UNSUPPORTED + worst["sigmas"], text, help_)
 
 
-def _apart(f: Figures) -> Iterator[tuple[float, str, str]]:
-    """Yield the separations that exceed their sigmas: over its bound, text, state."""
+def apart(f: Figures) -> Iterator[tuple[float, str, str, float]]:
+    """Yield the separations that exceed their sigmas: over the bound, text, state, over a sigma."""
     separation = f["separation"]
     for state, ratios in separation["normalised_rms"].items():
         bounds = separation["bound"][state]
         for ratio, bound, axis in zip(ratios, bounds, separation["axes"], strict=True):
             if ratio is not None and ratio > (limit := max(SEPARATION_MATTERS, bound)):
-                yield float(ratio / limit), f"{ratio:.1f} in {state} {axis}", state
+                yield float(ratio / limit), f"{ratio:.1f} in {state} {axis}", state, float(ratio)
 
 
 def rejected(f: Figures) -> Iterator[Finding]:
@@ -242,7 +242,7 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
 def separation(f: Figures) -> Iterator[Finding]:
     """Yield the separation of forward and backward where it exceeds its sigmas."""
     worst = {}
-    for size, listed, state in sorted(_apart(f)):
+    for size, listed, state, _ in sorted(apart(f)):
         worst[state] = size, listed  # the largest of each
     if worst:
         by_size = sorted(worst.values(), reverse=True)
@@ -261,7 +261,7 @@ def separation(f: Figures) -> Iterator[Finding]:
 def separation_once(f: Figures) -> Iterator[Finding]:
     """Yield the instant at which forward and backward disagree, where on the whole they do not."""
     largest = f["separation"]["largest"]
-    if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(_apart(f)):
+    if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(apart(f)):
         return
     text = (
         f"forward and backward disagree by {largest['sigmas']:.1f} sigmas in {largest['state']}"

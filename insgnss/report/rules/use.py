@@ -280,11 +280,9 @@ def _inflations(f: Figures) -> Iterator[Inflation]:
 def _separations(f: Figures) -> Iterator[Inflation]:
     """Yield the disagreement of forward and backward: on the whole, or at one instant."""
     separation = f["separation"]
-    k = {}
-    for state, ratios in separation["normalised_rms"].items():
-        limits = [max(fixes.SEPARATION_MATTERS, b or 0.0) for b in separation["bound"][state]]
-        beyond = [r for r, limit in zip(ratios, limits, strict=True) if r and r > limit]
-        k[state] = max(beyond, default=1.0)
+    k = dict.fromkeys(separation["normalised_rms"], 1.0)
+    for _, _, state, ratio in fixes.apart(f):
+        k[state] = max(k[state], ratio)
     if max(k.values()) > 1.0:
         yield Inflation(
             f"the solutions forward and backward in time disagree by {max(k.values()):.1f} times"

@@ -63,7 +63,6 @@ def tables_of_file(path: Path) -> Iterator[Table]:
 
 def _content_tables(path: Path, content: Any) -> Iterator[Table]:
     """Matrices, structs of columns, and variables of one length."""
-
     for info in tables_of(content):
         if info.rows < FEWEST_ROWS or not info.columns:
             continue

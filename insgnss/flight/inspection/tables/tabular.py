@@ -208,7 +208,6 @@ def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str,
 
 def _gnss(path: Path, table: Table, roles: Roles) -> Source:
     """Fixes by their first clock; by the others in `other_clocks`."""
-
     if (
         roles.repeat_column is not None
         and path.suffix.lower() not in VARIABLES
@@ -345,5 +344,4 @@ def _spell_out(
 
 def _spec(role: Role, columns: Collection[str]) -> TableSpec:
     """What the reader of text tables takes."""
-
     return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.spec_of(columns)
