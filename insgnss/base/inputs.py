@@ -176,8 +176,7 @@ def first_bytes(path: Source, count: int, advice: str = "check the path") -> byt
         with opened(path) as stream:
             return stream.read(count).removeprefix(BOM)
     except OSError as error:
-        message = f"cannot be read: {error.strerror or error}; {advice}"
-        raise InputError.in_file(path, message) from None
+        raise InputError.unread(path, error, advice) from None
 
 
 def sha256(path: Source) -> str:
