@@ -96,6 +96,13 @@ class InputError(InsgnssError):
         """Error that names the file, of which no line is to blame."""
         return cls.at_line(path, None, problem)
 
+    @classmethod
+    def unread(
+        cls, path: object, error: OSError, advice: str = "check path and permission"
+    ) -> "InputError":
+        """Error for a file that the system does not read, in its words."""
+        return cls.in_file(path, f"cannot be read: {error.strerror or error}; {advice}")
+
 
 class DataError(InsgnssError):
     """The input is well formed, but the data do not support the answer.
@@ -159,6 +166,20 @@ def legible(path: object, problem: str, *passing: type[Exception]) -> Iterator[N
         raise
     except Exception as error:
         raise InputError.at_line(path, None, problem.format(words_of(error))) from None
+
+
+def unwritten(path: object, error: OSError, advice: str, done: str = "written") -> UsageError:
+    """Return the error for a file that the system does not write, in its words."""
+    return UsageError(f"{path}: cannot be {done}: {error.strerror or error}; {advice}")
+
+
+@contextmanager
+def writing(path: object, advice: str, done: str = "written") -> Iterator[None]:
+    """Raise UsageError, `unwritten`, where the system refuses."""
+    try:
+        yield
+    except OSError as error:
+        raise unwritten(path, error, advice, done) from None
 
 
 def words_of(error: Exception) -> str:

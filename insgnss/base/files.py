@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError, UsageError
-from .output.staging import Staging, together
+from .errors import InputError, UsageError, unwritten
+from .output.staging import FREE, Staging, together
 
 Content = str | bytes | Iterable[str | bytes]
 
@@ -70,8 +70,7 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
         except FileNotFoundError:
             raise UsageError(f"{goal}: the directory does not exist; create it first") from None
         except OSError as error:
-            reason = f"cannot be written: {error.strerror or error}"
-            raise UsageError(f"{goal}: {reason}; check permission and free space") from None
+            raise unwritten(goal, error, FREE) from None
         except UnicodeEncodeError as error:  # a name of the file system that is in the text
             around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
             word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))

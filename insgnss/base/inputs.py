@@ -176,8 +176,7 @@ def readable(path: Source, advice: str = "check path and permission") -> Iterato
     try:
         yield
     except OSError as error:
-        message = f"cannot be read: {error.strerror or error}; {advice}"
-        raise InputError.in_file(path, message) from None
+        raise InputError.unread(path, error, advice) from None
 
 
 def first_bytes(path: Source, count: int, advice: str = "check the path") -> bytes:

@@ -177,18 +177,15 @@ def angles(
     iterator of Convention
         Each with the change that undoes it.
     """
-    for name, other_sets in (
-        ("angles exchanged", exchanged(read_as.names)),
-        ("sign of angles", reversed_signs(read_as.names)),
-    ):
-        for one in other_sets:
+    changes = {"angles exchanged": exchanged, "sign of angles": reversed_signs}
+    for name, conventions in changes.items():
+        for one in conventions(read_as.names):
             yield Convention(one.words, _after(one.change, read_as.rotation), name)
     for (unit, read_unit), factor in ANGLES.items():
         if read_unit in units:
             description = f"angles in {unit} that were read as {read_unit}"
-            yield Convention(
-                description, _after(_times(factor), read_as.rotation), f"{unit} for {read_unit}"
-            )
+            change = _after(_times(factor), read_as.rotation)
+            yield Convention(description, change, f"{unit} for {read_unit}")
     for other_set in sets.values():
         if other_set is read_as:
             continue

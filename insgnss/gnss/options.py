@@ -202,10 +202,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         antennas = "\n" + read_text(options.antex, errors="replace")
     except OSError as error:
-        raise InputError.in_file(
-            options.antex,
-            f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
-        ) from None
+        raise InputError.unread(options.antex, error, f"check {named('gnss.antex')}") from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
     if not kind or f"\n{kind}" not in antennas:
         message = (

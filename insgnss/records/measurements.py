@@ -193,22 +193,23 @@ class Measurement:
         frozen(self, "values", (time.size, components))
         if not 1 <= components <= MOST_VALUES:
             problem = f"{components} values at an instant, limit {MOST_VALUES}"
-            raise InputError(f"Measurement {self.name!r}: {problem}; split it into several")
+            raise self._refusal(f"{problem}; split it into several")
         set_field(self, "cov", self._covariance(time.size, components))
         frozen(self, "cov", (time.size, components, components))
         positive = np.linalg.eigvalsh(self.cov)[:, 0] > 0.0
         if not positive.all():
             row = int(np.argmin(positive))
-            raise InputError(
-                f"Measurement {self.name!r}: sigma in row {row}, time {time[row]:.6f} s, makes no"
-                " positive covariance; expected standard deviations above 0"
+            raise self._refusal(
+                f"sigma in row {row}, time {time[row]:.6f} s, makes no positive covariance;"
+                " expected standard deviations above 0"
             )
         if not self.gate_sigma > 0.0 or (self.period is not None and not self.period > 0.0):
-            raise InputError(
-                f"Measurement {self.name!r}: gate_sigma = {self.gate_sigma:g} and period ="
-                f" {self.period}, expected numbers above 0"
-            )
+            numbers = f"gate_sigma = {self.gate_sigma:g} and period = {self.period}"
+            raise self._refusal(f"{numbers}, expected numbers above 0")
         set_field(self, "states", tuple(self.states))
+
+    def _refusal(self, problem: str) -> InputError:
+        return InputError(f"Measurement {self.name!r}: {problem}")
 
     def _covariance(self, k: int, c: int) -> Array:
         """Return the covariances (k, c, c) that `sigma` states."""
@@ -219,12 +220,9 @@ class Measurement:
             sigma = sigma[:, None]
         if sigma.shape not in ((), (c,), (k, c)):
             expected = f"one number, ({c},), ({k}, {c}) or covariances ({k}, {c}, {c})"
-            problem = f"sigma has shape {sigma.shape}, expected {expected}"
-            raise InputError(f"Measurement {self.name!r}: {problem}")
+            raise self._refusal(f"sigma has shape {sigma.shape}, expected {expected}")
         if not (sigma > 0.0).all():
-            raise InputError(
-                f"Measurement {self.name!r}: sigma = {sigma.min():g}, expected values above 0"
-            )
+            raise self._refusal(f"sigma = {sigma.min():g}, expected values above 0")
         return np.broadcast_to(sigma, (k, c))[:, :, None] ** 2 * np.eye(c)
 
     def __repr__(self) -> str:
@@ -255,13 +253,12 @@ class Measurement:
         shape = (motion.time.size, self.values.shape[1])
         out = out[:, None] if out.ndim == 1 and shape[1] == 1 else out
         if out.shape != shape:
-            problem = f"predict returned shape {out.shape}, expected {shape}"
-            raise InputError(f"Measurement {self.name!r}: {problem}")
+            raise self._refusal(f"predict returned shape {out.shape}, expected {shape}")
         finite = np.isfinite(out).all(axis=1)
         if not finite.all():
-            instant = motion.time[int(np.argmin(finite))]
-            problem = f"predict returned {out[int(np.argmin(finite))]} at {instant:.6f} s"
-            raise InputError(f"Measurement {self.name!r}: {problem}, expected finite values")
+            row = int(np.argmin(finite))
+            problem = f"predict returned {out[row]} at {motion.time[row]:.6f} s"
+            raise self._refusal(f"{problem}, expected finite values")
         return out
 
     def minus(self, rows: np.ndarray, prediction: Array) -> Array:

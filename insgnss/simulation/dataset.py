@@ -18,7 +18,7 @@ no virtual reference station and no raw IMU files: nothing of theirs is simulate
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -235,7 +235,17 @@ def _write_tree(
         "FLIGHT.md": flight_md(simulated, block),
     }
     for name, text in texts.items():
-        (root / name).write_text(text, encoding="utf-8", newline="\n")
+        _write_text(root / name, text)
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _write_rows(path: Path, head: str, form: str, names: Iterable[str], table: Array) -> None:
+    """Write a head and a row of each name and its numbers."""
+    rows = (form % (name, *row) for name, row in zip(names, table.tolist(), strict=True))
+    _write_text(path, head + "".join(rows))
 
 
 def _write_imu(path: Path, samples: ImuSamples, units: Units) -> None:
@@ -265,20 +275,13 @@ def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
     write_observations(root / names.base, base, _table(raw.base, np.empty(0)))
     write_navigation(root / names.gps, root / names.glonass, raw.navigation)
     moved = {"rover_position": raw.rover.position, "rover_velocity": raw.rover.velocity}
-    truth: dict[str, NDArray[Any]] = {
-        "base_position": raw.base_position_m,
-        "events_by_receiver": raw.events,
-        **moved,
-    }
-    for name, receiver, slips in (
-        ("rover", raw.rover, raw.rover_slips),
-        ("base", raw.base, raw.base_slips),
-    ):
+    truth: dict[str, Any] = {"base_position": raw.base_position_m, "events_by_receiver": raw.events}
+    truth |= moved
+    of_slips = ("stamp", "satellite", "cycles", "reported")
+    for name in ("rover", "base"):
+        receiver, slips = getattr(raw, name), getattr(raw, f"{name}_slips")
         truth |= {f"{name}_{key}": getattr(receiver, key) for key in ("time", "stamp", "clock_s")}
-        truth |= {
-            f"{name}_slip_{key}": getattr(slips, key)
-            for key in ("stamp", "satellite", "cycles", "reported")
-        }
+        truth |= {f"{name}_slip_{key}": getattr(slips, key) for key in of_slips}
     np.savez(root / "truth/raw_gnss.npz", allow_pickle=False, **truth)
 
 
@@ -324,24 +327,17 @@ def _targets(simulated: SimulatedFlight, rng: np.random.Generator) -> tuple[list
 def _write_targets(folder: Path, simulated: SimulatedFlight, names: list[str], enu: Array) -> None:
     """Write ground targets in both frames."""
     lat, lon, height = simulated.tangent_plane.geodetic_from_position(enu)
-    tables = (
-        (
-            "WGS84.txt",
-            "# id lat[deg] lon[deg] h[m]\n",
-            "%s %.10f %.10f %.4f\n",
-            np.column_stack([np.degrees(lat), np.degrees(lon), height]),
-        ),
-        ("WGS84_tangentplane.txt", "# id e[m] n[m] u[m]\n", "%s %.4f %.4f %.4f\n", enu),
-    )
-    for name, head, form, table in tables:
-        rows = (form % (target, *row) for target, row in zip(names, table.tolist(), strict=True))
-        (folder / name).write_text(head + "".join(rows), encoding="utf-8", newline="\n")
+    wgs84 = np.column_stack([np.degrees(lat), np.degrees(lon), height])
+    head, form = "# id lat[deg] lon[deg] h[m]\n", "%s %.10f %.10f %.4f\n"
+    _write_rows(folder / "WGS84.txt", head, form, names, wgs84)
+    head, form = "# id e[m] n[m] u[m]\n", "%s %.4f %.4f %.4f\n"
+    _write_rows(folder / "WGS84_tangentplane.txt", head, form, names, enu)
 
 
 def _write_block(root: Path, block: SimulatedBlock) -> None:
     """Write what was measured in the images, and the truth of it."""
     (root / BLOCK_FOLDER).mkdir(parents=True)
-    (root / "block.toml").write_text(BLOCK_TOML, encoding="utf-8", newline="\n")
+    _write_text(root / "block.toml", BLOCK_TOML)
     write_image_points(block.measured, root / BLOCK_FOLDER / "image_points.csv")
     axes = "tangent plane of flight.toml: east, north, up, m"
     write_ground_points(block.ground, root / BLOCK_FOLDER / "ground_points.csv", [axes])
@@ -370,11 +366,8 @@ def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:
         " kappa[deg] sE sN sU sOmega sPhi sKappa\n"
     )
     form = "%s %.4f %.4f %.4f %.6f %.6f %.6f 0 0 0 0 0 0\n"
-    rows = (
-        form % (name, *values)
-        for name, values in zip(eo.images, np.hstack([eo.position_m, angles]).tolist(), strict=True)
-    )
-    (folder / "EO_local-plane.txt").write_text(head + "".join(rows), encoding="utf-8", newline="\n")
+    table = np.hstack([eo.position_m, angles])
+    _write_rows(folder / "EO_local-plane.txt", head, form, eo.images, table)
     np.savez(
         folder / "eo.npz",
         images=np.array(eo.images),

@@ -34,6 +34,11 @@ CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 _FREQUENCY_WANDER = GaussMarkov.from_sigma(5.0, 0.02)  # s, share of f: e of (V.1) (chosen)
 
 
+def in_period(elapsed: Array, start_s: float, duration_s: float) -> NDArray[np.bool_]:
+    """Tell which instants a period has, its end left out."""
+    return (elapsed >= start_s) & (elapsed < start_s + duration_s)
+
+
 @dataclass(frozen=True)
 class Stuck:
     """A stuck channel (of `CHANNELS`, sensor axes), which repeats `value` from `start_s` on.
@@ -134,19 +139,15 @@ class ImuFaults:
         keep = self._kept(elapsed, dropped)
         if keep.sum() < 2:
             raise UsageError(f"IMU gaps {self.gaps} leave {keep.sum()} samples; shorten them")
-        return replace(
-            ideal,
-            time=ideal.time[keep] + self.clock_offset_s,
-            gyro=table[keep, :3],
-            accel=table[keep, 3:],
-        )
+        time = ideal.time[keep] + self.clock_offset_s
+        return replace(ideal, time=time, gyro=table[keep, :3], accel=table[keep, 3:])
 
     def _kept(self, elapsed: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
         keep = np.ones(elapsed.size, dtype=bool)
         length = rng.uniform(*self.random_gap_s, self.random_gaps)
         start = rng.uniform(0.0, 1.0, self.random_gaps) * (elapsed[-1] - length)
         for first, size in (*self.gaps, *zip(start, length, strict=True)):
-            keep &= (elapsed < first) | (elapsed >= first + size)
+            keep &= ~in_period(elapsed, first, size)
         return keep
 
 
@@ -163,12 +164,12 @@ def _shake(
         line = amplitude * np.sin(theta)
     else:
         line = amplitude * (np.cos(theta - step[:, None]) - np.cos(theta)) / step[:, None]
-    on = (elapsed >= vibration.start_s) & (elapsed < vibration.start_s + vibration.duration_s)
+    on = in_period(elapsed, vibration.start_s, vibration.duration_s)
     return np.where(on[:, None], line * (dt if quantity == "increments" else 1.0), 0.0)
 
 
 def _freeze(column: Array, elapsed: Array, stuck: Stuck) -> None:
-    on = (elapsed >= stuck.start_s) & (elapsed < stuck.start_s + stuck.duration_s)
+    on = in_period(elapsed, stuck.start_s, stuck.duration_s)
     if on.any():
         column[on] = column[max(int(np.argmax(on)) - 1, 0)] if stuck.value is None else stuck.value
 

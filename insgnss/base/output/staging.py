@@ -16,7 +16,7 @@ from filecmp import cmp
 from functools import partial
 from pathlib import Path
 
-from ..errors import UsageError
+from ..errors import UsageError, unwritten, writing
 from ..inputs import rewritten
 from ..interrupts import deferred
 from .scratch import NAME, Scratch, alone, sweep
@@ -76,12 +76,9 @@ class Staging:
             if target.exists() and not target.is_dir():
                 raise UsageError(f"{target}: is a file, a directory is written; give another name")
             above = next(d for d in (target, *target.absolute().parents) if d.exists())
-            try:
+            with writing(target, ELSEWHERE):
                 own = self._within(above) / f"new{len(self._trees)}"
                 own.mkdir()
-            except OSError as error:
-                problem = f"cannot be written: {error.strerror or error}"
-                raise UsageError(f"{target}: {problem}; give another directory") from None
             self._trees[target] = own
         return self._trees[target]
 
@@ -320,13 +317,11 @@ def _flush(sources: list[Path]) -> None:
 
 def _done(source: Path | None, goal: Path) -> None:
     """Move one file or directory, which takes the place of a file at once, or remove a file."""
-    try:
+    with writing(goal, FREE):
         if source is None:
             os.unlink(goal)
         else:
             os.replace(source, goal)
-    except OSError as error:
-        raise UsageError(f"{goal}: cannot be written: {error.strerror or error}; {FREE}") from None
 
 
 _OPEN: ContextVar[Staging | None] = ContextVar("open staging", default=None)
@@ -354,10 +349,7 @@ def together() -> Iterator[Staging]:
         except OSError as error:
             if (path := _location(staging, error)) is None:
                 raise
-            raise UsageError(
-                f"{path}: cannot be written: {error.strerror or error}; check permission and free"
-                " space"
-            ) from None
+            raise unwritten(path, error, FREE) from None
         staging.commit()
     finally:
         _OPEN.reset(token)
@@ -377,12 +369,8 @@ def _location(staging: Staging, error: OSError) -> Path | None:
 def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path for a library that writes a file itself; what it wrote there goes to `path`."""
     with together() as staging:
-        try:
+        with writing(path, "does the directory exist?"):
             own = staging.file(Path(path))
-        except OSError as error:
-            raise UsageError(
-                f"{path}: cannot be written: {error.strerror or error}; does the directory exist?"
-            ) from None
         yield own
 
 

@@ -20,7 +20,7 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextvars import copy_context
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from ...base.advance import share
 from ...base.errors import DataError, OptionError
@@ -57,6 +57,11 @@ class RunEnd(NamedTuple):
     last_line: str = ""
     refused: tuple[str, ...] = ()
 
+    @property
+    def statement(self) -> str:
+        """What it said at last."""
+        return f"it said: {self.last_line or 'nothing'}"
+
 
 @dataclass(frozen=True)
 class Runs:
@@ -71,9 +76,8 @@ class Runs:
         them, navigation unpacked; their names there."""
         names = ["rover.obs", "base.obs"]
         names += [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
-        for name, content in zip(
-            names, (*observed, *map(navigation_bytes, navigation)), strict=True
-        ):
+        contents = (*observed, *map(navigation_bytes, navigation))
+        for name, content in zip(names, contents, strict=True):
             (self.scratch / name).write_bytes(content)
         if self.options.antex is not None:
             shutil.copyfile(self.options.antex, self.scratch / ANTENNAS)
@@ -89,9 +93,8 @@ class Runs:
         )
         where = self.scratch / f"{WHERE}{name}.pos"
         where.with_suffix(".conf").write_text(single_point_file(self.options), encoding="utf-8")
-        for every in (
-            (thinned, 0.0) if interval(observations) < thinned else (0.0,)
-        ):  # thinned are epochs on full seconds
+        # thinned are epochs on full seconds
+        for every in (thinned, 0.0) if interval(observations) < thinned else (0.0,):
             try:
                 end = self.run(where.stem, [f"{name}.obs", *navigation], threading.Event(), every)
             except DataError as refusal:
@@ -99,7 +102,7 @@ class Runs:
                 raise
             if _has_epochs(where):
                 return read_rtklib_pos(where)
-            self._check_program(f"it said: {end.last_line or 'nothing'}")
+            self._check_program(end.statement)
         message = (
             "no position from codes; does the navigation cover its satellites, are there codes?"
         )
@@ -156,12 +159,10 @@ class Runs:
         end = self.run(direction, names, stop)
         if not stop.is_set() and not _has_epochs(self.scratch / f"{direction}.pos"):
             message = (
-                "the engine gave no epochs, though rover, base and navigation share their time"
+                "the engine gave no epochs, though rover, base and navigation share their time;"
+                f" are their satellites the same? {end.statement}"
             )
-            raise DataError(
-                f"{direction} solution: {message}; are their satellites the same? it said:"
-                f" {end.last_line or 'nothing'}"
-            )
+            raise DataError(f"{direction} solution: {message}")
         return end
 
     def run(
@@ -173,23 +174,12 @@ class Runs:
         if self.command[0] == sys.executable:
             line = [*self.command, f"{name}.conf", f"{name}.pos", f"{every:g}", *files]
         else:
-            line = [
-                *self.command,
-                "-k",
-                f"{name}.conf",
-                *(["-ti", f"{every:g}"] if every else []),
-                "-o",
-                f"{name}.pos",
-                *files,
-            ]
+            thinning = ["-ti", f"{every:g}"] if every else []
+            line = [*self.command, "-k", f"{name}.conf", *thinning, "-o", f"{name}.pos", *files]
         with tempfile.TemporaryFile() as output:
+            to: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), output)
             process = subprocess.Popen(
-                line,
-                cwd=self.scratch,
-                env=_environment(),
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
+                line, cwd=self.scratch, env=_environment(), stdin=subprocess.DEVNULL, **to
             )
             try:
                 cpu = _wait(process, time.monotonic() + self.options.timeout_s, stop)
@@ -197,25 +187,20 @@ class Runs:
                 if process.returncode is None:
                     process.kill()
                     process.wait()
-            last_line, refused = _tail(output), _refused(output)
-        if wrong := [option for option in refused if option in self.options.rtklib_options]:
+            end = RunEnd(math.nan if cpu is None else cpu, _tail(output), _refused(output))
+        if wrong := [option for option in end.refused if option in self.options.rtklib_options]:
             problem = f"the engine refused {wrong[0]} = {self.options.rtklib_options[wrong[0]]}"
             raise OptionError("gnss.rtklib_options", problem)
         if process.returncode == 0 and (written := self.scratch / f"{name}.pos").is_file():
             refuse_cut_off(written)
         if process.returncode == 0 or stop.is_set():
-            return RunEnd(math.nan if cpu is None else cpu, last_line, refused)
+            return end
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
-            raise OptionError("gnss.rtklib_options", last_line)
-        of_what = (
-            f"position of the {name.removeprefix(WHERE)} by codes"
-            if name.startswith(WHERE)
-            else f"{name} solution"
-        )
-        raise DataError(
-            f"{of_what}: the engine {self._end(process.returncode, cpu)}; it said:"
-            f" {last_line or 'nothing'}"
-        )
+            raise OptionError("gnss.rtklib_options", end.last_line)
+        receiver = name.removeprefix(WHERE)
+        of_what = f"{name} solution" if receiver == name else f"position of the {receiver} by codes"
+        message = f"the engine {self._end(process.returncode, cpu)}; {end.statement}"
+        raise DataError(f"{of_what}: {message}")
 
     def _end(self, code: int, cpu: float | None) -> str:
         if cpu is None:
@@ -256,12 +241,8 @@ def _tail(output: BinaryIO) -> str:
     """
     output.seek(0, os.SEEK_END)
     output.seek(max(output.tell() - 10 * TAIL, 0))
-    lines = [
-        line.strip()
-        for line in re.split(r"[\r\n]+", output.read().decode("utf-8", errors="replace"))
-        if line.strip()
-    ]
-    return lines[-1][-TAIL:] if lines else ""
+    lines = re.split(r"[\r\n]+", output.read().decode("utf-8", errors="replace"))
+    return next((line.strip()[-TAIL:] for line in reversed(lines) if line.strip()), "")
 
 
 def _refused(output: BinaryIO) -> tuple[str, ...]:

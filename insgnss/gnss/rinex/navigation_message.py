@@ -285,9 +285,9 @@ def _text(path: Source) -> str:
         return unpack(path, read_bytes(path)).decode("latin-1")
     except FileNotFoundError:
         problem = "no such file; check the path of the navigation file"
+        raise InputError.in_file(path, problem) from None
     except OSError as error:
-        problem = f"cannot be read: {error.strerror or error}; check path and permission"
-    raise InputError.in_file(path, problem)
+        raise InputError.unread(path, error) from None
 
 
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:

@@ -130,23 +130,11 @@ def estimates(
         ends = np.array([linear.local.profile(fitted.parameters, i) for i in range(len(C))])
     else:
         ends = np.array([_sandwich(linear, C, log_error, i) for i in range(len(C))])
-    ends = np.array(
-        [
-            _bounded(linear, i, (row[0], row[1], row[2]), kind == "sandwich")
-            for i, row in enumerate(ends.tolist())
-        ]
-    )
-    rows = zip(
-        fitted.composition.terms,
-        fitted.parameters.tolist(),
-        log_error.tolist(),
-        ends.tolist(),
-        strict=True,
-    )
-    results = [
-        Estimate(term, value, error, low, high, far, str(term) in fitted.at_bound)
-        for term, value, error, (low, high, far) in rows
-    ]
+    columns = (fitted.composition.terms, fitted.parameters.tolist(), log_error.tolist())
+    results = []
+    for i, (row, term, value, error) in enumerate(zip(ends.tolist(), *columns, strict=True)):
+        limits = _bounded(linear, i, row, kind == "sandwich")
+        results.append(Estimate(term, value, error, *limits, str(term) in fitted.at_bound))
     return tuple(results), log_covariance
 
 
@@ -158,42 +146,32 @@ def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[f
         return value / reach, value * reach, value * farther
     if not np.isfinite(C[i, i]):
         return 0.0, math.inf, math.inf
+    sigma = math.sqrt(C[i, i])
     if linear.local.time[i] and linear.x[i] >= linear.local.high[i]:
-        return linear.parameter(i, -_Z_95 * math.sqrt(C[i, i])), math.inf, math.inf
+        return linear.parameter(i, -_Z_95 * sigma), math.inf, math.inf
     if linear.local.time[i]:
-        return (
-            0.0,
-            linear.parameter(i, _Z_95 * math.sqrt(C[i, i])),
-            linear.parameter(i, _Z_99 * math.sqrt(C[i, i])),
-        )
+        return 0.0, linear.parameter(i, _Z_95 * sigma), linear.parameter(i, _Z_99 * sigma)
     # of v in (L.1), which is linear at zero
-    variance_error = 2.0 * linear.local.s[i] * math.sqrt(C[i, i])
+    variance_error = 2.0 * linear.local.s[i] * sigma
     return 0.0, math.sqrt(_Z_95 * variance_error), math.sqrt(_Z_99 * variance_error)
 
 
 def _bounded(
-    linear: Linearised, i: int, ends: tuple[float, float, float], by_error: bool
+    linear: Linearised, i: int, ends: Sequence[float], by_error: bool
 ) -> tuple[float, float, float]:
     """An interval and the limit beyond, with ends that mean nothing put at zero and infinity.
 
     A limit `_UNBOUNDED` times the value and more is none, nor is that of a density whose part alone
-    would be so much of the variance at
-    every scale. by_error : the interval is symmetric in the logarithm, so that its low end means as
-        little then.
+    would be so much of the variance at every scale. by_error : the interval is symmetric in the
+        logarithm, so that its low end means as little then.
     """
     low, high, far = ends
     value = float(linear.local.parameters(linear.x)[i])
     most = _UNBOUNDED * value if value > 0.0 else math.inf
     if i in linear.local.linear:
-        alone = [
-            g.mean / unit
-            for g, unit in zip(linear.local.groups, linear.local.linear[i], strict=True)
-        ]
-        most = min(
-            most,
-            _UNBOUNDED
-            * math.sqrt(max(float(np.abs(contribution).max()) for contribution in alone)),
-        )
+        units = zip(linear.local.groups, linear.local.linear[i], strict=True)
+        alone = max(float(np.abs(g.mean / unit).max()) for g, unit in units)
+        most = min(most, _UNBOUNDED * math.sqrt(alone))
     if not high > most:
         return low, high, far if far <= most else math.inf
     return (0.0 if by_error else low), math.inf, math.inf

@@ -129,30 +129,17 @@ def simulate_noise(
         _add_gauss_markov(out, process, dt, rng, *((0.0, 1.0) if point else (factor, factor)))
         variance += 0.0 if point else var
     if axis.random_walk:
-        _add_random_walk(
-            out,
-            math.sqrt(random_walk_step(axis.random_walk, dt)[1]),
-            rng,
-            *((0.0, 1.0) if point else (1.0, 0.5 * dt)),
-        )
+        sigma = math.sqrt(random_walk_step(axis.random_walk, dt)[1])
+        _add_random_walk(out, sigma, rng, *((0.0, 1.0) if point else (1.0, 0.5 * dt)))
     if axis.drift:
-        out += (
-            axis.drift
-            * rng.standard_normal()
-            * unit
-            * dt
-            * (np.arange(n) + (1.0 if point else 0.5))
-        )
+        steps = np.arange(n) + (1.0 if point else 0.5)
+        out += axis.drift * rng.standard_normal() * unit * dt * steps
     for block, w in _normals(out, rng):
         w *= math.sqrt(variance)
         block += w
     if axis.quantization:
-        out += (
-            axis.quantization
-            * math.sqrt(12.0)
-            * np.diff(rng.random(n + 1))
-            / (dt if point else 1.0)
-        )
+        step = axis.quantization * math.sqrt(12.0)
+        out += step * np.diff(rng.random(n + 1)) / (dt if point else 1.0)
     if quantity == "mean":
         out /= dt
     return out

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.errors import UsageError
+from ...base.errors import UsageError, writing
 from ...base.inputs import is_file
 from ...base.output.staging import together
 from ...base.provenance import made_from, other_results
@@ -13,6 +13,8 @@ from ...navigation.noise_model.model import NoiseModel, write_noise_model
 
 if TYPE_CHECKING:
     from ...report.document import Document
+
+ELSEWHERE = "give another --out FILE"
 
 
 def check_target(target: Path) -> Path:
@@ -23,14 +25,8 @@ def check_target(target: Path) -> Path:
     if target.suffix != ".toml":
         raise UsageError(f"{target}: a noise model is a TOML file; end its name with .toml")
     present = next(path for path in target.absolute().parents if path.exists())
-    try:
-        with tempfile.TemporaryFile(dir=present):
-            pass
-    except OSError as error:
-        raise UsageError(
-            f"{target}: cannot be written: {error.strerror or error}; give another --out FILE"
-        ) from None
-    return target
+    with writing(target, ELSEWHERE), tempfile.TemporaryFile(dir=present):
+        return target
 
 
 def beside(target: Path) -> tuple[Path, Path]:
@@ -64,21 +60,13 @@ def write_tuning(
     from ...report.document import write_with_page
 
     table, page = beside(target)
-    _make_directory(target)
+    with writing(target.parent, ELSEWHERE, "made"):
+        target.parent.mkdir(parents=True, exist_ok=True)
     with together():
         if model is not None:
             write_noise_model(model, target, remarks)
         numbers |= made_from(measured, table, (target,) if model else ())
         write_with_page(document, numbers, table, page)
-
-
-def _make_directory(target: Path) -> None:
-    """Make the directory of `target` where it is missing. Raises UsageError where it cannot be."""
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = f"cannot be made: {error.strerror or error}"
-        raise UsageError(f"{target.parent}: {reason}; give another --out FILE") from None
 
 
 def refuse_others(target: Path, measured: Iterable[Path]) -> None:
@@ -100,4 +88,4 @@ def refuse_others(target: Path, measured: Iterable[Path]) -> None:
         reason = f"{', '.join(existing)} {verb} there already, and not of a tuning"
     elif (reason := other_results(table, measured) or "") == "":
         return
-    raise UsageError(f"{reason}; nothing done; give another --out FILE, or --force")
+    raise UsageError(f"{reason}; nothing done; {ELSEWHERE}, or --force")

@@ -69,11 +69,8 @@ class Tracking:
 
     def times(self, share: float) -> "Tracking":
         """The same with both rates multiplied by `share`."""
-        return replace(
-            self,
-            slips_per_hour=share * self.slips_per_hour,
-            outages_per_hour=share * self.outages_per_hour,
-        )
+        slips, outages = share * self.slips_per_hour, share * self.outages_per_hour
+        return replace(self, slips_per_hour=slips, outages_per_hour=outages)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,13 +134,8 @@ def track(
     """
     outage, slip = rng.spawn(2)
     n, s = visible.shape
-    often = (
-        np.where(np.abs(bank) > np.radians(tracking.turn_bank_deg), tracking.turn_factor, 1.0)[
-            :, None
-        ]
-        * interval
-        / 3600.0
-    )
+    turning = np.abs(bank) > np.radians(tracking.turn_bank_deg)
+    often = np.where(turning, tracking.turn_factor, 1.0)[:, None] * interval / 3600.0
     held = np.repeat(visible[:, :, None], 2, axis=2)
     for k, j in np.argwhere(visible & (outage.random((n, s)) < tracking.outages_per_hour * often)):
         last = k + max(1, round(outage.uniform(*tracking.outage_s) / interval))
@@ -154,9 +146,8 @@ def track(
     slipped = (held & before).all(axis=2) & (slip.random((n, s)) < tracking.slips_per_hour * often)
     sizes = np.zeros((n, s, 2), dtype=np.int64)
     count = int(slipped.sum())
-    size = np.exp(slip.uniform(0.0, np.log(LARGEST_SLIP), (count, 2))).astype(
-        np.int64
-    ) * slip.choice([-1, 1], (count, 2))
+    size = np.exp(slip.uniform(0.0, np.log(LARGEST_SLIP), (count, 2))).astype(np.int64)
+    size *= slip.choice([-1, 1], (count, 2))
     bands = np.array([[1, 0], [0, 1], [1, 1]])[slip.integers(0, 3, count)]
     sizes[slipped] = size * bands
     jump = np.where(fresh, slip.integers(-LARGEST_RESTART, LARGEST_RESTART + 1, (n, s, 2)), sizes)

@@ -17,6 +17,7 @@ from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...noise.processes.realisation import simulate_noise
 from ...records import GnssFixes
 from ...records.qualities import Quality
+from ..faults import in_period
 from ..flights import Flight
 from ..motion import Motion
 from ..sensors import Rig, antenna_states
@@ -114,21 +115,14 @@ def simulate_gnss(
     instant = np.clip(stamp - options.latency_s, motion.start, motion.end)
     position, velocity = antenna_states(motion, rig.antenna_lever_b, instant)
     C_ln = motion.frame.C_ln_at(position)
-    error = white.standard_normal((instant.size, 3)) * options.sigma_m + _correlated(
-        options.correlated_sigma_m,
-        options.correlation_time_s,
-        instant.size,
-        options.rate_hz,
-        correlated,
-    )
-    claim = (
-        np.square(options.sigma_m)
-        + np.square(options.correlated_sigma_m) * options.claim_correlated
-    )
+    sigma_m, time_s, n = options.correlated_sigma_m, options.correlation_time_s, instant.size
+    error = white.standard_normal((n, 3)) * options.sigma_m
+    error += _correlated(sigma_m, time_s, n, options.rate_hz, correlated)
+    claim = np.square(options.sigma_m) + np.square(sigma_m) * options.claim_correlated
     variance = np.broadcast_to(claim, (instant.size, 3)).copy()
     quality = np.full(instant.size, Quality.FIXED, dtype=np.int64)
     for episode, stream in zip(options.episodes, bad.spawn(len(options.episodes)), strict=True):
-        inside = _within(stamp - motion.start, (episode.start_s, episode.duration_s))
+        inside = in_period(stamp - motion.start, episode.start_s, episode.duration_s)
         error[inside] = _correlated(
             episode.sigma_m, episode.correlation_time_s, int(inside.sum()), options.rate_hz, stream
         )
@@ -144,7 +138,7 @@ def simulate_gnss(
     error += outlier[:, None] * direction
     keep = np.ones(instant.size, dtype=bool)
     for outage in options.outages:
-        keep &= ~_within(stamp - motion.start, outage)
+        keep &= ~in_period(stamp - motion.start, *outage)
     if not keep.any():
         raise UsageError(f"GNSS outages {options.outages} leave no fix; shorten them")
     velocity_ned, velocity_cov = _measured_velocity(
@@ -173,11 +167,6 @@ def _stamps(motion: Motion, options: GnssOptions) -> Array:
     last = np.floor((motion.end + shift) * options.rate_hz + 1e-6)
     stamps = np.arange(first, last + 1.0) / options.rate_hz + options.phase_s
     return np.clip(stamps, motion.start + options.latency_s, motion.end + options.latency_s)
-
-
-def _within(elapsed: Array, period: tuple[float, float]) -> NDArray[np.bool_]:
-    start, duration = period
-    return (elapsed >= start) & (elapsed < start + duration)
 
 
 def _correlated(

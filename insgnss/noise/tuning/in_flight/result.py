@@ -175,12 +175,6 @@ def _innovations(innovations: "Innovations") -> dict[str, Any]:
 
 def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
     """Return all of the spectrum but the curves."""
-    keys: tuple[str, ...] = (
-        "rate_hz",
-        "duration_s",
-        "windows",
-        "mean_with_lines",
-        "mean_without_lines",
-    )
-    keys += ("upper_limit", "level", "level_from_hz")
+    keys: tuple[str, ...] = ("rate_hz", "duration_s", "windows", "mean_with_lines")
+    keys += ("mean_without_lines", "upper_limit", "level", "level_from_hz")
     return picked(straight, *keys) | {"lines": [asdict(line) for line in straight.lines]}
