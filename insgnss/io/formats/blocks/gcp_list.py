@@ -78,7 +78,8 @@ def read_gcp_list(
             raise InputError.at_line(
                 path,
                 line,
-                f"{len(words)} fields: {shown(row)}; x y z im_x im_y image must stand there",
+                f"{len(words)} fields: {shown(row.strip())}; x y z im_x im_y image must stand"
+                " there",
             )
         x, y, z, u, v = (number_in(word, path, line) for word in words[:5])
         here = (x, y, z)
@@ -150,7 +151,7 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    line, text = row
+    line, text = row[0], row[1].strip()
     words = text.upper().split()
     if not text.upper().startswith(HEAD):
         raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {MISSING}")

@@ -140,7 +140,7 @@ def decoded(path: Source) -> str:
 def data_lines(text: str) -> list[tuple[int, str]]:
     """Return the lines of a text with their numbers, without blank ones and comments."""
     lines = enumerate(lines_of(text), start=1)
-    return [(line, row.strip()) for line, row in lines if row.strip() and not is_comment(row)]
+    return [(line, row) for line, row in lines if row.strip() and not is_comment(row)]
 
 
 def check_fields(path: Source, line: int, fields: Sequence[str], count: int, text: str) -> None:
