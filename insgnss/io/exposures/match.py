@@ -78,9 +78,9 @@ def name_events(
     if images is not None:
         _refuse_named(path, events)
         notes = tuple(check for check in notes if check.name != UNNAMED)
-        given = [k for k, name in enumerate(images) if name not in skip_images]
-        names = [images[k] for k in given]
-        taken, doubts = (None, ()) if taken_s is None else _taken(path, taken_s, images, given)
+        kept = [k for k, name in enumerate(images) if name not in skip_images]
+        names = [images[k] for k in kept]
+        taken, doubts = (None, ()) if taken_s is None else _taken(path, taken_s, images, kept)
         notes += doubts + _Match(path, time, number, names, taken, notes).checked()
     return replace(events[number - 1], images=tuple(names), source=path, notes=notes)
 
@@ -128,9 +128,9 @@ def _check_skipped(
 
 
 def _taken(
-    path: str, taken_s: ArrayLike, images: Sequence[str], given: Sequence[int]
+    path: str, taken_s: ArrayLike, images: Sequence[str], kept: Sequence[int]
 ) -> tuple[Array | None, tuple[Finding, ...]]:
-    """The own times (n,) s of the images at the places `given`, None with a note where their
+    """The own times (n,) s of the images at the places `kept`, None with a note where their
     fractions of a second cannot be right.
     """
     taken = np.asarray(taken_s, dtype=np.float64)
@@ -139,12 +139,12 @@ def _taken(
             f"the images' own times have the shape {taken.shape}, expected {len(images)} finite"
             " numbers, one an image"
         )
-    taken = taken[given]
+    taken = taken[kept]
     if taken.size < 2 or (step := np.diff(taken)).min() >= 0.0:
         return taken, ()
     k = int(np.argmin(step))
     finding = (
-        f"image {images[given[k + 1]]} was taken {-step[k]:.3f} s before {images[given[k]]}, by the"
+        f"image {images[kept[k + 1]]} was taken {-step[k]:.3f} s before {images[kept[k]]}, by the"
         " images' own times"
     )
     if -step[k] < UNSURE_FALL_S:

@@ -78,11 +78,11 @@ def own_events(camera: CameraInput, gps_week: int | None) -> CameraEvents | None
     CameraEvents or None
         None where no file or object has them.
     """
-    given = camera.events
-    if given is None or isinstance(given, CameraEvents):
-        return given
+    events = camera.events
+    if events is None or isinstance(events, CameraEvents):
+        return events
     return events_of(
-        given,
+        events,
         camera.match.image_ending,
         columns=camera.columns,
         gps_week=gps_week,

@@ -73,16 +73,16 @@ def accepted(item: Declared, value: Any, key: str) -> Any:
         if not item.optional:
             raise OptionError(key, "is None; give a value, or leave it out for the default")
         return None
-    kind, given = KINDS[item.kind], value
+    kind, original = KINDS[item.kind], value
     value = kind.form(item, value)
     if problem := kind.problem(item, value):
-        raise OptionError(key, problem, *(() if isinstance(given, Mapping) else (given,)))
+        raise OptionError(key, problem, *(() if isinstance(original, Mapping) else (original,)))
     names = item.option.members() if item.option.members and isinstance(value, Mapping) else ()
     for name in value if kind.member else ():
         if names and name not in names:
             raise OptionError(key, f"{name!r} is unknown; {near(str(name), names)}")
         if problem := kind.member(item, name, value[name]) if kind.member else "":
-            raise OptionError(f"{key}.{name}", problem, given[name])
+            raise OptionError(f"{key}.{name}", problem, original[name])
     return value
 
 

@@ -77,8 +77,8 @@ def write_cameras(
     notes: list[str] = []
     ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
     given = covariances or [None] * len(cameras)
-    own = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
-    atomic_write(path, FORMS[form](ready, own))
+    written = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
+    atomic_write(path, FORMS[form](ready, written))
     return tuple(notes)
 
 
@@ -228,8 +228,8 @@ def _opencv_covariance(
     source = {"fx": ("f", "b1"), "fy": ("f",), "p1": ("p2",), "p2": ("p1",)}
     M = np.zeros((len(names), len(INTERIOR)))
     for row, name in enumerate(names):
-        for own in source.get(name, (name,)):
-            M[row, INTERIOR.index(own)] = 1.0
+        for parameter in source.get(name, (name,)):
+            M[row, INTERIOR.index(parameter)] = 1.0
     cov = M @ P.whole @ M.T
     rows = np.flatnonzero(np.diagonal(cov) > 0.0)
     sigma = np.sqrt(np.diagonal(cov)[rows])
@@ -240,9 +240,9 @@ def _opencv_covariance(
 def _opencv_values(camera: BrownCamera) -> dict[str, float]:
     """Parameters of OpenCV's model by its names; pixels from the outer corner of the first one."""
     keys = ("cx", "cy", "k1", "k2", "k3", *("k4",) * camera.fisheye)
-    own = {key: camera.of(key) for key in keys}
+    values = {key: camera.of(key) for key in keys}
     focal = {"fx": camera.of("f") + camera.of("b1"), "fy": camera.of("f")}
-    return own | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
+    return values | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
 
 
 def _distortion_keys(camera: BrownCamera) -> tuple[str, ...]:

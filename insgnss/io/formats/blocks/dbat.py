@@ -77,19 +77,19 @@ def read_dbat(path: Source) -> ImageBlock:
     """
     path = Path(path)
     root = _parsed(path, "dbat_script_version")
-    given = _one(path, root, "input")
-    base = path.parent / (given.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
-    cameras = _cameras(path, base, given, root)
+    inputs = _one(path, root, "input")
+    base = path.parent / (inputs.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
+    cameras = _cameras(path, base, inputs, root)
     if len(cameras) != 1:
         raise InputError.in_file(
             path, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
         )
-    ids, names = _images(path, base, given)
+    ids, names = _images(path, base, inputs)
     order = {number: row for row, number in enumerate(ids)}
-    position, C_mc = _prior(path, base, given, order)
-    seen = list(_image_points(path, base, given, order))
-    control, check = (_ground(path, base, given, kind) for kind in ("ctrl_pts", "check_pts"))
-    every = [points for _, points, _, _ in seen] + [control[0], check[0]]
+    position, C_mc = _prior(path, base, inputs, order)
+    measurements = list(_image_points(path, base, inputs, order))
+    control, check = (_ground(path, base, inputs, kind) for kind in ("ctrl_pts", "check_pts"))
+    every = [points for _, points, _, _ in measurements] + [control[0], check[0]]
     points, row = np.unique(np.concatenate(every), return_inverse=True)
     rows = np.split(row, np.cumsum([len(x) for x in every])[:-1])
     return ImageBlock(
@@ -101,10 +101,10 @@ def read_dbat(path: Source) -> ImageBlock:
         _held(path, root, position),
         tuple(str(p) for p in points),
         Observations(
-            np.concatenate([image for image, *_ in seen]),
+            np.concatenate([image for image, *_ in measurements]),
             np.concatenate(rows[:-2]),
-            np.concatenate([uv for _, _, uv, _ in seen]),
-            np.concatenate([sigma for *_, sigma in seen]),
+            np.concatenate([uv for _, _, uv, _ in measurements]),
+            np.concatenate([sigma for *_, sigma in measurements]),
         ),
         GroundPoints(rows[-2], *control[1:]),
         GroundPoints(rows[-1], *check[1:]),
@@ -144,13 +144,13 @@ def _numbers(path: Path, text: str | None, name: str, count: int | None = None) 
 def _tables(
     path: Path,
     base: Path,
-    given: Element,
+    inputs: Element,
     name: str,
     required: str,
     read: Callable[[Path], Table | TextTable] = read_table,
 ) -> Iterator[tuple[NamedTable, Element, Element]]:
     """Yield the tables of one kind, each with the element <file> that names it and its parent."""
-    for parent in given.findall(name):
+    for parent in inputs.findall(name):
         for element in parent.findall("file"):
             columns = [c.strip() for c in (element.get("format") or "").split(",")]
             if missing := [c for c in required.split() if c not in columns]:
@@ -171,10 +171,10 @@ def _tables(
             yield NamedTable(TableSpec.exactly(required), table, index), element, parent
 
 
-def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def _images(path: Path, base: Path, inputs: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
-    for table, _, _ in _tables(path, base, given, "images", IMAGES, read_text_table):
+    for table, _, _ in _tables(path, base, inputs, "images", IMAGES, read_text_table):
         ids.append(whole_rows(table, table.floats("id"), "image"))
         names += [Path(name).name for name in table.strings("path")]
     if not ids:
@@ -194,10 +194,10 @@ def _row_of(table: NamedTable, ids: NDArray[np.int64], order: dict[int, int]) ->
     return rows
 
 
-def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tuple[Array, Array]:
+def _prior(path: Path, base: Path, inputs: Element, order: dict[int, int]) -> tuple[Array, Array]:
     """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
     position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
-    for table, element, _ in _tables(path, base, given, "prior_eo", f"id {POSITION} {OPK}"):
+    for table, element, _ in _tables(path, base, inputs, "prior_eo", f"id {POSITION} {OPK}"):
         unit = element.get("units", "degrees")
         if unit not in ANGLES:
             raise InputError.in_file(path, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}")
@@ -208,11 +208,11 @@ def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tup
 
 
 def _image_points(
-    path: Path, base: Path, given: Element, order: dict[int, int]
+    path: Path, base: Path, inputs: Element, order: dict[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
     """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
     empty = True
-    for table, element, _ in _tables(path, base, given, "image_pts", IMAGE_POINTS):
+    for table, element, _ in _tables(path, base, inputs, "image_pts", IMAGE_POINTS):
         empty = False
         images = _row_of(table, whole_rows(table, table.floats("im"), "image"), order)
         points = whole_rows(table, table.floats("id"), "point")
@@ -242,11 +242,11 @@ def _sigma(table: NamedTable, sigma: Array) -> Array:
 
 
 def _ground(
-    path: Path, base: Path, given: Element, name: str
+    path: Path, base: Path, inputs: Element, name: str
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Return numbers (n,), coordinates (n, 3), m, and covariances (n, 3, 3) of ground points."""
     ids, position, sigma = [], [], []
-    for table, _, parent in _tables(path, base, given, name, f"id {POSITION}", read_text_table):
+    for table, _, parent in _tables(path, base, inputs, name, f"id {POSITION}", read_text_table):
         number = table.floats("id")
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
@@ -265,10 +265,10 @@ def _ground(
     return np.concatenate(ids), np.concatenate(position), cov
 
 
-def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[BrownCamera, ...]:
+def _cameras(path: Path, base: Path, inputs: Element, root: Element) -> tuple[BrownCamera, ...]:
     """Return the cameras of the script, or of the file that it names."""
     cameras, free, values = [], _free(path, root), _initial(root)
-    for parent in given.findall("cameras"):
+    for parent in inputs.findall("cameras"):
         for camera in parent.findall("camera"):
             _set_initial(path, camera, values)
             cameras.append(_camera(path, camera, free))

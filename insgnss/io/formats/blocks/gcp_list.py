@@ -78,7 +78,8 @@ def read_gcp_list(
             raise InputError.at_line(
                 path,
                 line,
-                f"{len(words)} fields: {shown(row)}; x y z im_x im_y image must stand there",
+                f"{len(words)} fields: {shown(row.strip())}; x y z im_x im_y image must stand"
+                " there",
             )
         x, y, z, u, v = (number_in(word, path, line) for word in words[:5])
         here = (x, y, z)

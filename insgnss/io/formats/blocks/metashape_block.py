@@ -156,8 +156,8 @@ def read_metashape_cameras(path: Source) -> tuple[BrownCamera, ...]:
 def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCamera:
     """Return a camera: as it was adjusted, else as it was given, else as it was built."""
     name = sensor.get("label") or f"sensor {sensor.get('id')}"
-    given = {c.get("class", ""): c for c in sensor.findall("calibration")}
-    calibration = given.get("adjusted", next(iter(given.values()), None))
+    calibrations = {c.get("class", ""): c for c in sensor.findall("calibration")}
+    calibration = calibrations.get("adjusted", next(iter(calibrations.values()), None))
     kind = sensor.get("type", "frame") if calibration is None else calibration.get("type", "frame")
     if kind not in ("frame", "fisheye"):
         raise source.error(
@@ -227,12 +227,12 @@ def _pixels(source: ProjectFile, element: Element, key: str, name: str) -> int:
 
 def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
     """Return the focal length in pixels that a sensor was built with."""
-    given = {p.get("name"): p.get("value") for p in sensor.findall("property")}
-    if not {"focal_length", "pixel_width"} <= set(given):
+    properties = {p.get("name"): p.get("value") for p in sensor.findall("property")}
+    if not {"focal_length", "pixel_width"} <= set(properties):
         raise source.error(
             f"camera {shown(name)} has neither calibration nor focal length; align the images first"
         )
-    focal, pixel = (positive(source, given[k], k) for k in ("focal_length", "pixel_width"))
+    focal, pixel = (positive(source, properties[k], k) for k in ("focal_length", "pixel_width"))
     return focal / pixel
 
 
@@ -291,8 +291,8 @@ def _tie_points(
     """Return image rows, numbers, pixels (n, 2) and sizes of tie points with object coordinates."""
     image_row, track, uv, size = [], [], [], []
     frame = of.frame
-    given = [] if frame is None else [*frame.findall("point_cloud"), *frame.findall("tie_points")]
-    for element in given:
+    clouds = [] if frame is None else [*frame.findall("point_cloud"), *frame.findall("tie_points")]
+    for element in clouds:
         cloud, source = of.frame_source.opened(element)
         points = cloud.find("points")
         valid = (

@@ -161,8 +161,8 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
 
     Those without reference are not connected with each other.
     """
-    given = parse_json(file, decoded(file))
-    models = given if isinstance(given, list) else [given]
+    document = parse_json(file, decoded(file))
+    models = document if isinstance(document, list) else [document]
     if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
         raise InputError.in_file(
             file, "is no list of reconstructions with shots; give OpenSfM's file of that name"
@@ -227,9 +227,9 @@ def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
     )
 
 
-def _camera(file: Path, name: str, given: Any) -> BrownCamera:
+def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
     """Return a camera in pixels."""
-    model = given.get("projection_type", "perspective")
+    model = entry.get("projection_type", "perspective")
     if model not in MODELS:
         raise InputError.in_file(
             file,
@@ -237,7 +237,7 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         )
 
     def value(key: str, default: float | None = 0.0) -> float:
-        return _value(file, given, key, default, f"camera {shown(name)}")
+        return _value(file, entry, key, default, f"camera {shown(name)}")
 
     width, height = value("width", None), value("height", None)
     if not (
@@ -259,13 +259,13 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
 
 def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
     """Return the tangent plane of the reconstruction, None where its place is not known."""
-    given, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
-    if given is None and beside.is_file():
-        given = parse_json(beside, decoded(beside))
-    if given is None:
+    reference, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
+    if reference is None and beside.is_file():
+        reference = parse_json(beside, decoded(beside))
+    if reference is None:
         return None
     lat, lon, height = (
-        _value(file, given, key, None, "reference_lla")
+        _value(file, reference, key, None, "reference_lla")
         for key in ("latitude", "longitude", "altitude")
     )
     return TangentPlane(np.radians(lat), np.radians(lon), height)

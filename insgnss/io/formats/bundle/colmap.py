@@ -109,8 +109,8 @@ def write_colmap(
         check_names(eo.images, None)
         names, number = eo.cameras
         images = tuple(
-            DatabaseImage(k, int(own) + 1, name)
-            for k, (own, name) in enumerate(zip(number, eo.images, strict=True), start=1)
+            DatabaseImage(k, int(row) + 1, name)
+            for k, (row, name) in enumerate(zip(number, eo.images, strict=True), start=1)
         )
         cameras = dict(enumerate(cameras_of(camera, names, "colmap"), start=1))
     else:
@@ -137,8 +137,8 @@ def _of_rows(
     eo: FramedOrientation, rows: Sequence[int]
 ) -> tuple[FramedOrientation, tuple[str, ...]]:
     """Return the images `rows` of an orientation, and a note of those that are left out."""
-    own = set(rows)
-    left_out = [name for k, name in enumerate(eo.images) if k not in own]
+    kept = set(rows)
+    left_out = [name for k, name in enumerate(eo.images) if k not in kept]
     if not left_out:
         return eo, ()
     k = list(rows)
@@ -171,17 +171,17 @@ def _calibrated(
     model: Camera, cameras: Mapping[int, Camera], database: Source
 ) -> dict[int, Camera]:
     """Return `model` in the place of all cameras of a database, of whose kind and size it is."""
-    for number, own in cameras.items():
-        if (own.width, own.height) != (model.width, model.height):
+    for number, saved in cameras.items():
+        if (saved.width, saved.height) != (model.width, model.height):
             raise UsageError(
                 f"colmap: camera is {model.width} x {model.height} px, camera {number} of"
-                f" {database} {own.width} x {own.height}; give that of these images, or leave it"
-                " out for the cameras of the database"
+                f" {database} {saved.width} x {saved.height}; give that of these images, or leave"
+                " it out for the cameras of the database"
             )
-        if own.model != model.model:
+        if saved.model != model.model:
             raise UsageError(
-                f"colmap: camera is a {model.model}, camera {number} of {database} a {own.model},"
-                f" and COLMAP takes no other; give it as {own.model}, or extract features with"
+                f"colmap: camera is a {model.model}, camera {number} of {database} a {saved.model},"
+                f" and COLMAP takes no other; give it as {saved.model}, or extract features with"
                 f" --ImageReader.camera_model {model.model}"
             )
     return dict.fromkeys(cameras, model)
@@ -341,8 +341,8 @@ def _new_images(
         camera_ids.append(db.write_camera(camera))
     ids = []
     with pycolmap.DatabaseTransaction(db):
-        for name, own in zip(eo.images, eo.cameras[1], strict=True):
-            image = pycolmap.Image(name=name, camera_id=camera_ids[own])
+        for name, row in zip(eo.images, eo.cameras[1], strict=True):
+            image = pycolmap.Image(name=name, camera_id=camera_ids[row])
             image.image_id = db.write_image(image)
             ids.append(image.data_id)
     return ids

@@ -157,9 +157,9 @@ def names_in_database(
         by_file.setdefault(name.replace("\\", "/").rpartition("/")[2], []).append(name)
     whole = set(names)
     choices = [[image] if image in whole else by_file.get(image, []) for image in images]
-    missing = [image for image, own in zip(images, choices, strict=True) if not own]
+    missing = [image for image, matches in zip(images, choices, strict=True) if not matches]
     if missing and (not skip or len(missing) == len(images)):
-        others = sorted(whole - {own[0] for own in choices if own})
+        others = sorted(whole - {matches[0] for matches in choices if matches})
         has = f"; it has {shown(others[0])}" if others else ""
         message = (
             f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}: call"
@@ -167,13 +167,13 @@ def names_in_database(
             " images, or leave out what is missing (--set missing=skip)"
         )
         raise InputError.in_file(path, message)
-    if doubles := [own for own in choices if len(own) > 1]:
+    if doubles := [matches for matches in choices if len(matches) > 1]:
         message = (
             f"has {shown(doubles[0][0])} and {shown(doubles[0][1])}: which of both the orientation"
             " means is not known; name its images with their folders"
         )
         raise InputError.in_file(path, message)
-    return {k: own[0] for k, own in enumerate(choices) if own}
+    return {k: matches[0] for k, matches in enumerate(choices) if matches}
 
 
 def _frames(path: Source, connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:

@@ -112,9 +112,9 @@ def write_opf(
         for pair, uri in zip(ids, uris, strict=True)
     )
     names = list(ITEMS) if definition is not None else ["camera_list", "input_cameras"]
-    own = ("project.opf", *(f"{name}.json" for name in names))
+    files = ("project.opf", *(f"{name}.json" for name in names))
     with new_directory(
-        Path(path), own, lambda file: file.endswith(OPF_FILES), "an OPF project"
+        Path(path), files, lambda file: file.endswith(OPF_FILES), "an OPF project"
     ) as into:
 
         def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
@@ -164,12 +164,12 @@ def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
         return frame.wkt, frame.crs or _horizontal(frame.wkt)
     horizontal = frame.crs or frame.wkt
     ellipsoid = re.search(r'ELLIPSOID\["[^"]*",([\d.]+),([\d.]+)', frame.wkt)
-    own = (
+    is_grs80 = (
         ellipsoid is not None
         and float(ellipsoid[1]) == 6378137.0
         and abs(float(ellipsoid[2]) - 298.2572) < 1e-4
     )
-    return (horizontal if own and "ellipsoid" in frame.heights else None), horizontal
+    return (horizontal if is_grs80 and "ellipsoid" in frame.heights else None), horizontal
 
 
 def _horizontal(wkt: str) -> str:
@@ -254,8 +254,10 @@ def _captures(
     form += f'"rig_model_source":"not_applicable","time":"%s",{geolocation},{turn},{full}}}'
     sigma = local_sigma(eo)[:, [1, 0, 2]]
     table = np.hstack([numbers_of(eo, "llh"), sigma, angles, eo.cov.reshape(-1, 36)])
-    for (capture, own), sensor, time, row in zip(*numbered, utc(eo), table.tolist(), strict=True):
-        yield form % (capture, own, sensor, own, time, *row)
+    for (capture, camera_id), sensor, time, row in zip(
+        *numbered, utc(eo), table.tolist(), strict=True
+    ):
+        yield form % (capture, camera_id, sensor, camera_id, time, *row)
 
 
 def _projected(

@@ -36,14 +36,14 @@ from ....geodesy.rotation import (
 from ....records import FramedOrientation, MapFrame
 from ....records.framed import GEOGRAPHIC
 from ..exports import EXPORTS
-from ..text.layout import NUMBER
+from ..text.layout import COMMENTS, NUMBER
 
 Array = NDArray[np.float64]
 
 # of the middle angle: within 0.2 seconds of arc of 90 deg the outer two are one turn
 LEAST_COSINE = 1e-6
 QUOTES = "\"'"
-COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
+COMMENT_SIGNS = (*COMMENTS, *QUOTES)  # a name that begins so would not be read as one
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r\t]")
 """What XML 1.0 does not have, tab, carriage return and delete."""
 SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
@@ -212,7 +212,7 @@ def _unfit(name: str, separator: str | None) -> str:
         return control
     if formula := _formula(name, separator):
         return formula
-    if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
+    if sign := next((sign for sign in COMMENT_SIGNS if name.startswith(sign)), ""):
         return f"begins with {sign}"
     if separator is None:
         return "has a blank" if any(c.isspace() for c in name) else ""

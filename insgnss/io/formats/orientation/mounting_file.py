@@ -375,12 +375,12 @@ def read_mounting_file(
     if not root.data:
         raise InputError.in_file(path, "is empty; a table [mounting] is expected")
     table, camera, made = (root.table(key) for key in ("mounting", "camera", "calibration"))
-    given = _made(made) | _values(table, camera_from_body)
+    fields = _made(made) | _values(table, camera_from_body)
     if DELAY in camera.data:
-        given[DELAY] = camera.number(DELAY, None, -LONGEST_DELAY_S, LONGEST_DELAY_S)
+        fields[DELAY] = camera.number(DELAY, None, -LONGEST_DELAY_S, LONGEST_DELAY_S)
     where = {DELAY: camera, "date": made}
     try:
-        return MountingFile(path=path, **given), root
+        return MountingFile(path=path, **fields), root
     except InputError as refusal:
         key, _, problem = str(refusal).partition(": ")
         raise where.get(key, table).error(key, problem) from None
@@ -388,16 +388,16 @@ def read_mounting_file(
 
 def _values(table: Table, camera_from_body: ArrayLike) -> dict[str, Any]:
     """What table [mounting] holds."""
-    given: dict[str, Any] = {key: table.numbers(key, 3) for key in VECTORS if key in table.data}
+    fields: dict[str, Any] = {key: table.numbers(key, 3) for key in VECTORS if key in table.data}
     if "antenna_sigma_m" in table.data:
-        given["antenna_sigma_m"] = table.number("antenna_sigma_m", None, 0.0, 10.0)
+        fields["antenna_sigma_m"] = table.number("antenna_sigma_m", None, 0.0, 10.0)
     for key in ("camera_from_body", "boresight"):
         if key in table.data:
-            given[key] = table.matrix(key)
-    given["set_in_body"] = "camera_from_body" in given
+            fields[key] = table.matrix(key)
+    fields["set_in_body"] = "camera_from_body" in fields
     if "boresight_deg" not in table.data:
-        return given
-    if "boresight" in given:
+        return fields
+    if "boresight" in fields:
         raise table.error("boresight_deg", "boresight is given as well; keep one of them")
     named = table.table("boresight_deg")
     if len(named.data) != 1:
@@ -405,39 +405,39 @@ def _values(table: Table, camera_from_body: ArrayLike) -> dict[str, Any]:
         problem = f"name one angle set, such as {{ opk = [..] }}; known are {words}"
         raise table.error("boresight_deg", problem)
     (angle_set,) = named.data
-    turn = given.get("camera_from_body", camera_from_body)
-    given["boresight"] = boresight_from_angles(angle_set, named.numbers(angle_set, 3), turn)
-    return given
+    turn = fields.get("camera_from_body", camera_from_body)
+    fields["boresight"] = boresight_from_angles(angle_set, named.numbers(angle_set, 3), turn)
+    return fields
 
 
 def _made(table: Table) -> dict[str, Any]:
     """What table [calibration] holds."""
-    given: dict[str, Any] = {
+    fields: dict[str, Any] = {
         key: table.text(key) for key in ("verb", "camera") if key in table.data
     }
     if (date := table.data.get("date")) is not None:
-        given["date"] = date if isinstance(date, str) else str(date)
+        fields["date"] = date if isinstance(date, str) else str(date)
     if "image_size" in table.data:
         columns, rows = table.numbers("image_size", 2)
-        given["image_size"] = (int(columns), int(rows))
+        fields["image_size"] = (int(columns), int(rows))
     if "focal_px" in table.data:
-        given["focal_px"] = table.number("focal_px", None, 1.0)
+        fields["focal_px"] = table.number("focal_px", None, 1.0)
     if "camera_from_body" in table.data:
-        given["camera_from_body"] = table.matrix("camera_from_body")
-    given["verdict"] = table.texts("verdict", ())
+        fields["camera_from_body"] = table.matrix("camera_from_body")
+    fields["verdict"] = table.texts("verdict", ())
     reasons = table.table("not_determined")
-    given["not_determined"] = {key: reasons.text(key) for key in reasons.data}
-    given["inputs"] = tuple(
+    fields["not_determined"] = {key: reasons.text(key) for key in reasons.data}
+    fields["inputs"] = tuple(
         (item.text("file"), item.text("sha256")) for item in table.tables("inputs")
     )
     sigma, cov = table.table("sigma"), table.table("covariance")
     for key, name, unit in COVARIANCES:
         if f"{key}2" in cov.data:
-            given[name] = cov.matrix(f"{key}2") / unit**2
-            if not _is_covariance(given[name]):
+            fields[name] = cov.matrix(f"{key}2") / unit**2
+            if not _is_covariance(fields[name]):
                 raise cov.error(f"{key}2", "is no covariance matrix")
         elif key in sigma.data:
-            given[name] = np.diag(np.square(sigma.sigmas(key, None))) / unit**2
+            fields[name] = np.diag(np.square(sigma.sigmas(key, None))) / unit**2
     if DELAY in sigma.data:
-        given["time_offset_sigma_s"] = sigma.number(DELAY, None, 0.0)
-    return given
+        fields["time_offset_sigma_s"] = sigma.number(DELAY, None, 0.0)
+    return fields

@@ -361,7 +361,7 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
         fields = text.split()
         if len(fields) not in ODM_FIELDS:
             problem = f"{len(fields)} fields, name x y z yaw pitch roll horizontal vertical"
-            raise InputError.at_line(path, line, f"{problem} are expected: {shown(text)}")
+            raise InputError.at_line(path, line, f"{problem} are expected: {shown(text.strip())}")
         names.append(fields[0])
         position.append(numbers(fields[1:4], path, line))
         if len(fields) == ODM_FIELDS[-1]:
