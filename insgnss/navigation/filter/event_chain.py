@@ -208,24 +208,6 @@ class EventChain:
         begin, end = self.read.begin[event : event + 2]
         return int(begin) + self.read.state[begin:end].tolist().index(state)
 
-    def covariance(self, first: int, T: Array) -> Array:
-        """Return the smoothed covariance of what is wanted of consecutive events.
-
-        Parameters
-        ----------
-        first : int
-            The first of the events.
-        T : Array
-            (k, d, n) what is wanted of each of k events, as the derivative by the errors of all
-            states.
-
-        Returns
-        -------
-        Array
-            (k d, k d), event after event, symmetric.
-        """
-        return self.covariance_of(np.arange(first, first + len(T)), T)
-
     def covariance_of(self, events: np.ndarray, T: Array) -> Array:
         """Return the smoothed covariance of what is wanted of some of the events.
 

@@ -39,7 +39,7 @@ from .strapdown import nav_difference
 CHANGE = 0.01  # standard deviations that another linearisation may move a prediction by (chosen)
 # m, m/s, rad, rad/s by which a central difference moves the nine errors of navigation and the
 # biases of the gyros: rounding and curvature leave some 1e-9 of a derivative
-STEPS = np.repeat([1e-2, 1e-2, 1e-5, 1e-6], 3)
+DIFFERENCE_STEPS = np.repeat([1e-2, 1e-2, 1e-5, 1e-6], 3)
 # a-priori standard deviations that it moves a state of the measurement by (chosen)
 STEP_STATE = 1e-4
 
@@ -151,7 +151,9 @@ def _linearise(
     about = epochs.linear_about[index]
     H = np.zeros((index.size, measurement.values.shape[1], epochs.linear_H.shape[3]))
     columns = OF_STATES + np.arange(measured.states.start, measured.states.stop)
-    steps = np.concatenate([STEPS, [STEP_STATE * state.sigma for state in measurement.states]])
+    steps = np.concatenate(
+        [DIFFERENCE_STEPS, [STEP_STATE * state.sigma for state in measurement.states]]
+    )
     for column, step in zip([*range(OF_STATES), *columns], steps, strict=True):
         forward, backward = (
             prediction(problem, measured, _moved(about, column, s)) for s in (step, -step)

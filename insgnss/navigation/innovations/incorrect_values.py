@@ -35,7 +35,7 @@ from ..filter.linearised import about_solution, prediction, with_measurements
 from ..filter.problem import EstimationProblem, MeasuredRows
 from ..filter.solution import Solution
 
-PIECE_S = 5.0  # of the time in which residuals are averaged: a disturbance lasts longer
+SPELL_PIECE_S = 5.0  # of the time in which residuals are averaged: a disturbance lasts longer
 # (V.2): honest pieces of an hour exceed it once in 200 flights, which costs a pass; errors of four
 # sigmas of a value for half a minute reached 6 to 20 on simulated flights
 SUSPECT_SIGMAS = 4.5
@@ -221,7 +221,7 @@ def _middle(measured: MeasuredRows, pieces: list[np.ndarray]) -> np.ndarray:
 def _pieces(solution: Solution, measured: MeasuredRows) -> list[np.ndarray]:
     """Return the rows of each piece of time that holds any."""
     time = solution.problem.epochs.time[measured.at_epoch]
-    cuts = np.flatnonzero(np.diff(time // PIECE_S)) + 1
+    cuts = np.flatnonzero(np.diff(time // SPELL_PIECE_S)) + 1
     return [piece for piece in np.split(np.arange(time.size), cuts) if piece.size]
 
 

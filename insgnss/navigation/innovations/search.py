@@ -25,7 +25,7 @@ from .likelihood import IMU, Evaluated, LinearSegment, evaluate
 # a fix is not trusted to less than a fifth of its sigma
 RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
 # of a search; its last step and gain; and its longest step, a factor of e (chosen)
-STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
+SEARCH_STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
 LENGTHS = (0.01, 1.0)  # of a step, l of (N.1): the shortest that is tried (chosen), and the whole
 HOPE = 10.0  # gains of the last step, as many as a search may still win (chosen)
 # of the information: standard deviations of a logarithm of 1400 and 45 000
@@ -123,7 +123,7 @@ class Search:
         """Climb to the maximum by (N.1)."""
         low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
         length, longest = 1.0, 0.0
-        for _ in range(STEPS):
+        for _ in range(SEARCH_STEPS):
             theta, g = here.theta, here.evaluated.gradient
             active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
             if not active.any():

@@ -24,6 +24,10 @@ HELD_SHARE = 1e-7
 """Standard deviation of inner constraints, of the network's size: far below what images determine,
 and no worse for the condition of the normal matrix than a good block is."""
 
+# reciprocal condition, estimated to a factor of ten, from which on a scaled covariance needs no
+# eigenvalues: ten times the least that `weight_of` takes
+WELL = 1e-12
+
 
 class ObservationGroup(Protocol):
     """Observations with one weight matrix; what the engine asks of a group."""
@@ -143,7 +147,10 @@ def weight_of(cov: Array, who: str) -> Array:
         It is not positive definite, to 13 digits when its diagonal is scaled to one.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(cov), np.finfo(float).tiny))
-    values, axes = np.linalg.eigh(scale[:, None] * cov * scale)
+    scaled = scale[:, None] * cov * scale
+    if (inverse := _by_cholesky(scaled)) is not None:
+        return np.asarray(np.outer(scale, scale) * inverse)
+    values, axes = np.linalg.eigh(scaled)
     if not values[0] > 1e-13 * values[-1]:
         raise DataError(
             f"{who}: covariance is not positive definite (eigenvalues from {values[0]:.1e} to"
@@ -151,6 +158,17 @@ def weight_of(cov: Array, who: str) -> Array:
         )
     whitened = axes / np.sqrt(values) * scale[:, None]
     return np.asarray(whitened @ whitened.T)
+
+
+def _by_cholesky(matrix: Array) -> Array | None:
+    """Return the inverse of a symmetric matrix, None where it may not be positive definite."""
+    from scipy.linalg.lapack import dpocon, dpotrf, dpotri
+
+    factor, failed = dpotrf(matrix, lower=1)
+    if failed or not dpocon(factor, np.abs(matrix).sum(axis=0).max(), uplo="L")[0] > WELL:
+        return None
+    lower = np.tril(dpotri(factor, lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def inverse_right_jacobian(v: Array) -> Array:

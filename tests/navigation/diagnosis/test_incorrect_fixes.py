@@ -135,7 +135,7 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     T = np.tile(np.eye(9, solution.problem.layout.size), (at.size, 1, 1))
     k = at.size
     with_step, without = (
-        chain.covariance(0, T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
+        chain.covariance_of(np.arange(len(T)), T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
         for chain in (priced.chain, alone)
     )
     own = np.einsum("aaij->aij", with_step)

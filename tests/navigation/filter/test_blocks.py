@@ -61,7 +61,10 @@ def test_results_do_not_depend_on_the_blocks(posed, monkeypatch, block, kept_byt
     assert in_blocks.chain is not None
     assert whole.chain is not None
     T = np.tile(np.eye(9, whole.problem.layout.size), (5, 1, 1))
-    assert_array_equal(in_blocks.chain.covariance(0, T), whole.chain.covariance(0, T))
+    assert_array_equal(
+        in_blocks.chain.covariance_of(np.arange(len(T)), T),
+        whole.chain.covariance_of(np.arange(len(T)), T),
+    )
 
 
 def test_blocks_give_what_the_passes_over_the_whole_flight_give(posed):
@@ -90,12 +93,14 @@ def test_blocks_give_what_the_passes_over_the_whole_flight_give(posed):
     assert_array_equal(of_blocks.read.begin[[0, -1]], [0, of_blocks.gain.shape[0]])
     assert of_blocks.gain.size < chain.gain.size / 2
     T = np.tile(np.eye(9, problem.layout.size), (5, 1, 1))
-    assert_array_equal(of_blocks.covariance(0, T), chain.covariance(0, T))
+    assert_array_equal(
+        of_blocks.covariance_of(np.arange(len(T)), T), chain.covariance_of(np.arange(len(T)), T)
+    )
     nodes = nodes_of(problem.layout, problem.epochs.time[of_blocks.epoch])
     assert nodes[0].size > 5
     assert_array_equal(common_errors(of_blocks, *nodes, T), common_errors(chain, *nodes, T))
     with pytest.raises(ValueError, match="of this state the chain keeps nothing"):
-        of_blocks.covariance(0, np.tile(np.eye(problem.layout.size), (5, 1, 1)))
+        of_blocks.covariance_of(np.arange(5), np.tile(np.eye(problem.layout.size), (5, 1, 1)))
 
 
 def test_a_part_of_a_solution_has_the_covariances_of_its_epochs(posed, monkeypatch):

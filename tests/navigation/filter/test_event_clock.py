@@ -135,12 +135,14 @@ def test_the_covariances_are_those_of_small_errors(late):
     # all pairs of events at once (B.8)
     T = event_derivatives(solution, of_receiver=True)
     k = at.size
-    blocks = solution.chain.covariance(0, T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
+    blocks = (
+        solution.chain.covariance_of(np.arange(len(T)), T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
+    )
     assert np.abs((np.einsum("aaij->aij", blocks) - expected) / of_sigmas).max() < 1e-4
     every = np.arange(k)
     assert np.abs((blocks[every[:-1], every[1:]] - cross) / of_pairs).max() < 1e-4
     assert np.abs((blocks[every[:-1], every[1:]] - middle.cross) / of_pairs).max() < 1e-8
-    exact = solution.chain.covariance(0, np.tile(np.eye(T.shape[2])[rows], (k, 1, 1)))
+    exact = solution.chain.covariance_of(np.arange(k), np.tile(np.eye(T.shape[2])[rows], (k, 1, 1)))
     exact = exact.reshape(k, rows.size, k, -1).transpose(0, 2, 1, 3)
     ends = J[0] @ exact[0, -1] @ J[-1].T
     assert np.abs((blocks[0, -1] - ends) / np.outer(sigma[0], sigma[-1])).max() < 1e-4

@@ -238,7 +238,7 @@ def test_covariance_of_all_events_is_the_batch_solutions(case, in_one):
     off.
     """
     k, n = case.events.size, case.problem.layout.size
-    found = case.chain.covariance(0, np.tile(np.eye(n), (k, 1, 1)))
+    found = case.chain.covariance_of(np.arange(k), np.tile(np.eye(n), (k, 1, 1)))
     expected = np.block([[in_one.covariance(a, b) for b in case.events] for a in case.events])
     sigma = np.sqrt(np.diag(expected))
     assert np.abs((found - expected) / np.outer(sigma, sigma)).max() < RELATIVE
@@ -249,7 +249,7 @@ def test_covariance_of_all_events_is_the_batch_solutions(case, in_one):
     for a in range(k - 1):
         cross = case.smoothed.event_cross[a + 1]
         assert np.abs((blocks[a, a + 1] - cross) / scale[a, a + 1]).max() < RELATIVE
-    part = case.chain.covariance(1, np.tile(np.eye(9, n), (3, 1, 1)))
+    part = case.chain.covariance_of(np.arange(1, 4), np.tile(np.eye(9, n), (3, 1, 1)))
     part = part.reshape(3, 9, 3, 9).transpose(0, 2, 1, 3)
     assert np.abs((part - blocks[1:4, 1:4]) / scale[1:4, 1:4]).max() < 1e-12
     pose = np.r_[0:3, 6:9]
@@ -296,7 +296,9 @@ def test_common_errors_explain_what_the_batch_says(case, in_one):
     assert np.abs(expected / np.outer(sigma, sigma)).max() > 0.5
     event, state = np.full(n, 2), np.arange(n)
     found = common_errors(case.chain, event, state, T).reshape(6 * k, -1)
-    rest = (case.chain.covariance(0, T) - found @ found.T) / np.outer(sigma, sigma)
+    rest = (case.chain.covariance_of(np.arange(len(T)), T) - found @ found.T) / np.outer(
+        sigma, sigma
+    )
     assert np.abs(rest[:12, 18:]).max() < 1e-6  # digits of 30 states, some known by sums alone
     assert np.abs(rest[:12, :12]).max() > 1e-3
 
@@ -311,7 +313,9 @@ def test_what_a_spell_shares_is_a_common_error(case, block):
     chain = replace(case.chain, shared=(spell,))
     nodes = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     A = common_errors(chain, *nodes, T).reshape(9 * k, -1)
-    added = chain.covariance(0, T) - case.chain.covariance(0, T)
+    added = chain.covariance_of(np.arange(len(T)), T) - case.chain.covariance_of(
+        np.arange(len(T)), T
+    )
     np.testing.assert_allclose(A @ A.T, added, atol=1e-12)
     second = added.reshape(k, 9, k, 9)[1, block, 2, block]
     np.testing.assert_allclose(second, cov, atol=1e-12)

@@ -107,7 +107,7 @@ def test_events_around_and_within_an_outage_keep_theirs(flown, smoothed):
         pytest.skip("no extended precision on this machine")
     forward, full, chain = smoothed
     n = full.P.shape[1]
-    cov = chain.covariance(0, np.tile(np.eye(9, n), (5, 1, 1)))
+    cov = chain.covariance_of(np.arange(5), np.tile(np.eye(9, n), (5, 1, 1)))
     blocks = cov.reshape(5, 9, 5, 9).transpose(0, 2, 1, 3)
     epochs = flown.event_epochs
     sigma = np.sqrt(np.diagonal(full.P, axis1=1, axis2=2))[epochs, :9]

@@ -314,6 +314,21 @@ def test_a_block_without_datum_is_refused_by_name(seed):
     assert 0.7 < result.sigma0 < 1.3
 
 
+@pytest.mark.parametrize(("least", "within"), [(1e-2, 1e-12), (1e-9, 1e-6), (1e-12, 1e-3)])
+def test_a_weight_is_the_inverse_of_a_covariance(least, within):
+    """Oracle: axes and variances that the covariance is made of, down to one near singular, which
+    Cholesky's factor does not decide; sigmas of a metre beside a microradian.
+    """
+    axes = np.linalg.qr(np.random.default_rng(4).normal(size=(12, 12)))[0]
+    variance, sigma = np.geomspace(least, 1.0, 12), np.repeat([1.0, 1e-6], 6)
+    cov = sigma[:, None] * (axes * variance) @ axes.T * sigma
+    expected = (axes / variance) @ axes.T
+    weight = weight_of(cov, "strip")
+    np.testing.assert_array_equal(weight, weight.T)
+    found = sigma[:, None] * weight * sigma
+    assert np.abs(found - expected).max() < within * np.abs(expected).max()
+
+
 def test_a_covariance_that_is_none_is_refused():
     """Oracle: a singular matrix."""
     with pytest.raises(DataError, match="strip: covariance is not positive definite"):
