@@ -18,7 +18,7 @@ from .text.text import Source
 
 ROWS = "barometer rows"  # name of the notes on rows left out or put in order
 HIGHEST_PA = 120e3  # far below sea level
-LIMITS = {  # of each column: lowest, highest, their unit and its key
+BAROMETER_LIMITS = {  # of each column: lowest, highest, their unit and its key
     "pressure": (LOWEST_PA, HIGHEST_PA, "Pa", "pressure"),
     "h": (-2000.0, 11000.0, "m", "length"),  # above whatever level it counts from
 }
@@ -104,7 +104,7 @@ def heights_from_columns(
         problem = "no column h or pressure; set columns = [...] of tow, h, pressure"
         raise InputError.in_file(lines.path, problem)
     values = cols[name]
-    low, high, unit, key = LIMITS[name]
+    low, high, unit, key = BAROMETER_LIMITS[name]
     message = (
         f"{name} {{:g}} {unit} of a barometer; it must be between {low:g} and {high:g} {unit}; set"
         f" units = {{{{ {key} = ... }}}} or the columns"

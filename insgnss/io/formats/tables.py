@@ -12,7 +12,7 @@ from .text.headers import kinds_like, unit_in
 from .text.sentences import read_sentences
 from .text.text import read_table, read_text_table
 
-LOGS = {"ardupilot": "logs.dataflash:read_log", "ulog": "logs.ulog:read_log"}
+AUTOPILOT_LOGS = {"ardupilot": "logs.dataflash:read_log", "ulog": "logs.ulog:read_log"}
 
 
 def tables_in(path: str | Path) -> list[TableInfo]:
@@ -21,8 +21,8 @@ def tables_in(path: str | Path) -> list[TableInfo]:
     form = by_bytes(path, head)
     if form in LOADERS:
         return list(tables_of(load_content(form, path)))
-    if form in LOGS:
-        return list(tables_of(function_at(LOGS[form])(path).tables))
+    if form in AUTOPILOT_LOGS:
+        return list(tables_of(function_at(AUTOPILOT_LOGS[form])(path).tables))
     if form == "rosbag":
         from .logs.rosbag import tables_of_bag
 

@@ -13,7 +13,7 @@ from ....base.errors import InputError, UsageError
 from ....records import Array, GnssFixes, ImuSamples
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
-from ..gnss.cartesian import geodetic_columns, position_columns
+from ..gnss.cartesian import position_columns
 from ..gnss.fixes import OF_POSITION, SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
@@ -146,5 +146,4 @@ def gnss_of_content(path: object, content: Content, options: ReadOptions) -> Gns
         finding = "more than half of the rows repeat the fix before"
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines, () if options.sigma_m is None else OF_POSITION)
-    cols = geodetic_columns(table, lines, options.reference, scales.angle, scales.length)
-    return fixes_from_columns(cols, lines, scales, options, geoid_m, (*settled.notes, *more))
+    return fixes_from_columns(table, lines, scales, options, geoid_m, (*settled.notes, *more))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import Array, CameraEvents
+from ..gnss.fixes import SIGMA
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
@@ -32,7 +33,6 @@ NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
 CAMERA = ("lat", "lon", "ellh")
-SIGMAS = ("sd_n", "sd_e", "sd_u")
 # largest number, week or quality: six digits, more than any drone counts (chosen)
 LARGEST_NUMBER = 999999
 LEAST_MRK_VALUES = 2  # number and time of week
@@ -117,7 +117,7 @@ def read_mrk(path: Source) -> MrkFile:
         np.array([[row[name] for name in names] for row in rows])
         if all(name in rows[0] for name in names)
         else None
-        for names in (OFFSET, CAMERA, SIGMAS)
+        for names in (OFFSET, CAMERA, SIGMA)
     )
     numbers = tuple(line.number for line in lines)
     return MrkFile(
@@ -154,7 +154,7 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
             " standard deviations, or the first two"
         )
         raise line.error(f"{message}: {shown(text.strip())}; copy the file again")
-    row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
+    row |= dict(zip(("number", "tow", *SIGMA), unnamed, strict=False))
     for name in ("number", "week", "q"):
         value = row.get(name, 0.0)
         if not (value.is_integer() and 0.0 <= value <= LARGEST_NUMBER):

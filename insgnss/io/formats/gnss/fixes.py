@@ -19,6 +19,7 @@ from ..read_options import ReadOptions
 from ..text.clock import clock_of, gps_time
 from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
 from ..text.stamps import on_one_clock
+from .cartesian import geodetic_columns
 from .rounding import floor_of_zeros
 
 SIGMA, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
@@ -71,7 +72,7 @@ def fixes_from_columns(
         Units of the columns.
     options : ReadOptions
         The week, where no column holds it; standard deviations, where no columns hold them, or, of
-        positions, zeros or no numbers.
+        positions, zeros or no numbers; the point that positions in metres count from.
     undulation_m : float
         Geoid above the ellipsoid, m, added to the heights.
     notes : tuple of Finding
@@ -87,6 +88,7 @@ def fixes_from_columns(
     InputError
         The first row with an impossible value, or no standard deviation at all.
     """
+    cols = geodetic_columns(cols, lines, options.reference, scales.angle, scales.length)
     cols, described = _apart(cols)
     if options.sigma_m is not None:
         stated = {name: np.nan_to_num(cols[name]) for name in OF_POSITION & cols.keys()}

@@ -20,7 +20,7 @@ from ..text.columns import NamedTable, TableOut, TableSpec
 from ..text.headers import Settled, factor_of, normalised, unit_in
 from ..text.order import note
 from ..text.text import Source, Table, read_table
-from .cartesian import geodetic_columns, position_columns, reference_in
+from .cartesian import position_columns, reference_in
 from .fixes import OF_POSITION, SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation
 
@@ -112,10 +112,8 @@ def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
     )
     cols = replace(table, index={**_described(table), **table.index}).numbers()
     scales = fix_scales(settled, units)
-    reference = options.reference
-    if reference is None and "north" in table:
-        reference = reference_in(path)
-    cols = geodetic_columns(cols, table, reference, scales.angle, scales.length)
+    if options.reference is None and "north" in table:
+        options = replace(options, reference=reference_in(path))
     notes = (*settled.notes, *vertical, *height_notes)
     return fixes_from_columns(cols, table, scales, options, geoid_m, notes)
 

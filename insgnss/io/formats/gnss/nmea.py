@@ -356,10 +356,9 @@ def _date(text: str, line: FileLine) -> datetime:
 def _first_day(path: Source, log: _Log) -> float:
     """Return the Unix time of the midnight before the first epoch; every date must agree on it."""
     if not log.dates:
+        advice = "let the receiver write RMC beside GGA"
         raise InputError.in_file(
-            path,
-            "no RMC or ZDA sentence, so the date is not known; let the receiver write RMC"
-            " beside GGA",
+            path, f"no RMC or ZDA sentence, so the date is not known; {advice}"
         )
     first_days = []
     for (days, _), (line, midnight) in log.dates.items():

@@ -23,7 +23,7 @@ from ..text.units import DEG
 from .fixes import FixScales, fixes_from_columns
 
 LOGS = ("BESTGNSSPOSA", "BESTPOSA", "RTKPOSA", "PSRPOSA")  # the first that there is
-LEAST_FIELDS = 10, 15  # before the semicolon, and behind it up to the number of satellites
+LEAST_POSITION_FIELDS = 10, 15  # before the semicolon, and behind it up to the number of satellites
 WEEK, SECONDS = 5, 6  # fields of the header
 # type of the position to RTKLIB's codes: the first whose letters it has
 QUALITY = (
@@ -128,7 +128,7 @@ def read_novatel(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFix
     text = decode(bytes(load(path)[0][:-1]))
     kind = next(name for name in LOGS if f"#{name}," in text)
     logs, left_out = solved_logs(
-        path, text, (kind,), LEAST_FIELDS, lambda log: log.body[1] != "NONE"
+        path, text, (kind,), LEAST_POSITION_FIELDS, lambda log: log.body[1] != "NONE"
     )
     if not logs:
         count = text.count(f"#{kind},")

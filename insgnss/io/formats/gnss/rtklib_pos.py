@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
+from ....geodesy.rotation import NED_ENU
 from ....records import Array, Finding, GnssFixes
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import agree_on_week
@@ -44,7 +45,6 @@ from .pos_header import (
 
 __all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos"]
 
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 JST_S = 9 * 3600.0  # s that Japan's time (RTKLIB's scale JST) is ahead of UTC
 
 
@@ -345,7 +345,7 @@ def _no_place(geodetic: tuple[float, ...]) -> str:
 def _frame_at(geodetic: tuple[float, ...]) -> tuple[Array, Array]:
     lat, lon = np.radians(geodetic[0]), np.radians(geodetic[1])
     origin = geodetic_to_ecef(lat, lon, np.float64(geodetic[2]))
-    return origin, rotation_en(lat, lon) @ ENU_FROM_NED.T
+    return origin, rotation_en(lat, lon) @ NED_ENU
 
 
 def _quality(table: Table, q: Array) -> NDArray[np.int64]:

@@ -162,11 +162,10 @@ class Log:
     ) -> tuple[Fixes, dict[str, Any], tuple[Finding, ...]]:
         """Return the fixes, their columns of time and quality, and the notes on what is left out.
 
-        InputError for another week than the caller's. `quality` is the autopilot's column of it.
+        `quality` is the autopilot's column of it.
         """
         fixes = fixes_of(self, options.variable)
         message = fixes.message
-        agree_on_week(message.lines, int(fixes.week[0]), options.gps_week)
         cols = {"tow": fixes.tow, "week": fixes.week, "q": message.qualities(quality)}
         rows = self.tables[message.name][quality].size
         return fixes, cols, (*self.notes("GNSS rows"), *fixes.left_out(rows))

@@ -19,7 +19,7 @@ from ....base.wording import DOCTOR
 from ....records import Array, ImuSamples
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
-from ..imu.imu_csv import ACCEL, GYRO
+from ..imu.imu_csv import COLUMNS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.database import is_database, opened_database
 from ..text.layout import printable
@@ -31,7 +31,6 @@ KIND = "whole ROS bag; copy it again"
 ENDINGS = (".db3", ".mcap")
 SHARED = 1000  # messages between two shares that are said
 EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
-COLUMNS = ("tow", *GYRO, *ACCEL)
 
 
 def bag_file(path: Path) -> Path:

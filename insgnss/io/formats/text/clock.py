@@ -100,11 +100,9 @@ def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) ->
     """
     if epoch == "gps":
         if seconds.size == 0 or not seconds.min() >= 0.0:
-            raise lines.error_at(
-                int(np.argmin(seconds)),
-                f"time {seconds.min():.3f} s lies before the start of GPS time; check units = {{"
-                " time = ... }",
-            )
+            problem = f"time {seconds.min():.3f} s lies before the start of GPS time"
+            row = int(np.argmin(seconds))
+            raise lines.error_at(row, f"{problem}; check units = {{ time = ... }}")
         first = int(seconds[0] // WEEK_S)
         time = seconds - first * WEEK_S
     else:

@@ -119,12 +119,8 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
     """Return the finite float of `field`; InputError names file, line and the field."""
     if (x := float_of(field.strip(), decimal)) is not None:
         return x
-    raise InputError.at_line(
-        path,
-        line,
-        f"{shown(field)} where a finite number must stand; correct the line or choose another"
-        " column",
-    )
+    problem = f"{shown(field)} where a finite number must stand"
+    raise InputError.at_line(path, line, f"{problem}; correct the line or choose another column")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....geodesy.rotation import rotation_from_quaternion
+from ....geodesy.rotation import NED_ENU, rotation_from_quaternion
 from ....records import Array
 from ..names import TIME
 from ..text.clock import check_increasing, gps_time
@@ -20,7 +20,6 @@ from ..text.columns import TableSpec
 from ..text.order import refuse_rows
 from ..text.text import Source
 
-NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 POSE = "tow lat lon h qw qx qy qz"
 SPEC = TableSpec({name: name for name in POSE.split()} | TIME, POSE, (POSE,))
 NORM_LIMIT = 1e-3  # by which a quaternion's length may differ from 1: rounding to three decimals
@@ -71,5 +70,5 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     for name, limit in (("lat", 90.0), ("lon", 360.0)):
         message = f"{name} {{:.6f}} deg exceeds {limit:.0f}; are the positions in a local frame?"
         refuse_rows(table, np.abs(cols[name]) > limit, message, cols[name])
-    C_nb = NED_FROM_ENU @ rotation_from_quaternion(q / norm[:, None])  # (O.1)
+    C_nb = NED_ENU @ rotation_from_quaternion(q / norm[:, None])  # (O.1)
     return OdynPoses(time, np.radians(cols["lat"]), np.radians(cols["lon"]), cols["h"], C_nb)
