@@ -59,11 +59,6 @@ class TurnOnBias:
     seconds: float
 
     @property
-    def mean(self) -> Array:
-        """The bias (6,): gyro x y z, accelerometer x y z, SI."""
-        return np.concatenate([self.gyro, self.accel])
-
-    @property
     def sigma(self) -> Array:
         """The standard deviations (6,), SI."""
         return np.sqrt(np.concatenate([np.diag(self.gyro_cov), np.diag(self.accel_cov)]))

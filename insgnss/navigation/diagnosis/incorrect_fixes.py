@@ -293,11 +293,9 @@ def incorrect_check(
         f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
         for s in spells
     )
-    done = (
-        "they are left out"
-        if withheld
-        else "nothing tells which level is right: there the covariance is enlarged by the step"
-    )
+    done = "nothing tells which level is right: there the covariance is enlarged by the step"
+    if withheld:
+        done = "they are left out"
     return Question("incorrect fixes", "one level throughout").note(
         "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
         f" {some(each, 5, '; ')}; {done}",

@@ -269,13 +269,9 @@ def _fit(
 
 def _with_factors(model: FixErrors, factors: dict[str, float]) -> FixErrors:
     """Return the model with its shares multiplied, within their bounds."""
-    model = replace(
-        model,
-        unfixed_white_scale=max(model.unfixed_white_scale * factors["fixes.position"], LEAST),
-        unfixed_gm_sigma=max(
-            (model.unfixed_gm_sigma or 1.0) * factors["fixes.unfixed_correlated"], LEAST
-        ),
-    )
+    white = max(model.unfixed_white_scale * factors["fixes.position"], LEAST)
+    share = max((model.unfixed_gm_sigma or 1.0) * factors["fixes.unfixed_correlated"], LEAST)
+    model = replace(model, unfixed_white_scale=white, unfixed_gm_sigma=share)
     if model.velocity_gm_sigma_mps is None:
         return model
     sigma_mps = model.velocity_gm_sigma_mps * factors["fixes.velocity_correlated"]
@@ -331,12 +327,10 @@ def _as_claimed(model: FixErrors) -> FixErrors:
 
 def code_message(model: FixErrors) -> str:
     """Describe the errors of code solutions, for the history of a run."""
-    correlated = (
-        "none time-correlated"
-        if model.unfixed_gm_sigma is None
-        else f"{model.unfixed_gm_sigma:.2f} time-correlated over"
-        f" {model.unfixed_correlation_time_s:.0f} s"
-    )
+    correlated = "none time-correlated"
+    if model.unfixed_gm_sigma is not None:
+        time = f"over {model.unfixed_correlation_time_s:.0f} s"
+        correlated = f"{model.unfixed_gm_sigma:.2f} time-correlated {time}"
     text = (
         "errors of the code solutions, in their standard deviations:"
         f" {model.unfixed_white_scale:.2f} white, {correlated}"

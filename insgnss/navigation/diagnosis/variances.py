@@ -398,11 +398,9 @@ def check_biases_in_innovations(
     gain = np.inf if solution is None else misfit(solution) - misfit(candidate)
     if gain <= GAIN:
         return None
-    reason = (
-        "no solution without them"
-        if solution is None
-        else f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
-    )
+    reason = f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
+    if solution is None:
+        reason = "no solution without them"
     check = check_turn_on(noise)
     finding = f"{check.found}, and the innovations show them ({reason})"
     return replace(check, found=finding, verdict="contradiction")

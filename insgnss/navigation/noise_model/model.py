@@ -148,11 +148,9 @@ def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> Noise
     try:
         text = read_text(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        why = (
-            "not UTF-8 text"
-            if isinstance(error, UnicodeDecodeError)
-            else (error.strerror or str(error)).lower()
-        )
+        why = "not UTF-8 text"
+        if isinstance(error, OSError):
+            why = (error.strerror or str(error)).lower()
         raise InputError(
             f"{name}: {why}; give a noise-model file or one of the shipped {', '.join(shipped)}"
         ) from None

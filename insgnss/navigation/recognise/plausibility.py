@@ -259,9 +259,8 @@ def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: flo
     if norm >= FORCE[0] and level <= FORCE[1]:
         return ask.ok(finding)
     if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
-        return ask.contradiction(
-            finding, Step("gyro and accelerometer look exchanged; correct {imu.columns}")
-        )
+        exchanged = Step("gyro and accelerometer look exchanged; correct {imu.columns}")
+        return ask.contradiction(finding, exchanged)
     key = "imu.units accel"
     guesses = [
         quantity_guess(imu, dt),  # said of all channels at once, a unit of one sensor alone
@@ -275,11 +274,9 @@ def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: flo
         for factor, advice in guesses
         if GRAVITY_RATIO[0] < norm / STANDARD_GRAVITY / factor < GRAVITY_RATIO[1]
     ]
-    advice = (
-        Step("the values look like {}", joined(close))
-        if close
-        else Step("check {imu.columns}, {imu.units} and {imu.quantity}")
-    )
+    advice = Step("check {imu.columns}, {imu.units} and {imu.quantity}")
+    if close:
+        advice = Step("the values look like {}", joined(close))
     return ask.contradiction(finding, advice)
 
 

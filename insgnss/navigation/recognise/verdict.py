@@ -46,11 +46,9 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
     others = [float(s.score.max()) for s in relation.scans if s is not scan]
     unit = gyro_unit(size, force.quantity, interval)
     value = unit or f"{size:.4g} rad/s"
-    sure = (
-        odds(CAUTION * scan.against(max(others, default=0.0)))
-        if scan.score[scan.best] > LEAST_SCORE
-        else 0.0
-    )
+    sure = odds(CAUTION * scan.against(max(others, default=0.0)))
+    if not scan.score[scan.best] > LEAST_SCORE:
+        sure = 0.0
     evidence = (
         f"as {value} the gyros propagate the force so that it explains"
         f" {_percent(scan.score[scan.best])} of the accelerations of GNSS"
