@@ -23,7 +23,7 @@ from pathlib import Path
 
 from insgnss.batch.season import pool
 from insgnss.batch.season.page import SeasonPage
-from insgnss.batch.season.row import COLUMNS, Row
+from insgnss.batch.season.row import ROW_COLUMNS, Row
 from insgnss.batch.season.tables import csv_text
 from insgnss.batch.season.trends import trends
 from insgnss.batch.season.work import Outcome, Task
@@ -94,7 +94,7 @@ def batch(root: Path, flights: list[Path]) -> None:
 def idle(task: Task) -> Outcome:
     """A flight of no time, with a row as a flight has one."""
     number = int(task.name)
-    row: Row = dict.fromkeys(COLUMNS, 0.125)
+    row: Row = dict.fromkeys(ROW_COLUMNS, 0.125)
     row |= {"name": task.name, "flight": task.file, "status": "done", "judgement": "good"}
     row |= {"equipment": f"wing{number % 5}", "report": "r.html", "limits": "", "reason": ""}
     row |= {"date_utc": f"2026-{1 + number % 12:02d}-{1 + number % 28:02d}T08:00:00Z"}

@@ -131,7 +131,7 @@ def calibrate(
 def errors(solved: object, rig: object) -> tuple[np.ndarray, np.ndarray]:
     """Return true minus found, bore-sight, antenna, IMU, delay (10,), and its covariance."""
     from insgnss.geodesy.rotation import vector_from_rotation
-    from insgnss.photogrammetry.adjust.aerial import BORESIGHT, TIME_OFFSET
+    from insgnss.photogrammetry.adjust.aerial import BORESIGHT, EXPOSURE_DELAY
 
     before = solved.flight.mounting
     true = before.camera_from_body @ np.array(rig.boresight)
@@ -140,9 +140,9 @@ def errors(solved: object, rig: object) -> tuple[np.ndarray, np.ndarray]:
     J = np.zeros((10, len(solved.cov)))
     J[:3, solved.place[BORESIGHT]] = np.eye(3)
     J[3:9] = solved.lever_arm_derivatives()
-    J[9:, solved.place[TIME_OFFSET]] = 1.0
+    J[9:, solved.place[EXPOSURE_DELAY]] = 1.0
     arms = np.array(rig.antenna_m) - antenna, np.array(rig.imu_m) - imu
-    e = np.concatenate([beta, *arms, DELAY_S - solved.values[TIME_OFFSET]])
+    e = np.concatenate([beta, *arms, DELAY_S - solved.values[EXPOSURE_DELAY]])
     return e, J @ solved.cov @ J.T
 
 

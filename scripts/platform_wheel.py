@@ -18,7 +18,7 @@ from pathlib import Path
 
 import llvmlite
 
-from insgnss.base.shipped import KINDS, VARIABLES
+from insgnss.base.shipped import NUMBA_VARIABLES, PROCESSORS
 
 
 def platform_tag() -> str:
@@ -38,9 +38,9 @@ def run(*command: str, **variables: str) -> None:
 
 def compile_kernels(root: Path) -> None:
     """Compile the kernels of an unpacked wheel beside their sources."""
-    name, features = KINDS[platform.machine()]
+    name, features = PROCESSORS[platform.machine()]
     own = {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_CACHE_DIR": ""}
-    own |= dict(zip(VARIABLES, (name, ""), strict=True))
+    own |= dict(zip(NUMBA_VARIABLES, (name, ""), strict=True))
     run("-P", "-m", "insgnss", "doctor", "--compile", **own)
     for lock in root.rglob("compiling.lock"):
         lock.unlink()

@@ -20,7 +20,7 @@ from typing import Any
 from insgnss.base.files import atomic_write
 from insgnss.base.wording import listed
 from insgnss.flight.config.block_file import BLOCK_TABLES
-from insgnss.flight.config.flight_file import TABLES
+from insgnss.flight.config.flight_file import FLIGHT_TABLES
 from insgnss.gnss.covariance_model import MODEL, CovarianceModel
 from insgnss.io.options.camera_options import OF_FURTHER
 from insgnss.io.options.schema import Declared, declared, options_of
@@ -70,7 +70,7 @@ def rendered(page: str) -> str:
 def _keys() -> str:
     """Every key but those of gnss.covariance, in one table."""
     rows = []
-    for table, classes in TABLES.items():
+    for table, classes in FLIGHT_TABLES.items():
         if table == "gnss.covariance":
             continue
         for item in options_of(table, classes):

@@ -18,7 +18,7 @@ import numpy as np
 
 from insgnss.flight.processing.segment import Segment
 from insgnss.navigation.align.initial import initial_state
-from insgnss.navigation.filter.codes import COVARIANCE_RESET, NAV, POSITION, USED, VEL
+from insgnss.navigation.filter.codes import COVARIANCE_RESET, NAV, POSITION_ROW, USED, VEL
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
@@ -74,7 +74,7 @@ def withheld_pieces(segments: list[Segment], length_s: float) -> Withheld | None
         if not number.any():
             continue
         solution = _without(segment, number > 0)
-        used = np.isin(segment.solution.verdict[:, POSITION], (USED, COVARIANCE_RESET))
+        used = np.isin(segment.solution.verdict[:, POSITION_ROW], (USED, COVARIANCE_RESET))
         for piece in range(1, int(number.max()) + 1):
             first = len(squares)
             for e in np.flatnonzero(used & (number == piece)):
@@ -128,7 +128,7 @@ def _difference(solution: Solution, e: int) -> tuple[np.ndarray, np.ndarray]:
         solution.time[after] - solution.time[before]
     )
     measured_triple(
-        POSITION,
+        POSITION_ROW,
         e,
         problem.epochs,
         solution.nav[e],

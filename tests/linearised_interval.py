@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from insgnss.navigation.filter.codes import IMU, N_NAV, NAV
+from insgnss.navigation.filter.codes import IMU_STATES, N_NAV, NAV
 from insgnss.navigation.filter.kernels.error_model import linearise
 from insgnss.navigation.filter.kernels.records import (
     Earth,
@@ -78,8 +78,8 @@ def linearise_interval(
     )
     Phi, Q = np.zeros((n, n)), np.zeros((n, n))
     Phi[NAV] = F
-    Phi[IMU, IMU] = np.diag(D)
+    Phi[IMU_STATES, IMU_STATES] = np.diag(D)
     Q[NAV] = W[0]
-    Q[IMU, NAV] = W[0, :, IMU].T
-    Q[IMU, IMU] = np.diag(Qbb[0])
+    Q[IMU_STATES, NAV] = W[0, :, IMU_STATES].T
+    Q[IMU_STATES, IMU_STATES] = np.diag(Qbb[0])
     return Interval(nav, x, Phi, Q)

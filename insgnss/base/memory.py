@@ -8,11 +8,11 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 GB = 1e9  # bytes
-GROUPS = Path("/sys/fs/cgroup")
+CONTROL_GROUPS = Path("/sys/fs/cgroup")
 UNLIMITED = 1 << 60  # bytes; what version 1 of control groups writes for no limit is beyond it
 
 
-def available(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int | None:
+def available(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int | None:
     """Return how many bytes this process may still take.
 
     The least of what the machine has left with its swap, of the limits of the control groups that a
@@ -34,7 +34,7 @@ def available(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int | None:
     return max(min(rooms), 0) if rooms else None
 
 
-def kills(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int:
+def kills(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int:
     """Return how many processes the system has ended so far for want of memory.
 
     Those of this process's control group count, where the kernel tells; else those of the machine.

@@ -18,16 +18,16 @@ from typing import Any
 from . import __version__
 from .errors import UsageError
 from .inputs import sha256
-from .output.scratch import NAME
+from .output.scratch import SCRATCH_NAME
 from .output.staging import destination, written
 from .received.nesting import read_object
 from .wording import command_line, relative
 
-KEY = "inputs_sha256"
+INPUTS_KEY = "inputs_sha256"
 """In the JSON documents of results: the SHA-256 of each input by its path."""
-PRODUCTS = "products_sha256"
+DIGESTS_KEY = "products_sha256"
 """The same of each product by its path from the document; pages that hold the document are none."""
-DIRECTORY = "inputs_directory"
+DIRECTORY_KEY = "inputs_directory"
 """From the document to the directory that paths of inputs are relative to; without it its own."""
 
 
@@ -57,10 +57,10 @@ def made_from(
     made: dict[str, Any] = {
         "versions": versions(),
         "run": {"command": circumstances()["command"]},
-        KEY: hashes_of(inputs, start or folder),
-        PRODUCTS: hashes_of_products(products, folder),
+        INPUTS_KEY: hashes_of(inputs, start or folder),
+        DIGESTS_KEY: hashes_of_products(products, folder),
     }
-    return made if start is None else made | {DIRECTORY: relative(start, folder)}
+    return made if start is None else made | {DIRECTORY_KEY: relative(start, folder)}
 
 
 def versions() -> dict[str, str]:
@@ -111,7 +111,7 @@ def hashes_of_products(files: Iterable[Path], folder: Path) -> dict[str, str]:
     return {
         name.as_posix(): sha256(written(path))
         for name, path in named.items()
-        if not any(map(NAME.fullmatch, name.parts))  # of a scratch directory that stayed
+        if not any(map(SCRATCH_NAME.fullmatch, name.parts))  # of a scratch directory that stayed
     }
 
 
@@ -121,7 +121,7 @@ def changed_products(content: Mapping[str, Any], folder: Path) -> Iterator[tuple
     Parameters
     ----------
     content : mapping
-        The JSON document of the results; without `PRODUCTS` nothing is known of them.
+        The JSON document of the results; without `DIGESTS_KEY` nothing is known of them.
     folder : Path
         The directory of the document.
 
@@ -130,7 +130,7 @@ def changed_products(content: Mapping[str, Any], folder: Path) -> Iterator[tuple
     tuple of str
         The name of the product, and "missing" or "changed".
     """
-    for name, value in (content.get(PRODUCTS) or {}).items():
+    for name, value in (content.get(DIGESTS_KEY) or {}).items():
         path = folder / name
         if not path.is_file():
             yield name, "missing"
@@ -170,7 +170,7 @@ def other_results(
     Parameters
     ----------
     document : Path
-        The JSON document of results that may be there, with `KEY`.
+        The JSON document of results that may be there, with `INPUTS_KEY`.
     measured : iterable of Path
         Files of measurements; others than files are left out.
     one_is_enough : bool
@@ -184,7 +184,7 @@ def other_results(
     if not document.is_file():
         return None
     try:
-        hashes = set(dict(read_object(document, is_replaced=True)[KEY]).values())
+        hashes = set(dict(read_object(document, is_replaced=True)[INPUTS_KEY]).values())
     except (ValueError, KeyError, TypeError):
         return f"{document} is there and does not say what it was made from"
     files = [file for file in measured if file.is_file()]

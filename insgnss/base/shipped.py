@@ -15,8 +15,8 @@ from typing import Any
 
 PROCESSOR = Path(__file__).with_name("processor.json")
 """LLVM's name of the processor, the features that it needs, the version of llvmlite."""
-VARIABLES = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"
-KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
+NUMBA_VARIABLES = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"
+PROCESSORS: dict[str, tuple[str, tuple[str, ...]]] = {
     # the levels of the System V ABI for x86-64; all that LLVM names of level 3 beyond level 2
     "x86_64": ("x86-64-v3", ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")),
     "arm64": ("apple-m1", ()),
@@ -38,7 +38,7 @@ def choose_processor(described: Path = PROCESSOR) -> str:
     str
         LLVM's name of the processor, "" where numba decides as ever.
     """
-    if "numba" in sys.modules or any(name in os.environ for name in VARIABLES):
+    if "numba" in sys.modules or any(name in os.environ for name in NUMBA_VARIABLES):
         return ""
     shipped = read_processor(described)
     if not shipped:
@@ -51,7 +51,7 @@ def choose_processor(described: Path = PROCESSOR) -> str:
     features = llvmlite.binding.get_host_cpu_features()
     if not all(features.get(name) for name in shipped["features"]):
         return ""
-    os.environ.update(dict(zip(VARIABLES, (shipped["name"], ""), strict=True)))
+    os.environ.update(dict(zip(NUMBA_VARIABLES, (shipped["name"], ""), strict=True)))
     return str(shipped["name"])
 
 

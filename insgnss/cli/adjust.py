@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import InputError, UsageError
 from ..base.inputs import is_file
 from ..base.wording import spoken_as
-from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
+from ..flight.config.block_file import (
+    ADJUSTED_DIRECTORY,
+    BLOCK_TABLES,
+    BlockFile,
+    BlockOutput,
+    load_block,
+)
 from ..flight.config.command_line import add_options, given_of, names_of
 from ..io.options.schema import argument
 from .console import Progress
@@ -47,7 +53,7 @@ class Request:
     out: Path | None = argument(
         None,
         "where the products go",
-        usual=f"{DIRECTORY} beside BLOCK, or as it says",
+        usual=f"{ADJUSTED_DIRECTORY} beside BLOCK, or as it says",
         metavar="DIR",
     )
     trajectory: Path | None = argument(
@@ -88,7 +94,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
                 "adjust: image observations are missing; give --images, a table or the project of a"
                 " photogrammetry program"
             )
-        output = BlockOutput(directory=options.block.parent / DIRECTORY)
+        output = BlockOutput(directory=options.block.parent / ADJUSTED_DIRECTORY)
         name = options.block.absolute().parent.name
         file = BlockFile(path=options.block, name=name, output=output)
     with spoken_as(names_of(BLOCK_TABLES)):

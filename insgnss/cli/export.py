@@ -134,7 +134,7 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "E
     from ..base.files import atomic_write
     from ..flight.exporting.export import Exported
     from ..navigation.noise_model.model import load_noise_model
-    from ..noise.processes.consumers import FORMS, text_for
+    from ..noise.processes.consumers import CONSUMER_FORMS, text_for
 
     if any(x is not None for x in (given.crs, given.geoid, given.frame, given.ground)):
         raise UsageError("export: --crs, --geoid, --frame and --ground have no meaning for noise")
@@ -160,7 +160,7 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "E
         atomic_write(out, text)
         return Exported(out, "", (note,), format=given.format)
 
-    return _written(given, beside / FORMS[given.format][0], write, progress)
+    return _written(given, beside / CONSUMER_FORMS[given.format][0], write, progress)
 
 
 def _written(
@@ -202,9 +202,9 @@ def _positive(key: str, text: str) -> float:
 
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Do what the parsed command line asks for."""
-    from ..noise.processes.consumers import FORMS
+    from ..noise.processes.consumers import CONSUMER_FORMS
 
-    if given.format in FORMS:
+    if given.format in CONSUMER_FORMS:
         return noise_verb(given, progress)
     if given.eo.is_dir():
         given.eo = _master_of(given.eo)
@@ -375,10 +375,10 @@ def _list_formats() -> str:
     for name, form in EXPORTS.items():
         takes = f" (--set {', '.join(form.options)})" if form.options else ""
         lines.append(f"  {name:{width}}  {form.what}{takes}\n")
-    from ..noise.processes.consumers import FORMS
+    from ..noise.processes.consumers import CONSUMER_FORMS
 
     takes = "(--set rate, cluster, topic)"
-    noise = [f"  {name:{width}}  {form[1]} {takes}\n" for name, form in FORMS.items()]
+    noise = [f"  {name:{width}}  {form[1]} {takes}\n" for name, form in CONSUMER_FORMS.items()]
     return "formats:\n" + "".join(lines) + "of a noise model:\n" + "".join(noise)
 
 

@@ -179,9 +179,9 @@ def _complete() -> None:
 
 def _formats(**_: Any) -> list[str]:
     from ..io.formats.exports import EXPORTS
-    from ..noise.processes.consumers import FORMS
+    from ..noise.processes.consumers import CONSUMER_FORMS
 
-    return sorted({*EXPORTS, *FORMS})
+    return sorted({*EXPORTS, *CONSUMER_FORMS})
 
 
 def build_parser(verb: str = "") -> Parser:

@@ -35,8 +35,8 @@ EXAMPLE = """\
   insgnss ppk rover.obs --base 'cors/abcd*.18o.gz' --navigation brdc.18n
   insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
 --origin 46.57,6.54,0 --camera-delay 0.0012"""
-EMPTY: tuple[object, ...] = (None, "", [], {})  # options that were not asked for
-FIGURE, DOCUMENT, PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
+NOT_GIVEN: tuple[object, ...] = (None, "", [], {})  # options that were not asked for
+FIGURE, PPK_DOCUMENT, PPK_PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,16 @@ class Files:
     force: bool = argument(False, "overwrite the solution of other observations")
 
 
-TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable, Files)
+PPK_TABLES = (
+    RawGnss,
+    GnssInput,
+    Air,
+    CameraInput,
+    ImageMatch,
+    RoverEvents,
+    TangentPlaneTable,
+    Files,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     They are those that the tables of the flight file declare, and where the files go.
     """
-    add_options(parser, TABLES, required=("rover", "base", "navigation"))
+    add_options(parser, PPK_TABLES, required=("rover", "base", "navigation"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +115,7 @@ class PpkRun:
             ),
             (*charts, checked(result.checks), pairs("Figures of merit", merits)),
             [*all_of(given.rover), *all_of(given.base), *given.navigation],
-            settings={k: v for k, v in dotted(json_ready(asdict(given))) if v not in EMPTY},
+            settings={k: v for k, v in dotted(json_ready(asdict(given))) if v not in NOT_GIVEN},
             versions=engine,
             files=self.files,
         )
@@ -150,18 +159,19 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     files_to = made_of(Files, given)
     if files_to.out.exists() and not files_to.out.is_dir():
         raise UsageError(f"ppk: --out {files_to.out} is a file; give a directory, which is made")
-    from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
+    from ..gnss.antenna_files import SOLUTION_FILE, positions_of_others, write_antenna_files
     from ..gnss.exposures.camera_positions import camera_positions
     from ..gnss.ppk import solve_ppk
     from ..io.formats.positions.camera_positions import PRODUCT, write_camera_positions
 
     if name := positions_of_others(files_to.out):
         raise UsageError(
-            f"ppk: --out {files_to.out} holds {name} and no {SOLUTION}: positions of others; give"
+            f"ppk: --out {files_to.out} holds {name} and no {SOLUTION_FILE}: positions of "
+            "others; give"
             " another directory"
         )
     measured = (*all_of(inputs.rover), *all_of(inputs.base))
-    refuse_other_results("ppk", files_to.out / DOCUMENT, measured, files_to.force)
+    refuse_other_results("ppk", files_to.out / PPK_DOCUMENT, measured, files_to.force)
     with together() as staging:
         into = staging.tree(files_to.out)
         result = solve_ppk(inputs, into, progress)
@@ -173,7 +183,7 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
             write_camera_positions(positions, into / PRODUCT)
             result = replace(result, checks=(*result.checks, *of_camera))
             written = (*written, into / PRODUCT)
-        beside = tuple(into / name for name in (FIGURE, DOCUMENT, PAGE))
+        beside = tuple(into / name for name in (FIGURE, PPK_DOCUMENT, PPK_PAGE))
         files = (*written, *result.files.values(), *beside)
         run = PpkRun(result, inputs, tuple(map(staging.destination, files)))
         settings = () if given.covariance is None else (given.covariance,)

@@ -11,7 +11,7 @@ from .console import Progress
 from .verb import Message, Verb
 
 SURVEYS = ("ign8", "ign6x1")
-PUBLISHED = ("block2015", "corridor2014", "mapkite")
+PUBLISHED_BLOCKS = ("block2015", "corridor2014", "mapkite")
 """Of benchmarks/published_blocks, which imports numpy."""
 IMU_RATE_HZ = 500.0  # of the simulated IMU, as the published flights have it
 VIBRATION = 1.0  # factor on a usual drone's vibration
@@ -28,7 +28,7 @@ class Request(Checked):
         " image block of the literature with poses whose errors are drawn: block2015, corridor2014"
         " (Rehak and Skaloud 2016), mapkite (Molina et al. 2017)",
         kind="choice",
-        choices=(*SURVEYS, "car", "walk", *PUBLISHED),
+        choices=(*SURVEYS, "car", "walk", *PUBLISHED_BLOCKS),
     )
     minutes: float | None = argument(
         None,
@@ -83,10 +83,10 @@ class Request(Checked):
 
 def run(options: argparse.Namespace, progress: Progress) -> Message:
     """Do what the parsed command line asks for."""
-    if options.flight in PUBLISHED:
+    if options.flight in PUBLISHED_BLOCKS:
         return _published(options, progress)
     if options.unknown_boresight is not None:
-        raise UsageError(f"--unknown-boresight is of --flight {', '.join(PUBLISHED)}")
+        raise UsageError(f"--unknown-boresight is of --flight {', '.join(PUBLISHED_BLOCKS)}")
     from ..simulation.dataset import write_dataset
 
     if options.block and options.flight not in (None, options.block):

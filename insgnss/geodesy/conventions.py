@@ -30,7 +30,7 @@ Rows = NDArray[np.int64]
 Change = Callable[[Array], Array]
 
 XYZ = ("x", "y", "z")
-LENGTHS = {"millimetres": 1e-3, "centimetres": 1e-2, "feet": FOOT_M}  # m
+METRES_OF = {"millimetres": 1e-3, "centimetres": 1e-2, "feet": FOOT_M}  # m
 ANGLES = {  # unit of the file, unit as which it was read: factor
     ("radians", "degrees"): 180.0 / np.pi,
     ("degrees", "radians"): np.pi / 180.0,
@@ -137,7 +137,7 @@ def reversed_signs(names: Sequence[str], most: int = 3) -> Iterator[Convention]:
             yield Convention(description, _times(signs), f"{which} reversed")
 
 
-def lengths(quantity: str, units: Sequence[str] = tuple(LENGTHS)) -> Iterator[Convention]:
+def lengths(quantity: str, units: Sequence[str] = tuple(METRES_OF)) -> Iterator[Convention]:
     """Return coordinates in other units than metres.
 
     Parameters
@@ -145,7 +145,7 @@ def lengths(quantity: str, units: Sequence[str] = tuple(LENGTHS)) -> Iterator[Co
     quantity : str
         Its name.
     units : sequence of str
-        Those of `LENGTHS` that are looked for.
+        Those of `METRES_OF` that are looked for.
 
     Returns
     -------
@@ -153,7 +153,7 @@ def lengths(quantity: str, units: Sequence[str] = tuple(LENGTHS)) -> Iterator[Co
         Each with the change that undoes it.
     """
     for unit in units:
-        yield Convention(f"{quantity} in {unit}", _times(LENGTHS[unit]), unit)
+        yield Convention(f"{quantity} in {unit}", _times(METRES_OF[unit]), unit)
 
 
 def angles(

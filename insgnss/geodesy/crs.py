@@ -19,7 +19,7 @@ from .grids import geoid_file
 
 Array = NDArray[np.float64]
 
-HOW = (
+GIVE_CRS = (
     "give an EPSG code such as EPSG:2056, one with heights such as EPSG:25832+7837, or the path of"
     " a WKT file"
 )
@@ -120,7 +120,7 @@ def geodetic_from_geographic(
     crs = crs_of(definition)
     horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
     if not horizontal.is_geographic:
-        raise UsageError(f"CRS {definition!r} is {crs.name}, which is not geographic; {HOW}")
+        raise UsageError(f"CRS {definition!r} is {crs.name}, which is not geographic; {GIVE_CRS}")
     if geoid is not None and crs.is_compound:
         raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
     transformer = transformer_between(
@@ -255,7 +255,7 @@ def crs_of(definition: str) -> Any:
             text = read_text(path)
         return CRS.from_user_input(int(text) if text.isdecimal() else text)
     except (CRSError, UnicodeDecodeError, OSError):
-        raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {HOW}") from None
+        raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {GIVE_CRS}") from None
 
 
 def undulation(geoid: Path, lat: Array, lon: Array) -> Array:

@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 
 FITTING = 20.0  # distance (units of a CRS) up to which coordinates fit it: an adjustment moves less
 OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked at with it
-ALIKE = 1.0  # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
+AGREEING_M = (
+    1.0  # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
+)
 # degrees up to which numbers are longitude and latitude of a place: as metres they are next to none
 SAME_PLACE_DEG = 0.1
 PLATES = (
@@ -225,5 +227,5 @@ def fitting_crs(
             other_datum = geodetic is None or geodetic.name != globe.name
             fits.append((other_datum, float(distance), f"EPSG:{info.code} {info.name}"))
     nearest = min((distance for _, distance, _ in fits), default=0.0)
-    names = [name for _, distance, name in sorted(fits) if distance <= nearest + ALIKE]
+    names = [name for _, distance, name in sorted(fits) if distance <= nearest + AGREEING_M]
     return " or ".join(names[:MOST_CRS])

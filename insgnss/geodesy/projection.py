@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError, UsageError
 from ..base.units import METRE, LengthUnit
 from .crs import (
-    HOW,
+    GIVE_CRS,
     above,
     above_ellipsoid,
     crs_of,
@@ -105,7 +105,7 @@ class MapProjection:
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
         if not is_projected(self.horizontal):
             raise UsageError(
-                f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}"
+                f"CRS {definition!r} is {self.crs.name}, which is not projected; {GIVE_CRS}"
             )
         if self.units != (METRE, METRE) and not any_unit:
             raise UsageError(not_metric(definition, self.horizontal, self.units))

@@ -20,11 +20,11 @@ from ..geodesy.frames import LocalFrame, TangentPlane
 from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..records import Array, CameraEvents, Finding, GnssFixes, Question
 
-SOLUTION = "ppk.pos"
+SOLUTION_FILE = "ppk.pos"
 ALL = "AntennaPos_WGS84.txt"
-IMAGES = "AntennaPos_Img_WGS84.txt"
+IMAGES_FILE = "AntennaPos_Img_WGS84.txt"
 PLANE = "AntennaPos_Img_WGS84_tangentplane.txt"
-ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES, PLANE)
+ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES_FILE, PLANE)
 LONGEST_GAP_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
 CUBIC_FIXES = 4  # fixes that a cubic needs
@@ -33,10 +33,12 @@ CUBIC_FIXES = 4  # fixes that a cubic needs
 def positions_of_others(directory: Path) -> str | None:
     """Return the name of a file of antenna positions that must not be overwritten.
 
-    It lies in a directory without a solution of ours (`SOLUTION`); None where there is none.
+    It lies in a directory without a solution of ours (`SOLUTION_FILE`); None where there is none.
     """
-    there = next((name for name in (SOLUTION, *ANTENNA_FILES) if (directory / name).exists()), None)
-    return None if (directory / SOLUTION).is_file() else there
+    there = next(
+        (name for name in (SOLUTION_FILE, *ANTENNA_FILES) if (directory / name).exists()), None
+    )
+    return None if (directory / SOLUTION_FILE).is_file() else there
 
 
 def write_antenna_files(
@@ -86,9 +88,11 @@ def write_antenna_files(
     plane = TangentPlane(float(lat0), float(lon0), float(h0)).position_from_geodetic(
         *positions[covered].T
     )
-    write_image_positions(ImagePositions(names, positions[covered], "geodetic"), directory / IMAGES)
+    write_image_positions(
+        ImagePositions(names, positions[covered], "geodetic"), directory / IMAGES_FILE
+    )
     write_image_positions(ImagePositions(names, plane, "tangent_plane"), directory / PLANE)
-    return tuple(directory / name for name in (ALL, IMAGES, PLANE)), _without_position(
+    return tuple(directory / name for name in (ALL, IMAGES_FILE, PLANE)), _without_position(
         events, covered
     )
 

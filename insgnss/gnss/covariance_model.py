@@ -13,14 +13,14 @@ from typing import Any
 from ..base.errors import OptionError
 from ..io.options.kinds import check
 from ..io.options.schema import Triple, option
-from ..navigation.prepare.fix_covariance.numbers import CLASSES, MEASURED, CalibrationNumbers
+from ..navigation.prepare.fix_covariance.numbers import FIX_CLASSES, MEASURED, CalibrationNumbers
 
 LARGEST_FACTOR = 1000.0
 """Beyond it no factor, floor (m), ppm or acceleration (m/s^2) has a meaning."""
 
 
 def _classes() -> tuple[str, ...]:
-    return CLASSES
+    return FIX_CLASSES
 
 
 _TRIPLE: dict[str, Any] = {"kind": "triple", "low": 0.0, "high": LARGEST_FACTOR}
@@ -93,11 +93,13 @@ class CovarianceModel(CalibrationNumbers):
     )
 
     def __post_init__(self) -> None:
-        check(self, TABLE)
+        check(self, COVARIANCE_TABLE)
         for name in ("scale", "floor_m"):
-            if missing := set(CLASSES) - set(getattr(self, name)):
-                problem = f"has one line for each of {', '.join(CLASSES)}"
-                raise OptionError(f"{TABLE}.{name}", f"{problem}; {min(missing)!r} is missing")
+            if missing := set(FIX_CLASSES) - set(getattr(self, name)):
+                problem = f"has one line for each of {', '.join(FIX_CLASSES)}"
+                raise OptionError(
+                    f"{COVARIANCE_TABLE}.{name}", f"{problem}; {min(missing)!r} is missing"
+                )
 
     def with_changes(self, changes: Mapping[str, Any]) -> "CovarianceModel":
         """The model with some numbers replaced.
@@ -115,7 +117,7 @@ class CovarianceModel(CalibrationNumbers):
         field_names = {f.name for f in fields(self)}
         if odd := set(changes) - field_names:
             problem = f"{sorted(odd)[0]!r} is unknown; known are {', '.join(sorted(field_names))}"
-            raise OptionError(TABLE, problem)
+            raise OptionError(COVARIANCE_TABLE, problem)
         tables = {
             key: {**getattr(self, key), **changes[key]}
             for key in ("scale", "floor_m")
@@ -124,7 +126,7 @@ class CovarianceModel(CalibrationNumbers):
         return replace(self, **{**changes, **tables})
 
 
-TABLE = "gnss.covariance"
+COVARIANCE_TABLE = "gnss.covariance"
 
 
 MODEL = CovarianceModel()

@@ -57,11 +57,11 @@ from .rinex.header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]
 
-DIRECTIONS: tuple[Direction, ...] = ("forward", "backward")  # what is run; `engine.combined`
+PASSES_OF_ENGINE: tuple[Direction, ...] = ("forward", "backward")  # what is run; `engine.combined`
 SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
 SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
-KINEMATIC = 2  # of RTKLIB's PMODE: a moving rover relative to a base
-DYNAMICS = "pos1-dynamics"
+KINEMATIC_MODE = 2  # of RTKLIB's PMODE: a moving rover relative to a base
+DYNAMICS_KEY = "pos1-dynamics"
 RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
 # between epochs of the base, beyond which the clocks of satellites wander by millimetres meanwhile
 INTERPOLATED_S = 5.0
@@ -224,7 +224,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, 
     There is none where the user's options say whether to have them.
     """
     sd = prediction_sd(options, interval_s)
-    if DYNAMICS in options.rtklib_options or sd <= RESTART_M:
+    if DYNAMICS_KEY in options.rtklib_options or sd <= RESTART_M:
         return ()
     longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
     finding = (
@@ -232,7 +232,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, 
         f" predict a position to {sd:.0f} m"
     )
     advice = (
-        f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in"
+        f"every epoch stands for itself; log faster in flight, or set {DYNAMICS_KEY} in"
         f" {named('gnss.rtklib_options')}"
     )
     expected = f"on, with epochs every {longest:.1f} s at most"
@@ -261,11 +261,11 @@ def option_file(
     """
     horizontal, vertical = options.acceleration_mps2
     lines: dict[str, object] = {
-        "pos1-posmode": KINEMATIC,
+        "pos1-posmode": KINEMATIC_MODE,
         "pos1-frequency": options.frequencies,
         "pos1-soltype": SOLUTION_TYPE[direction],
         "pos1-elmask": options.elevation_mask_deg,
-        DYNAMICS: int(prediction_sd(options, interval_s) <= RESTART_M),
+        DYNAMICS_KEY: int(prediction_sd(options, interval_s) <= RESTART_M),
         "pos1-ionoopt": 1,
         "pos1-tropopt": 1,
         "pos1-sateph": 0,

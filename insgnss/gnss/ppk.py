@@ -37,12 +37,12 @@ from ..navigation.prepare.fix_covariance.classes import (
     forward_backward,
 )
 from ..records import Array, CameraEvents, Finding, GnssFixes
-from .antenna_files import SOLUTION
+from .antenna_files import SOLUTION_FILE
 from .corrections import with_velocity, without_ionosphere, without_wet_delay
 from .covariance_model import MODEL, CovarianceModel
 from .engine.base_coordinates import check_base_point
 from .engine.convert import converted, log_format
-from .engine.normalised import MIXED
+from .engine.normalised import MIXED_CODES
 from .engine.preflight import check_rover_antenna, within_navigation
 from .engine.rtklib import EngineRun, Progress, solve
 from .exposures.event_times import check_beside, check_camera_delay
@@ -247,10 +247,10 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     signals = signals_of(rover)
     numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
     summary, causes = verdict(numbers, checks)
-    if MIXED in "".join(run.codes):
+    if MIXED_CODES in "".join(run.codes):
         summary += f"; codes of the rover {run.codes[0]}, of the base {run.codes[1]}"
     fixes = replace(fixes, source=str(given.rover), notes=())
-    files = picked(run, "combined", "forward", "backward") | {"solution": directory / SOLUTION}
+    files = picked(run, "combined", "forward", "backward") | {"solution": directory / SOLUTION_FILE}
     files |= {f"options of {direction}": path for direction, path in run.option_files.items()}
     series = solution_series(
         solved.combined, solved.kind, *solved.from_base, solved.separation, signals
@@ -293,7 +293,7 @@ def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | 
 def _codes(run: EngineRun) -> Finding:
     """The codes that the engine had."""
     finding = f"rover {run.codes[0]}; base {run.codes[1]}"
-    several = "; where a satellite lacks one, the other is in its place" * (MIXED in finding)
+    several = "; where a satellite lacks one, the other is in its place" * (MIXED_CODES in finding)
     return Finding("GNSS codes", finding + several, "codes of the phases, one a band and satellite")
 
 

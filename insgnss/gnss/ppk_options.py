@@ -18,7 +18,7 @@ from ..io.options.schema import Declared, Triple, declared, option
 
 Point = Literal["apc", "arp", "marker"]
 
-SYSTEMS = ("G", "R", "E", "J", "C")
+SYSTEMS_SOLVED = ("G", "R", "E", "J", "C")
 ENGINES = ("auto", "pyrtklib5", "rnx2rtkp")
 """What a flight file may name: a file that came from others must not choose a program to run."""
 
@@ -95,7 +95,7 @@ class EngineSettings:
         "GREJC",
         "satellites to use: GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C",
         kind="letters",
-        choices=SYSTEMS,
+        choices=SYSTEMS_SOLVED,
         cli="--systems",
         metavar="LETTERS",
     )

@@ -10,7 +10,7 @@ from ._checked import Array, frozen, frozen_integers
 
 INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 RADIAL = INTERIOR[5:9]
-MODELS = ("forward", "backward", "fisheye")
+RADIAL_MODELS = ("forward", "backward", "fisheye")
 """Parameters of interior orientation, in the order of their arrays."""
 
 
@@ -76,8 +76,8 @@ class BrownCamera:
 
     @property
     def model(self) -> str:
-        """One of `MODELS`."""
-        return MODELS[1 if self.backward else 2 * self.fisheye]
+        """One of `RADIAL_MODELS`."""
+        return RADIAL_MODELS[1 if self.backward else 2 * self.fisheye]
 
     def of(self, name: str) -> float:
         """Return a parameter of interior orientation.

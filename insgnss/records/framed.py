@@ -10,7 +10,7 @@ from ..base.units import METRE, LengthUnit
 from ._checked import Array, freeze, frozen
 from .cameras.rig import RigImages
 
-KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
+FRAME_KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
     "tangent plane",
     "geocentric",
     "geographic",
@@ -31,7 +31,7 @@ class MapFrame:
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        One of `FRAME_KINDS`.
     name : str
         Name of the frame for people, with its code.
     heights : str

@@ -26,15 +26,15 @@ from .observations import (
     Quantity,
 )
 
-TIME = ("tow", "time", "time_s")
+TIME_HEADERS = ("tow", "time", "time_s")
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 HEIGHT = ("h_m", "height_m", "h", "h_ell", "height", "alt", "altitude")
-ANGLES = {
+GEODETIC_HEADERS = {
     "lat": ("lat_deg", "lat", "latitude"),
     "lon": ("lon_deg", "lon", "lng", "long", "longitude"),
 }
-SIGMA = ("sd_n_m", "sd_e_m", "sd_d_m")
-VELOCITY = ("vn", "ve", "vd")
+SIGMA_HEADERS = ("sd_n_m", "sd_e_m", "sd_d_m")
+VELOCITY_HEADERS = ("vn", "ve", "vd")
 VELOCITY_SIGMA = ("sd_vn", "sd_ve", "sd_vd")
 PLAIN_SIGMA = {"sd_n": "sd_n_m", "sd_e": "sd_e_m", "sd_d": "sd_d_m", "sd_u": "sd_d_m"}
 EPOCH_FROM_S = 1e8  # three years: no time of week, however far it runs on
@@ -75,7 +75,7 @@ def imu_samples(
         return samples
     gyro = columns["gyro"] if "gyro" in columns else _block("imu", columns, GYRO)
     accel = columns["accel"] if "accel" in columns else _block("imu", columns, ACCEL)
-    time = _one_of("imu", columns, TIME)
+    time = _one_of("imu", columns, TIME_HEADERS)
     week = _of_week("imu", time, _week(given, gps_week))
     return ImuSamples(time, gyro, accel, quantity, week, "imu")
 
@@ -121,17 +121,17 @@ def gnss_fixes(
     if columns is None:
         columns = _columns_of_fixes(given)
     columns = {PLAIN_SIGMA.get(name, name): column for name, column in columns.items()}
-    sigma = _sigma(columns, SIGMA, sigma_m, "sigma_m")
+    sigma = _sigma(columns, SIGMA_HEADERS, sigma_m, "sigma_m")
     if sigma is None:
         raise InputError(
             "gnss: no standard deviations of the positions; give the columns sd_n_m sd_e_m sd_d_m,"
             " or gnss_sigma_m = (north, east, down) in m"
         )
-    velocity = _block("gnss", columns, VELOCITY) if "vn" in columns else None
+    velocity = _block("gnss", columns, VELOCITY_HEADERS) if "vn" in columns else None
     speed_sigma = None
     if velocity is not None:
         speed_sigma = _sigma(columns, VELOCITY_SIGMA, sigma_velocity_mps, "sigma_velocity_mps")
-    time = _one_of("gnss", columns, TIME)
+    time = _one_of("gnss", columns, TIME_HEADERS)
     fixes = GnssFixes.from_degrees(
         time,
         _angle(columns, "lat"),
@@ -169,7 +169,11 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     if isinstance(given, CameraEvents):
         return given
     columns = _columns_of(given)
-    time = float_array("events", given) if columns is None else _one_of("events", columns, TIME)
+    time = (
+        float_array("events", given)
+        if columns is None
+        else _one_of("events", columns, TIME_HEADERS)
+    )
     if not time.size:
         raise InputError("events: no exposure; leave events out where there is no camera")
     week = _of_week("events", time, _week(given, gps_week))
@@ -212,7 +216,7 @@ def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeigh
                 f"barometer: a table of shape {values.shape}, expected (n, 2): time s, height m"
             )
         columns = {"tow": values[:, 0], "h_m": values[:, 1]}
-    time, height = (_one_of("barometer", columns, names) for names in (TIME, HEIGHT))
+    time, height = (_one_of("barometer", columns, names) for names in (TIME_HEADERS, HEIGHT))
     return BarometerHeights(time, height, _week(given, gps_week), "barometer")
 
 
@@ -236,7 +240,7 @@ def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:
             " deg, longitude deg, height m, sigma north east down m; for anything else name the"
             " columns"
         )
-    names = ("tow", "lat_deg", "lon_deg", "h_m", *SIGMA)
+    names = ("tow", "lat_deg", "lon_deg", "h_m", *SIGMA_HEADERS)
     return dict(zip(names, values.T, strict=False))
 
 
@@ -282,7 +286,7 @@ def _angle(columns: Mapping[str, Any], name: str) -> Array:
                 f" {name}_deg"
             )
         return np.degrees(angle)
-    return _one_of("gnss", columns, ANGLES[name])
+    return _one_of("gnss", columns, GEODETIC_HEADERS[name])
 
 
 def _sigma(

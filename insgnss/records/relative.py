@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ._checked import Array, freeze
 
 Form = Literal["mapping", "camera"]
-FORMS: tuple[Form, ...] = ("mapping", "camera")
+RELATIVE_FORMS: tuple[Form, ...] = ("mapping", "camera")
 # s, between exposures of one pair at most: paper 003, 2.3, beyond it equation 6 does not hold
 GAP_S = 10.0
 

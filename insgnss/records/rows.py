@@ -39,7 +39,7 @@ SAME_INSTANT_S = 1e-6
 SHOWN_ROWS = 5
 """Rows at either end that a notebook shows: more than ten fill a screen."""
 
-_AXES = {3: "axis", 6: "pose", 9: "state"}  # names of dimensions in xarray, by their length
+_AXIS_NAMES = {3: "axis", 6: "pose", 9: "state"}  # names of dimensions in xarray, by their length
 
 Chosen = slice | NDArray[np.int64]
 RowShapes = Mapping[str, tuple[int, ...] | None]
@@ -241,7 +241,7 @@ class Rows:
             value = getattr(self, field)
             if value is None or field == self._NAMES:
                 continue
-            trailing = [_AXES.get(size, f"dim_{size}") for size in np.shape(value)[1:]]
+            trailing = [_AXIS_NAMES.get(size, f"dim_{size}") for size in np.shape(value)[1:]]
             if len(trailing) == 2 and trailing[0] == trailing[1]:
                 trailing[1] += "_2"
             variables[field] = ((row, *trailing), value)

@@ -44,7 +44,7 @@ FEW_REMARKS = 3
 Shown = Literal["both", "page", "terminal"]
 APPENDIX = "appendix"  # class of what a page prints only where asked for, and the box that asks
 VERDICT_MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
-PLAIN = str.maketrans({"±": "+-", "–": "-"})  # consoles of all encodings have these
+ASCII_SIGNS = str.maketrans({"±": "+-", "–": "-"})  # consoles of all encodings have these
 
 
 class Marked(str):
@@ -128,7 +128,9 @@ class Table:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal, columns aligned, the last one wrapped."""
-        rows = [[cell.translate(PLAIN) for cell in row] for row in (self.head, *self.rows) if row]
+        rows = [
+            [cell.translate(ASCII_SIGNS) for cell in row] for row in (self.head, *self.rows) if row
+        ]
         width = [max((len(row[k]) for row in rows), default=0) for k in range(len(rows[-1]) - 1)]
         most = max(WIDTH - sum(width) - 2 * len(width), LEAST_WIDTH)
         last = max(len(row[-1]) for row in rows)
@@ -194,7 +196,7 @@ class Section:
                 yield from block.lines()
             elif isinstance(block, str):
                 remedy = block.help if isinstance(block, Marked) else ""
-                yield (f"{block}; {remedy}" if remedy else block).translate(PLAIN)
+                yield (f"{block}; {remedy}" if remedy else block).translate(ASCII_SIGNS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +246,7 @@ class Document:
 
     def text(self) -> str:
         """Return the text for the terminal."""
-        lines = [self.headline.translate(PLAIN), f"{self.verdict}.".translate(PLAIN)]
+        lines = [self.headline.translate(ASCII_SIGNS), f"{self.verdict}.".translate(ASCII_SIGNS)]
         for section in self.sections:
             if isinstance(section, Section) and section.on != "page":
                 inside = [f"  {line}" for line in section.lines()]

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
-from .charts.gnss import VALIDATED
+from .charts.gnss import VALIDATED_CODES
 from .flightlines import flight_lines
 
 Array = NDArray[np.float64]
 
-FLOAT = (2, 3, 4)  # of the classes of fixes (`charts.gnss.NAMES`)
+FLOAT_CODES = (2, 3, 4)  # of the classes of fixes (`charts.gnss.NAMES`)
 
 
 def fixes_of_lines(
@@ -60,8 +60,8 @@ def _of_source(series: Mapping[str, Any] | None, start: float, end: float) -> di
         return out
     if "kind" in series:
         kind = np.asarray(series["kind"])[rows]
-        out["fixed_share"] = float(np.isin(kind, VALIDATED).mean())
-        out["float_share"] = float(np.isin(kind, FLOAT).mean())
+        out["fixed_share"] = float(np.isin(kind, VALIDATED_CODES).mean())
+        out["float_share"] = float(np.isin(kind, FLOAT_CODES).mean())
     for name, least, extreme in (
         ("satellites", "least_satellites", np.min),
         ("pdop", "largest_pdop", np.max),

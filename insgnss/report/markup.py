@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from .charts.chart import Chart
-from .charts.encoded import BLOCK, encoded
+from .charts.encoded import CHARTS_KEY, encoded
 
 Row = Sequence[str]
 
@@ -41,7 +41,7 @@ def closing(charts: Sequence[Chart], report_sha256: str) -> Iterator[str]:
     """
     yield "</main>\n"
     if charts:
-        yield embedded(BLOCK, encoded(charts, report_sha256))
+        yield embedded(CHARTS_KEY, encoded(charts, report_sha256))
         licence = asset("uplot/LICENSE").strip()
         library = asset("uplot/uPlot.iife.min.js").strip()
         yield f"<script>\n/*! uPlot, https://github.com/leeoniya/uPlot\n\n{licence}\n*/\n"

@@ -25,7 +25,7 @@ PDOP = (
     "position dilution of precision: what the geometry of the satellites makes of the error of one"
     " range; below 2 is good, beyond 4 poor"
 )
-FIXED = (
+FIXED_EXPLAINED = (
     "epochs whose integer ambiguities were resolved (centimetres); float: those whose were not"
     " (decimetres)"
 )
@@ -176,7 +176,7 @@ def fixes_by_line(s: Summary) -> Section:
         "Line": lambda line: str(line["line"]),
         "fixes used": lambda line: str(line["used"]),
         "rejected": lambda line: strong(str(line["rejected"]), line["rejected"] > 0),
-        Marked("fixed / float, %", tip=FIXED): lambda line: (
+        Marked("fixed / float, %", tip=FIXED_EXPLAINED): lambda line: (
             f"{share(line['fixed_share'])} / {share(line['float_share'])}"
         ),
         "satellites (least)": lambda line: pair(

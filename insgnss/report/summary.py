@@ -22,7 +22,7 @@ from .rules.hidden import hidden
 from .rules.needs import stated_need
 from .rules.use import Places, use
 from .rules.verdict import headline, limits, verdict
-from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
+from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, NED_NAMES, state_unit
 from .statistics import (
     consistency,
     innovation_figures,
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 MOST_FIXES_LISTED = 200  # rejected fixes in report.json, the first (chosen)
-ENU = ["E", "N", "U"]
+ENU_LETTERS = ["E", "N", "U"]
 NED = ["N", "E", "D"]
 STATES = ("position", "velocity", "attitude")  # three axes each of what a filter navigates
 FAR_WORSE = 3.0  # times the median sigma of the images: from there on the headline counts them
@@ -192,7 +192,7 @@ def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     The worst image of position and of attitude.
     """
     position, psi = image_sigmas(eo)
-    out: dict[str, Any] = {"axes": ENU, "count": len(eo.images)}
+    out: dict[str, Any] = {"axes": ENU_LETTERS, "count": len(eo.images)}
     if eo.rig is not None:
         count = np.bincount(eo.rig.number, minlength=len(eo.rig.names)).tolist()
         out["cameras"] = dict(zip(eo.rig.names, count, strict=True))
@@ -301,7 +301,7 @@ def _residuals(d: Diagnostics) -> dict[str, Any] | None:
         "worst": {
             "begin_s": d.residuals[k].begin_s,
             "end_s": d.residuals[k].end_s,
-            "axis": AXES[axis],
+            "axis": NED_NAMES[axis],
             "mean_mm": 1e3 * mean[k, axis],
             "sigma_mm": 1e3 * sigma[k, axis],
             "sigmas": ratio[k, axis],
@@ -361,7 +361,7 @@ def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array
     difference = eo.cov[first] + eo.cov[second] - cross - np.swapaxes(cross, -1, -2)
     sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)
     return {
-        "axes": ENU,
+        "axes": ENU_LETTERS,
         "interval_s": float(np.median(eo.time[second] - eo.time[first])),
         "position_mm": 1e3 * sigma[:3],
         "attitude_deg": np.degrees(sigma[3:]),

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from ..base.wording import some
-from .rules.use import EXCEPT, NO, STATED, USE
+from .rules.use import EXCEPT, NO, STATED_NEED, USE
 from .rules.wording import lengths
 
 Word = Literal["good", "doubtful", "bad"]
@@ -73,7 +73,7 @@ def _why(judged: Mapping[str, Any]) -> str:
     )
     measure = (
         "as the flight file states"
-        if judged["measure"] == STATED
+        if judged["measure"] == STATED_NEED
         else "as this receiver and this IMU allow; output.need_m states another need"
     )
     return (

@@ -46,9 +46,9 @@ from ..records import ImuSamples, Quantity
 from .description import (
     BLOCK_FOLDER,
     BLOCK_TOML,
-    EVENTS,
+    EVENTS_FILE,
     FIXES,
-    IMU,
+    IMU_DIRECTORY,
     PPK,
     RinexNames,
     Tables,
@@ -207,9 +207,9 @@ def _write_tree(
     flight_file: Tables,
     block: SimulatedBlock | None,
 ) -> None:
-    for folder in (Path(EVENTS).parent, TARGETS, IMU, PPK, "truth"):
+    for folder in (Path(EVENTS_FILE).parent, TARGETS, IMU_DIRECTORY, PPK, "truth"):
         (root / folder).mkdir(parents=True, exist_ok=True)
-    write_events(simulated.events, root / EVENTS)
+    write_events(simulated.events, root / EVENTS_FILE)
     _write_imu(root / imu_file(simulated), simulated.imu, units)
     write_gnss_text(simulated.gnss, root / FIXES)
     _write_antenna_at_images(root / PPK, simulated, rng)

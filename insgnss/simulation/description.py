@@ -19,8 +19,8 @@ from .scenario import EXACT_LEVER_ARM_M, EXACT_STAMP_S, SimulatedFlight
 
 Tables = Mapping[str, Any]
 
-EVENTS = "01_Observations/Camera/Data/Events.txt"
-IMU = "01_Observations/IMU/Data/Pre_calibrated"
+EVENTS_FILE = "01_Observations/Camera/Data/Events.txt"
+IMU_DIRECTORY = "01_Observations/IMU/Data/Pre_calibrated"
 PPK = "02_Processed/GPS-PPK"
 FIXES = f"{PPK}/AntennaPos_WGS84.txt"
 RINEX = "01_Observations/GPS/Data"
@@ -68,7 +68,7 @@ def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
     The name has f, number of the flight, 1 for NC1, sob for the deterministic calibration applied.
     """
     plan = simulated.flight.plan
-    return f"{IMU}/f{plan.first_image // 1000 if plan else 1}_{number}_sob.csv"
+    return f"{IMU_DIRECTORY}/f{plan.first_image // 1000 if plan else 1}_{number}_sob.csv"
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
             "time_sigma_s": EXACT_STAMP_S,
             "deflection_sigma_arcsec": 0.0,
         },
-        "camera": {"events": EVENTS},
+        "camera": {"events": EVENTS_FILE},
         "mounting": {
             "antenna_m": list(rig.antenna_m),
             "antenna_sigma_m": EXACT_LEVER_ARM_M,

@@ -30,7 +30,7 @@ from ..records import ImuSamples, Quantity
 
 Array = NDArray[np.float64]
 
-CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
+FAULT_CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 _FREQUENCY_WANDER = GaussMarkov.from_sigma(5.0, 0.02)  # s, share of f: e of (V.1) (chosen)
 
 
@@ -41,7 +41,7 @@ def in_period(elapsed: Array, start_s: float, duration_s: float) -> NDArray[np.b
 
 @dataclass(frozen=True)
 class Stuck:
-    """A stuck channel (of `CHANNELS`, sensor axes), which repeats `value` from `start_s` on.
+    """A stuck channel (of `FAULT_CHANNELS`, sensor axes), which repeats `value` from `start_s` on.
 
     `start_s` counts from the record's start; without a `value` it is the channel's last reading.
     """
@@ -52,8 +52,10 @@ class Stuck:
     duration_s: float = np.inf
 
     def __post_init__(self) -> None:
-        if self.channel not in CHANNELS:
-            raise UsageError(f"stuck channel {self.channel!r} is none of {', '.join(CHANNELS)}")
+        if self.channel not in FAULT_CHANNELS:
+            raise UsageError(
+                f"stuck channel {self.channel!r} is none of {', '.join(FAULT_CHANNELS)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ class ImuFaults:
         if self.vibration is not None:
             table += _shake(self.vibration, elapsed, ideal.quantity, shaken)
         for stuck in self.stuck:
-            _freeze(table[:, CHANNELS.index(stuck.channel)], elapsed, stuck)
+            _freeze(table[:, FAULT_CHANNELS.index(stuck.channel)], elapsed, stuck)
         if self.reversed_accel:
             table[:, 3:] *= -1.0
         keep = self._kept(elapsed, dropped)

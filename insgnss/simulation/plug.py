@@ -8,7 +8,7 @@ from typing import Any
 
 from ..base.errors import UsageError
 
-PACKAGE = Path(__file__).parents[1]
+PACKAGE_PARENT = Path(__file__).parents[1]
 
 
 def plugged(module: str) -> Any:
@@ -31,7 +31,7 @@ def plugged(module: str) -> Any:
     """
     name = module.partition(".")[0]
     if name not in sys.modules:
-        folders = [root / "benchmarks" / name for root in (PACKAGE.parent, PACKAGE)]
+        folders = [root / "benchmarks" / name for root in (PACKAGE_PARENT.parent, PACKAGE_PARENT)]
         source = next((f / "__init__.py" for f in folders if (f / "__init__.py").is_file()), None)
         spec = source and spec_from_file_location(name, source)
         if not spec or not spec.loader:

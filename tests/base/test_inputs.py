@@ -11,7 +11,7 @@ from insgnss.base.beside import Beside
 from insgnss.base.errors import InputError
 from insgnss.base.files import atomic_write
 from insgnss.base.inputs import check_input, opened, read_bytes, read_text, reading, sha256
-from insgnss.base.output.unfinished import MARK
+from insgnss.base.output.unfinished import UNFINISHED_MARK
 from insgnss.cli.main import main
 
 CHANGED = "changed after it was read; wait"
@@ -92,7 +92,7 @@ def test_a_file_of_a_killed_run_is_refused_and_others_are_not(file: Path) -> Non
     """Oracle: the names in the mark."""
     beside = file.with_name("own.csv")
     beside.write_text("x")
-    file.with_name(MARK).write_text('["imu.csv"]')
+    file.with_name(UNFINISHED_MARK).write_text('["imu.csv"]')
     assert read_text(beside) == "x"
     with pytest.raises(InputError, match="a run was killed while it moved its files into"):
         read_text(file)
@@ -127,7 +127,7 @@ def test_verbs_that_read_products_are_told_of_a_killed_run(
     """Oracle: the mark; the content of the files does not matter."""
     for name in ("eo.json", "report.json", "report.html"):
         (tmp_path / name).write_text('{"inputs_sha256": {}}')
-    (tmp_path / MARK).write_text('["eo.json", "report.json", "report.html"]')
+    (tmp_path / UNFINISHED_MARK).write_text('["eo.json", "report.json", "report.html"]')
     assert main(command.replace("OUT", str(tmp_path)).replace("X", f"{tmp_path}/x").split()) == 3
     assert "a run was killed while it moved its files into" in capsys.readouterr().err
     assert not (tmp_path / "x.csv").exists()

@@ -10,9 +10,9 @@ from insgnss.base.errors import UsageError
 from insgnss.base.inputs import sha256
 from insgnss.base.output.staging import together
 from insgnss.base.provenance import (
-    DIRECTORY,
-    KEY,
-    PRODUCTS,
+    DIGESTS_KEY,
+    DIRECTORY_KEY,
+    INPUTS_KEY,
     hashes_of,
     made_from,
     other_results,
@@ -26,7 +26,7 @@ def results(root: Path, **files: str) -> Path:
     for name, text in files.items():
         (root / f"{name}.csv").write_text(text)
     inputs = [root / f"{name}.csv" for name in files]
-    (root / "report.json").write_text(json.dumps({KEY: hashes_of(inputs, root)}))
+    (root / "report.json").write_text(json.dumps({INPUTS_KEY: hashes_of(inputs, root)}))
     return root / "report.json"
 
 
@@ -80,13 +80,13 @@ def test_what_is_made_is_told_by_paths_and_hashes_before_it_is_moved(tmp_path: P
         made = made_from(inputs, into / "run.json", [into / "new" / "eo.json", alone])
         assert made_from(inputs, out / "run.json", staging.goals()) == made
         moved = made_from(inputs, into / "run.json", [], tmp_path / "in")
-    assert made[KEY] == {"../in/imu.csv": sha256(inputs[0])}
-    assert made[PRODUCTS] == {
+    assert made[INPUTS_KEY] == {"../in/imu.csv": sha256(inputs[0])}
+    assert made[DIGESTS_KEY] == {
         "../beside.txt": sha256(alone),
         "new/eo.json": sha256(out / "new" / "eo.json"),
     }
-    assert DIRECTORY not in made
-    assert (moved[KEY], moved[DIRECTORY]) == ({"imu.csv": sha256(inputs[0])}, "../in")
+    assert DIRECTORY_KEY not in made
+    assert (moved[INPUTS_KEY], moved[DIRECTORY_KEY]) == ({"imu.csv": sha256(inputs[0])}, "../in")
     assert {"insgnss", "python", "numpy"} == set(made["versions"])
     assert made["run"]["command"]
 

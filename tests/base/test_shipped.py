@@ -8,7 +8,7 @@ import llvmlite
 import pytest
 from llvmlite.binding import get_host_cpu_features
 
-from insgnss.base.shipped import KINDS, VARIABLES, choose_processor, read_processor
+from insgnss.base.shipped import NUMBA_VARIABLES, PROCESSORS, choose_processor, read_processor
 from insgnss.batch.installation import surroundings
 
 HERE = [name for name, present in get_host_cpu_features().items() if present][:3]
@@ -24,7 +24,7 @@ CASES = {
 def described(tmp_path, monkeypatch):
     """What a wheel says, in a process that has not imported numba yet."""
     monkeypatch.delitem(sys.modules, "numba", raising=False)
-    for name in VARIABLES:
+    for name in NUMBA_VARIABLES:
         monkeypatch.setenv(name, "")  # restored afterwards
         monkeypatch.delenv(name)
 
@@ -69,6 +69,6 @@ def test_doctor_says_whether_shipped_kernels_are_used(described, monkeypatch):
 
 def test_level_3_of_the_abi_is_avx2_and_fma():
     """Oracle: the System V ABI for x86-64: AVX, AVX2, BMI1, BMI2, F16C, FMA, LZCNT, MOVBE."""
-    name, features = KINDS["x86_64"]
+    name, features = PROCESSORS["x86_64"]
     assert name == "x86-64-v3"
     assert {*features} == {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"}

@@ -23,7 +23,7 @@ from insgnss.base.output.scratch import (
     sweep,
 )
 from insgnss.base.output.staging import is_vacant, staged, together
-from insgnss.base.output.unfinished import MARK, is_unfinished, marked, refuse_unfinished
+from insgnss.base.output.unfinished import UNFINISHED_MARK, is_unfinished, marked, refuse_unfinished
 
 OLD = {"eo.json": "old", "report.json": "old", "Ori/a.xml": "old", "own.txt": "of the user"}
 NEW = {"eo.json": "new", "report.json": "new", "Ori/a.xml": "new", "Ori/b.xml": "new"}
@@ -233,7 +233,7 @@ def test_after_a_kill_a_mixture_is_told(tmp_path: Path, every: int) -> None:
 
 def test_a_mark_keeps_names_until_they_are_written_anew(root: Path) -> None:
     """Oracle: the names; one that is gone is not named by what is read."""
-    (root / "out" / MARK).write_text('["eo.json", "old.csv", "report.json"]')
+    (root / "out" / UNFINISHED_MARK).write_text('["eo.json", "old.csv", "report.json"]')
     atomic_write(root / "out" / "own.txt", "another export")
     assert marked(root / "out") == {"eo.json", "old.csv", "report.json"}
     atomic_write(root / "out" / "eo.json", "new")
@@ -248,7 +248,7 @@ def test_what_others_planted_for_a_mark_refuses_and_does_nothing_else(
 ) -> None:
     """Oracle: the files; the link is replaced and not followed."""
     (root / "victim").write_text(planted)
-    (root / "out" / MARK).symlink_to(root / "victim")
+    (root / "out" / UNFINISHED_MARK).symlink_to(root / "victim")
     assert marked(root / "out") is None
     assert is_unfinished(root / "out" / "eo.json")
     move(root)
@@ -258,7 +258,7 @@ def test_what_others_planted_for_a_mark_refuses_and_does_nothing_else(
 
 def test_a_file_beside_a_mark_that_cannot_be_rewritten_stays_as_it_was(root: Path) -> None:
     """Oracle: the message, and the file; a directory stands where the mark should go."""
-    (root / "out" / MARK).mkdir()
+    (root / "out" / UNFINISHED_MARK).mkdir()
     with pytest.raises(UsageError, match="all files are as they were"):
         atomic_write(root / "out" / "eo.json", "new")
     assert content(root) == BEFORE

@@ -520,7 +520,7 @@ def test_the_noise_example_runs(tmp_path, monkeypatch, capsys):
 def test_export_help_lists_the_formats(capsys):
     """Oracle: the registries, of orientations and of noise models."""
     from insgnss.io.formats import EXPORTS
-    from insgnss.noise.processes.consumers import FORMS
+    from insgnss.noise.processes.consumers import CONSUMER_FORMS
 
     assert main(["export", "--help"]) == 0
     text = capsys.readouterr().out.partition("formats:\n")[2]
@@ -528,7 +528,7 @@ def test_export_help_lists_the_formats(capsys):
         [line for line in part.splitlines() if line.strip()]
         for part in text.split("of a noise model:\n")
     )
-    assert {line.split()[0] for line in noise} == set(FORMS)
+    assert {line.split()[0] for line in noise} == set(CONSUMER_FORMS)
     assert {line.split()[0] for line in orientations} == set(EXPORTS)
 
 

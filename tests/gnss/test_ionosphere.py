@@ -11,9 +11,9 @@ from insgnss.gnss.phase import ionosphere as room
 from insgnss.gnss.phase.double_differences import DoubleDifferences, _two_bands, double_differences
 from insgnss.gnss.phase.ionosphere import (
     GRADIENT,
+    LAYER_VALUES,
     LEAST_FLIGHT_S,
-    LOCAL,
-    VALUES,
+    LOCAL_GRADIENT,
     VERTICAL_M,
     Ionosphere,
     engine_models_it,
@@ -252,7 +252,7 @@ def test_it_is_found_within_its_standard_deviations(monkeypatch, seen):
     `CORRELATED_S` would count white noise of 10 s as twenty times what it is; here it counts once.
     What is drawn has no L, z and p, of which nothing is expected here.
     """
-    monkeypatch.setattr(room, "LOCAL", 1e-9)
+    monkeypatch.setattr(room, "LOCAL_GRADIENT", 1e-9)
     monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR_SLOPE, 1e-6, 1e-6]))
     monkeypatch.setattr(room, "CORRELATED_S", 10.0)
     squares = []
@@ -363,7 +363,10 @@ def test_heights_move_as_far_as_the_flight_shows(left, moves):
     """Oracle: (I.7) by hand: of gradients as uncertain as before but for a hundredth the height
     keeps the delay V alone and all of its uncertainty; half of the variance is enough to move it.
     """
-    before = np.array([1.0, *4 * [left]]) * np.array([1.0, GRADIENT, GRADIENT, LOCAL, LOCAL]) ** 2
+    before = (
+        np.array([1.0, *4 * [left]])
+        * np.array([1.0, GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT]) ** 2
+    )
     of_one_time = Ionosphere(
         np.array([0.0]),
         np.array([[3.0, 1e-6, 0.0, 1e-6, 0.0]]),
@@ -374,12 +377,12 @@ def test_heights_move_as_far_as_the_flight_shows(left, moves):
         (1.0, 1.0),
         (1.0, 1.0),
     )
-    each = np.zeros((2, 3, VALUES))
+    each = np.zeros((2, 3, LAYER_VALUES))
     each[:, 0, 0], each[:, 2, 0], each[:, 2, [1, 3]] = 1e-3, 2e-4, 5e3
     moved, cov, gain = moved_by(each, of_one_time, np.zeros(2), np.ones(2, dtype=bool))
     assert gain == pytest.approx(1.0 - left)
     np.testing.assert_allclose(moved[0], [3e-3, 0.0, 6e-4 + (1e-2 if moves else 0.0)])
-    slope = (left if moves else 1.0) * 25e6 * (GRADIENT**2 + LOCAL**2)
+    slope = (left if moves else 1.0) * 25e6 * (GRADIENT**2 + LOCAL_GRADIENT**2)
     assert cov[0, 2, 2] == pytest.approx(4e-8 + slope)
     assert cov[0, 0, 2] == pytest.approx(2e-7)
 
@@ -394,7 +397,7 @@ def test_expectation_is_of_means_and_changes():
     change = np.zeros(24)
     change[[6, 1]] = 1.0, -1.0
     assert mean @ cov @ mean == pytest.approx(VERTICAL_M[1] ** 2)
-    assert change @ cov @ change == pytest.approx(room.CHANGE[1] ** 2)
+    assert change @ cov @ change == pytest.approx(room.LAYER_CHANGE[1] ** 2)
     assert mean @ expected == pytest.approx(VERTICAL_M[0])
     weights = hats(knots, np.array([-5.0, 150.0, 9000.0]))
     np.testing.assert_allclose(weights, [[1, 0, 0, 0], [0.75, 0.25, 0, 0], [0, 0, 0, 1]])

@@ -26,7 +26,7 @@ from insgnss.geodesy.frames import (
     rotation_en,
 )
 from insgnss.gnss import ppk
-from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
+from insgnss.gnss.antenna_files import ALL, IMAGES_FILE, PLANE, positions_at, write_antenna_files
 from insgnss.gnss.covariance_model import MODEL
 from insgnss.gnss.engine.rtklib import EngineRun
 from insgnss.gnss.options import EngineOptions
@@ -779,9 +779,9 @@ def test_the_three_antenna_files_agree(tmp_path):
     events = CameraEvents(("8001.tif", "8002.tif", "8003.tif"), np.array([5.03, 11.0, 20.07]), 2008)
     origin = np.array([np.radians(46.57), np.radians(6.54), 0.0])
     files, missing = write_antenna_files(fixes, events, tmp_path, origin)
-    assert [path.name for path in files] == [ALL, IMAGES, PLANE]
+    assert [path.name for path in files] == [ALL, IMAGES_FILE, PLANE]
     (images, geodetic), (plane_images, plane) = (
-        image_positions(tmp_path / IMAGES),
+        image_positions(tmp_path / IMAGES_FILE),
         image_positions(tmp_path / PLANE),
     )
     assert images == plane_images == ("8001.tif", "8003.tif")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from insgnss.report.charts.artists import INKS, SHADES, value_range
+from insgnss.report.charts.artists import CHART_INKS, SHADES, value_range
 from insgnss.report.charts.chart import Axes, Chart, Layer, Shade
 from insgnss.report.charts.drawn import COLUMN, SCREEN, draw, draw_sheet, figure_of
 
@@ -60,7 +60,7 @@ def test_a_line_runs_through_its_points_and_breaks_where_it_is_not_known() -> No
         "line", array(1, 4, 5, 6, 9), array(1, 7, np.nan, 5, 5), "north", "second", width=3
     )
     drawn = Drawn(chart(line))
-    ink = INKS["second"]
+    ink = CHART_INKS["second"]
     for x, y in ((1.0, 1.0), (2.5, 4.0), (4.0, 7.0), (7.5, 5.0)):
         assert drawn.has(x, y, ink), (x, y)
     for x, y in ((5.0, 6.0), (2.5, 6.0), (5.5, 5.5)):
@@ -72,9 +72,9 @@ def test_points_lie_where_they_are(mark) -> None:
     """Oracle: by hand; a dot is full, a ring empty in the middle."""
     drawn = Drawn(chart(Layer("points", array(2, 7), array(3, 8), ink="third", mark=mark, width=9)))
     for x, y in ((2.0, 3.0), (7.0, 8.0)):
-        assert drawn.has(x, y, INKS["third"], 9), (x, y)
-    assert not drawn.has(4.5, 5.5, INKS["third"], 9)
-    assert drawn.has(2.0, 3.0, INKS["third"], 1) == (mark in ("dot", "cross"))
+        assert drawn.has(x, y, CHART_INKS["third"], 9), (x, y)
+    assert not drawn.has(4.5, 5.5, CHART_INKS["third"], 9)
+    assert drawn.has(2.0, 3.0, CHART_INKS["third"], 1) == (mark in ("dot", "cross"))
 
 
 def test_values_are_colours_with_a_bar() -> None:
@@ -118,7 +118,7 @@ def test_steps_stand_over_their_edges() -> None:
     drawn = Drawn(chart(Layer("steps", array(1, 3, 6), array(4, 8), width=3)))
     for x, y, inside in ((2.1, 3.1, True), (2.1, 5.1, False), (4.6, 7.1, True), (6.6, 3.1, False)):
         assert drawn.is_white(x, y) != inside, (x, y)
-    assert drawn.has(4.5, 8.0, INKS["first"])
+    assert drawn.has(4.5, 8.0, CHART_INKS["first"])
 
 
 def test_arrows_go_from_tail_to_head() -> None:
@@ -126,8 +126,8 @@ def test_arrows_go_from_tail_to_head() -> None:
     one = Layer("arrows", array(2), array(2), ink="warn", x2=array(6), y2=array(4), width=3)
     drawn = Drawn(chart(one))
     for x, y in ((2.2, 2.1), (4.0, 3.0), (5.8, 3.9)):
-        assert drawn.has(x, y, INKS["warn"]), (x, y)
-    assert not drawn.has(7.0, 4.5, INKS["warn"], 4)
+        assert drawn.has(x, y, CHART_INKS["warn"]), (x, y)
+    assert not drawn.has(7.0, 4.5, CHART_INKS["warn"], 4)
 
 
 def test_rules_run_across() -> None:
@@ -135,10 +135,10 @@ def test_rules_run_across() -> None:
     level = Drawn(chart(Layer("rules", NONE, array(3), ink="warn", width=3)))
     upright = Drawn(chart(Layer("rules", array(3), NONE, ink="warn", width=3)))
     for along in (1.0, 5.0, 9.0):
-        assert level.has(along, 3.0, INKS["warn"])
-        assert upright.has(3.0, along, INKS["warn"])
-    assert not level.has(5.0, 6.0, INKS["warn"])
-    assert not upright.has(6.0, 5.0, INKS["warn"])
+        assert level.has(along, 3.0, CHART_INKS["warn"])
+        assert upright.has(3.0, along, CHART_INKS["warn"])
+    assert not level.has(5.0, 6.0, CHART_INKS["warn"])
+    assert not upright.has(6.0, 5.0, CHART_INKS["warn"])
 
 
 def test_labels_stand_at_their_places() -> None:
@@ -147,9 +147,9 @@ def test_labels_stand_at_their_places() -> None:
         "labels", array(3, 7), array(5, 5), ink="warn", texts=["G$1$", r"\frac{"], width=18
     )
     drawn = Drawn(chart(words))
-    assert drawn.has(3.0, 5.0, INKS["warn"], 10)
-    assert drawn.has(7.0, 5.0, INKS["warn"], 10)
-    assert not drawn.has(5.0, 5.0, INKS["warn"], 10)
+    assert drawn.has(3.0, 5.0, CHART_INKS["warn"], 10)
+    assert drawn.has(7.0, 5.0, CHART_INKS["warn"], 10)
+    assert not drawn.has(5.0, 5.0, CHART_INKS["warn"], 10)
 
 
 def test_shades_lie_behind_with_their_numbers() -> None:
@@ -160,7 +160,7 @@ def test_shades_lie_behind_with_their_numbers() -> None:
     drawn = Drawn(of)
     assert drawn.has(3.1, 2.1, SHADES["line"], 0)
     assert drawn.has(7.5, 2.1, SHADES["outage"], 0)
-    assert drawn.has(3.1, 5.0, INKS["first"])
+    assert drawn.has(3.1, 5.0, CHART_INKS["first"])
     assert drawn.is_white(5.1, 2.1)
     ax = figure_of([[of]]).axes[0]
     assert "17" in [text.get_text() for text in ax.texts]

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from insgnss.navigation.prepare.fix_covariance.classes import VALIDATED
-from insgnss.navigation.prepare.fix_covariance.numbers import CLASSES
+from insgnss.navigation.prepare.fix_covariance.numbers import FIX_CLASSES
 from insgnss.records import GnssFixes
 from insgnss.report.charts import gnss
 from insgnss.report.charts.drawn import draw_sheet
@@ -105,14 +105,14 @@ def test_a_file_of_fixes_says_what_its_columns_hold():
 
 def test_every_class_has_a_name_and_a_colour():
     """Oracle: the classes of the covariance."""
-    assert len(gnss.CLASS_NAMES) == len(gnss.CLASS_INKS) == len(CLASSES)
-    assert gnss.VALIDATED == VALIDATED
+    assert len(gnss.CLASS_NAMES) == len(gnss.CLASS_INKS) == len(FIX_CLASSES)
+    assert gnss.VALIDATED_CODES == VALIDATED
 
 
 def test_degraded_fixes_are_drawn_apart_and_count_as_fixed(series):
     """Oracle: the first 200 epochs named so; the share of confirmed fixes stays at 100 %."""
     series["kind"] = np.where(
-        np.arange(600) < 200, CLASSES.index("degraded"), CLASSES.index("fixed")
+        np.arange(600) < 200, FIX_CLASSES.index("degraded"), FIX_CLASSES.index("fixed")
     )
     named = {layer.name for layer in _panel(series, "satellites").layers}
     assert {"fixed", "fixed, degraded"} <= named

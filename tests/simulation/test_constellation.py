@@ -17,7 +17,6 @@ from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss.rinex.navigation_message import (
     AF0,
     AF1,
-    COLUMNS,
     ECC,
     GLONASS,
     I0,
@@ -25,6 +24,7 @@ from insgnss.gnss.rinex.navigation_message import (
     ROOT_A,
     STATE,
     TOE,
+    VALUE_WIDTH,
     Navigation,
 )
 from insgnss.gnss.satellites.orbits import ranges, satellite_states, select_messages, sky
@@ -209,7 +209,7 @@ def test_one_seed_is_one_constellation(navigation):
     alone = constellation(WEEK, START, END, "G", seed=3)
     assert_array_equal(alone.table, navigation.table[np.char.startswith(navigation.satellite, "G")])
     assert isinstance(alone, Navigation)
-    assert alone.table.shape[1] == COLUMNS
+    assert alone.table.shape[1] == VALUE_WIDTH
 
 
 def test_impossible_requests_are_refused():

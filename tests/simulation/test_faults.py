@@ -11,7 +11,7 @@ from surveys import block_flight
 from insgnss.base.errors import UsageError
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.description import FIXES
-from insgnss.simulation.faults import CHANNELS, ImuFaults, RowFaults, Stuck, Vibration
+from insgnss.simulation.faults import FAULT_CHANNELS, ImuFaults, RowFaults, Stuck, Vibration
 from insgnss.simulation.scenario import simulate_flight
 from insgnss.simulation.sensors import ImuOptions, SecondImu
 
@@ -60,10 +60,10 @@ def test_random_gaps_are_as_many_and_as_long_as_asked(ideal):
     assert not np.array_equal(cut.time, applied(ideal, seed=7, random_gaps=5).time)
 
 
-@pytest.mark.parametrize("channel", CHANNELS)
+@pytest.mark.parametrize("channel", FAULT_CHANNELS)
 def test_a_stuck_channel_repeats_and_the_others_go_on(ideal, channel):
     """Oracle: the samples; the value is the last reading before, or the one that is given."""
-    k, at = CHANNELS.index(channel), 20.0
+    k, at = FAULT_CHANNELS.index(channel), 20.0
     before = np.hstack([ideal.gyro, ideal.accel])
     for value in (None, 0.25):
         got = applied(ideal, stuck=(Stuck(channel, at, value, 10.0),))

@@ -288,10 +288,10 @@ def messages():
     random, of the right size.
     """
     rng = np.random.default_rng(8)
-    table = np.zeros((4, message.COLUMNS))
+    table = np.zeros((4, message.VALUE_WIDTH))
     for k, toe in enumerate((597600.0, 604800.0, 612000.0)):
         row = table[k]
-        row[list(message.PLACES)] = rng.uniform(-1.0, 1.0, len(message.PLACES)) * 1e-6
+        row[list(message.ORBIT_PLACES)] = rng.uniform(-1.0, 1.0, len(message.ORBIT_PLACES)) * 1e-6
         row[[message.ROOT_A, message.ECC, message.M0, message.NODE0]] = (
             5153.7,
             0.0123456789012,

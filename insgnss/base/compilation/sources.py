@@ -5,7 +5,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-_COMMENT = re.compile(r"#[^\n]*")
+_PYTHON_COMMENT = re.compile(r"#[^\n]*")
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
@@ -39,7 +39,7 @@ def imported(source: Path) -> tuple[Path, ...]:
     on; what is imported within functions or for type checkers alone does not reach a kernel.
     """
     files: list[Path] = []
-    for dots, module, names in _IMPORT.findall(_COMMENT.sub("", _text(source))):
+    for dots, module, names in _IMPORT.findall(_PYTHON_COMMENT.sub("", _text(source))):
         stem = source.parents[len(dots) - 1].joinpath(*filter(None, module.split(".")))
         inner = (stem / name.split()[0] for name in names.strip("() \n").split(",") if name.strip())
         for path in (stem, *inner):

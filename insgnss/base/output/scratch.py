@@ -27,7 +27,7 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 PREFIX = ".insgnss-run-"
-NAME = re.compile(re.escape(PREFIX) + "[a-z0-9_]{8}")  # the letters of mkdtemp
+SCRATCH_NAME = re.compile(re.escape(PREFIX) + "[a-z0-9_]{8}")  # the letters of mkdtemp
 ABANDONED_S = 7 * 86400.0  # age (s) of a scratch directory without lock: no run lasts as long
 MORE_BYTES = 1 << 17  # beyond what is left of the last block of a file on any file system
 MOST_WAIT_S = 10.0  # wait (s) for another run's moves, which take milliseconds
@@ -47,20 +47,20 @@ class Scratch:
         with deferred():
             self.path, self._lock = _locked(where)
             self._owner = os.getpid()
-            _OPEN.add(self)
+            _OPEN_DIRECTORIES.add(self)
 
     def close(self) -> None:
         """Remove the directory; without effect a second time and in a child of the process."""
         with deferred():
-            if self in _OPEN and self._owner == os.getpid():
-                _OPEN.discard(self)
+            if self in _OPEN_DIRECTORIES and self._owner == os.getpid():
+                _OPEN_DIRECTORIES.discard(self)
                 shutil.rmtree(self.path, ignore_errors=True)
                 self._unlock()
 
     def keep(self) -> None:
         """Leave the directory, under a name that no run sweeps: it holds files of the user."""
         with deferred():
-            _OPEN.discard(self)
+            _OPEN_DIRECTORIES.discard(self)
             kept = self.path.with_name(self.path.name.replace(PREFIX, "insgnss-kept-"))
             with suppress(OSError):
                 os.chmod(self.path, 0o755)  # not swept where renaming fails
@@ -74,12 +74,12 @@ class Scratch:
             self._lock = None
 
 
-_OPEN: set[Scratch] = set()
+_OPEN_DIRECTORIES: set[Scratch] = set()
 
 
 @atexit.register
 def _close_all() -> None:
-    for scratch in tuple(_OPEN):
+    for scratch in tuple(_OPEN_DIRECTORIES):
         scratch.close()
 
 
@@ -127,7 +127,7 @@ def alone(directories: Iterable[Path]) -> Iterator[None]:
     """
     descriptors: list[int] = []
     try:
-        locked = {os.path.realpath(scratch.path) for scratch in _OPEN}  # by this run
+        locked = {os.path.realpath(scratch.path) for scratch in _OPEN_DIRECTORIES}  # by this run
         for directory in sorted({os.path.realpath(d) for d in directories} - locked):
             if fcntl is not None:
                 descriptors.append(os.open(directory, os.O_RDONLY))
@@ -192,7 +192,7 @@ def sweep(directory: Path) -> None:
     """
     try:
         with os.scandir(directory) as entries:
-            paths = [Path(entry.path) for entry in entries if NAME.fullmatch(entry.name)]
+            paths = [Path(entry.path) for entry in entries if SCRATCH_NAME.fullmatch(entry.name)]
     except OSError:
         return
     for path in paths:

@@ -19,11 +19,11 @@ from pathlib import Path
 from ..errors import UsageError, unwritten, writing
 from ..inputs import rewritten
 from ..interrupts import deferred
-from .scratch import NAME, Scratch, alone, sweep
-from .unfinished import MARK, flush_directory, mark, marked
+from .scratch import SCRATCH_NAME, Scratch, alone, sweep
+from .unfinished import UNFINISHED_MARK, flush_directory, mark, marked
 
 MOST_FLUSHED = 100  # files that are flushed one by one: each takes the disk some ms (chosen)
-ELSEWHERE, FREE = "give another directory", "check permission and free space"
+OTHER_DIRECTORY, FREE = "give another directory", "check permission and free space"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 Move = tuple[Path | None, Path]
@@ -76,7 +76,7 @@ class Staging:
             if target.exists() and not target.is_dir():
                 raise UsageError(f"{target}: is a file, a directory is written; give another name")
             above = next(d for d in (target, *target.absolute().parents) if d.exists())
-            with writing(target, ELSEWHERE):
+            with writing(target, OTHER_DIRECTORY):
                 own = self._within(above) / f"new{len(self._trees)}"
                 own.mkdir()
             self._trees[target] = own
@@ -144,10 +144,14 @@ class Staging:
             if source is None:
                 continue
             if goal.is_dir() and not source.is_dir():
-                raise UsageError(f"{goal}: is a directory and in the way of a file; {ELSEWHERE}")
+                raise UsageError(
+                    f"{goal}: is a directory and in the way of a file; {OTHER_DIRECTORY}"
+                )
             if source.is_dir() and os.path.lexists(goal):
                 kind = "a symbolic link" if goal.is_symlink() else "a file"
-                raise UsageError(f"{goal}: is {kind} and in the way of a directory; {ELSEWHERE}")
+                raise UsageError(
+                    f"{goal}: is {kind} and in the way of a directory; {OTHER_DIRECTORY}"
+                )
         return made, moves
 
     def changed(self) -> list[tuple[Path, Path]]:
@@ -180,7 +184,7 @@ class Staging:
                 before = {directory: marked(directory) or set() for directory in names}
                 try:
                     _flush([source for source, _ in moves if source is not None])
-                    marked_before = any(os.path.lexists(d / MARK) for d in names)
+                    marked_before = any(os.path.lexists(d / UNFINISHED_MARK) for d in names)
                     if len(moves) > 1 or made or marked_before:
                         self._move(made, moves, names, before, undo)
                     elif moves:
@@ -222,7 +226,7 @@ class Staging:
             flush_directory(directory)
 
     def _mark(self, directory: Path, names: set[str]) -> None:
-        if names or os.path.lexists(directory / MARK):
+        if names or os.path.lexists(directory / UNFINISHED_MARK):
             mark(directory, names, self._within(directory) if names else directory)
 
     def _owner(self, source: Path | None, goal: Path) -> Path:
@@ -267,7 +271,7 @@ def _merged(source: Path, target: Path) -> list[Move]:
     moves: list[Move] = []
     for entry in sorted(source.iterdir()):
         goal = target / entry.name
-        if NAME.fullmatch(entry.name):
+        if SCRATCH_NAME.fullmatch(entry.name):
             continue
         merges = entry.is_dir() and goal.is_dir() and not goal.is_symlink()
         moves += _merged(entry, goal) if merges else [(entry, goal)]

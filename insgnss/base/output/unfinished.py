@@ -17,7 +17,7 @@ from pathlib import Path
 from ..errors import InputError
 from .scratch import alone
 
-MARK = ".insgnss-unfinished"
+UNFINISHED_MARK = ".insgnss-unfinished"
 MOST_BYTES = 1 << 24  # of a mark that is read: names of 100 000 files
 
 
@@ -27,7 +27,9 @@ def marked(directory: Path) -> set[str] | None:
     None where the mark cannot be read: it is not one of ours, and says nothing about any file.
     """
     try:
-        descriptor = os.open(directory / MARK, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        descriptor = os.open(
+            directory / UNFINISHED_MARK, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)
+        )
     except FileNotFoundError:
         return set()
     except OSError:
@@ -55,11 +57,11 @@ def mark(directory: Path, names: Iterable[str], scratch: Path) -> None:
     scratch : Path
         A directory on the same file system, in which the mark is written first.
     """
-    goal = directory / MARK
+    goal = directory / UNFINISHED_MARK
     if not (left := sorted(names)):
         goal.unlink(missing_ok=True)
         return
-    draft = scratch / MARK
+    draft = scratch / UNFINISHED_MARK
     with draft.open("w", encoding="ascii") as stream:
         json.dump(left, stream)
         stream.flush()
@@ -86,7 +88,7 @@ def is_unfinished(path: Path) -> bool:
     A run that is moving them now is waited for.
     """
     directory = path.parent
-    if not os.path.lexists(directory / MARK):
+    if not os.path.lexists(directory / UNFINISHED_MARK):
         return False
     with alone([directory]):
         names = marked(directory)
@@ -106,5 +108,5 @@ def refuse_unfinished(path: Path) -> None:
             path,
             f"a run was killed while it moved its files into {path.absolute().parent}, so that"
             " this file may be older than those beside it; run that command again. Where you know"
-            f" that the files belong together, delete {MARK} there",
+            f" that the files belong together, delete {UNFINISHED_MARK} there",
         )

@@ -22,7 +22,7 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Named = str | os.PathLike[str]
 
-SHOWN = "INSGNSS_SHOWN"
+SHOWN_VARIABLE = "INSGNSS_SHOWN"
 PATTERN = re.compile(r"[*?\[]")
 _START = re.compile(r"(?::(\d+))?: ")
 _HOMES: ContextVar[tuple[Path, ...]] = ContextVar("directories whose files are shown", default=())
@@ -93,7 +93,7 @@ def hidden(path: object) -> bool:
         return False
     if os.path.isfile(name) and os.path.getsize(name) == 0:
         return False
-    homes += (_PACKAGE, *filter(None, os.environ.get(SHOWN, "").split(os.pathsep)))
+    homes += (_PACKAGE, *filter(None, os.environ.get(SHOWN_VARIABLE, "").split(os.pathsep)))
     return not any(inside(name, home) for home in homes)
 
 
@@ -102,7 +102,7 @@ def instead(path: object) -> str:
     directory = os.path.dirname(os.path.realpath(str(path)))
     return (
         f"is not as it should be; nothing of it is shown, as it lies outside of {_HOMES.get()[0]};"
-        f" where that is trusted, set {SHOWN}={directory} in the environment to see more"
+        f" where that is trusted, set {SHOWN_VARIABLE}={directory} in the environment to see more"
     )
 
 

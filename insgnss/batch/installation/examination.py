@@ -10,8 +10,8 @@ from ...base.findings import Finding, Question
 from .packages import package_findings
 from .surroundings import engine_finding, grid_findings, kernel_findings, machine_findings
 
-MARKS = {"ok": "ok", "note": "note", "unknown": "?", "contradiction": "WRONG"}
-WORDS = {"ok": "good", "contradiction": "defect"}  # of the verdicts for machines
+EXAMINATION_MARKS = {"ok": "ok", "note": "note", "unknown": "?", "contradiction": "WRONG"}
+EXAMINATION_WORDS = {"ok": "good", "contradiction": "defect"}  # of the verdicts for machines
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Examination:
             if f.topic != topic:
                 topic = f.topic
                 lines.append(topic)
-            lines.append(f"  {MARKS[f.verdict]:5} {f.name:{width}}  {f.sentence}")
+            lines.append(f"  {EXAMINATION_MARKS[f.verdict]:5} {f.name:{width}}  {f.sentence}")
         count = Counter(f.verdict for f in self.findings)
         result = "does not work here" if self.refusal else "works here"
         last = (
@@ -59,7 +59,7 @@ class Examination:
                     "topic": f.topic,
                     "name": f.name,
                     "value": f.found,
-                    "verdict": WORDS.get(f.verdict, f.verdict),
+                    "verdict": EXAMINATION_WORDS.get(f.verdict, f.verdict),
                     "advice": f.advice,
                 }
                 for f in self.findings

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-PACKAGE = Path(__file__).parents[2]
+PACKAGE_DIRECTORY = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Limits:
         return {"limits": [asdict(limit) for limit in self.limits]}
 
 
-def read_limits(package: Path = PACKAGE) -> Limits:
+def read_limits(package: Path = PACKAGE_DIRECTORY) -> Limits:
     """Read the constants of all modules of a package."""
     modules = [(path, path.relative_to(package).as_posix()) for path in package.rglob("*.py")]
     return Limits(

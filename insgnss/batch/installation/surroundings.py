@@ -17,7 +17,7 @@ from ...base.errors import InsgnssError
 from ...base.findings import Finding, Question, Verdict
 from ...base.memory import available
 from ...base.provenance import installed_version
-from ...base.shipped import VARIABLES, read_processor
+from ...base.shipped import NUMBA_VARIABLES, read_processor
 
 GRIDS = (".tif", ".gtx", ".gsb")
 CPUINFO = Path("/proc/cpuinfo")
@@ -69,7 +69,7 @@ def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
     question = Question("shipped", topic="kernels")
     name, version = shipped["name"], shipped["llvmlite"]
     origin = f"for {name} by llvmlite {version}"
-    if os.environ.get(VARIABLES[0]) == name and metadata.version("llvmlite") == version:
+    if os.environ.get(NUMBA_VARIABLES[0]) == name and metadata.version("llvmlite") == version:
         return [question.ok(origin)]
     advice = f"pip install llvmlite=={version}, if this processor is of that kind"
     return [question.note(f"{origin}, not used here: the first run compiles", advice)]

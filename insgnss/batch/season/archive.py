@@ -19,13 +19,19 @@ from ...base import __version__
 from ...base.errors import DataError, InsgnssError, UsageError
 from ...base.files import json_ready
 from ...base.inputs import read_bytes, sha256
-from ...base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products, installed_version
+from ...base.provenance import (
+    DIGESTS_KEY,
+    DIRECTORY_KEY,
+    INPUTS_KEY,
+    changed_products,
+    installed_version,
+)
 from ...base.received.nesting import read_object
 from ...base.wording import relative
 from .gathering import FLIGHT_FILE
 
 REPORT, PUBLISHED = "report.json", "GPS-INS"  # of `process`, beside whose directory its PPK lies
-FLIGHT = "flight_directory"  # in a report what `DIRECTORY` is in others
+FLIGHT_DIRECTORY = "flight_directory"  # in a report what `DIRECTORY_KEY` is in others
 ORPHANS = (
     *("eo.json", "EO_local-plane.txt", "trajectory.sbet", "trajectory.csv", "eo_covariance.npz"),
     *("metashape.csv", "ppk.pos", "poses.csv"),
@@ -143,7 +149,7 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     documents, orphans = _listed(directory)
     if not documents and not orphans:
         raise UsageError(
-            f"archive: {directory} holds no results of insgnss (no JSON document with {KEY})"
+            f"archive: {directory} holds no results of insgnss (no JSON document with {INPUTS_KEY})"
         )
     runs = []
     for number, document in enumerate(documents, 1):
@@ -158,7 +164,7 @@ def _unprocessed(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]
     for document in documents:
         content = read_object(document)
         base = _base_of(document, content)
-        named |= {(base / name).resolve() for name in content[KEY]}
+        named |= {(base / name).resolve() for name in content[INPUTS_KEY]}
     flights = (path for path in sorted(directory.rglob(FLIGHT_FILE)) if path.resolve() not in named)
     return tuple(flights)
 
@@ -184,23 +190,23 @@ def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
 
 def _may_leave_orphans(document: Path) -> bool:
     """Tell whether a run leaves what `ORPHANS` names; others, as of `tune`, explain none of it."""
-    products = read_object(document).get(PRODUCTS)
+    products = read_object(document).get(DIGESTS_KEY)
     return not products or any(Path(name).name in ORPHANS for name in products)
 
 
 def _is_document(path: Path) -> bool:
     """Tell whether a file says what results were made from; others are not parsed."""
     try:
-        named = KEY.encode() in read_bytes(path)
+        named = INPUTS_KEY.encode() in read_bytes(path)
     except OSError:
         return False
-    return named and isinstance(read_object(path).get(KEY), dict)
+    return named and isinstance(read_object(path).get(INPUTS_KEY), dict)
 
 
 def _examined(document: Path, remake: bool) -> Examined:
     """Hold one document against what is there."""
     content = read_object(document)
-    hashes = content[KEY]
+    hashes = content[INPUTS_KEY]
     base = _base_of(document, content)
     problems = list(_inputs(hashes, base))
     problems += _products(content, document.parent)
@@ -237,7 +243,7 @@ def changed_since(document: Path) -> tuple[str, ...]:
         read.
     """
     content = read_object(document)
-    hashes = content.get(KEY)
+    hashes = content.get(INPUTS_KEY)
     if not hashes:
         return ()
     base, made = _base_of(document, content), document.stat().st_mtime
@@ -248,10 +254,10 @@ def changed_since(document: Path) -> tuple[str, ...]:
 def _base_of(document: Path, content: Mapping[str, Any]) -> Path:
     """Return the directory that the paths of inputs are relative to: where most of them are."""
     folder = document.parent.absolute()
-    named = content.get(DIRECTORY, content.get(FLIGHT))
+    named = content.get(DIRECTORY_KEY, content.get(FLIGHT_DIRECTORY))
     candidates = [folder / named] if isinstance(named, str) else []
     candidates += [folder, *folder.parents]
-    names = list(content[KEY])
+    names = list(content[INPUTS_KEY])
     counts = [sum((one / name).is_file() for name in names) for one in candidates]
     best = max(range(len(candidates)), key=lambda k: (counts[k], -k))
     return Path(os.path.normpath(candidates[best]))
@@ -307,7 +313,7 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
     from ...flight.config.load import load_flight
     from ...flight.processing.pipeline import process
 
-    hashes = content.get(PRODUCTS) or {}
+    hashes = content.get(DIGESTS_KEY) or {}
     if not hashes:
         return ["made by a version that kept no hashes of its products; process it again"]
     outside = any(name.startswith("..") for name in hashes)  # the PPK solution, beside `PUBLISHED`

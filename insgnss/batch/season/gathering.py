@@ -12,7 +12,7 @@ from ...base.received.trusted import inside
 
 FLIGHT_FILE = "flight.toml"
 TABLE_COLUMNS = ("flight", "name", "out")
-PATTERN = "*?["
+PATTERN_LETTERS = "*?["
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
             if path.suffix.lower() == ".csv"
             else [SeasonFlight(path.absolute())]
         )
-    if any(sign in source for sign in PATTERN):
+    if any(sign in source for sign in PATTERN_LETTERS):
         return _matching(source)
     raise UsageError(
         f"{source}: does not exist; give directories, flight files, patterns or a table of flights"

@@ -17,12 +17,12 @@ from ...report.markup import sentence
 from ...report.verdict import Verdict, worst_of
 from .row import Row, is_number
 from .trends import Trend
-from .work import FAILED, KEPT, WAITING, is_changed
+from .work import FAILED, JOB_KEPT, WAITING, is_changed
 
-MARK = '<meta name="generator" content="insgnss batch">'
+PAGE_MARK = '<meta name="generator" content="insgnss batch">'
 """In the page, by which the next run knows that it may overwrite it."""
-INKS: tuple[Ink, ...] = ("first", "second", "third")
-READING = (
+TREND_INKS: tuple[Ink, ...] = ("first", "second", "third")
+TREND_CAPTION = (
     "Each point is what one flight by itself says of the constant, with one standard deviation up"
     " and down; the line is fitted by weights, dashed where it is no significant drift. The first"
     " day is that of the season's first flight."
@@ -77,7 +77,7 @@ def season_document(
 def page_html(document: Document) -> Iterator[str]:
     """Yield the page of a season piece by piece, with the mark by which it is known."""
     for piece in document.html():
-        yield piece.replace("<title>", f"{MARK}\n<title>", 1)
+        yield piece.replace("<title>", f"{PAGE_MARK}\n<title>", 1)
 
 
 def _verdict(rows: Sequence[Row], trends: Sequence[Trend]) -> Verdict:
@@ -116,7 +116,7 @@ def _cells(row: Row) -> tuple[str, ...]:
     judged = str(row.get("judgement") or "")
     mark = {"good": "ok", "doubtful": "note", "bad": "contradiction"}.get(judged, "note")
     status = str(row["status"]) if _is(row, FAILED, WAITING) else judged
-    status += " (kept)" if _is(row, KEPT) else ""
+    status += " (kept)" if _is(row, JOB_KEPT) else ""
     why = "" if _is(row, FAILED, WAITING) else row.get("reason")
     return (
         Marked(row["name"], link=quote(str(row.get("report") or "").replace(os.sep, "/"))),
@@ -154,13 +154,15 @@ def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
     for number, ((equipment, kind), own) in enumerate(groups.items(), 1):
         panels = [
             Axes(f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
-            for t, ink in zip(own, INKS, strict=False)
+            for t, ink in zip(own, TREND_INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""
         # mounting.antenna_m counts from the camera, in its axes
         seen = " from the IMU, body axes," if kind == LEVER_ARM else ""
         title = f"{kind[0].upper()}{kind[1:]}{of}{seen} over the season"
-        yield Chart(f"constants-{number}", title, READING, panels, "days since the first flight")
+        yield Chart(
+            f"constants-{number}", title, TREND_CAPTION, panels, "days since the first flight"
+        )
     yield from _sigmas(rows)
 
 
@@ -198,7 +200,7 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
         ("of attitude, deg", [f"sigma_att_{a}_deg" for a in "enu"], ("about E", "about N", "up")),
     ):
         layers = []
-        for column, word, ink in zip(columns, words, INKS, strict=True):
+        for column, word, ink in zip(columns, words, TREND_INKS, strict=True):
             y = np.array([r[column] if is_number(r.get(column)) else np.nan for r in rows])
             there = np.isfinite(y)
             texts = [name for name, finite in zip(names, there, strict=True) if finite]
@@ -216,7 +218,7 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
         yield Chart("season-sigmas", "Sigmas of the flights", reading, panels, "flight, number")
 
 
-def is_ours(path: Path, mark: str = MARK) -> bool:
+def is_ours(path: Path, mark: str = PAGE_MARK) -> bool:
     """Tell whether a file is a page of a season, or has another mark at its beginning."""
     try:
         with path.open(encoding="utf-8") as stream:

@@ -13,7 +13,7 @@ from ...base.received.nesting import read_object
 from ...flight.config.flight_file import Flight
 from ...records.states import AXES, OF_LEVER_ARM, TIME_OFFSET
 
-COLUMNS = (
+ROW_COLUMNS = (
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason"),
     *("images", "fixes", "fixes_used", "duration_s"),
     *("sigma_e_mm", "sigma_n_mm", "sigma_u_mm"),
@@ -27,12 +27,12 @@ COLUMNS = (
     *("version", "inputs_sha256", "seconds", "report"),
 )
 """Of season.csv, in their order (data_specs/season.md)."""
-TEXTS = {
+TEXT_COLUMNS = {
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason", "limits"),
     *("version", "inputs_sha256", "report"),
 }
-CONSTANTS = {state: f"lever_arm_{state.axis}" for state in OF_LEVER_ARM}
-CONSTANTS[TIME_OFFSET] = "time_offset"
+LEVER_ARM_COLUMNS = {state: f"lever_arm_{state.axis}" for state in OF_LEVER_ARM}
+LEVER_ARM_COLUMNS[TIME_OFFSET] = "time_offset"
 """The constants of a report, and the beginnings of their columns."""
 EQUIPMENT_FILE = "equipment_file"  # of a row, not of the table
 Row = dict[str, Any]
@@ -58,7 +58,7 @@ def row_of(report: Mapping[str, Any]) -> Row:
     attitude = (exposures.get("attitude_deg") or {}).get("median") or [None] * 3
     limits = [limit for limit in report["limits"] if limit["rank"] >= 1.0]
     judgement, why, _ = run_verdict(report)
-    row: Row = dict.fromkeys(COLUMNS)
+    row: Row = dict.fromkeys(ROW_COLUMNS)
     row |= {
         "judgement": judgement,
         "reason": "" if judgement == "good" else why,
@@ -86,7 +86,7 @@ def constants_row(report: Mapping[str, Any]) -> Row:
     """
     row: Row = {"date_utc": _date(report)}
     constants = {one["name"]: one for one in report.get("constants", ())}
-    for state, column in CONSTANTS.items():
+    for state, column in LEVER_ARM_COLUMNS.items():
         if (one := constants.get(str(state))) is not None:
             row[f"{column}_{state.unit}"] = one["assumed"] + one["correction"]
             row[f"{column}_sigma_{state.unit}"] = one["sigma"]
@@ -105,7 +105,10 @@ def known_from_refusal(findings: Mapping[str, Any]) -> Row:
     findings : mapping
         What the run had found by then (`InputError.findings`).
     """
-    names, groups = set(findings.get("contradictions", ())), {state.group for state in CONSTANTS}
+    names, groups = (
+        set(findings.get("contradictions", ())),
+        {state.group for state in LEVER_ARM_COLUMNS},
+    )
     if not names or "constants" not in findings or not names <= groups:
         return {}
     return constants_row(findings)

@@ -16,16 +16,16 @@ from ...base.output.staging import together
 from ...base.wording import duration, relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
-from .page import MARK, is_ours, page_html, season_document
+from .page import PAGE_MARK, is_ours, page_html, season_document
 from .pool import run_alone, run_side_by_side
 from .request import SeasonRequest
-from .row import COLUMNS, Row, with_own_names
-from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
+from .row import ROW_COLUMNS, Row, with_own_names
+from .tables import SEASON_HEAD, csv_text, parquet_bytes, refuse_without_parquet
 from .trends import Trend, trends
-from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, Tell, not_reached
+from .work import FAILED, JOB_DONE, JOB_KEPT, WAITING, Outcome, Task, Tell, not_reached
 
-TABLE, SEASON_PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
-MIXED = 4  # exit code where flights failed of different kinds
+SEASON_TABLE, SEASON_PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
+MIXED_CODE = 4  # exit code where flights failed of different kinds
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class SeasonResult:
     def exit_code(self) -> int:
         """Zero where every flight has a result; else the code of the failures, 4 of several."""
         codes = {one.exit_code for one in self.outcomes if one.status == FAILED}
-        return 0 if not codes else codes.pop() if len(codes) == 1 else MIXED
+        return 0 if not codes else codes.pop() if len(codes) == 1 else MIXED_CODE
 
     def summary(self) -> str:
         """Return the text for the terminal."""
@@ -98,11 +98,13 @@ def headline(outcomes: Sequence[Outcome]) -> str:
     outcomes : sequence of Outcome
         Of all flights.
     """
-    count = {s: sum(one.status == s for one in outcomes) for s in (DONE, KEPT, FAILED, WAITING)}
+    count = {
+        s: sum(one.status == s for one in outcomes) for s in (JOB_DONE, JOB_KEPT, FAILED, WAITING)
+    }
     images = sum(int(one.row.get("images") or 0) for one in outcomes)
-    words = [f"{count[DONE]} processed"]
-    if count[KEPT]:
-        words.append(f"{count[KEPT]} kept, whose inputs, options and version are the same")
+    words = [f"{count[JOB_DONE]} processed"]
+    if count[JOB_KEPT]:
+        words.append(f"{count[JOB_KEPT]} kept, whose inputs, options and version are the same")
     if count[FAILED]:
         words.append(f"{count[FAILED]} failed")
     if count[WAITING]:
@@ -178,7 +180,7 @@ def run_season(
         tell(outcome)
 
     def tick() -> None:
-        worked = sum(one.status != KEPT for one in ended.values())
+        worked = sum(one.status != JOB_KEPT for one in ended.values())
         progress(worked, len(ended), len(tasks), time.monotonic() - start)
 
     def so_far() -> SeasonResult:
@@ -244,7 +246,7 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
 
 def _refuse_files_of_others(request: SeasonRequest) -> None:
     """Raise UsageError where index.html or season.csv are there and no season's."""
-    for name, mark in {SEASON_PAGE: MARK, TABLE: HEAD[:16]}.items():
+    for name, mark in {SEASON_PAGE: PAGE_MARK, SEASON_TABLE: SEASON_HEAD[:16]}.items():
         path = request.directory / name
         if not request.force and path.exists() and not is_ours(path, mark):
             raise UsageError(
@@ -261,10 +263,10 @@ def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
     settings = {"flights": " ".join(request.sources)}
     settings |= {"scheduler": request.scheduler} if request.scheduler else {}
     document = season_document(rows, found_trends, headline(outcomes), settings)
-    files = [directory / TABLE, directory / SEASON_PAGE]
+    files = [directory / SEASON_TABLE, directory / SEASON_PAGE]
     with together() as staging:
         into = staging.tree(directory)
-        atomic_write(into / TABLE, csv_text(rows))
+        atomic_write(into / SEASON_TABLE, csv_text(rows))
         atomic_write(into / SEASON_PAGE, page_html(document))
         if request.parquet:
             atomic_write(into / PARQUET, parquet_bytes(rows))
@@ -274,7 +276,7 @@ def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
 
 def _relative(row: Row, directory: Path) -> Row:
     """Return a row whose paths are relative to the table, as far as they are on its drive."""
-    out: Row = {column: row.get(column) for column in COLUMNS}
+    out: Row = {column: row.get(column) for column in ROW_COLUMNS}
     if out["reason"]:
         out["reason"] = str(out["reason"]).replace(f"{directory.resolve()}{os.sep}", "")
     for column in ("flight", "report"):

@@ -19,7 +19,7 @@ from .work import INTERNAL, Outcome, Task, Tell, failed, process_task
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-MISSING = (
+NEEDS_DASK = (
     "batch --scheduler needs Dask, which is not installed: pip install 'insgnss[batch]', or leave"
     f" --scheduler out, and this machine is enough; {DOCTOR}"
 )
@@ -40,7 +40,7 @@ def _client(scheduler: str) -> Iterator["Client"]:
         Dask is not installed; the scheduler does not answer, has no workers, or workers of another
         version of insgnss or of several threads.
     """
-    with installed(MISSING):
+    with installed(NEEDS_DASK):
         import dask
         from distributed import Client
     with ExitStack() as stack:

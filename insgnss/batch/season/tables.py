@@ -10,9 +10,9 @@ from ...base.errors import InputError, UsageError
 from ...base.inputs import read_text
 from ...base.units import exact_float
 from ...base.wording import DOCTOR
-from .row import COLUMNS, TEXTS, Row, is_number
+from .row import ROW_COLUMNS, TEXT_COLUMNS, Row, is_number
 
-HEAD = "# insgnss season 1: one row a flight, columns and units in data_specs/season.md"
+SEASON_HEAD = "# insgnss season 1: one row a flight, columns and units in data_specs/season.md"
 
 
 def csv_text(rows: Sequence[Row]) -> Iterator[str]:
@@ -21,14 +21,14 @@ def csv_text(rows: Sequence[Row]) -> Iterator[str]:
     Parameters
     ----------
     rows : sequence of dict
-        By the names of `COLUMNS`.
+        By the names of `ROW_COLUMNS`.
     """
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
-    stream.write(f"{HEAD}\n")
-    writer.writerow(COLUMNS)
+    stream.write(f"{SEASON_HEAD}\n")
+    writer.writerow(ROW_COLUMNS)
     for row in rows:
-        writer.writerow([_cell(row.get(column)) for column in COLUMNS])
+        writer.writerow([_cell(row.get(column)) for column in ROW_COLUMNS])
         yield stream.getvalue()
         stream.seek(0)
         stream.truncate()
@@ -61,7 +61,7 @@ def read_season(path: Path) -> list[Row]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError.in_file(path, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):
-        raise InputError.at_line(path, 1, f"is no season.csv; its first line is {HEAD!r}")
+        raise InputError.at_line(path, 1, f"is no season.csv; its first line is {SEASON_HEAD!r}")
     try:
         head, *body = csv.reader(lines[1:])
     except (csv.Error, ValueError):
@@ -75,7 +75,7 @@ def read_season(path: Path) -> list[Row]:
         row: Row = {}
         for name, cell in zip(head, cells, strict=True):
             try:
-                row[name] = cell if name in TEXTS else _number(cell) if cell else None
+                row[name] = cell if name in TEXT_COLUMNS else _number(cell) if cell else None
             except ValueError:
                 problem = f"{name}: {cell!r} is no number"
                 raise InputError.at_line(path, number, problem) from None
@@ -105,15 +105,15 @@ def parquet_bytes(rows: Sequence[Row]) -> bytes:
     Parameters
     ----------
     rows : sequence of dict
-        By the names of `COLUMNS`.
+        By the names of `ROW_COLUMNS`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     columns = {}
-    for name in COLUMNS:
+    for name in ROW_COLUMNS:
         values = [row.get(name) for row in rows]
-        if name in TEXTS:
+        if name in TEXT_COLUMNS:
             columns[name] = pa.array([None if v is None else str(v) for v in values], pa.string())
         else:
             numbers = [float(v) if v is not None and is_number(v) else None for v in values]

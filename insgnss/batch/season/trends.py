@@ -27,7 +27,7 @@ import numpy as np
 from ...geodesy.gpstime import DAY_S
 from ...records import Array
 from ...records.states import LEVER_ARM, TIME_OFFSET, State
-from .row import CONSTANTS, Row, is_number
+from .row import LEVER_ARM_COLUMNS, Row, is_number
 
 FEWEST_FLIGHTS = 8  # flights
 SLOPE_SIGMAS = 4.0  # standard deviations of the slope
@@ -78,9 +78,9 @@ _SHOWN = {
     BORESIGHT: (1.0, "deg", 0.02),
 }
 _BORESIGHTS = {State(BORESIGHT, axis, "deg"): f"boresight_{axis}" for axis in "xyz"}
-QUANTITIES = tuple(
+TREND_QUANTITIES = tuple(
     Quantity(state, columns, *_SHOWN[state.group])
-    for state, columns in {**CONSTANTS, **_BORESIGHTS}.items()
+    for state, columns in {**LEVER_ARM_COLUMNS, **_BORESIGHTS}.items()
 )
 
 
@@ -228,8 +228,8 @@ def trends(rows: Iterable[Row]) -> list[Trend]:
     Returns
     -------
     list of Trend
-        By equipment, then in the order of `QUANTITIES`; a bore-sight has one where calibrations
-        gave it.
+        By equipment, then in the order of `TREND_QUANTITIES`; a bore-sight has one where
+        calibrations gave it.
     """
     usable = [row for row in rows if row.get("date_utc")]
     if not usable:
@@ -238,7 +238,7 @@ def trends(rows: Iterable[Row]) -> list[Trend]:
     out = []
     for equipment in dict.fromkeys(str(row.get("equipment") or "") for row in usable):
         own = [row for row in usable if str(row.get("equipment") or "") == equipment]
-        for q in QUANTITIES:
+        for q in TREND_QUANTITIES:
             with_it = [r for r in own if is_number(r.get(q.column)) and is_number(r.get(q.sigma))]
             with_it = _calibrations(with_it, q) if q.state.group == BORESIGHT else with_it
             if not with_it:

@@ -19,13 +19,21 @@ from ...base import __version__
 from ...base.errors import DataError, InputError, InsgnssError
 from ...base.files import json_ready
 from ...base.inputs import sha256
-from ...base.provenance import PRODUCTS, changed_products
+from ...base.provenance import DIGESTS_KEY, changed_products
 from ...base.received.trusted import trusting
 from ...base.wording import relative, some
 from ...flight.config.flight_file import Flight
-from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
+from .row import (
+    ROW_COLUMNS,
+    Row,
+    boresight_of,
+    equipment_of,
+    known_from_refusal,
+    read_report,
+    row_of,
+)
 
-DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
+JOB_DONE, JOB_KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, FLIGHT_PAGE = "report.json", "report.html"
 CHANGED = "changed_products"  # of a row, not of the table: those of a kept flight
 MOST_NAMED_PRODUCTS = 3  # of its products
@@ -171,7 +179,11 @@ def not_reached(task: Task) -> Outcome:
 
 
 def _row_without_products(task: Task, status: str, reason: str) -> Row:
-    row: Row = dict.fromkeys(COLUMNS) | {"name": task.name, "flight": task.file, "status": status}
+    row: Row = dict.fromkeys(ROW_COLUMNS) | {
+        "name": task.name,
+        "flight": task.file,
+        "status": status,
+    }
     return row | {"reason": reason, "version": __version__}
 
 
@@ -183,12 +195,12 @@ def _processed(task: Task) -> tuple[str, Row]:
     out = Path(task.out) if task.out else None
     directory = out or flight.output.directory
     report = None if task.again else report_in_force(flight, directory)
-    status = KEPT
+    status = JOB_KEPT
     if report is None:
-        status, report = DONE, process(flight, out, force=task.force).report
+        status, report = JOB_DONE, process(flight, out, force=task.force).report
     row = row_of(report)
     row |= {"name": task.name, "flight": task.file, "status": status}
-    if status == KEPT and (changed := names_of_changed(report, directory)):
+    if status == JOB_KEPT and (changed := names_of_changed(report, directory)):
         row[CHANGED] = changed
         row["reason"] = "; ".join(filter(None, (changed_since(changed), row["reason"])))
     row |= {"report": str(directory / FLIGHT_PAGE)} | equipment_of(flight)
@@ -228,7 +240,7 @@ def report_in_force(flight: Flight, directory: Path) -> dict[str, Any] | None:
     changed = any(sha256(file) != hashes[name] for name, file in files.items())
     names = [export["file"] for export in report.get("exports", ())]
     # the PPK solution beside them is missing where they alone were published
-    names += [name for name in report.get(PRODUCTS, ()) if not name.startswith("..")]
+    names += [name for name in report.get(DIGESTS_KEY, ()) if not name.startswith("..")]
     products = [directory / name for name in names]
     missing = any(not product.exists() for product in products)
     return None if changed or missing else report

@@ -1,6 +1,6 @@
 """The verb `calibrate`: constants of the mounting and of the IMU, one kind a word.
 
-`KINDS` lists the words; each is a verb of its own.
+`CALIBRATIONS` lists the words; each is a verb of its own.
 """
 
 import argparse
@@ -9,13 +9,13 @@ from ..console import Parser
 from ..verb import Verb
 from . import imu, mounting
 
-KINDS: tuple[Verb, ...] = (imu.VERB, *mounting.VERBS)
+CALIBRATIONS: tuple[Verb, ...] = (imu.VERB, *mounting.MOUNTING_VERBS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of calibration."""
     kinds = parser.add_subparsers(metavar="WHAT", required=True, dest="what", parser_class=Parser)
-    for kind in KINDS:
+    for kind in CALIBRATIONS:
         kind.add_to(kinds, below=True)
 
 

@@ -147,7 +147,7 @@ def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
     return _finished(options, progress, made, flight.path, options.poses)
 
 
-VERBS = (
+MOUNTING_VERBS = (
     _of_two_files(
         "tripod",
         "lever arm from camera to antenna: camera poses by photogrammetry and pins by tachymetry,"

@@ -17,15 +17,15 @@ from .flight_file import resolved
 if TYPE_CHECKING:
     from ...base.tables import Columns
 
-PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+INTERIOR_NAMES = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
-GROUPS = (
+OBSERVATION_GROUPS = (
     *("image observations", "ground control", "aerial control"),
     *("kinematic ground control", "target sizes", "distances"),
 )
 """Groups of observations of an adjustment."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
-DIRECTORY = "adjusted"
+ADJUSTED_DIRECTORY = "adjusted"
 Mode = Literal["iso", "indirect", "fast_at", "direct"]
 Datum = Literal["control", "minimal", "images", "points"]
 
@@ -72,9 +72,9 @@ class CameraTable(Checked, table="camera"):
     )
     free: tuple[str, ...] | None = option(
         None,
-        f"parameters of interior orientation that are estimated, of {' '.join(PARAMETERS)}",
+        f"parameters of interior orientation that are estimated, of {' '.join(INTERIOR_NAMES)}",
         kind="texts",
-        choices=PARAMETERS,
+        choices=INTERIOR_NAMES,
         usual="those of the camera's file; of a project f, cx, cy and what is not zero",
         cli="--free",
     )
@@ -161,7 +161,7 @@ class AdjustmentTable(Checked, table="adjustment"):
         "observations (not in mode fast_at, which has few), ground control, aerial control, "
         "kinematic ground control, target sizes, distances; of the others a component that "
         'contradicts them is reported; "none" of none',
-        choices=(*GROUPS, "none"),
+        choices=(*OBSERVATION_GROUPS, "none"),
         cli="--reweight",
     )
     limit_w: float = option(
@@ -182,7 +182,7 @@ class AdjustmentTable(Checked, table="adjustment"):
         "aerial control, kinematic ground control, target sizes, check points: of residuals beyond "
         "five times what their standard deviations allow, or whose cause moves a projection centre "
         "by five of its own, no orientation is written otherwise",
-        choices=(*GROUPS, "check points"),
+        choices=(*OBSERVATION_GROUPS, "check points"),
     )
 
 
@@ -208,12 +208,12 @@ class BlockOutput(Checked, table="output"):
     """Table [output]: where the products go, and what else is written."""
 
     directory: Path = option(
-        Path(DIRECTORY),
+        Path(ADJUSTED_DIRECTORY),
         "directory of the products, in or below that of the block file (elsewhere: `--out`), made"
         " where it is missing",
         kind="directory",
         form="directory",
-        usual=f'"{DIRECTORY}"',
+        usual=f'"{ADJUSTED_DIRECTORY}"',
     )
     formats: tuple[str, ...] = option(
         ("eo_local_plane",),

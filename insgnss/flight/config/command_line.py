@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 
 from ...base.errors import OptionError, UsageError
 from ...base.wording import spoken_as
-from ...io.options.kinds import KINDS, in_range, range_words
+from ...io.options.kinds import OPTION_KINDS, in_range, range_words
 from ...io.options.schema import Declared, options_of
-from .flight_file import TABLES
+from .flight_file import FLIGHT_TABLES
 
 Request = TypeVar("Request")
 
@@ -73,7 +73,7 @@ def made_of(kind: Callable[..., Request], parsed: argparse.Namespace, **more: An
             raise UsageError(f"{verb}: {error}; see insgnss {verb} --help") from None
 
 
-def names_of(tables: Mapping[str, Iterable[type]] = TABLES) -> dict[str, str]:
+def names_of(tables: Mapping[str, Iterable[type]] = FLIGHT_TABLES) -> dict[str, str]:
     """The option of the command line for each key of the flight file that has one."""
     return {
         ".".join(filter(None, (table, item.name))): item.flag
@@ -84,7 +84,7 @@ def names_of(tables: Mapping[str, Iterable[type]] = TABLES) -> dict[str, str]:
 
 
 def _add(parser: Any, item: Declared, name: str, required: bool) -> None:
-    stated, kind = item.option, KINDS[item.kind]
+    stated, kind = item.option, OPTION_KINDS[item.kind]
     more: dict[str, Any] = {"help": _help(item, required), "type": _word(item)}
     if kind.several:
         more |= {"nargs": "+", "action": "extend"}
@@ -118,7 +118,7 @@ def _add(parser: Any, item: Declared, name: str, required: bool) -> None:
 
 def _word(item: Declared) -> Callable[[str], Any]:
     """How a word is read; where the command line has another unit, it is judged in that."""
-    scale, word = item.option.scale, KINDS[item.kind].word
+    scale, word = item.option.scale, OPTION_KINDS[item.kind].word
     if scale == 1.0:
         return word
 
@@ -133,7 +133,7 @@ def _word(item: Declared) -> Callable[[str], Any]:
 def _metavar(item: Declared) -> str:
     """Name of the value in the help: by unit, else by what it is."""
     names: dict[Any, str] = {Path: "FILE", int: "N", float: "X"}
-    return item.option.unit.upper() or names.get(KINDS[item.kind].word, "NAME")
+    return item.option.unit.upper() or names.get(OPTION_KINDS[item.kind].word, "NAME")
 
 
 def _help(item: Declared, required: bool) -> str:

@@ -3,8 +3,8 @@ sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
 `gnss_options`, `ppk_options`, `camera_options`, `barometer_options` and `filter_options`, those of
-further sensors in `flight.sensors`; `TABLES` has them all. Paths are relative to the file. Only
-`imu.file` and `gnss.file` (or what replaces it) have no default. data_specs/flight_file.md is
+further sensors in `flight.sensors`; `FLIGHT_TABLES` has them all. Paths are relative to the file.
+Only `imu.file` and `gnss.file` (or what replaces it) have no default. data_specs/flight_file.md is
 rendered from here.
 """
 
@@ -442,7 +442,7 @@ def _plain(value: Any, base: Path) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-TABLES: Mapping[str, tuple[type, ...]] = {
+FLIGHT_TABLES: Mapping[str, tuple[type, ...]] = {
     "": (Flight,),
     "imu": (ImuInput,),
     "imu.further": (ImuInput,),

@@ -31,7 +31,7 @@ def _unit_keys() -> tuple[str, ...]:
 
 def _no_unit(item: Declared, quantity: str, unit: object) -> str:
     from ...io.formats.gnss.fixes import QUALITY_CODES
-    from ...io.formats.text.units import UNITS, is_unit
+    from ...io.formats.text.units import SENSOR_SCALES, is_unit
 
     if quantity == "quality":
         if unit in QUALITY_CODES:
@@ -40,7 +40,7 @@ def _no_unit(item: Declared, quantity: str, unit: object) -> str:
     kind = "angle" if quantity == "course" else quantity
     if isinstance(unit, str) and is_unit(unit, kind):
         return ""
-    return f"is no unit for it: {near(str(unit), tuple(UNITS[kind]))}"
+    return f"is no unit for it: {near(str(unit), tuple(SENSOR_SCALES[kind]))}"
 
 
 register("gnss_units", Kind(no_mapping, member=_no_unit))

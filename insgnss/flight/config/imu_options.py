@@ -65,7 +65,7 @@ def _no_noise(item: Declared, value: Any) -> str:
 
 def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
     """Raise OptionError for a unit that is none of its quantity's, and say whose it is."""
-    from ...io.formats import UNITS
+    from ...io.formats import SENSOR_SCALES
     from ...io.formats.text.units import imu_kinds, is_unit
 
     kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
@@ -74,12 +74,15 @@ def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
         if is_unit(unit, kind):
             continue
         count = "a number may stand before it (of one count: 0.05 deg/s)"
-        advice = f"{near(str(unit), tuple(UNITS[kind]))}; {count}"
-        homes = [name for name in UNITS if is_unit(unit, name)]
+        advice = f"{near(str(unit), tuple(SENSOR_SCALES[kind]))}; {count}"
+        homes = [name for name in SENSOR_SCALES if is_unit(unit, name)]
         if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
-            advice = f'it does not belong to quantity = "{quantity}"; use {", ".join(UNITS[kind])}'
+            advice = (
+                f'it does not belong to quantity = "{quantity}"; use '
+                f"{', '.join(SENSOR_SCALES[kind])}"
+            )
         elif homes:
-            advice = f"it belongs to the other sensor; use {', '.join(UNITS[kind])}"
+            advice = f"it belongs to the other sensor; use {', '.join(SENSOR_SCALES[kind])}"
         raise OptionError(f"imu.units.{sensor}", f"{unit!r} is no unit for it: {advice}")
 
 

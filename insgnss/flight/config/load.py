@@ -29,7 +29,7 @@ from ...records.cameras.mounting import (
 from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
-from .flight_file import TABLES, Flight, Output, TangentPlane, TangentPlaneTable
+from .flight_file import FLIGHT_TABLES, Flight, Output, TangentPlane, TangentPlaneTable
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
@@ -63,13 +63,15 @@ def load_flight(path: str | Path) -> Flight:
 
 
 def _loaded(path: Path) -> Flight:
-    root, included = with_included(read_toml(path, known_keys(TABLES)), known_keys(TABLES))
+    root, included = with_included(
+        read_toml(path, known_keys(FLIGHT_TABLES)), known_keys(FLIGHT_TABLES)
+    )
     root.check_keys()
     values = take(root, Flight)
     start, end = values["start_tow"], values["end_tow"]
     if start is not None and end is not None and end <= start:
         raise root.error("end_tow", f"{end} s is not after start_tow = {start} s")
-    tables_of_it = (name for name in TABLES if name in root.data and name != "measurement")
+    tables_of_it = (name for name in FLIGHT_TABLES if name in root.data and name != "measurement")
     present = {name: root.table(name) for name in tables_of_it}
     camera, plane = present.get("camera"), present.get("tangent_plane")
     initial, barometer = present.get("initial"), present.get("barometer")
@@ -106,7 +108,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words
-        for name, words in known_keys(TABLES).items()
+        for name, words in known_keys(FLIGHT_TABLES).items()
         if name.startswith(start)
     }
     root = read_toml(path, keys)

@@ -1,6 +1,7 @@
 """Values of a table of the flight file: what TOML adds to the kinds of options.
 
-A value is judged by `io.options.kinds.accepted`, and its refusal gets file and line. `READERS` has
+A value is judged by `io.options.kinds.accepted`, and its refusal gets file and line.
+`VALUE_READERS` has
 the kinds whose values TOML writes otherwise than a record holds them: paths, which are relative to
 the file and must be there, and tables within a table.
 """
@@ -69,8 +70,8 @@ def value_of(table: Table, item: Declared) -> Any:
         raise table.error(key, "is an empty text")
     if isinstance(value, dict) and table.full(key) in table.keys:
         table.table(key)  # refuses unknown keys
-    if item.kind in READERS:
-        value = READERS[item.kind](table, key, value)
+    if item.kind in VALUE_READERS:
+        value = VALUE_READERS[item.kind](table, key, value)
     try:
         return accepted(item, value, key)
     except OptionError as refusal:
@@ -214,7 +215,7 @@ def _camera_mounting(table: Table, key: str, value: Any) -> Any:
     return mounting
 
 
-READERS: dict[str, Callable[[Table, str, Any], Any]] = {
+VALUE_READERS: dict[str, Callable[[Table, str, Any], Any]] = {
     "angles": _angles,
     "camera_mounting": _camera_mounting,
     "covariance": lambda table, key, value: covariance_of(table.table(key)),

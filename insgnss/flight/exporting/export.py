@@ -26,7 +26,7 @@ from ...navigation.noise_model.model import NoiseModel, load_noise_model
 from ...navigation.orient.frame import in_datum, in_frame
 from ...navigation.orient.relative import gyro_figures, relative_control
 from ...records import Array, ExteriorOrientation, FramedOrientation
-from ...records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
+from ...records.framed import FRAME_KINDS, GEOGRAPHIC, PROJECTED, TANGENT
 from ...records.relative import RelativeControl
 from .rename import names_file, other_names, renamed, write_names
 from .replacing import remove_stale
@@ -295,8 +295,10 @@ def relative_of(
 def _kind(name: str, form: Export, target: Target) -> str:
     own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED)
     kind = PROJECTED if target.crs is not None else target.frame or own
-    if kind not in KINDS:
-        raise UsageError(f"export: frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
+    if kind not in FRAME_KINDS:
+        raise UsageError(
+            f"export: frame {kind!r} is unknown; it is one of {', '.join(FRAME_KINDS)}"
+        )
     if kind not in form.frames:
         raise UsageError(
             f"export: {name} cannot carry a frame of kind {kind}; it carries"

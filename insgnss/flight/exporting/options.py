@@ -9,7 +9,7 @@ from typing import Any
 
 from ...base.errors import OptionError, UsageError
 from ...io.formats.exports import Export
-from ...io.options.kinds import KINDS, accepted
+from ...io.options.kinds import OPTION_KINDS, accepted
 from ...io.options.schema import Declared, Option, class_names
 from ...navigation.orient.relative import relative_control
 
@@ -51,7 +51,7 @@ def _typed(name: str, text: str, annotation: Any) -> Any:
     if "str" in class_names(annotation):
         return text
     item = Declared(name, annotation, ..., Option(meaning=""))
-    word = KINDS[item.kind].word
+    word = OPTION_KINDS[item.kind].word
     try:
         value = word(text)
     except ValueError:

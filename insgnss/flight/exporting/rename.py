@@ -18,12 +18,12 @@ from ...base.inputs import opened_text
 from ...records import ExteriorOrientation
 
 HEADER = ("old", "new")
-_UNSAFE = re.compile(r"[^A-Za-z0-9._-]")
+_UNSAFE_IN_NAMES = re.compile(r"[^A-Za-z0-9._-]")
 
 
 def _safe(name: str) -> str:
     """Return a name of letters, digits and . _ - alone, which every format holds."""
-    return _UNSAFE.sub("_", name)
+    return _UNSAFE_IN_NAMES.sub("_", name)
 
 
 def _basename(name: str) -> str:

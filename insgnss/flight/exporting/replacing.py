@@ -7,7 +7,7 @@ from ...base.errors import UsageError
 from ...base.output.staging import Staging
 from ...base.received.nesting import read_object
 
-BESIDE = {
+MARKS_OF_COMPANIONS = {
     "_import.py": b"Written by insgnss",
     "_format.xml": b"insgnss",
     "_SysCoRTL.xml": b"eTC_RTL",
@@ -33,7 +33,7 @@ def remove_stale(path: Path, staging: Staging) -> None:
         The open one, in which the export and what belongs to it stand; that stays.
     """
     goal = staging.destination(path)
-    for end, mark in BESIDE.items():
+    for end, mark in MARKS_OF_COMPANIONS.items():
         beside = goal.with_name(f"{goal.stem}{end}")
         if beside.is_file():
             with beside.open("rb") as stream:

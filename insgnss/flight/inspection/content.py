@@ -7,7 +7,7 @@ contradict it.
 
 import numpy as np
 
-from ...io.formats import UNITS
+from ...io.formats import SENSOR_SCALES
 from ...io.formats.text.headers import factor_of, kinds_like
 from ...navigation.recognise.recognition import Recognition
 from ...navigation.recognise.streams import classes_apart
@@ -16,7 +16,7 @@ from ..config.flight_file import ROLLOVER
 from .alone import Alone
 from .draft import Draft
 from .event_clock import SCALE_OPEN
-from .evidence import SAME_FACTOR, SENSORS, SURE, Axes, factor_of_numbers, in_words
+from .evidence import SAME_FACTOR, SURE, UNIT_CHECKS, Axes, factor_of_numbers, in_words
 from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
 from .result import Recorded
@@ -26,7 +26,7 @@ from .sources import Source
 
 KNOWN_S = 0.005  # a latency known to this needs no state
 LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
-REMARKS = (
+DRAFT_REMARKS = (
     "Drafted by insgnss inspect from the recording itself; the evidence is above each key.",
     "Keys that are commented out are not settled by the data: check these by hand.",
 )
@@ -68,7 +68,7 @@ def draft_flight(
         return None, f"no fixes of a receiver, and the RINEX files lack {rinex.missing}"
     if gnss is None and site is None and not raw_gnss:
         return None, _missing(by_role["imu"], sensing, alone)
-    draft = Draft(remarks=REMARKS)
+    draft = Draft(remarks=DRAFT_REMARKS)
     draft.add("", "name", recorded.name)
     if recorded.week is not None:
         week, origin = recorded.week
@@ -155,7 +155,7 @@ def _units(
             why += ["gravity and noise at rest"] if alone else []
             draft.add("imu", "units", units | alone, "; ".join(why))
         return
-    for key, name in SENSORS.items():
+    for key, name in UNIT_CHECKS.items():
         why.append(in_words(recognition.finding(name)))
         unit = _unit_of_numbers(source, recognition, key)
         if unit is not None:
@@ -181,7 +181,7 @@ def _units(
 
 def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
-    kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
+    kinds = {key: f"{key} increment" if quantity == "increments" else key for key in UNIT_CHECKS}
     return {
         key: unit
         for key, unit in (source.header_units or {}).items()
@@ -192,7 +192,7 @@ def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
 def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str | None:
     """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
     factor = factor_of_numbers(recognition, key)
-    if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
+    if source.header_units is None or not recognition.finding(UNIT_CHECKS[key]).confidence > SURE:
         return None
     header_unit = source.header_units.get(key)
     kind = f"{key} increment" if recognition.quantity == "increments" else key
@@ -203,10 +203,14 @@ def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str 
             return None
         factor *= factor_of(header_unit, kinds_like(key)) or 1.0
     unit, base = next(
-        ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME_FACTOR),
+        (
+            (name, f)
+            for name, f in SENSOR_SCALES[kind].items()
+            if abs(factor / f - 1.0) < SAME_FACTOR
+        ),
         (None, 1.0),
     )
-    return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
+    return unit if unit is not None else f"{factor / base:.8g} {next(iter(SENSOR_SCALES[kind]))}"
 
 
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: Recognition | None) -> None:

@@ -19,7 +19,7 @@ from ...io.formats.imu.psins import read_psins_header
 from .sources import NO_SIGMA, SINGLE_POINT, Keys, Role, Source
 from .tables.exposures import exposures_of
 from .tables.grids import tables_of_file
-from .tables.tabular import VARIABLES, sources_of_table
+from .tables.tabular import ARRAY_ENDINGS, sources_of_table
 
 _NO_RECORDINGS = (
     ".toml .md .yaml .yml .json .xml .ini .cfg .py .m .r .html .pdf .gz .zip .png .jpg .jpeg .tif"
@@ -122,7 +122,7 @@ def _why_not(path: Path) -> str:
         return "raw observations; give antenna positions that an engine made of them"
     if path.name.lower() in OWN_PRODUCTS:
         return "a product of insgnss"
-    text = suffix not in VARIABLES
+    text = suffix not in ARRAY_ENDINGS
     return (text and exposures_of(path)[1]) or "neither samples of an IMU nor fixes nor exposures"
 
 
@@ -142,7 +142,7 @@ def sources_of(path: Path) -> list[Source]:
     log_sources = _known_log(path)
     if log_sources is not None:
         return log_sources
-    text = path.suffix.lower() not in VARIABLES
+    text = path.suffix.lower() not in ARRAY_ENDINGS
     try:
         sources = [s for table in tables_of_file(path) for s in sources_of_table(path, table)]
     except InputError:

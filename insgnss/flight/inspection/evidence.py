@@ -15,7 +15,7 @@ from .sources import Source
 SURE = 0.9  # confidence from which on a finding is a live key of the draft
 SAME_FACTOR = 0.02  # of a factor
 UPRIGHT = 0.85  # of |f|, along the axis that is vertical
-SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
+UNIT_CHECKS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def unit_contradictions(source: Source, recognition: Recognition) -> Iterator[Fi
     A contradiction is a note where the draft can follow the data.
     """
     units = source.header_units
-    for key, name in SENSORS.items():
+    for key, name in UNIT_CHECKS.items():
         finding, factor = recognition.finding(name), factor_of_numbers(recognition, key)
         stated = units is None or key in units
         if not stated or finding.confidence <= SURE or abs(factor - 1.0) < SAME_FACTOR:
@@ -72,7 +72,7 @@ def in_counts(source: Source, recognition: Recognition) -> Iterator[Finding]:
 
     The flight file must give what one count is worth.
     """
-    for key, name in SENSORS.items():
+    for key, name in UNIT_CHECKS.items():
         finding = recognition.finding(name)
         scaled = key == "accel" and abs(recognition.accel_factor - 1.0) > SAME_FACTOR
         if finding.confidence or not (scaled or "may be counts" in finding.evidence):
@@ -114,7 +114,7 @@ def strangers(recognition: Recognition) -> Iterator[Finding]:
 def in_units_of_file(source: Source, recognition: Recognition) -> Recognition:
     """Return the findings with the units of the file's header, where the data agree with it."""
     findings = {finding.name: finding for finding in recognition.findings}
-    for key, name in SENSORS.items():
+    for key, name in UNIT_CHECKS.items():
         factor = factor_of_numbers(recognition, key)
         header_unit, finding = (source.header_units or {}).get(key), findings[name]
         if (

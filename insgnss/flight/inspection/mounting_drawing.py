@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from ...records import Array
 
-DIRECTIONS = ("forward", "backward", "right", "left", "down", "up")
-CAMERA_AXES = ("x, image right", "y, image down", "z, view")
+BODY_DIRECTIONS = ("forward", "backward", "right", "left", "down", "up")
+DRAWN_CAMERA_AXES = ("x, image right", "y, image down", "z, view")
 COLOURS = {"axes": "#888888", "camera": "#0b6fc2", "antenna": "#c2410b", "imu": "#2e8b57"}
 VIEW_PX, MARGIN = 260, 40  # of one view, pixels
 ARROW = 0.32  # of a view's size, of the axes
@@ -23,13 +23,13 @@ def direction_of(vector: ArrayLike) -> str:
     """Return the direction of the body that a vector in body axes is nearest to."""
     v = np.asarray(vector, dtype=np.float64)
     k = int(np.argmax(np.abs(v)))
-    return DIRECTIONS[2 * k + (0 if v[k] > 0.0 else 1)]
+    return BODY_DIRECTIONS[2 * k + (0 if v[k] > 0.0 else 1)]
 
 
 def camera_axes(camera_from_body: ArrayLike) -> dict[str, str]:
     """Return the direction of each axis of the camera in words, by its name."""
     rows = np.asarray(camera_from_body, dtype=np.float64)
-    return {name: direction_of(row) for name, row in zip(CAMERA_AXES, rows, strict=True)}
+    return {name: direction_of(row) for name, row in zip(DRAWN_CAMERA_AXES, rows, strict=True)}
 
 
 def drawn_in_letters(
@@ -45,7 +45,7 @@ def drawn_in_letters(
         From the camera's projection centre, camera axes, m.
     """
     axes = {direction: name for name, direction in camera_axes(camera_from_body).items()}
-    axis_of = {name: f"[{axes[name]}]" if name in axes else "" for name in DIRECTIONS}
+    axis_of = {name: f"[{axes[name]}]" if name in axes else "" for name in BODY_DIRECTIONS}
     vertical = next((name for name in ("down", "up") if axis_of[name]), "")
     lines = [
         "Seen from above; C is the camera's projection centre, [] are axes of the camera:",
@@ -74,7 +74,7 @@ def in_words(camera_from_body: ArrayLike, vector: ArrayLike) -> str:
         return "at the camera, since nothing says otherwise: measure it from the lens"
     b = T.T @ a
     words = [
-        f"{abs(x):.3f} m {DIRECTIONS[2 * k + (0 if x > 0.0 else 1)]}"
+        f"{abs(x):.3f} m {BODY_DIRECTIONS[2 * k + (0 if x > 0.0 else 1)]}"
         for k, x in enumerate(b)
         if abs(x) >= 5e-4
     ]

@@ -21,7 +21,7 @@ from .sensing import DEG_S, EARTH_RATE, Sensing
 
 SURE = 0.9  # a confidence that is not doubtful
 # findings that only motion shows; of a vehicle that keeps its place they are open, not doubtful
-AXES = ("force sign", "vertical axis", "forward axis", "axes")
+AXIS_CHECKS = ("force sign", "vertical axis", "forward axis", "axes")
 # median speed (m/s) of a vehicle that keeps its place: wind moves a hovering copter by 0.5 m/s
 KEEPS_PLACE_MS, SPEED_S = 1.0, 2.0
 MOST_LEFT_OUT = 8  # most files that are not folded: 8, because directories of images have many
@@ -45,7 +45,7 @@ def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) ->
         next_ = "next: insgnss inspect ... --write writes a flight file of this"
     left_out = [_without(str(path), why) for path, why in result.left_out]
     unsure = [f.name for f in result.findings if f.confidence < SURE]
-    at_place = [name for name in unsure if name in AXES] if _hovers(result) else []
+    at_place = [name for name in unsure if name in AXIS_CHECKS] if _hovers(result) else []
     unsure = [name for name in unsure if name not in at_place]
     every = "every finding"
     if at_place:

@@ -52,14 +52,14 @@ _CLASSES: dict[Grade, tuple[float, float, float, float, float]] = {
 }
 # a-priori sigma of scale factors, and of misalignments in rad: tolerances of data sheets, 3 % and
 # 2 % at most without a calibration of the single sensor; of a navigation sensor they do not count
-_CONSTANTS: dict[Grade, tuple[float, float] | None] = {
+_GRADE_LIMITS: dict[Grade, tuple[float, float] | None] = {
     "consumer": (0.01, 0.008),
     "tactical": (1e-3, 1e-3),
     "navigation": None,
 }
 # of a tactical gyro at most: white noise, rad/s/sqrt(Hz), and bias, rad/s (data sheets)
 TACTICAL_WHITE, TACTICAL_BIAS = 2e-3 * DEG_S, 30.0 * DEG_PER_H
-SIGMAS = 3.0  # of the turn-on bias of a shipped model, within which the mean at rest may lie
+SHOWN_SIGMAS = 3.0  # of the turn-on bias of a shipped model, within which the mean at rest may lie
 FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the two sensors
 
 
@@ -228,7 +228,7 @@ def fitting_model(sensing: Sensing) -> str | None:
         has_rest = sensing.rest_s > 0.0
         small = (
             not has_rest
-            or float(np.abs(sensing.mean_gyro).max()) < SIGMAS * model.gyro[0].turn_on_bias
+            or float(np.abs(sensing.mean_gyro).max()) < SHOWN_SIGMAS * model.gyro[0].turn_on_bias
         )
         if all(FITS[0] < ratio < FITS[1] for ratio in ratios) and small:
             return name
@@ -250,7 +250,9 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
         ("accel", sensing.moving_accel, turn_accel, sigma_accel),
     )
     gyro, accel = (
-        _axes(sensor, white, turn_on, GaussMarkov.from_sigma(tau, sigma), _CONSTANTS[sensing.grade])
+        _axes(
+            sensor, white, turn_on, GaussMarkov.from_sigma(tau, sigma), _GRADE_LIMITS[sensing.grade]
+        )
         for sensor, white, turn_on, sigma in of_sensors
     )
     source = (

@@ -24,7 +24,7 @@ from ...geodesy.datums import at_epoch, between_datums
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.projection import MapProjection
 from ...io.exposures.images import image_names
-from ...io.formats import EXPORTS, UNITS
+from ...io.formats import EXPORTS, SENSOR_SCALES
 from ...io.formats.images.exif import CameraTags, camera_tags
 from ...io.formats.orientation.mounting_file import MountingFile
 from ...navigation.align.initial import MOST_ATTITUDE_SIGMA_RAD
@@ -114,8 +114,8 @@ def _of_files(flight: Flight) -> bool:
 
 def _factor(sensor: str, unit: str, instead: str) -> str:
     """By what to multiply samples that have another unit than the one they are taken for."""
-    units = UNITS[sensor] | UNITS[f"{sensor} increment"]
-    of_rates = instead if instead in UNITS[sensor] else f"{instead}/s"
+    units = SENSOR_SCALES[sensor] | SENSOR_SCALES[f"{sensor} increment"]
+    of_rates = instead if instead in SENSOR_SCALES[sensor] else f"{instead}/s"
     factor = units[unit] / (units[of_rates] if instead else 1.0)
     names = {math.radians(1.0): "np.radians(1)", math.degrees(1.0): "np.degrees(1)"}
     close = (name for value, name in names.items() if math.isclose(factor, value))

@@ -15,14 +15,14 @@ from ...navigation.diagnosis.estimated import (
 )
 from ...navigation.filter.codes import (
     AZ,
-    BAROMETER,
+    BAROMETER_ROW,
     COVARIANCE_RESET,
     NAV,
     NOT_MEASURED,
-    POSITION,
+    POSITION_ROW,
     REJECTED,
     USED,
-    VELOCITY,
+    VELOCITY_ROW,
 )
 from ...navigation.filter.trajectory import trajectory
 from ...navigation.innovations.sensor_trial import heading_with_antennas
@@ -137,9 +137,9 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
     solution, epochs = segment.solution, rows.epochs
     bias, bias_sigma = solution.channel_bias(epochs)
     time, verdict = solution.time, solution.verdict
-    fix = np.flatnonzero(verdict[:, POSITION] != NOT_MEASURED)
+    fix = np.flatnonzero(verdict[:, POSITION_ROW] != NOT_MEASURED)
     velocity, barometer = (
-        np.flatnonzero(verdict[:, kind] != NOT_MEASURED) for kind in (VELOCITY, BAROMETER)
+        np.flatnonzero(verdict[:, kind] != NOT_MEASURED) for kind in (VELOCITY_ROW, BAROMETER_ROW)
     )
     return Diagnostics(
         time=time[epochs],
@@ -154,19 +154,19 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         fix_time=time[fix],
         innovation=solution.innovation[fix, :3],
         innovation_sigma=solution.innovation_sigma[fix, :3],
-        nis=solution.nis[fix, POSITION],
+        nis=solution.nis[fix, POSITION_ROW],
         nis_limit=solution.problem.gate,
-        used=verdict[fix, POSITION] != REJECTED,
-        covariance_resets=time[verdict[:, POSITION] == COVARIANCE_RESET],
+        used=verdict[fix, POSITION_ROW] != REJECTED,
+        covariance_resets=time[verdict[:, POSITION_ROW] == COVARIANCE_RESET],
         separation_time=time[solution.separation_epoch],
         separation=solution.separation,
         separation_sigma=solution.separation_sigma,
         gaps=solution.problem.inc.gaps,
         passes=solution.passes,
-        velocity_nis=solution.nis[velocity, VELOCITY] if velocity.size else None,
-        velocity_used=verdict[velocity, VELOCITY] == USED if velocity.size else None,
-        barometer_nis=solution.nis[barometer, BAROMETER] if barometer.size else None,
-        barometer_used=verdict[barometer, BAROMETER] == USED if barometer.size else None,
+        velocity_nis=solution.nis[velocity, VELOCITY_ROW] if velocity.size else None,
+        velocity_used=verdict[velocity, VELOCITY_ROW] == USED if velocity.size else None,
+        barometer_nis=solution.nis[barometer, BAROMETER_ROW] if barometer.size else None,
+        barometer_used=verdict[barometer, BAROMETER_ROW] == USED if barometer.size else None,
         stationary=stationary[(stationary[:, 1] > time[0]) & (stationary[:, 0] < time[-1])],
         states=state_verdicts(solution, segment.time_offset_s, segment.stated, segment.requested),
         segments=((float(time[0]), float(time[-1])),),

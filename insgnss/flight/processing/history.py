@@ -9,9 +9,9 @@ from ...io.exposures.rig import ClockOffsets
 from ...io.options.camera_options import CameraInput
 from ...navigation.diagnosis.estimated import state_verdicts
 from ...navigation.filter.codes import (
-    BAROMETER,
+    BAROMETER_ROW,
     COVARIANCE_RESET,
-    POSITION,
+    POSITION_ROW,
     USED,
     VELOCITY_CONSTRAINT,
 )
@@ -24,7 +24,7 @@ from .segment_checks import offered_and_rejected
 
 AIDS = {
     VELOCITY_CONSTRAINT: "zero-velocity updates and non-holonomic constraints",
-    BAROMETER: "heights of the barometer",
+    BAROMETER_ROW: "heights of the barometer",
 }
 
 
@@ -83,7 +83,7 @@ def _filter(segments: Sequence[Segment], gps_week: int) -> str:
 
 
 def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
-    verdict = np.concatenate([segment.solution.verdict[:, POSITION] for segment in segments])
+    verdict = np.concatenate([segment.solution.verdict[:, POSITION_ROW] for segment in segments])
     used = int(np.isin(verdict, (USED, COVARIANCE_RESET)).sum())
     resets = int((verdict == COVARIANCE_RESET).sum())
     fixes = sum(segment.fixes.time.size for segment in segments)

@@ -15,12 +15,17 @@ from typing import TYPE_CHECKING, Any
 from ...base.errors import DataError, InputError, InsgnssError, UsageError
 from ...base.output.scratch import scratch_directory
 from ...base.output.staging import together
-from ...base.provenance import PRODUCTS as HASHES
+from ...base.provenance import DIGESTS_KEY as HASHES
 from ...base.provenance import hashes_of_products, other_results
 from ...base.received.outputs import refuse_outside
 from ...base.wording import relative
 from ...geodesy.crs import is_globe
-from ...gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others, write_antenna_files
+from ...gnss.antenna_files import (
+    ANTENNA_FILES,
+    SOLUTION_FILE,
+    positions_of_others,
+    write_antenna_files,
+)
 from ...io.formats import EXPORTS
 from ...io.formats.orientation.eo_covariance import write_eo_covariance
 from ...io.formats.trajectory.sbet import write_sbet, write_smrmsg
@@ -52,7 +57,7 @@ PRODUCTS = (
     REPORT,
 )
 OF_MANY_IMAGES = "eo_images.npz"  # numbers of eo.json, from 10 000 images on
-PPK_PRODUCTS = (SOLUTION, *ANTENNA_FILES)
+PPK_PRODUCTS = (SOLUTION_FILE, *ANTENNA_FILES)
 PUBLISHED, PUBLISHED_PPK = "GPS-INS", "GPS-PPK"  # directories of the published tree
 
 
@@ -257,7 +262,7 @@ def _write_solution(
     The exposures are those of the run, their times back on the clock of the fixes, as these were
     solved.
     """
-    ppk.write(directory / SOLUTION)
+    ppk.write(directory / SOLUTION_FILE)
     events = recording.events
     if events is not None and ppk.fixes.gps_week is not None:
         events = in_week(events, ppk.fixes.gps_week)

@@ -67,8 +67,8 @@ UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s"
 # contradictions that a left-handed or reversed triad leads to, with advice about imu.axes
 OF_AXES = ("axes, vertical", "turn rate, gyro against GNSS course")
 # checks of fixes, which a sensor that stands at a given place has not
-_KINDS = ("rate", "speed", "position", "velocity", "quality", "covariance")
-CHECKS_OF_FIXES = tuple(f"GNSS {kind}" for kind in _KINDS)
+_CHECK_KINDS = ("rate", "speed", "position", "velocity", "quality", "covariance")
+CHECKS_OF_FIXES = tuple(f"GNSS {kind}" for kind in _CHECK_KINDS)
 LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
 
 

@@ -13,12 +13,12 @@ from ...base.units import DEG
 from ...navigation.diagnosis.candidates import with_layout
 from ...navigation.diagnosis.evidence import liveliest_window
 from ...navigation.filter.codes import (
-    BAROMETER,
+    BAROMETER_ROW,
     N_KINDS,
     NAV,
     NOT_MEASURED,
     POS,
-    POSITION,
+    POSITION_ROW,
     REJECTED,
     USED,
     VEL,
@@ -33,7 +33,7 @@ from ...navigation.filter.solution import Solution
 from ...navigation.innovations.residuals import worst_piece
 from ...records import Finding, Question
 from ...records.states import State
-from ...report.rules.wording import AXES, millimetres
+from ...report.rules.wording import NED_NAMES, millimetres
 from ...report.statistics import Z_CONFIDENCE, lag_one, residual_limit
 from ..config.flight_file import Flight
 from .checks import of_camera
@@ -155,7 +155,7 @@ def check_residuals(
     expected = f"at most {limit:.1f} sigma in each of {len(pieces)} pieces"
     yield Question("fixes minus solution", expected).note(
         f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
-        f" {millimetres(1e3 * worst.mean_m[axis])} {AXES[axis]}, {sigmas:.1f} sigma",
+        f" {millimetres(1e3 * worst.mean_m[axis])} {NED_NAMES[axis]}, {sigmas:.1f} sigma",
         "the solution leaves its fixes there: do not rely on positions or sigmas",
         when=sigmas > limit,
     )
@@ -233,12 +233,12 @@ def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, fl
         return None
     later = slice(alone.sigma.shape[0] // 2, None)  # without the start
     factor = float(np.median(adopted.sigma[later, POS] / alone.sigma[later, POS]))
-    used = alone.verdict[:, POSITION] == USED
+    used = alone.verdict[:, POSITION_ROW] == USED
     if factor < MUCH_WIDER or np.count_nonzero(used) < np.count_nonzero(
-        alone.verdict[:, POSITION] != NOT_MEASURED
+        alone.verdict[:, POSITION_ROW] != NOT_MEASURED
     ):
         return None
-    ratio = float(np.mean(alone.nis[used, POSITION])) / 3.0
+    ratio = float(np.mean(alone.nis[used, POSITION_ROW])) / 3.0
     normalised = alone.innovation[used, :3] / alone.innovation_sigma[used, :3]
     bound = max(WHITE_LAG, Z_CONFIDENCE / np.sqrt(len(normalised)))
     white_noise = bool((np.abs(lag_one(normalised)) < bound).all())
@@ -301,7 +301,7 @@ def check_barometer(
         "its heights do not follow the flight: check {barometer.columns}, time_offset_s (UTC is"
         " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
     )
-    yield from _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
+    yield from _mostly_used("barometer", segments, BAROMETER_ROW, "heights", remedy)
 
 
 def check_measurements(

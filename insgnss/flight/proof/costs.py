@@ -27,7 +27,7 @@ from .scene import CAMERA_FROM_BODY, Scene, project, tangent_axes
 TYPICAL_GEOID_M = 50.0  # height of the geoid (m) in central Europe
 # from the camera to the antenna (m): that of `write`, rounded to 1 cm
 LEVER_CM_C = np.array([0.46, 0.0, -0.07])
-QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[str, float]]:
@@ -48,7 +48,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         (
             "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image"
             " is shown turned"
-        ): C @ QUARTER,
+        ): C @ QUARTER_TURN,
         "omega and phi (pitch and roll) are exchanged": of(rotation_from_opk(opk[:, [1, 0, 2]])),
         "phi is turned before omega": of(rotation_from_pok(opk[:, [1, 0, 2]])),
         "yaw is counted the other way round": of(rotation_from_ypr(ypr * [-1.0, 1.0, 1.0])),

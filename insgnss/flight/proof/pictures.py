@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...base.files import atomic_write
 from ...records import Array
-from .scene import CENTRE_PX, FIELD_M, FOCAL_PX, HEIGHT_PX, WIDTH_PX, Scene, terrain
+from .scene import FIELD_M, FOCAL_PX, HEIGHT_PX, SCENE_CENTRE_PX, WIDTH_PX, Scene, terrain
 
 Picture = NDArray[np.float64]
 
@@ -55,11 +55,11 @@ def tiff(picture: NDArray[np.uint8]) -> bytes:
 
 def _ground(C_mc: Array, centre: Array, spots: Array) -> Picture:
     """What the camera sees of the mottled ground, (rows, columns)."""
-    x = (np.arange(WIDTH_PX) + 0.5 - CENTRE_PX[0]) / FOCAL_PX
+    x = (np.arange(WIDTH_PX) + 0.5 - SCENE_CENTRE_PX[0]) / FOCAL_PX
     out = np.empty((HEIGHT_PX, WIDTH_PX))
     above = centre - [*FIELD_M, 0.0]
     for top in range(0, HEIGHT_PX, BAND):
-        y = (np.arange(top, min(top + BAND, HEIGHT_PX)) + 0.5 - CENTRE_PX[1]) / FOCAL_PX
+        y = (np.arange(top, min(top + BAND, HEIGHT_PX)) + 0.5 - SCENE_CENTRE_PX[1]) / FOCAL_PX
         ray = (
             np.stack(
                 [*np.broadcast_arrays(x[None], y[:, None]), np.ones((len(y), WIDTH_PX))], axis=-1

@@ -26,7 +26,9 @@ from ...geodesy.rotation import NED_ENU, rotation_from_opk, rotation_from_rpy
 from ...records import Array, ExteriorOrientation
 
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = 1400.0, 1280, 960  # of a usual lens, and small images (chosen)
-CENTRE_PX = np.array([0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])  # principal point, the middle of the image
+SCENE_CENTRE_PX = np.array(
+    [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX]
+)  # principal point, the middle of the image
 PIXEL_UM = 5.5  # size of a pixel (um) for formats in mm (chosen)
 SITE_DEG = (46.57, 6.54)  # latitude and longitude (deg), in Switzerland (chosen)
 GROUND_M = 518.0  # of the origin, above the ellipsoid
@@ -38,7 +40,7 @@ SIGMA_M, SIGMA_RAD = (0.02, 0.02, 0.04), (8e-4, 8e-4, 2e-3)  # of the poses, as 
 CORRELATION = 0.6  # of neighbours
 
 CAMERA_FROM_BODY: Array = np.diag([-1.0, -1.0, 1.0])
-BORESIGHT: Array = rotation_from_opk(np.radians([-0.657, 0.574, -0.513]))
+SCENE_BORESIGHT: Array = rotation_from_opk(np.radians([-0.657, 0.574, -0.513]))
 # roll, pitch, yaw
 ATTITUDES_DEG = (5.9, -6.2, 71.0), (-6.8, 4.6, 69.9), (4.7, 5.9, 71.8), (-5.4, -4.3, -14.5)
 # from the field's middle: three images of a line and one that crosses it, 120 m above
@@ -94,7 +96,7 @@ def project(C_mc: Array, centre: Array, points: Array) -> Array:
     """Pixels (n, m, 2) of points (m, 3) (P.1), NaN behind the camera."""
     x = (points[None] - centre[:, None]) @ C_mc
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = FOCAL_PX * x[..., :2] / x[..., 2:] + CENTRE_PX
+        pixels = FOCAL_PX * x[..., :2] / x[..., 2:] + SCENE_CENTRE_PX
     return np.asarray(np.where(x[..., 2:] > 0.0, pixels, np.nan))
 
 
@@ -114,10 +116,10 @@ def make_scene(projection: MapProjection | None = None) -> Scene:
         gps_week=GPS_WEEK,
         origin=np.array([lat, lon, GROUND_M]),
         position_m=centres,
-        C_mc=C_mn @ C_nb @ BORESIGHT.T @ CAMERA_FROM_BODY.T,
+        C_mc=C_mn @ C_nb @ SCENE_BORESIGHT.T @ CAMERA_FROM_BODY.T,
         cov=cov,
         cross=CORRELATION * cov[1:],
-        boresight=BORESIGHT,
+        boresight=SCENE_BORESIGHT,
         camera_from_body=CAMERA_FROM_BODY,
         history=("a synthetic scene that proves a format",),
     )

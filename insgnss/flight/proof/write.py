@@ -23,11 +23,11 @@ from ..exporting.export import Target, export, known_format
 from .pictures import write_pictures
 from .readme import readme
 from .scene import (
-    CENTRE_PX,
     FOCAL_PX,
     GROUND_M,
     HEIGHT_PX,
     PIXEL_UM,
+    SCENE_CENTRE_PX,
     SITE_DEG,
     WIDTH_PX,
     Scene,
@@ -36,14 +36,15 @@ from .scene import (
 
 NOISE = "navchip"
 LEVER_C = (0.462, -0.001, -0.065)  # from the camera to the antenna (m) (chosen)
-AXES = {
+HEADERS_OF_FRAME = {
     TANGENT: ("E_m", "N_m", "U_m"),
     GEOCENTRIC: ("X_m", "Y_m", "Z_m"),
     GEOGRAPHIC: ("longitude_deg", "latitude_deg", "height_m"),
     PROJECTED: ("easting_m", "northing_m", "height_m"),
 }
-CAMERA = (
-    f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} {CENTRE_PX[0]:g} {CENTRE_PX[1]:g}"
+CAMERA_LINE = (
+    f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} "
+    f"{SCENE_CENTRE_PX[0]:g} {SCENE_CENTRE_PX[1]:g}"
 )
 
 
@@ -121,7 +122,7 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
     if "ground_m" in form.needs:  # of kml it belongs to heights above the ground
         values["ground_m"] = GROUND_M
     if "camera" in form.needs:
-        values["camera"] = CAMERA
+        values["camera"] = CAMERA_LINE
     if "noise" in form.needs:
         values["noise"] = NOISE
     return {key: values[key] for key in form.options if key in values}
@@ -163,15 +164,15 @@ def _beside(
         f"width_px {WIDTH_PX}",
         f"height_px {HEIGHT_PX}",
         f"focal_px {FOCAL_PX:.4f}",
-        f"principal_point_px {CENTRE_PX[0]:.4f} {CENTRE_PX[1]:.4f}",
+        f"principal_point_px {SCENE_CENTRE_PX[0]:.4f} {SCENE_CENTRE_PX[1]:.4f}",
         "distortion none",
         f"pixel_size_um {PIXEL_UM:g}",
-        f"colmap {CAMERA}",
+        f"colmap {CAMERA_LINE}",
     ]
     return {
-        "points.csv": _points(scene, x, AXES[kind], words),
+        "points.csv": _points(scene, x, HEADERS_OF_FRAME[kind], words),
         "points_geographic.csv": _points(
-            scene, globe, AXES[GEOGRAPHIC], "WGS84, heights above the ellipsoid"
+            scene, globe, HEADERS_OF_FRAME[GEOGRAPHIC], "WGS84, heights above the ellipsoid"
         ),
         "pixels.csv": (
             "# pixels from the outer corner of the first one, x right, y down\n#image,point,x,y\n"

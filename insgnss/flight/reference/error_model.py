@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geodesy.rotation import skew
-from ...navigation.filter.codes import BIAS, DRIFT, POS, PSI, VEL
+from ...navigation.filter.codes import BIAS, DRIFT_CODE, POS, PSI, VEL
 from ...navigation.filter.layout import StateLayout
 from ...navigation.filter.problem import EstimationProblem
 from ...records import Array
@@ -79,7 +79,7 @@ def influence(layout: StateLayout, elapsed: float, rates: Array) -> Array:
     rates : (6,) measured rates of the channels, rad/s and m/s^2.
     """
     of_factor = np.zeros(9)  # the last, by AIDING_ERROR, stays zero
-    of_factor[:6], of_factor[BIAS], of_factor[DRIFT] = rates, 1.0, elapsed
+    of_factor[:6], of_factor[BIAS], of_factor[DRIFT_CODE] = rates, 1.0, elapsed
     U = np.zeros((6, layout.size - 9))
     U[layout.channel, np.arange(layout.size - 9)] = of_factor[layout.factor]
     return U

@@ -32,12 +32,12 @@ from collections.abc import Callable
 import numpy as np
 
 from ...navigation.filter.codes import (
-    BAROMETER,
+    BAROMETER_ROW,
     N_KINDS,
     NOT_MEASURED,
-    POSITION,
-    VELOCITY,
+    POSITION_ROW,
     VELOCITY_CONSTRAINT,
+    VELOCITY_ROW,
     ZARU,
     ZUPT,
 )
@@ -71,11 +71,11 @@ def measurement(
         model = _predicted(problem, epoch, problem.measurements[kind - N_KINDS])
     else:
         model = {
-            POSITION: _position,
-            VELOCITY: _velocity,
+            POSITION_ROW: _position,
+            VELOCITY_ROW: _velocity,
             VELOCITY_CONSTRAINT: _motion,
             ZARU: _angular_rate,
-            BAROMETER: _height,
+            BAROMETER_ROW: _height,
         }[kind](problem, epoch, acceleration)
     if model is None:
         return None

@@ -35,7 +35,7 @@ from ...navigation.filter.codes import (
     COVARIANCE_RESET,
     NOT_MEASURED,
     POS,
-    POSITION,
+    POSITION_ROW,
     PSI,
     REJECTED,
     USED,
@@ -208,16 +208,16 @@ class _Update:
     def _decide(self, epoch: int, kind: int, nis: float) -> int:
         """Return `USED`, `REJECTED`, or `COVARIANCE_RESET` for a position after rejected ones."""
         time = float(self.problem.epochs.time[epoch])
-        if kind == POSITION and self.problem.epochs.withheld[epoch]:
+        if kind == POSITION_ROW and self.problem.epochs.withheld[epoch]:
             return REJECTED
         if nis <= self.gates[kind]:
             decision = USED
-        elif kind != POSITION:
+        elif kind != POSITION_ROW:
             return REJECTED
         else:
             self.rejected_since = time if self.rejected_since is None else self.rejected_since
             decision = REJECTED if time - self.rejected_since < self.reset_s else COVARIANCE_RESET
-        if kind == POSITION and decision != REJECTED:
+        if kind == POSITION_ROW and decision != REJECTED:
             self.rejected_since = None
         return decision
 

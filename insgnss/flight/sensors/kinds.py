@@ -22,7 +22,7 @@ from ...io.formats.text.order import Lines, put_in_order
 from ...io.options.schema import declared
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
-from .options import GROUP, SHIPPED, MeasurementInput
+from .options import ENTRY_POINTS, SHIPPED, MeasurementInput
 
 EXACT_DEG = 0.05  # of an angle that is stated as exact, so that the flight can contradict it
 EXACT_SCALE = 1e-4  # of such a scale factor
@@ -109,7 +109,7 @@ def kinds() -> Mapping[str, Kind]:
         An installed one cannot replace a shipped one.
     """
     shipped = import_module(".shipped", __package__).KINDS
-    return {entry.name: entry.load() for entry in entry_points(group=GROUP)} | shipped
+    return {entry.name: entry.load() for entry in entry_points(group=ENTRY_POINTS)} | shipped
 
 
 def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]:

@@ -12,13 +12,13 @@ from ...io.options.schema import Triple, columns_of_file, option
 if TYPE_CHECKING:
     from ...base.tables import Columns
 
-GROUP = "insgnss.measurements"
+ENTRY_POINTS = "insgnss.measurements"
 """Entry points by which an installed package adds kinds."""
 SHIPPED = ("heading", "attitude", "body_velocity", "baseline", "magnetometer", "airspeed")
 
 
 def _kinds() -> tuple[str, ...]:
-    return (*SHIPPED, *(entry.name for entry in entry_points(group=GROUP)))
+    return (*SHIPPED, *(entry.name for entry in entry_points(group=ENTRY_POINTS)))
 
 
 def _unit_keys() -> tuple[str, ...]:

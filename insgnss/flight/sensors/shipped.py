@@ -24,7 +24,7 @@ from ...geodesy.rotation import rotation_from_vector, rpy_from_rotation
 from ...io.formats.detect import head_of, is_nmea
 from ...io.formats.gnss.nmea import read_headings
 from ...io.formats.gnss.oem_headings import is_oem_log, read_oem_headings
-from ...io.formats.gnss.pos_header import POSITION, ROOTS
+from ...io.formats.gnss.pos_header import POSITION_COLUMNS, ROOTS
 from ...io.formats.gnss.rtklib_pos import is_rtklib_pos, read_pos_rows
 from ...io.formats.names import TIME, sigma_names, spelled
 from ...io.formats.text.order import Picked, note, refuse_rows
@@ -120,7 +120,8 @@ def _baselines_of_moving_base(path: Path) -> LogRows | None:
         problem = f"none of {fixed.size} baselines has fixed ambiguities (Q = {Quality.FIXED:d})"
         raise InputError.at_line(str(path), None, f"{problem}; see the settings of the run")
     e, n, u, sigma_e, sigma_n, sigma_u = (
-        pos.columns[name][fixed] for name in (*POSITION[pos.header.kind], *ROOTS["e-baseline"][:3])
+        pos.columns[name][fixed]
+        for name in (*POSITION_COLUMNS[pos.header.kind], *ROOTS["e-baseline"][:3])
     )
     sigma = np.column_stack([sigma_n, sigma_e, sigma_u])
     bad = sigma.min(axis=1) <= 0.0

@@ -11,7 +11,8 @@ A combined run of RTKLIB filters forward and backward once more and then takes, 
 
 The two runs that are there for their difference hold all of it, so that combining them here saves
 half of the engine's time. They are read once from their text, positions and standard deviations to
-0.1 mm, and are numbers from there on; their combination has the digits of its own text (`DIGITS`),
+0.1 mm, and are numbers from there on; their combination has the digits of its own text
+(`POS_DECIMALS`),
 which is written last. With them (C.1) comes within 0.15 mm of the engine's, and within 0.5 % of the
 difference of the two more where that is large beside standard deviations of some millimetres, as
 weights of rounded numbers are; the quality of an epoch at the very limit of (C.2) may be the other
@@ -41,10 +42,10 @@ Index = NDArray[np.intp]
 SAME_S = 0.005  # RTKLIB's DTTOL: stamps of two runs that belong to one epoch
 PRIORITY = np.array([7, 1, 2, 3, 4, 5, 1, 6])  # of the qualities 0 to 7; the least is the best
 AGREEING_SIGMAS = 4.0  # of an axis, up to which both runs agree: by chance one in 16 000 is beyond
-FIXED, FLOAT = Quality.FIXED, Quality.FLOAT
+FIXED_EPOCH, FLOAT_EPOCH = Quality.FIXED, Quality.FLOAT
 # decimals of rows of both: 1e-11 deg are a micrometre, where the engine writes 0.1 mm
-DIGITS = {"latitude": 11, "longitude": 11, "height": 5, "Q": 0}
-DIGITS |= dict.fromkeys(ROOTS["latitude"], 6)
+POS_DECIMALS = {"latitude": 11, "longitude": 11, "height": 5, "Q": 0}
+POS_DECIMALS |= dict.fromkeys(ROOTS["latitude"], 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +153,14 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
     position = f.position[i] + np.einsum("nij,nj->ni", gain, apart)
     cov = f.cov[i] - gain @ f.cov[i]
     limit = AGREEING_SIGMAS**2 * np.diagonal(total, axis1=1, axis2=2)
-    doubtful = (f.quality[i] == FIXED) & (apart**2 > limit).any(axis=1) & kinematic
-    quality = np.where(doubtful, FLOAT, f.quality[i])
+    doubtful = (f.quality[i] == FIXED_EPOCH) & (apart**2 > limit).any(axis=1) & kinematic
+    quality = np.where(doubtful, FLOAT_EPOCH, f.quality[i])
     lat, lon, height = ecef_to_geodetic(position)
     C = (rotation_en(lat, lon) @ NED_NEU).swapaxes(1, 2)
     roots = _roots(C @ cov @ C.swapaxes(1, 2))
     columns = (np.degrees(lat), np.degrees(lon), height, quality, *roots.T)
     values = f.values[i]
-    for (name, digits), column in zip(DIGITS.items(), columns, strict=True):
+    for (name, digits), column in zip(POS_DECIMALS.items(), columns, strict=True):
         # Python's round, as a text of so many decimals that is read: numpy's is off by a last bit
         rounded = [round(float(x), digits) for x in column]
         values[:, f.rows.header.columns.index(name)] = rounded
@@ -169,7 +170,7 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
 def _text(f: _Run, row: int, fields: Array) -> bytes:
     """Line of an epoch of both runs: that of the forward run, with other numbers."""
     text = f.lines[row].split()
-    for name, digits in DIGITS.items():
+    for name, digits in POS_DECIMALS.items():
         column = f.rows.header.columns.index(name)
         text[column] = b"%.*f" % (digits, fields[column])
     return b" ".join(text) + b"\n"

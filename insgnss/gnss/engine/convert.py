@@ -28,7 +28,10 @@ from ..rinex.observations import read_observations
 MODULE = "pyrtklib5"
 MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3", "ULOG": "PX4"}
 BY_HAND = "convert it to RINEX by hand, and give that"
-HEAD_BYTES, FRAMES = 1 << 14, 3  # first bytes of a log, and frames that tell its format (chosen)
+HEAD_BYTES, LEAST_FRAMES = (
+    1 << 14,
+    3,
+)  # first bytes of a log, and frames that tell its format (chosen)
 CONVERTED_WITHIN_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
 RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
 UBX_SYNC, SBF_SYNC, ULOG = b"\xb5\x62", b"$@", b"ULog\x01\x12\x35"
@@ -41,11 +44,11 @@ def log_format(path: Path) -> str:
     head = first_bytes(path, HEAD_BYTES)
     if head.startswith(ULOG):
         return "ULOG"
-    if _ubx_frames(head) >= FRAMES:
+    if _ubx_frames(head) >= LEAST_FRAMES:
         return "UBX"
-    if head.startswith(SBF_SYNC) and head.count(SBF_SYNC) >= FRAMES:
+    if head.startswith(SBF_SYNC) and head.count(SBF_SYNC) >= LEAST_FRAMES:
         return "SEPT"
-    return "RTCM3" if _rtcm_frames(head) >= FRAMES else ""
+    return "RTCM3" if _rtcm_frames(head) >= LEAST_FRAMES else ""
 
 
 def _ubx_frames(head: bytes) -> int:

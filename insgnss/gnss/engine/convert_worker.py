@@ -8,7 +8,7 @@ error, with exit code 1.
 import sys
 
 # RINEX 3.04; bits of code, phase, Doppler and C/N0, and of the six carriers of RTKLIB
-VERSION, ALL_KINDS, ALL_FREQUENCIES = 304, 15, 63
+RINEX_304, ALL_KINDS, ALL_FREQUENCIES = 304, 15, 63
 OUTPUTS = 9  # files that convrnx() takes names of: observations, navigation, seven others
 
 
@@ -18,7 +18,7 @@ def main(arguments: list[str]) -> int:
 
     form, log, observations, navigation, *date = arguments
     options = rtklib.rnxopt_t()
-    options.rnxver, options.navsys = VERSION, rtklib.SYS_ALL
+    options.rnxver, options.navsys = RINEX_304, rtklib.SYS_ALL
     options.obstype, options.freqtype = ALL_KINDS, ALL_FREQUENCIES
     if date:
         calendar = rtklib.Arr1Ddouble(6)

@@ -34,7 +34,7 @@ ORDER = {
     "J": {"1": "CLSXZBE", "2": "LSX", "5": "IQXDPZ", "6": "LSXEZ"},
     "C": {"1": "DPXSLZAN", "2": "IQX", "5": "DPX", "6": "IQXDPZA", "7": "IQXDPZ", "8": "DPX"},
 }
-MIXED = "+"  # between the codes of one band
+MIXED_CODES = "+"  # between the codes of one band
 IN_BAND = "CLDS"
 PHASE = IN_BAND.index("L")
 # share of the phases of a satellite's richest code that its first code must have: 0.9, since phases
@@ -44,7 +44,7 @@ MOST_OF_CODES = 0.9
 # ambiguity that a change of code would end
 SHORT = 5
 CHUNK = 2000  # epochs that are put together at a time: 2000, some 10 MB
-KEPT = (  # header records that the engine looks at, and names
+HEADER_KEPT = (  # header records that the engine looks at, and names
     *("MARKER NAME", "REC # / TYPE / VERS", "ANT # / TYPE", "APPROX POSITION XYZ"),
     *("ANTENNA: DELTA H/E/N", "GLONASS SLOT / FRQ #", "GLONASS COD/PHS/BIS"),
 )
@@ -74,7 +74,7 @@ def engine_observations(observations: Observations) -> tuple[bytes, str]:
         if letter in ORDER
     }
     head = [f"{'     3.04           OBSERVATION DATA    M':60}RINEX VERSION / TYPE"]
-    for label in KEPT:
+    for label in HEADER_KEPT:
         head += [f"{text:60}{label}" for text in o.header.records.get(label, ())]
     for letter, (_, bands) in systems.items():
         codes = [f" {name}" for band in bands for name in band.names if name]
@@ -84,7 +84,7 @@ def engine_observations(observations: Observations) -> tuple[bytes, str]:
     head.append(f"{'GPS':>51}{'':9}TIME OF FIRST OBS\n{'':60}END OF HEADER\n")
     text = "\n".join(head).encode("latin-1", "replace") + b"".join(_epochs(o, systems))
     phases = {
-        letter: [" "] + [MIXED.join(band.used) for band in bands if band.used]
+        letter: [" "] + [MIXED_CODES.join(band.used) for band in bands if band.used]
         for letter, (_, bands) in systems.items()
     }
     return text, ", ".join(letter + " ".join(used)[1:] for letter, used in phases.items())

@@ -15,7 +15,7 @@ from ...base.files import atomic_write
 from ...base.output.scratch import scratch_directory
 from ...io.formats.gnss.rtklib_pos import PosRows
 from ...records import Finding, Question
-from ..options import DIRECTIONS, KINEMATIC, EngineOptions, check_dynamics, option_file
+from ..options import KINEMATIC_MODE, PASSES_OF_ENGINE, EngineOptions, check_dynamics, option_file
 from ..rinex.navigation_message import read_navigation
 from ..rinex.observation_record import Observations
 from ..rinex.observations import read_observations
@@ -123,7 +123,7 @@ def solve(
     checks += check_dynamics(options, pace[0])
     texts: dict[str, str] = {
         direction: option_file(options, standing.header, direction, *pace)
-        for direction in DIRECTIONS
+        for direction in PASSES_OF_ENGINE
     }
     checks += check_names(command, texts["forward"], options)
     target = _made(Path(directory))
@@ -145,11 +145,13 @@ def solve(
         for direction, text in texts.items():
             atomic_write(target / f"{direction}.conf", text)
             atomic_write(target / f"{direction}.pos", _in_order(runs.scratch / f"{direction}.pos"))
-    pos = {name: target / f"{name}.pos" for name in ("combined", *DIRECTIONS)}
-    moves = f"pos1-posmode={KINEMATIC}" in texts["forward"].splitlines()
+    pos = {name: target / f"{name}.pos" for name in ("combined", *PASSES_OF_ENGINE)}
+    moves = f"pos1-posmode={KINEMATIC_MODE}" in texts["forward"].splitlines()
     together = combined(pos["forward"], pos["backward"], pos["combined"], moves)
     atomic_write(pos["combined"], together.lines)
-    conf: dict[str, Path] = {direction: target / f"{direction}.conf" for direction in DIRECTIONS}
+    conf: dict[str, Path] = {
+        direction: target / f"{direction}.conf" for direction in PASSES_OF_ENGINE
+    }
     checks += [*_check_refused(ends), *check_version(engine)]
     return EngineRun(
         **pos,

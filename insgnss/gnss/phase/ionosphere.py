@@ -116,11 +116,20 @@ Index = NDArray[np.int64]
 KNOT_S = 600.0  # between knots of V, G and L, which change linearly: 0.15 m a knot is usual
 VERTICAL_M = (2.0, 2.0)  # V expected, and its standard deviation
 # standard deviations: G and L m/m, h m, t m/m, z m, p m
-GRADIENT, LOCAL, OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M = 1.5e-6, 1e-6, 2e-2, 2e-5, 1e-3, 1e-3
+GRADIENT, LOCAL_GRADIENT, OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M = (
+    1.5e-6,
+    1e-6,
+    2e-2,
+    2e-5,
+    1e-3,
+    1e-3,
+)
 NUISANCES = np.array([OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M])
-CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
-UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])  # by which columns of V, G and L are of one size
-VALUES = UNITS.size
+LAYER_CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
+LAYER_UNITS = np.array(
+    [1.0, 1e-6, 1e-6, 1e-6, 1e-6]
+)  # by which columns of V, G and L are of one size
+LAYER_VALUES = LAYER_UNITS.size
 LEAST_EPOCHS, LEAST_FLIGHT_S = 60, 300.0  # of a flight: fewer show less than is expected beforehand
 # of sums of residuals (I.5), and time scale of the reflections at an antenna that stands
 BLOCK_S, CORRELATED_S = 300.0, 200.0
@@ -240,7 +249,8 @@ def ionosphere_correction(
         return None
     early = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
     each = np.stack(
-        [displacement(satellites, early[:, j], fixes.time.size) for j in range(VALUES)], axis=2
+        [displacement(satellites, early[:, j], fixes.time.size) for j in range(LAYER_VALUES)],
+        axis=2,
     )
     corrected = measurable(fixes, base_ecef) & np.isfinite(each).all(axis=(1, 2))
     each = np.where(corrected[:, None, None], each, 0.0)
@@ -275,8 +285,8 @@ def moved_by(
         (I.7) of the median epoch.
     """
     value, cov = ionosphere.interpolate(time)
-    gradient = np.arange(VALUES) > 0
-    before = np.array([GRADIENT, GRADIENT, LOCAL, LOCAL]) ** 2
+    gradient = np.arange(LAYER_VALUES) > 0
+    before = np.array([GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT]) ** 2
     down = each[:, 2][:, gradient]
     after = np.einsum("na,nab,nb->n", down, cov[:, 1:, 1:], down)
     gain = 1.0 - float(np.median((after / np.maximum(down**2 @ before, 1e-30))[corrected]))
@@ -303,7 +313,7 @@ def fit(d: DoubleDifferences) -> Ionosphere | None:
     if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_FLIGHT_S:
         return None
     knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
-    units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5, 1e-3, 1e-3]])
+    units = np.concatenate([np.tile(LAYER_UNITS, knots.size), [1e-3, 1e-5, 1e-3, 1e-3]])
     expected, information = expectation(knots)
     least = max(CORRELATED_S / float(np.median(np.diff(epochs))), 1.0)
     N = information * units[:, None] * units
@@ -317,9 +327,9 @@ def fit(d: DoubleDifferences) -> Ionosphere | None:
         correlation.append(q)
     cov = np.linalg.inv(N)
     x, cov = units * (cov @ b), cov * units[:, None] * units
-    other = VALUES * knots.size
+    other = LAYER_VALUES * knots.size
     (h, t), (sd_h, sd_t) = x[other : other + 2].tolist(), np.sqrt(np.diag(cov)[other : other + 2])
-    value, of_value = x[:other].reshape(-1, VALUES), cov[:other, :other]
+    value, of_value = x[:other].reshape(-1, LAYER_VALUES), cov[:other, :other]
     return Ionosphere(
         knots,
         value,
@@ -344,12 +354,12 @@ def expectation(knots: Array) -> tuple[Array, Array]:
     """
     k = knots.size
     step = np.diff(np.eye(k), axis=0)
-    information = np.diag(np.concatenate([np.zeros(VALUES * k), NUISANCES**-2]))
-    for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT, LOCAL, LOCAL)):
-        rows = np.arange(j, VALUES * k, VALUES)
-        change = CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
+    information = np.diag(np.concatenate([np.zeros(LAYER_VALUES * k), NUISANCES**-2]))
+    for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT)):
+        rows = np.arange(j, LAYER_VALUES * k, LAYER_VALUES)
+        change = LAYER_CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
         information[np.ix_(rows, rows)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
-    mean = np.array([VERTICAL_M[0], *np.zeros(VALUES - 1)])
+    mean = np.array([VERTICAL_M[0], *np.zeros(LAYER_VALUES - 1)])
     return np.concatenate([np.tile(mean, k), np.zeros(NUISANCES.size)]), information
 
 

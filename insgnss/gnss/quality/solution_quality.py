@@ -30,7 +30,7 @@ from ...navigation.prepare.fix_covariance.classes import (
     Index,
     Separation,
 )
-from ...navigation.prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
+from ...navigation.prepare.fix_covariance.numbers import FIX_CLASSES, UNKNOWN_SIGMA_M
 from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
 from ..phase.signal_quality import Signals, median
@@ -163,7 +163,7 @@ def solution_numbers(
     calibrated : GnssFixes
         Its fixes with the covariances of `navigation.prepare.fix_covariance.classes`.
     kind : ndarray of int, shape (n,)
-        Their classes, as indices of `CLASSES`.
+        Their classes, as indices of `FIX_CLASSES`.
     distance_m, height_difference_m : ndarray, shape (n,)
         From the base, m.
     separation : Separation, optional
@@ -179,7 +179,7 @@ def solution_numbers(
         "epochs": kind.size,
         "span_s": [float(fixes.time[0]), float(fixes.time[-1])],
         "engine_fixed": int((quality == Quality.FIXED).sum()),
-        "classes": {name: int((kind == k).sum()) for k, name in enumerate(CLASSES)},
+        "classes": {name: int((kind == k).sum()) for k, name in enumerate(FIX_CLASSES)},
         "fix_rate": float(fixed.mean()),
         "satellites": {
             "median": float(np.median(solution.satellites)),
@@ -280,7 +280,7 @@ def verdict(
     word = "poor" if rate < FAIR_RATE else word
     summary = f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs"
     summary += " are fixed and confirmed"
-    if degraded := numbers["classes"][CLASSES[DEGRADED]]:
+    if degraded := numbers["classes"][FIX_CLASSES[DEGRADED]]:
         summary += f", {degraded} of them degraded"
     summary += f", {numbers['unsolved']} have no solution" if numbers["unsolved"] else ""
     sigma = numbers["sigma_m"]["fixed_median"]
@@ -300,7 +300,7 @@ def _in_mm(metres: Iterable[float]) -> str:
 
 
 def _check_rate(n: Mapping[str, Any]) -> Finding:
-    isolated = n["classes"][CLASSES[ISOLATED]] + n["classes"][CLASSES[UNSUPPORTED]]
+    isolated = n["classes"][FIX_CLASSES[ISOLATED]] + n["classes"][FIX_CLASSES[UNSUPPORTED]]
     finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
     finding += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
     advice = (
@@ -331,7 +331,7 @@ def _check_unsolved(n: Mapping[str, Any]) -> Finding:
 
 
 def _check_degraded(n: Mapping[str, Any]) -> Finding:
-    degraded = n["classes"][CLASSES[DEGRADED]]
+    degraded = n["classes"][FIX_CLASSES[DEGRADED]]
     finding = f"{degraded} fixed epochs, in minutes of which a good part is not fixed"
     advice = (
         "what obstructs or reflects there also moves what is fixed, by centimetres: they have"

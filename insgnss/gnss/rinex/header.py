@@ -29,8 +29,8 @@ from ...io.formats.text.layout import decode, float_of, shown
 from ...io.formats.text.text import Source, load
 from ...records import Array
 
-LABEL = 60  # column at which the label of a header line begins, from 0
-SYSTEMS = "GRECJIS"
+LABEL_COLUMN = 60  # column at which the label of a header line begins, from 0
+SYSTEM_LETTERS = "GRECJIS"
 SYSTEM_NAMES = {
     "G": "GPS",
     "R": "GLONASS",
@@ -40,9 +40,9 @@ SYSTEM_NAMES = {
     "I": "NavIC",
     "S": "SBAS",
 }
-CLOCKS = {"G": "GPS", "R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS", "I": "IRN", "S": "GPS"}
+SYSTEM_TIMES = {"G": "GPS", "R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS", "I": "IRN", "S": "GPS"}
 TYPES_2, TYPES_3 = "# / TYPES OF OBSERV", "SYS / # / OBS TYPES"
-KINDS = {
+FILE_KINDS = {
     "N": "navigation data",
     "G": "GLONASS navigation data",
     "H": "SBAS navigation data",
@@ -53,16 +53,16 @@ COMPACT = b"COMPACT RINEX"
 OF_TYPES = re.compile(
     rb"^.{3} {0,2}(\d{1,3}).{54,56}(?:SYS / # / OBS TYPES|# / TYPES OF OBSERV)", re.MULTILINE
 )
-TAKEN = (  # labels of the records whose values are taken
+RECORDS_READ = (  # labels of the records whose values are taken
     *(TYPES_2, TYPES_3, "APPROX POSITION XYZ", "ANTENNA: DELTA H/E/N", "INTERVAL", "LEAP SECONDS"),
     *("TIME OF FIRST OBS", "GLONASS SLOT / FRQ #", "SYS / SCALE FACTOR"),
 )
 COUNT = re.compile(r" *[0-9]+ *")
 SLOTS = re.compile(r" *(?:[0-9]+ +)?(?:R *[0-9]{1,2} +[+-]?[0-9]+ *)*")
-LETTERS = re.compile("[A-Za-z]+")
-SCALE = re.compile(r"([A-Z]) +(10{0,3})")  # a factor of 1, 10, 100 or 1000
+LETTERS_ALONE = re.compile("[A-Za-z]+")
+SCALE_FIELD = re.compile(r"([A-Z]) +(10{0,3})")  # a factor of 1, 10, 100 or 1000
 RESTORED_LINE = 160  # bytes; two lines of text
-_OPEN = {
+_OLD_SIGNALS = {
     "G1": "1C",
     "R1": "1C",
     "S1": "1C",
@@ -215,7 +215,7 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
             problem = "the file ends without END OF HEADER; copy it again from its source"
             raise InputError.at_line(path, len(records), f"truncated: {problem}")
         text, offset = line_at(buf, offset)
-        records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
+        records.append((len(records) + 1, text[LABEL_COLUMN:].strip(), text[:LABEL_COLUMN]))
         if records[-1][1] == "" and text.strip():
             problem = (
                 "truncated: the file ends within its header; copy it again from its source"
@@ -224,7 +224,9 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
                 " file again"
             )
             raise InputError.at_line(path, len(records), problem)
-        label = next((name for name in TAKEN if text.rstrip().endswith(name)), records[-1][1])
+        label = next(
+            (name for name in RECORDS_READ if text.rstrip().endswith(name)), records[-1][1]
+        )
         if records[-1][1] not in (label, "COMMENT"):
             problem = f"{label} stands beside columns 61 to 80: {shown(text.strip())}"
             raise _incorrect(path, len(records), problem)
@@ -246,7 +248,7 @@ def line_at(buf: NDArray[np.uint8], offset: int) -> tuple[str, int]:
 def _first_line(path: Source, text: str) -> tuple[float, str]:
     """Version and system; InputError for what cannot be read here."""
     refused = partial(InputError.at_line, path, 1)
-    if "RINEX VERSION / TYPE" not in text[LABEL:]:
+    if "RINEX VERSION / TYPE" not in text[LABEL_COLUMN:]:
         content = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
         raise refused(
             f"{content}; give a RINEX 2 to 4 observation file (convert a receiver's own format"
@@ -261,13 +263,13 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
             " convbin -v 3)"
         )
     if kind != "O":
-        content = KINDS.get(kind, f"type {shown(kind)}")
+        content = FILE_KINDS.get(kind, f"type {shown(kind)}")
         raise refused(
             f"holds {content} where observations must stand; give the observation file here"
         )
     letter = text[40:41].upper().strip() or "G"
-    if letter not in SYSTEMS + "M":
-        problem = f"satellite system {letter!r} is none of {', '.join(SYSTEMS)}, M"
+    if letter not in SYSTEM_LETTERS + "M":
+        problem = f"satellite system {letter!r} is none of {', '.join(SYSTEM_LETTERS)}, M"
         raise _incorrect(path, 1, problem)
     return float(version), letter
 
@@ -281,7 +283,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         problem = f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again"
         raise InputError.at_line(path, len(records), problem)
 
-    def text_of(label: str, start: int = 0, stop: int = LABEL) -> str:
+    def text_of(label: str, start: int = 0, stop: int = LABEL_COLUMN) -> str:
         return by_label[label][-1][start:stop].strip() if label in by_label else ""
 
     def numbers(label: str, count: int) -> Array | None:
@@ -289,9 +291,13 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
 
     approx, delta = numbers("APPROX POSITION XYZ", 3), numbers("ANTENNA: DELTA H/E/N", 3)
     interval, leap = numbers("INTERVAL", 1), numbers("LEAP SECONDS", 1)
-    clock = "".join(LETTERS.findall(text_of("TIME OF FIRST OBS"))).upper() or CLOCKS.get(system)
-    if clock is not None and clock not in CLOCKS.values():
-        problem = f"the header's time system {clock!r} is none of {', '.join(CLOCKS.values())}"
+    clock = "".join(
+        LETTERS_ALONE.findall(text_of("TIME OF FIRST OBS"))
+    ).upper() or SYSTEM_TIMES.get(system)
+    if clock is not None and clock not in SYSTEM_TIMES.values():
+        problem = (
+            f"the header's time system {clock!r} is none of {', '.join(SYSTEM_TIMES.values())}"
+        )
         raise _incorrect(path, None, problem)
     return RinexHeader(
         str(path),
@@ -344,7 +350,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
             if missing:
                 raise _incorrect(path, line, f"{label}: {missing} codes fewer than announced")
             system = "" if version < 3 else text[0].upper()
-            if not COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEMS):
+            if not COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEM_LETTERS):
                 expected = "expected a system and a number of codes"
                 raise _incorrect(path, line, f"{label}: {shown(text.rstrip())}, {expected}")
             missing, types[system] = int(count), []
@@ -382,7 +388,7 @@ def _code(system: str, name: str, types: Sequence[str]) -> str:
     if len(name) != 2 or name[0] not in "CPLDS" or not name[1].isdecimal():
         return name
     band = name[1]
-    opened = _OPEN.get(system + band, "" if system == "C" else f"{band}X")
+    opened = _OLD_SIGNALS.get(system + band, "" if system == "C" else f"{band}X")
     precise = _PRECISE.get(system + band, "")
     first, second = ("C", "P") if band == "1" else ("P", "C")
     listed = next((kind for kind in (first, second) if kind + band in types), first)
@@ -398,7 +404,9 @@ def _code_2_12(system: str, name: str, types: Sequence[str]) -> str:
     if len(name) != 2 or name[0] not in "CLDS":
         return _code(system, name, types)
     signal = system + name[1]
-    return name[0] + _OF_2_12.get(name[1], _PRECISE.get(signal, _OPEN.get(signal, f"{name[1]}X")))
+    return name[0] + _OF_2_12.get(
+        name[1], _PRECISE.get(signal, _OLD_SIGNALS.get(signal, f"{name[1]}X"))
+    )
 
 
 def _slots(path: Source, records: Iterable[Record]) -> dict[str, int]:
@@ -421,7 +429,7 @@ def scale_of(
     for line, label, text in records:
         if label != "SYS / SCALE FACTOR":
             continue
-        if hit := SCALE.fullmatch(text[:6].strip()):
+        if hit := SCALE_FIELD.fullmatch(text[:6].strip()):
             system, factor = hit[1], float(hit[2])
         elif text[:10].strip() or not system:
             expected = "expected a system and 1, 10, 100 or 1000"

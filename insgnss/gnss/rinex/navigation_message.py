@@ -46,12 +46,12 @@ KIND, TOE, TOC, AF0, AF1, AF2 = 0, 1, 2, 3, 4, 5
 ROOT_A, ECC, M0, DELTA_N, I0, I_DOT, NODE0, NODE_DOT, PERIGEE = 6, 7, 8, 9, 10, 11, 12, 13, 14
 CUC, CUS, CRC, CRS, CIC, CIS = 15, 16, 17, 18, 19, 20  # corrections by cosine and sine
 MU, RATE, SOW = 21, 22, 23  # `CONSTANTS` of the system, and seconds of the week
-COLUMNS = 24  # of a message in the table
+VALUE_WIDTH = 24  # of a message in the table
 STATE = 6  # first of the nine of GLONASS
 KEPLER, GEOSTATIONARY, GLONASS = 0.0, 1.0, 2.0  # what KIND holds
 
 # place of each Kepler element among the numbers of a RINEX message, the clock's three first
-PLACES = {
+ORBIT_PLACES = {
     AF0: 0,
     AF1: 1,
     AF2: 2,
@@ -66,11 +66,11 @@ PLACES = {
     CIC: 12,
     NODE0: 13,
 }
-PLACES |= {CIS: 14, I0: 15, CRC: 16, PERIGEE: 17, NODE_DOT: 18, I_DOT: 19}
+ORBIT_PLACES |= {CIS: 14, I0: 15, CRC: 16, PERIGEE: 17, NODE_DOT: 18, I_DOT: 19}
 SOURCE, HEALTH = 20, 24  # their places among the numbers of a Galileo message
 LINES = {"G": 8, "J": 8, "E": 8, "C": 8, "R": 4}
-LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
-CHANNEL, CHANNELS = 10, (-7, 24)  # of GLONASS: place and range; those up to 24 until 1998
+SYSTEMS_LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
+CHANNEL, CHANNEL_RANGE = 10, (-7, 24)  # of GLONASS: place and range; those up to 24 until 1998
 SPARE = {"G": (28, 29, 30), "J": (28, 29, 30), "E": (22, 28, 29, 30), "C": (20, 22, 29, 30)}
 SPARE |= {"R": (14,)}  # places of numbers that neither this package nor the engine needs
 # distances of GLONASS from the Earth's centre (m), roots of the semi-major axes of others (m^1/2)
@@ -78,14 +78,14 @@ SPARE |= {"R": (14,)}  # places of numbers that neither this package nor the eng
 GLONASS_RADIUS_M, ROOT_A_LIMITS, MOST_ECCENTRICITY = (2.4e7, 2.7e7), (5e3, 7e3), 0.5
 SHORTEST = 23  # columns before a message's first number; a shorter line begins none
 # words that a message must have: their place among its numbers, and their range
-WORDS = {
-    "R": ((CHANNEL, "the frequency number", *CHANNELS),),
+CHECKED_ORBIT = {
+    "R": ((CHANNEL, "the frequency number", *CHANNEL_RANGE),),
     "E": ((SOURCE, "the data source", 0, 1023), (HEALTH, "the health", 0, 511)),
 }
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
 FITTED = "messages fitted to precise orbits (SP3)"
 NETCDF = re.compile("\x89HDF|CDF")
-STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
+EPOCH_STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
 F_NAV = 0b10  # bit of the data source: a message of F/NAV, from E5a
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
 GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}
@@ -163,8 +163,8 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
         mended.update(text.mended)
         for message in text.messages:
             system = message.satellite[0]
-            if system in LEFT_OUT:
-                left_out[LEFT_OUT[system]] += 1
+            if system in SYSTEMS_LEFT_OUT:
+                left_out[SYSTEMS_LEFT_OUT[system]] += 1
                 continue
             _check_words(path, message)
             if not _healthy(message):
@@ -238,11 +238,11 @@ class _NavigationText:
             line = lines[begin]
             system, number = (line[0], line[1:3]) if version >= 3.0 else (self.system, line[:2])
             satellite = system + number.replace(" ", "0")
-            described = system in (*LINES, *LEFT_OUT) and satellite[1:].isdigit()
+            described = system in (*LINES, *SYSTEMS_LEFT_OUT) and satellite[1:].isdigit()
             if not described or not satellite.isascii():
                 message = f"{line[:8]!r} begins no message of a known satellite"
                 raise InputError.at_line(path, begin + 1, f"{message}; is the file damaged?")
-            if system in LEFT_OUT:
+            if system in SYSTEMS_LEFT_OUT:
                 yield _Message(satellite, datetime.min, [], begin + 1)
                 continue
             needed = LINES[system]
@@ -271,7 +271,7 @@ class _NavigationText:
             mended = " " * 19
         elif (satellite[0], k) == ("R", CHANNEL):
             channel = _value(field)
-            if channel is not None and 256.0 + CHANNELS[0] <= channel < 256.0:
+            if channel is not None and 256.0 + CHANNEL_RANGE[0] <= channel < 256.0:
                 self.mended["channels of GLONASS that are written as channel + 256"] += 1
                 mended = f"{channel - 256.0:19.12E}"
         if mended:
@@ -332,7 +332,7 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
     are of the last century.
     """
     try:
-        if not STAMP.fullmatch(field):
+        if not EPOCH_STAMP.fullmatch(field):
             raise ValueError
         year, month, day, hour, minute = (int(number) for number in field.split()[:5])
         second = float(field.split()[5])
@@ -347,7 +347,7 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
 
 def _check_words(path: Source, message: _Message) -> None:
     """Raise InputError where a word of bits or a number of a channel is none that there can be."""
-    for number, word, low, high in WORDS.get(message.satellite[0], ()):
+    for number, word, low, high in CHECKED_ORBIT.get(message.satellite[0], ()):
         value = message.values[number]
         if not (low <= value <= high and value == int(value)):
             line = message.line + (number + 1) // 4
@@ -369,7 +369,7 @@ def _healthy(message: _Message) -> bool:
 def _row(path: Source, message: _Message, week: int) -> Array:
     """The message as a row of the table, its times in seconds of `week`."""
     system, values = message.satellite[0], message.values
-    row = np.zeros(COLUMNS)
+    row = np.zeros(VALUE_WIDTH)
     toc_week, toc = gps_from_calendar(message.toc, "utc" if system == "R" else "gpst")
     if system == "R":
         row[KIND], row[AF0], row[AF1] = GLONASS, values[0], values[1]
@@ -378,7 +378,7 @@ def _row(path: Source, message: _Message, week: int) -> Array:
         )
         row[TOC] = row[TOE] = toc + (toc_week - week) * WEEK_S
     else:
-        row[[*PLACES]] = [values[column] for column in PLACES.values()]
+        row[[*ORBIT_PLACES]] = [values[column] for column in ORBIT_PLACES.values()]
         row[KIND] = GEOSTATIONARY if is_geostationary(message.satellite) else KEPLER
         row[MU], row[RATE] = CONSTANTS[system]
         since = (row[SOW] - toc + 0.5 * WEEK_S) % WEEK_S - 0.5 * WEEK_S

@@ -30,10 +30,10 @@ from ...io.formats.text.order import note
 from ...io.formats.text.text import Source
 from ...records import Array, Finding
 from .header import (
-    LABEL,
-    LETTERS,
+    LABEL_COLUMN,
+    LETTERS_ALONE,
+    SYSTEM_LETTERS,
     SYSTEM_NAMES,
-    SYSTEMS,
     Record,
     RinexHeader,
     codes_of,
@@ -58,8 +58,8 @@ MEANINGS = {
     4: "header records follow",
     5: "external event",
 }
-DAMAGED = "copy the file again, or convert it again from the receiver's own format"
-END = "END OF RINEX"  # begins the last line of some converters' files
+COPY_AGAIN = "copy the file again, or convert it again from the receiver's own format"
+END_OF_FILE = "END OF RINEX"  # begins the last line of some converters' files
 # an epoch line of RINEX 3 number by number: date, second, flag, count, clock offset
 EPOCH_3 = re.compile(
     rb"^[ \t]*> *(\d{4})" + 4 * rb" +(\d\d?)" + rb" +(\d*\.\d+) +(\d) +(\d{1,3})"
@@ -104,13 +104,13 @@ class _Reading:
         self.signals: list[str] = []
         self.types = dict(header.types)
         self.scales = dict(header.scale)
-        self.widths = np.full(len(SYSTEMS), -1, dtype=np.int64)
-        self.columns = np.zeros((len(SYSTEMS), 1), dtype=np.int64)
-        self.scale = np.ones((len(SYSTEMS), 1))
+        self.widths = np.full(len(SYSTEM_LETTERS), -1, dtype=np.int64)
+        self.columns = np.zeros((len(SYSTEM_LETTERS), 1), dtype=np.int64)
+        self.scale = np.ones((len(SYSTEM_LETTERS), 1))
         self.state = np.zeros(_kernels.STATE_SIZE, dtype=np.int64)
         self.state[_kernels.OFFSET], self.state[_kernels.LINE] = offset, header.lines + 1
         self.sats = np.empty(1000, dtype=np.int64)
-        self.seen = np.full(100 * len(SYSTEMS), -1, dtype=np.int64)
+        self.seen = np.full(100 * len(SYSTEM_LETTERS), -1, dtype=np.int64)
         # flag, ticks, line, records
         self.event_records: list[tuple[int, int, int, tuple[str, ...]]] = []
         self.notes: list[Finding] = []
@@ -149,10 +149,10 @@ class _Reading:
         types = self.types[system if self.header.version >= 3 else ""]
         codes = codes_of(self.header.version, system, types)
         self.signals += [code for code in codes if code not in self.signals]
-        s, width = SYSTEMS.index(system), max(self.columns.shape[1], len(types))
+        s, width = SYSTEM_LETTERS.index(system), max(self.columns.shape[1], len(types))
         for name, filled in (
-            ("columns", np.zeros((len(SYSTEMS), width), dtype=np.int64)),
-            ("scale", np.ones((len(SYSTEMS), width))),
+            ("columns", np.zeros((len(SYSTEM_LETTERS), width), dtype=np.int64)),
+            ("scale", np.ones((len(SYSTEM_LETTERS), width))),
         ):
             old = getattr(self, name)
             filled[:, : old.shape[1]] = old
@@ -165,7 +165,9 @@ class _Reading:
         """Parse to the end, event by event."""
         k = self.kernels
         three = self.header.version >= 3
-        blank = SYSTEMS.find(self.header.system if self.header.system in SYSTEMS else "G")
+        blank = SYSTEM_LETTERS.find(
+            self.header.system if self.header.system in SYSTEM_LETTERS else "G"
+        )
         while True:
             status = k.parse(
                 self.buf,
@@ -194,7 +196,7 @@ class _Reading:
             elif status == k.FULL:
                 self.allocate(2 * self.ticks.size + 1000, 2 * self.satellite.size + 1000)
             elif status == k.NEW_SYSTEM and not three:
-                self.learn(SYSTEMS[int(self.state[k.SYSTEM])])
+                self.learn(SYSTEM_LETTERS[int(self.state[k.SYSTEM])])
                 self.seen[:] = -1
                 self.allocate(self.ticks.size, self.satellite.size)
             elif not (status == k.BAD_EPOCH and (self.skip_comment() or self.bring_in_columns())):
@@ -212,7 +214,7 @@ class _Reading:
                 problem = f"{len(lines)} of {state[k.COUNT]} records of this event; copy it again"
                 raise InputError.at_line(self.path, line, f"truncated: {problem}")
             text, offset = line_at(self.buf, offset)
-            if text.startswith(">") or (flag < 5 and not text[LABEL:].strip()):
+            if text.startswith(">") or (flag < 5 and not text[LABEL_COLUMN:].strip()):
                 message = (
                     f"{shown(text)} where record {len(lines) + 1} of {state[k.COUNT]} of the event"
                     f" in line {line} must stand"
@@ -227,7 +229,8 @@ class _Reading:
         state[k.OFFSET], state[k.LINE] = offset, line + 1 + len(lines)
         self.event_records.append((flag, int(state[k.TICKS]), line, tuple(lines)))
         records = [
-            (line + 1 + i, text[LABEL:].strip(), text[:LABEL]) for i, text in enumerate(lines)
+            (line + 1 + i, text[LABEL_COLUMN:].strip(), text[:LABEL_COLUMN])
+            for i, text in enumerate(lines)
         ]
         self.change(line, flag, [record for record in records if record[1] != "COMMENT"])
 
@@ -237,7 +240,9 @@ class _Reading:
         if types or any(label == "SYS / SCALE FACTOR" for _, label, _ in records):
             self.types |= types
             self.scales |= scale_of(self.path, records, self.types)
-            systems = [s for s in SYSTEMS if self.widths[SYSTEMS.index(s)] >= 0 or s in types]
+            systems = [
+                s for s in SYSTEM_LETTERS if self.widths[SYSTEM_LETTERS.index(s)] >= 0 or s in types
+            ]
             for system in systems:
                 self.learn(system)
             self.allocate(self.ticks.size, self.satellite.size)
@@ -273,7 +278,7 @@ class _Reading:
         whether it was one.
         """
         text, behind = line_at(self.buf, int(self.state[self.kernels.OFFSET]))
-        if text[LABEL:].strip() != "COMMENT" and not text.startswith(END):
+        if text[LABEL_COLUMN:].strip() != "COMMENT" and not text.startswith(END_OF_FILE):
             return False
         self.state[self.kernels.OFFSET] = behind
         self.state[self.kernels.LINE] += 1
@@ -295,26 +300,26 @@ class _Reading:
                 f"truncated: the file ends within {epoch}; copy it again, or delete the lines from"
                 f" {state[k.LINE]} on"
             )
-        if status == k.BAD_EPOCH and "RINEX VERSION" in text[LABEL:]:
+        if status == k.BAD_EPOCH and "RINEX VERSION" in text[LABEL_COLUMN:]:
             return (
                 "a second header: files were put together; give one of them, or join them with"
                 " gfzrnx or teqc"
             )
         if status == k.BAD_EPOCH:
-            return f"{seen} where an epoch must begin; {DAMAGED}"
+            return f"{seen} where an epoch must begin; {COPY_AGAIN}"
         if status == k.BAD_SATELLITE:
-            return f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {DAMAGED}"
+            return f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {COPY_AGAIN}"
         if status == k.NEW_SYSTEM:
-            name = SYSTEM_NAMES[SYSTEMS[int(state[k.SYSTEM])]]
+            name = SYSTEM_NAMES[SYSTEM_LETTERS[int(state[k.SYSTEM])]]
             return (
                 f"{seen}: the header lists no types of observation of {name}; complete the header"
             )
         if status == k.TWICE:
             twice = f"this satellite stands twice in the epoch of line {state[k.LINE]}"
-            return f"{seen}: {twice}; {DAMAGED}"
+            return f"{seen}: {twice}; {COPY_AGAIN}"
         return (
             "a field of 14 columns is no number with a decimal point, or something stands behind"
-            f" the last type: {seen}; {DAMAGED}"
+            f" the last type: {seen}; {COPY_AGAIN}"
         )
 
     def refuse_cut_line(self) -> None:
@@ -345,7 +350,7 @@ class _Reading:
         week = int(stamps[0][np.argmax(real & ~far)] // TICKS_PER_WEEK)
         time, when = ((instants - week * TICKS_PER_WEEK) / k.TICKS_PER_S for instants in stamps)
         epoch, rows = self.epoch[:m], slice(0, m)
-        names = np.array([f"{s}{number:02d}" for s in SYSTEMS for number in range(100)])
+        names = np.array([f"{s}{number:02d}" for s in SYSTEM_LETTERS for number in range(100)])
         satellite = names[self.satellite[rows]]
         taken = self.increasing(time, real, epoch, satellite)
         records = tuple(
@@ -406,7 +411,7 @@ def _gpst(
     event_ticks = np.array(events, dtype=np.int64)
     stated = "".join(header.records.get("TIME OF FIRST OBS", ("",))[-1:])
     finding = "the header names none; taken for GPS time" if header.clock is None else ""
-    if LETTERS.search(stated) and stated[48:51].upper() != header.clock:
+    if LETTERS_ALONE.search(stated) and stated[48:51].upper() != header.clock:
         finding = f"{header.clock} does not stand in columns 49 to 51 of the header's record"
     if finding:
         expected = "a time system in TIME OF FIRST OBS"

@@ -38,8 +38,10 @@ ELEMENTS = {"root_a": 1e-4, "ecc": 1e-7, "m0": 1e-7, "dn": 1e-11, "i0": 1e-7, "i
 ELEMENTS |= {"node": 1e-7, "node_dot": 1e-11, "perigee": 1e-7, "cuc": 1e-7, "cus": 1e-7}
 ELEMENTS |= {"crc": 1.0, "crs": 1.0, "cic": 1e-7, "cis": 1e-7}
 # numbers of a message behind the clock's three, by name; those without one are zero
-MESSAGE = "iode crs dn m0 cuc ecc cus root_a sow cic node cis i0 crc perigee node_dot idot source"
-MESSAGE += " week - - health - - sent fit"
+MESSAGE_NAMES = (
+    "iode crs dn m0 cuc ecc cus root_a sow cic node cis i0 crc perigee node_dot idot source"
+)
+MESSAGE_NAMES += " week - - health - - sent fit"
 GEORINEX_NAMES = (  # in the order of a message of RINEX 3; where systems differ, all of them
     *("SVclockBias", "SVclockDrift SVrelFreqBias", "SVclockDriftRate MessageFrameTime"),
     *("IODE IODEC IODnav AODE", "Crs", "DeltaN", "M0", "Cuc", "Eccentricity", "Cus", "sqrtA"),
@@ -179,7 +181,7 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
         elements |= {"fit": 4.0, "source": SOURCE_OF_SYSTEM.get(system, 0.0)}
         elements["iode"] = float(len(lines) // 8 % 255)
         stamp = calendar_from_gps(int(week), sow, "gpst")
-        values = [bias, drift, 0.0, *(elements.get(name, 0.0) for name in MESSAGE.split())]
+        values = [bias, drift, 0.0, *(elements.get(name, 0.0) for name in MESSAGE_NAMES.split())]
         lines += message_lines(f"{satellite} {stamp:%Y %m %d %H %M %S}", values)
     return lines
 

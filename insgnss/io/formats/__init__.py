@@ -16,11 +16,11 @@ from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
 from .exports import EXPORTS, function_at
 from .read_options import ReadOptions
-from .text.units import UNITS, split_unit, unit_factor
+from .text.units import SENSOR_SCALES, split_unit, unit_factor
 
 __all__ = [
     "EXPORTS",
-    "UNITS",
+    "SENSOR_SCALES",
     "TableInfo",
     "describe",
     "load_content",

@@ -117,10 +117,10 @@ def function_at(location: str) -> Callable[..., Any]:
     return getattr(import_module(f".{module}", __package__), name)
 
 
-_REFERENCE = "Metashape camera reference: "
+_REFERENCE_TITLE = "Metashape camera reference: "
 _METASHAPE = Export(
     "metashape.csv",
-    _REFERENCE + "longitude latitude height, yaw pitch roll (true north), accuracies",
+    _REFERENCE_TITLE + "longitude latitude height, yaw pitch roll (true north), accuracies",
     "bundle.metashape:write_metashape",
     (GEOGRAPHIC, PROJECTED, TANGENT),
     any_unit=True,
@@ -146,14 +146,14 @@ EXPORTS: dict[str, Export] = {
     "metashape_opk": replace(
         _METASHAPE,
         product="metashape_opk.csv",
-        what=_REFERENCE + "omega phi kappa of the grid",
+        what=_REFERENCE_TITLE + "omega phi kappa of the grid",
         writer="bundle.metashape:write_metashape_opk",
         frames=(PROJECTED, GEOGRAPHIC, TANGENT),
     ),
     "metashape_offset": replace(
         _METASHAPE,
         product="metashape_offset.csv",
-        what=_REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
+        what=_REFERENCE_TITLE + "bore-sight as GPS/INS offset beside, not in the angles",
         writer="bundle.metashape:write_metashape_offset",
     ),
     "pix4d_matic": Export(

@@ -35,13 +35,14 @@ def taken_by_inspect(names: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.strip("~").replace("_", "") for name in names.split()))
 
 
-_HEADS = "~imu ~gyro ~sensor ~sample ~gps ~gnss ~l ~unix ~utc ~system ~sys"
+_PREFIXES = "~imu ~gyro ~sensor ~sample ~gps ~gnss ~l ~unix ~utc ~system ~sys"
 TIME: Names = {
     "tow": "tow gpstow gps_tow time gpstime gps_time gpst sow gps_sow seconds time_of_week t"
     " ~times ~timestamp ~timestamps ~secs ~sec ~itow ~epoch ~sec_of_week ~seconds_of_week"
     " ~gps_seconds ~gps_sec ~stamp ~header_stamp ~elapsed ~seconds_elapsed ~zeit ~clock"
     " ~rosbag_timestamp ~header_time ~sampletimefine ~utc ~time_utc ~gps ~ts ~ms ~us ~millis"
-    f" ~micros {spelled(_HEADS, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
+    " ~micros "
+    f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
     "week": "week gpsweek gps_week wn ~gwk ~wk",
 }
 # nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can

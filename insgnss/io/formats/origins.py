@@ -10,11 +10,12 @@ from ...geodesy.frames import TangentPlane
 from .text.layout import shown
 from .text.numbers import PLAIN, finite
 
-HEAD = 16384  # characters of a table in which its comments stand (chosen)
-NUMBER = r"(\S*\d\S*?)"
-FORMS = (
-    rf"latitude {NUMBER}(?: deg)?,? longitude {NUMBER} deg,?(?: [a-z]+ height)? {NUMBER} m",
-    rf"origin {NUMBER} {NUMBER} deg {NUMBER} m",
+ORIGIN_BYTES = 16384  # characters of a table in which its comments stand (chosen)
+ORIGIN_NUMBER = r"(\S*\d\S*?)"
+ORIGIN_FORMS = (
+    rf"latitude {ORIGIN_NUMBER}(?: deg)?,? longitude {ORIGIN_NUMBER} deg,?(?: [a-z]+ height)? "
+    rf"{ORIGIN_NUMBER} m",
+    rf"origin {ORIGIN_NUMBER} {ORIGIN_NUMBER} deg {ORIGIN_NUMBER} m",
 )
 
 
@@ -37,7 +38,7 @@ def stated_plane(text: str) -> TangentPlane | None:
     UsageError
         What stands there is no number.
     """
-    origin = next((match for form in FORMS if (match := re.search(form, text))), None)
+    origin = next((match for form in ORIGIN_FORMS if (match := re.search(form, text))), None)
     if origin is None:
         return None
     lat, lon, height = map(finite, origin.groups())
@@ -83,7 +84,7 @@ def origin_in(path: Source) -> TangentPlane | None:
         What stands there is no number.
     """
     with opened_text(path, errors="replace") as stream:
-        head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
+        head = "".join(line for line in stream.readlines(ORIGIN_BYTES) if line.startswith("#"))
     try:
         return stated_plane(head)
     except UsageError as error:

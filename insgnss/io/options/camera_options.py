@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ...records.cameras.mounting import Mounting
 
 Matrix = tuple[Triple, Triple, Triple]
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]*")  # goes into names of files
+CAMERA_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]*")  # goes into names of files
 OF_FURTHER = "camera.further"
 
 
@@ -300,7 +300,7 @@ class CameraInput:
     def __post_init__(self) -> None:
         check(self, "camera")
         take_record(self, "events", "camera_events")
-        if self.name and not NAME.fullmatch(self.name):
+        if self.name and not CAMERA_NAME.fullmatch(self.name):
             raise OptionError("camera.name", "is no name of letters, digits, . _ -", self.name)
         names = self.names
         if twice := [name for k, name in enumerate(names) if name in names[:k]]:

@@ -23,7 +23,7 @@ Problem = Callable[[Declared, Any], str]
 # m: a base that averaged its own position is off by metres, one of another datum by hundreds
 MOST_MOVED_M = 1000.0
 EARTH_RADIUS_M = 6.37e6  # radius of the Earth (m), for a distance that is held against MOST_MOVED_M
-COUNTS = ("", "a number", "two numbers", "three numbers")
+HOW_MANY = ("", "a number", "two numbers", "three numbers")
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def accepted(item: Declared, value: Any, key: str) -> Any:
         if not item.optional:
             raise OptionError(key, "is None; give a value, or leave it out for the default")
         return None
-    kind, original = KINDS[item.kind], value
+    kind, original = OPTION_KINDS[item.kind], value
     value = kind.form(item, value)
     if problem := kind.problem(item, value):
         raise OptionError(key, problem, *(() if isinstance(original, Mapping) else (original,)))
@@ -139,7 +139,7 @@ class Checked:
 
 def register(name: str, kind: Kind) -> None:
     """Add a kind of option whose values only a wing above this module can judge."""
-    KINDS[name] = kind
+    OPTION_KINDS[name] = kind
 
 
 def other_class(annotation: Any, value: Any) -> str:
@@ -287,7 +287,7 @@ def _no_number(item: Declared, value: Any) -> str:
 def _no_numbers(item: Declared, value: Any) -> str:
     if are_numbers(value, item.count) and all(in_range(item, number) for number in value):
         return ""
-    return f"must be {COUNTS[item.count]} {_limits(item)}".rstrip()
+    return f"must be {HOW_MANY[item.count]} {_limits(item)}".rstrip()
 
 
 def _no_sigmas(item: Declared, name: str, value: Any) -> str:
@@ -439,12 +439,12 @@ def no_record(item: Declared, value: Any) -> str:
 
 _FILE = Kind(_no_path, _as_path, word=Path)
 _FILES = Kind(_no_paths, _as_paths, word=Path, several=True)
-_NUMBER = Kind(_no_number, as_number, word=float)
+_NUMBER_KIND = Kind(_no_number, as_number, word=float)
 _NUMBERS = Kind(_no_numbers, _as_numbers, word=float)
 _POSITION = Kind(_no_place, _as_numbers, word=comma_numbers)
 _TEXT = Kind(no_text)
 _TEXTS = Kind(no_texts, as_tuple, several=True)
-KINDS: dict[str, Kind] = {
+OPTION_KINDS: dict[str, Kind] = {
     "angles": Kind(_no_angles, _as_angles),
     "camera_mounting": Kind(no_record),
     "choice": Kind(_no_choice),
@@ -468,7 +468,7 @@ KINDS: dict[str, Kind] = {
     "lever": Kind(_no_lever, _as_numbers, word=float),
     "matrix": Kind(_no_matrix, _as_rows),
     "name": _TEXT,
-    "number": _NUMBER,
+    "number": _NUMBER_KIND,
     "numbers": _NUMBERS,
     "observations": _FILES,
     "origin": _POSITION,

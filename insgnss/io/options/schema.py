@@ -32,7 +32,7 @@ Triple = tuple[float, float, float]
 BY_HEADER = "by header or order"
 """How page and help describe the default of `columns`."""
 
-_KINDS: dict[type, str] = {
+_KIND_OF_TYPE: dict[type, str] = {
     bool: "flag",
     int: "whole",
     float: "number",
@@ -209,8 +209,8 @@ def class_names(annotation: Any) -> tuple[str, ...]:
 
 def _kind(annotation: Any) -> str:
     kind = plain(annotation)
-    if kind in _KINDS:
-        return _KINDS[kind]
+    if kind in _KIND_OF_TYPE:
+        return _KIND_OF_TYPE[kind]
     if get_origin(kind) is Literal:
         return "choice"
     if get_origin(kind) is tuple:

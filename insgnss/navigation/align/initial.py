@@ -34,17 +34,17 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Increments
 from ..filter.codes import (
-    ABSENT,
     ACCEL0,
     AZ,
     BIAS,
-    DRIFT,
-    IMU,
+    DRIFT_CODE,
     IMU0,
+    IMU_STATES,
     N_CHANNELS,
     N_NAV,
+    NO_SENSOR,
     POS,
-    POSITION,
+    POSITION_ROW,
     PSI,
     PSI0,
     QUAT,
@@ -158,7 +158,7 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
         solution = _estimated(window, start)
         if solution is None:
             continue
-        nis = float(np.nanmedian(solution.nis[:, POSITION]))
+        nis = float(np.nanmedian(solution.nis[:, POSITION_ROW]))
         if nis >= MISFIT_NIS:
             misfits.append(nis)
         elif nis < MISFIT_NIS and np.isfinite(solution.nav_covariance()).all():
@@ -268,7 +268,7 @@ def _start(
     P[POS, POS] = np.eye(3) * max(10.0, 10.0 * spread) ** 2
     P[VEL, VEL] = np.eye(3) * max(5.0, 2.0 * spread) ** 2
     P[PSI, PSI] = att
-    P[IMU, IMU] = np.diag(problem.layout.sigma0**2)
+    P[IMU_STATES, IMU_STATES] = np.diag(problem.layout.sigma0**2)
     nominal = np.zeros(problem.layout.size - N_NAV) if x is None else x
     return InitialState(nav, nominal, np.concatenate([np.zeros(N_NAV), -nominal]), P)
 
@@ -307,7 +307,7 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
         for values in (ep.gap, ep.bias_step)
     )
     # nothing is asked of the camera's events, whose covariances would be carried along
-    no_event = np.full(epochs.size, ABSENT)
+    no_event = np.full(epochs.size, NO_SENSOR)
     of_interval = {"gap": gap, "bias_step": step, "event": no_event}
     other = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, **of_interval}
     return replace(back, backward=True, epochs=ep._replace(**other))
@@ -322,7 +322,9 @@ def _run_back(
     sign[VEL] = -1.0
     gyro = layout.channel < ACCEL0
     # a drift counts time, which turns too
-    sign[IMU][(gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))] = -1.0
+    sign[IMU_STATES][
+        (gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT_CODE))
+    ] = -1.0
     if layout.offset >= 0:
         sign[IMU0 + layout.offset] = -1.0
     back = _reversed(problem, first)
@@ -331,7 +333,7 @@ def _run_back(
     back = replace(back, layout=replace(layout, beta=beta))
     nav = nav.copy()
     nav[VEL] *= -1.0
-    start = InitialState(nav, x * sign[IMU], np.zeros(layout.size), P * np.outer(sign, sign))
+    start = InitialState(nav, x * sign[IMU_STATES], np.zeros(layout.size), P * np.outer(sign, sign))
     history = make_history(back.epochs, layout, smoothed=False)
     run_filter(back, start, history)
     m = history.m[-1]  # not zero where the filter still held the feedback back
@@ -341,8 +343,8 @@ def _run_back(
         rotation_from_vector(m[PSI]) @ rotation_from_quaternion(nav[QUAT])
     )
     nav[VEL] *= -1.0
-    x = (history.x[-1] + m[IMU]) * sign[IMU]
-    x[layout.factor == DRIFT] = 0.0
+    x = (history.x[-1] + m[IMU_STATES]) * sign[IMU_STATES]
+    x[layout.factor == DRIFT_CODE] = 0.0
     if layout.rate >= 0:  # the offset there, not at the window
         x[layout.offset] -= x[layout.rate] * problem.epochs.time[first]
     return nav, x, history.P[-1] * np.outer(sign, sign)

@@ -1,7 +1,7 @@
 """What constants that the filter takes as known do to its innovations (Y.1)."""
 
 from ...base.compilation import njit
-from ..filter.codes import ABSENT, ACCEL0, AIDING_ERROR, DRIFT, IMU0, N_NAV
+from ..filter.codes import ACCEL0, AIDING_ERROR, DRIFT_CODE, IMU0, N_NAV, NO_SENSOR
 from ..filter.kernels.update import one_after_another, take_off, weigh
 
 
@@ -84,7 +84,7 @@ def follow_constants(
                             row[a] += t * U[k, a]
             for a in range(count):
                 f = factor[a]
-                if like[a] != ABSENT and f != DRIFT and f != AIDING_ERROR:
+                if like[a] != NO_SENSOR and f != DRIFT_CODE and f != AIDING_ERROR:
                     mean = value[f] / total
                     for r in range(N_NAV):
                         top[r, a] += mean * F[e, r, like[a]]
@@ -106,9 +106,9 @@ def follow_constants(
             h, gain, leading = H[e, first : first + 3], K[e, first : first + 3], used[first]
             weigh(U, h, leading, V)
             for a in range(count):
-                if like[a] != ABSENT and like[a] < min(wide, leading):
+                if like[a] != NO_SENSOR and like[a] < min(wide, leading):
                     f = factor[a]
-                    if f == DRIFT:
+                    if f == DRIFT_CODE:
                         for i in range(3):
                             V[i, a] += time[e] * h[i, like[a]]
                     elif f == AIDING_ERROR:

@@ -28,7 +28,7 @@ whole flight, with as much time inserted, which is bridged and has the variance 
 `navigation.prepare.gaps`, worked out from the increments around. A step is shown where that follows
 the fixes without a covariance reset, which fixes that jump to one side would need as well, and its
 likelihood of all innovations (`evidence.misfit`) is better than that of whatever was adopted
-without it by `SHOWN`.
+without it by `SHOWN_GAIN`.
 """
 
 from collections.abc import Callable
@@ -54,12 +54,12 @@ from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .advice import NEGLIGIBLE_M
-from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
+from .candidates import FAR_SIGMAS, WIDE_TIME_OFFSET_S, widened, without_other_aiding
 from .estimated import fix_counts, rms_speed
 from .evidence import follows, misfit
 from .sensitivity import Constants, Sensitivity
 
-STEP = "clock step"
+CLOCK_STEP = "clock step"
 INSTANTS = 48  # of a pass, at which a step is looked for
 REFINEMENTS = 3  # of which each looks at the neighbourhood of the best of the one before
 INTERVALS_AROUND = 2  # intervals on either side that are looked at again
@@ -68,7 +68,7 @@ GAPS = 16  # of the IMU, the longest, that may be a step of its clock
 REFINED = 3  # times that the size is estimated with the fixes moved
 # log evidence of a step beyond what was adopted without it. Of rates and offsets that are none the
 # best of a hundred instants reaches 6 by chance, slow errors of the fixes somewhat more
-SHOWN = 20.0
+SHOWN_GAIN = 20.0
 EDGE_FIXES = 20  # on either side of a step, without which it is a matter of the ends
 # s between instants that are tried for lost samples, from the one that (Z.1) shows on: as far as
 # the misfit falls, and beyond by so many; then around the best, from one spacing to the next
@@ -152,7 +152,11 @@ def find_clock_step(
     if fix_counts(solution.verdict)[2]:
         return None  # positions jump as well, or instead
     gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(solution))
-    if not follows(solution) or gained < SHOWN or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M:
+    if (
+        not follows(solution)
+        or gained < SHOWN_GAIN
+        or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M
+    ):
         return None
     missing = round(-step_s / problem.inc.nominal_s) if candidate.loses_samples else 0
     epochs, begin = problem.epochs, float(problem.inc.marks[0])
@@ -208,7 +212,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         solution, size, _, evidence = _scanned(opened, start, instants, jump)
         evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
-        if evidence[k] < SHOWN:
+        if evidence[k] < SHOWN_GAIN:
             return None
         best, step_s = float(instants[k]), float(size[k])
         if k >= grid.size:
@@ -345,7 +349,7 @@ def step_check(step: ClockStep) -> Finding:
             f" shortly before {step.after:.2f} s and the stamps count on without them: from there"
             f" on they are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
-    ask = Question(STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m")
+    ask = Question(CLOCK_STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m")
     advice = Step(f"{mended}: solved so, the flight follows its fixes{parts}")
     return ask.contradiction(sentence, advice)
 
@@ -362,7 +366,7 @@ def _scanned(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
 ) -> tuple[Solution, Array, Array, Array]:
     """Return the solution, and of a step at each instant its size, its sigma and (Z.1)."""
-    wide = FAR * WIDE_TIME_OFFSET_S
+    wide = FAR_SIGMAS * WIDE_TIME_OFFSET_S
     steps = Sensitivity.before(problem, Constants.steps(problem.layout, since, jump, wide))
     solution = solve(problem, start, "off", separations=0, follower=steps.through)
     J, j = np.diag(steps.information), steps.vector

@@ -12,11 +12,11 @@ from ...base.beside import Beside
 from ...records import Finding
 from ...records.states import CLOCK_RATE, TIME_OFFSET, State
 from ...records.verdicts import Estimate
-from ..filter.layout import SLOW
+from ..filter.layout import SLOW_STATE
 from ..filter.problem import InitialState
 from ..filter.solution import Solution
 from .advice import advice, message, unseen, variance_check
-from .candidates import FAR, ErrorModel, with_constants, with_larger_white_share
+from .candidates import FAR_SIGMAS, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
     OTHERS,
@@ -25,7 +25,7 @@ from .constants import (
     settled_evidence,
 )
 from .drift import (
-    STEP,
+    BIAS_STEP,
     SlowBiasCandidate,
     bias_step_candidate,
     courses_beside,
@@ -203,7 +203,7 @@ def step_under(
     Finding or None
         None where nothing steps.
     """
-    layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))
+    layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR_SIGMAS))
     step = find_clock_step(*posed, layout, against, search.second_pass, search.progress)
     return None if step is None else step_check(step)
 
@@ -359,9 +359,13 @@ def _slow_bias(
 ) -> Candidate | None:
     """Return the slow bias of the IMU, or the step of it, that explains more; None without."""
     slow = step = None
-    if search.variances and SLOW not in state.attempted and BIAS_NOISE in variances.promising():
+    if (
+        search.variances
+        and SLOW_STATE not in state.attempted
+        and BIAS_NOISE in variances.promising()
+    ):
         slow = slow_bias_candidate(search, state.model, posed[0], variances)
-    if search.variances and STEP not in state.attempted:
+    if search.variances and BIAS_STEP not in state.attempted:
         step = bias_step_candidate(search, state.model, posed, state.solution)
     suspects = [one for one in (slow, step) if one is not None]
     if not suspects:
@@ -369,7 +373,7 @@ def _slow_bias(
 
     def adopt() -> _State | None:
         beside: list[SlowBiasCandidate] = []
-        if step is not None and slow is None and SLOW not in state.attempted:
+        if step is not None and slow is None and SLOW_STATE not in state.attempted:
             beside = courses_beside(search, state.model, posed[0], step)
         explained = least_misfit(search, [*suspects, *beside])
         if explained is None:

@@ -42,30 +42,32 @@ from ...base.units import DEG_PER_H, MILLI_G
 from ...records import Array, Finding, Question
 from ...records.states import CHANNELS
 from ..filter.codes import BIAS, IMU0, VEL
-from ..filter.layout import SLOW, SLOW_BIAS, SlowBias, StateLayout
+from ..filter.layout import SLOW_BIAS, SLOW_STATE, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .candidates import ErrorModel, widened
-from .constants import TAKEN
+from .constants import TAKEN_SIGMAS
 from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
 
 TIMES_S = (30.0, 90.0, 300.0, np.inf)  # T of the course
 FINER = (3.0**0.5, 3.0**0.25)  # of T about the best, which leaves it 14 % off at most
-PARAMETERS = 1  # T, which the evidence is charged for
+SLOW_PARAMETERS = 1  # T, which the evidence is charged for
 SETTLED_TIMES = 3.0  # times T, after which 5 % of a warm-up are left
 # sigmas: of a thousand normal variables the largest is beyond once in a million
 PARTED_SIGMAS = 6.0
 # sigmas that noise leaves behind now and then; share of the epochs beyond
-USUAL, SHARE_BEYOND_USUAL = 3.0, 0.2
+USUAL_SIGMAS, SHARE_BEYOND_USUAL = 3.0, 0.2
 LARGER_NOISE = ("IMU noise", "GNSS sigmas")  # names of checks
-AXES = ("N", "E", "D")
+NED_LETTERS = ("N", "E", "D")
 STATES = ("position", "velocity", "attitude")
-PRIOR = np.array([SLOW_BIAS[sensor] for sensor, _ in CHANNELS])  # sigma of a step, by channel
+SLOW_BIAS_PRIOR = np.array(
+    [SLOW_BIAS[sensor] for sensor, _ in CHANNELS]
+)  # sigma of a step, by channel
 # log evidence from which a step is suspected: a recorded walk without one shows 9
 LEAST_STEP_EVIDENCE = 20.0
 AS_MODELLED = "biases that change no more than the noise model says"
-STEP = "bias step"  # of what is attempted, beside `SLOW`
+BIAS_STEP = "bias step"  # of what is attempted, beside `SLOW_STATE`
 AS_PROBABLE = 5.0  # log evidence below the best instant, down to which an epoch shares the step
 AT_REST_MPS = 0.5  # smoothed speed, below which a vehicle has not taken off (chosen)
 # from a take-off or a gap, within which a step is said to be due to it (chosen)
@@ -99,13 +101,14 @@ def hidden_drift(
         return None
     if _ratios(adopted).max(initial=0.0) > PARTED_SIGMAS:
         return None  # which the report says
-    if np.mean(ratio.max(axis=1) > USUAL) > SHARE_BEYOND_USUAL:
+    if np.mean(ratio.max(axis=1) > USUAL_SIGMAS) > SHARE_BEYOND_USUAL:
         return None
     k, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     time = float(np.abs(before.problem.inc.marks[before.separation_epoch[k]]))
     return Question("drift", f"below {PARTED_SIGMAS:g} sigmas").note(
         f"before larger errors were adopted forward and backward disagreed by"
-        f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]} {AXES[int(column) % 3]} at"
+        f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]} "
+        f"{NED_LETTERS[int(column) % 3]} at"
         f" TOW {time:.1f} s, and agreed elsewhere: about then the fixes or the IMU drifted for"
         " seconds or minutes, which the adopted noise holds in the mean only",
         "look at the quality of the fixes there; do not rely on the sigmas of images near it",
@@ -136,7 +139,7 @@ class SlowBiasCandidate:
     evidence: float
     model: ErrorModel
     problem: EstimationProblem
-    kind: ClassVar[str] = SLOW
+    kind: ClassVar[str] = SLOW_STATE
 
     def solved(self, search: ErrorModelSearch) -> tuple[Solution, InitialState] | None:
         """Align and solve the flight with it; None where there is no solution."""
@@ -160,7 +163,9 @@ class SlowBiasCandidate:
         Finding
             A note: the slow bias is estimated, and the sigmas of the images allow for it.
         """
-        states = [s for s, one in enumerate(solution.problem.layout.states) if one.group == SLOW]
+        states = [
+            s for s, one in enumerate(solution.problem.layout.states) if one.group == SLOW_STATE
+        ]
         slow = self.model.imu.slow
         assert slow is not None
         warms_up = np.isfinite(slow.time_s)
@@ -219,13 +224,13 @@ def slow_bias_candidate(
     def best_of(times_s: Sequence[float]) -> float:
         for time_s in times_s:
             layout = search.layout(_with_slow_bias(model, problem, time_s))
-            evidence[time_s] = variances.evidence_of(layout, PARAMETERS)
+            evidence[time_s] = variances.evidence_of(layout, SLOW_PARAMETERS)
         return max(evidence, key=lambda time_s: evidence[time_s])
 
     time_s = best_of(TIMES_S)
     for factor in FINER if np.isfinite(time_s) else ():
         time_s = best_of((time_s / factor, time_s * factor))
-    if evidence[time_s] < TAKEN:
+    if evidence[time_s] < TAKEN_SIGMAS:
         return None
     best = _with_slow_bias(model, problem, time_s)
     posed = replace(problem, layout=search.layout(best))
@@ -242,7 +247,7 @@ def _with_slow_bias(model: ErrorModel, problem: EstimationProblem, time_s: float
 class BiasStepCandidate(SlowBiasCandidate):
     """A step of the biases of the IMU that is suspected; its problem has it as process noise."""
 
-    kind: ClassVar[str] = STEP
+    kind: ClassVar[str] = BIAS_STEP
 
     def check(self, solution: Solution) -> Finding:
         """Say when the biases step, and by how much.
@@ -393,7 +398,7 @@ def step_evidence(solution: Solution) -> Array:
     states = constant_biases(solution.problem.layout)
     if states.size == 0:
         return np.full(solution.separation_epoch.size, -np.inf)
-    sigma, index = PRIOR[solution.problem.layout.channel[states]], IMU0 + states
+    sigma, index = SLOW_BIAS_PRIOR[solution.problem.layout.channel[states]], IMU0 + states
     score = solution.adjoint[:, index] * sigma
     A = solution.information[:, index[:, None], index] * np.outer(sigma, sigma) + np.eye(sigma.size)
     gain = np.einsum("si,si->s", score, np.linalg.solve(A, score[:, :, None])[:, :, 0])
@@ -406,7 +411,7 @@ def constant_biases(layout: StateLayout) -> np.ndarray:
 
 
 def with_bias_step(problem: EstimationProblem, epochs: np.ndarray) -> EstimationProblem:
-    """Return the problem whose biases may step by `PRIOR` in all, at some epochs.
+    """Return the problem whose biases may step by `SLOW_BIAS_PRIOR` in all, at some epochs.
 
     Parameters
     ----------
@@ -421,5 +426,5 @@ def with_bias_step(problem: EstimationProblem, epochs: np.ndarray) -> Estimation
         The same with process noise there.
     """
     variance = problem.epochs.bias_step.copy()
-    variance[epochs] += PRIOR**2 / epochs.size
+    variance[epochs] += SLOW_BIAS_PRIOR**2 / epochs.size
     return replace(problem, epochs=problem.epochs._replace(bias_step=variance))

@@ -11,7 +11,16 @@ import numpy as np
 
 from ...records import Array, Estimate, TimeCorrelatedError
 from ...records.states import State
-from ..filter.codes import BIAS, COVARIANCE_RESET, DRIFT, NAV, NOT_MEASURED, POSITION, REJECTED, VEL
+from ..filter.codes import (
+    BIAS,
+    COVARIANCE_RESET,
+    DRIFT_CODE,
+    NAV,
+    NOT_MEASURED,
+    POSITION_ROW,
+    REJECTED,
+    VEL,
+)
 from ..filter.solution import Solution
 
 
@@ -59,7 +68,7 @@ def constant_states(
         for s, state in enumerate(layout.states)
         if layout.beta[s] == 0.0
         and layout.drive[s] == 0.0
-        and layout.factor[s] not in (BIAS, DRIFT)
+        and layout.factor[s] not in (BIAS, DRIFT_CODE)
         and layout.sigma0[s] > stated.get(state.group, -np.inf)
     ]
 
@@ -153,7 +162,7 @@ def fix_counts(verdict: np.ndarray) -> tuple[int, int, int]:
     tuple of int
         Positions that were measured, that were rejected, and covariance resets after such ones.
     """
-    of_positions = verdict[:, POSITION]
+    of_positions = verdict[:, POSITION_ROW]
     kinds = of_positions != NOT_MEASURED, of_positions == REJECTED, of_positions == COVARIANCE_RESET
     offered, rejected, resets = (int(np.count_nonzero(kind)) for kind in kinds)
     return offered, rejected, resets

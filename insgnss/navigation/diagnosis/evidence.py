@@ -20,7 +20,7 @@ from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
 from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
-from ..filter.codes import NOT_MEASURED, POSITION, REJECTED, USED, VEL
+from ..filter.codes import NOT_MEASURED, POSITION_ROW, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
@@ -238,8 +238,8 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
         run_filter(problem, start, history)
     except DataError:
         return IMPOSSIBLE
-    measured = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
-    rejected = history.verdict[measured, POSITION] == REJECTED
+    measured = np.flatnonzero(history.verdict[:, POSITION_ROW] != NOT_MEASURED)
+    rejected = history.verdict[measured, POSITION_ROW] == REJECTED
     log_R = np.linalg.slogdet(problem.epochs.position_cov[measured])[1] + 2.0 * np.sum(
         np.log(problem.layout.white_scales[problem.epochs.group[measured]]), axis=1
     )
@@ -254,8 +254,8 @@ def misfit(solution: Solution) -> float:
 
     The correlations between the components of an innovation are left out.
     """
-    measured = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
-    rejected = solution.verdict[measured, POSITION] == REJECTED
+    measured = np.flatnonzero(solution.verdict[:, POSITION_ROW] != NOT_MEASURED)
+    rejected = solution.verdict[measured, POSITION_ROW] == REJECTED
     gate = solution.problem.gate
     size = np.where(rejected, gate, np.minimum(solution.nis[measured, 0], gate))
     log_sigma = np.sum(np.log(solution.innovation_sigma[measured, :3]), axis=1)
@@ -296,5 +296,5 @@ def follows(solution: Solution) -> bool:
         (`MOST_NIS`).
     """
     offered, rejected, _ = fix_counts(solution.verdict)
-    used = solution.nis[solution.verdict[:, POSITION] == USED, POSITION]
+    used = solution.nis[solution.verdict[:, POSITION_ROW] == USED, POSITION_ROW]
     return bool(rejected <= MOST_LOST * offered and np.mean(used) / 3.0 < MOST_NIS)

@@ -29,7 +29,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.wording import some
 from ...records import Array, Finding, Question
-from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
+from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION_ROW, REJECTED
 from ..filter.event_chain import SharedError
 from ..filter.filter import make_history, run_filter
 from ..filter.kernels.records import Epochs, FilterHistory
@@ -157,7 +157,7 @@ def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solutio
         From the first to the last of the rejected fixes and covariance resets that are less than
         `APART_S` apart, with the largest innovation.
     """
-    verdict = history.verdict[:, POSITION]
+    verdict = history.verdict[:, POSITION_ROW]
     is_rejected = np.isin(verdict, (REJECTED, COVARIANCE_RESET)) & ~problem.epochs.withheld
     rejected = np.flatnonzero(is_rejected)
     if rejected.size == 0:
@@ -187,7 +187,7 @@ def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) 
     list of Spell
         Every other one of those between the steps, those that are shorter in all.
     """
-    verdict = history.verdict[:, POSITION]
+    verdict = history.verdict[:, POSITION_ROW]
     fixes = np.flatnonzero((verdict != NOT_MEASURED) & ~problem.epochs.withheld)
     onsets: list[int] = []  # the first of the rejected fixes before a reset
     steps: list[Array] = []  # the median innovation from there to the reset
@@ -257,7 +257,7 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
     Solution
         The same, whose events know what they share.
     """
-    resets = np.flatnonzero(solution.verdict[:, POSITION] == COVARIANCE_RESET)
+    resets = np.flatnonzero(solution.verdict[:, POSITION_ROW] == COVARIANCE_RESET)
     shared = []
     for spell in spells:
         added = np.outer(spell.step, spell.step) + np.diag(spell.step_sigma**2)

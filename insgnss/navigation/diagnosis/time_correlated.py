@@ -36,11 +36,11 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Array
-from ..filter.codes import NOT_MEASURED, POSITION, REJECTED, VELOCITY
+from ..filter.codes import NOT_MEASURED, POSITION_ROW, REJECTED, VELOCITY_ROW
 from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from ..innovations.likelihood import CORRELATED_STATES, OF_FIXES, available, linear_segment
+from ..innovations.likelihood import CORRELATED_STATES, FIX_PARAMETERS, available, linear_segment
 from ..innovations.search import Search
 from .candidates import (
     WHITER,
@@ -293,7 +293,7 @@ def _whiter(model: FixErrors) -> FixErrors:
 
 def _rejected(solution: Solution) -> float:
     """Return the share of positions, or half that of velocities, that the gate rejected."""
-    verdict = solution.verdict[:, [POSITION, VELOCITY]]
+    verdict = solution.verdict[:, [POSITION_ROW, VELOCITY_ROW]]
     offered = np.maximum(np.count_nonzero(verdict != NOT_MEASURED, axis=0), 1)
     return float(np.max(np.count_nonzero(verdict == REJECTED, axis=0) / offered * [1.0, 0.5]))
 
@@ -308,9 +308,9 @@ def _maximum(
     liveliest = liveliest_part(solution, FIRST_FIXES if white_only else MOST_FIXES_FITTED)
     layout = liveliest.problem.layout
     possible = available(layout, bool(liveliest.problem.epochs.has_velocity.any()))
-    names = tuple(name for name in possible if name in (*OF_FIXES, *CORRELATED_STATES))
+    names = tuple(name for name in possible if name in (*FIX_PARAMETERS, *CORRELATED_STATES))
     search = Search([linear_segment(liveliest, names)], names, progress, FACTOR_BOUNDS)
-    free = np.array([name in OF_FIXES or not white_only for name in names])
+    free = np.array([name in FIX_PARAMETERS or not white_only for name in names])
     theta = search.maximum(free).theta
     return dict(zip(names, np.exp(theta).tolist(), strict=True))
 

@@ -8,7 +8,7 @@ One definition for both sides. Numba takes these names as constants, slices incl
 # `layout.StateLayout`.
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad
 NAV = slice(0, 9)  # position, velocity, attitude
-IMU = slice(9, None)  # all that follow
+IMU_STATES = slice(9, None)  # all that follow
 N_NAV = 9  # number of navigation error states
 PX, PY, PZ, VX, VY, VZ, AX, AY, AZ = range(N_NAV)  # A: psi, the attitude error
 VEL0, PSI0, IMU0 = VX, AX, N_NAV  # the first state of each group
@@ -24,21 +24,21 @@ N_CHANNELS = 6  # number of channels
 
 # What an error state is multiplied with before it adds to its channel; 0..5: that channel's rate.
 BIAS = -1  # one
-DRIFT = -2  # seconds since the start
+DRIFT_CODE = -2  # seconds since the start
 AIDING_ERROR = -3  # nothing: an error of the fixes or of a barometer, in their measurement alone
-ABSENT = -1  # instead of the number of a state (or of a row, an event) that there is not
+NO_SENSOR = -1  # instead of the number of a state (or of a row, an event) that there is not
 
 # Groups of fixes with error models of their own.
 FIXED_GROUP = 0  # the usual: ambiguities fixed, or a recording in which all fixes are of one kind
 UNFIXED_GROUP = 1  # float and code solutions, whose errors stay for a minute and more
-OF_VELOCITY = 2  # of the scales of white errors and of the time-correlated ones: the velocities
+VELOCITY_CODE = 2  # of the scales of white errors and of the time-correlated ones: the velocities
 
 # Kinds of measured triples, in the order in which an epoch takes them.
-POSITION = 0  # of the GNSS antenna (K.1)
-VELOCITY = 1  # of the GNSS antenna (K.2)
+POSITION_ROW = 0  # of the GNSS antenna (K.1)
+VELOCITY_ROW = 1  # of the GNSS antenna (K.2)
 VELOCITY_CONSTRAINT = 2  # ZUPT (K.8) or NHC (K.9)
 ZARU = 3  # zero angular rate update (K.10)
-BAROMETER = 4  # height (K.12)
+BAROMETER_ROW = 4  # height (K.12)
 N_KINDS = 5  # number of these; the k-th of `EstimationProblem.measurements` is N_KINDS + k
 
 # A linearised measurement (K.13): what it is linearised about, and the columns of its derivative.

@@ -48,7 +48,7 @@ from ...records.states import (
     State,
 )
 from ..noise_model.model import AxisNoise, NoiseModel
-from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
+from .codes import AIDING_ERROR, BIAS, DRIFT_CODE, N_CHANNELS, N_NAV, NO_SENSOR
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
@@ -56,8 +56,8 @@ DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrate
 # a-priori sigma of a slow bias, rad/s and m/s^2: MEMS that warm up by 20 to 40 K change by 100 to
 # 500 deg/h and by 3 to 15 mg
 SLOW_BIAS = {"gyro": 200.0 * DEG_PER_H, "accel": 5.0 * MILLI_G}
-UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
-SLOW = "slow bias"  # group of its states
+UNIT_OF_SENSOR = {"gyro": "rad/s", "accel": "m/s^2"}
+SLOW_STATE = "slow bias"  # group of its states
 
 Row = tuple[State, int, int, float, float, float]  # state, channel, factor, beta, drive, sigma0
 
@@ -191,17 +191,17 @@ class StateLayout:
     @property
     def lever(self) -> int:
         """The first state of the lever arm's error, or ABSENT."""
-        return self._first.get(LEVER_ARM, ABSENT)
+        return self._first.get(LEVER_ARM, NO_SENSOR)
 
     @property
     def offset(self) -> int:
         """The state of the time offset, or ABSENT."""
-        return self._first.get(TIME_OFFSET.group, ABSENT)
+        return self._first.get(TIME_OFFSET.group, NO_SENSOR)
 
     @property
     def rate(self) -> int:
         """The state of the rate of the time offset, or ABSENT."""
-        return self._first.get(CLOCK_RATE.group, ABSENT)
+        return self._first.get(CLOCK_RATE.group, NO_SENSOR)
 
     @property
     def read_of_events(self) -> np.ndarray:
@@ -213,22 +213,22 @@ class StateLayout:
     @property
     def gm(self) -> int:
         """The first state of the time-correlated error of all fixes, or ABSENT."""
-        return self._first.get(CORRELATED_ERROR, ABSENT)
+        return self._first.get(CORRELATED_ERROR, NO_SENSOR)
 
     @property
     def unfixed_gm(self) -> int:
         """The first state of that which float and code solutions have besides, or ABSENT."""
-        return self._first.get(UNFIXED_ERROR, ABSENT)
+        return self._first.get(UNFIXED_ERROR, NO_SENSOR)
 
     @property
     def velocity_gm(self) -> int:
         """The first state of that of the velocities, or ABSENT."""
-        return self._first.get(VELOCITY_ERROR, ABSENT)
+        return self._first.get(VELOCITY_ERROR, NO_SENSOR)
 
     @property
     def barometer(self) -> int:
         """The state of a barometer's bias, with that of its scale factor behind it, or ABSENT."""
-        return self._first.get(BAROMETER_BIAS, ABSENT)
+        return self._first.get(BAROMETER_BIAS, NO_SENSOR)
 
     @property
     def size(self) -> int:
@@ -269,7 +269,7 @@ class StateLayout:
     @property
     def of_fixes(self) -> bool:
         """Whether errors of the fixes are among the states."""
-        return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != ABSENT
+        return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != NO_SENSOR
 
     def channel_sum(self) -> Array:
         """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
@@ -414,22 +414,22 @@ def _slow_state(c: int, slow: SlowBias) -> Row:
     """Return the slow bias of channel c."""
     sensor, letter = CHANNELS[c]
     if np.isfinite(slow.time_s):
-        state = State(SLOW, letter, UNITS[sensor], sensor)
+        state = State(SLOW_STATE, letter, UNIT_OF_SENSOR[sensor], sensor)
         return state, c, BIAS, 1.0 / slow.time_s, 0.0, SLOW_BIAS[sensor]
-    state = State(SLOW, letter, f"{UNITS[sensor]}/s", sensor)
-    return state, c, DRIFT, 0.0, 0.0, SLOW_BIAS[sensor] / slow.duration_s
+    state = State(SLOW_STATE, letter, f"{UNIT_OF_SENSOR[sensor]}/s", sensor)
+    return state, c, DRIFT_CODE, 0.0, 0.0, SLOW_BIAS[sensor] / slow.duration_s
 
 
 def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
     """Return the bias-like states of channel c."""
     sensor, letter = CHANNELS[c]
-    unit, rows = UNITS[sensor], []
+    unit, rows = UNIT_OF_SENSOR[sensor], []
     if axis.turn_on_bias > 0.0 or axis.random_walk > 0.0:
         bias = State("bias", letter, unit, sensor)
         rows.append((bias, c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))
     if axis.drift > 0.0:
         drift = State("drift", letter, f"{unit}/s", sensor)
-        rows.append((drift, c, DRIFT, 0.0, 0.0, axis.drift))
+        rows.append((drift, c, DRIFT_CODE, 0.0, 0.0, axis.drift))
     for k, gm in enumerate(axis.gauss_markov, start=1):
         process = State(f"GM {k}", letter, unit, sensor)
         rows.append((process, c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma))

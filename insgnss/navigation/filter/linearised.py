@@ -23,7 +23,7 @@ from .codes import (
     ABOUT_STATES,
     ACCEL0,
     AIDING_ERROR,
-    DRIFT,
+    DRIFT_CODE,
     OF_BIAS,
     OF_STATES,
     POS,
@@ -36,7 +36,9 @@ from .kernels.records import Epochs
 from .problem import EstimationProblem, MeasuredRows
 from .strapdown import nav_difference
 
-CHANGE = 0.01  # standard deviations that another linearisation may move a prediction by (chosen)
+LINEAR_SHARE = (
+    0.01  # standard deviations that another linearisation may move a prediction by (chosen)
+)
 # m, m/s, rad, rad/s by which a central difference moves the nine errors of navigation and the
 # biases of the gyros: rounding and curvature leave some 1e-9 of a derivative
 DIFFERENCE_STEPS = np.repeat([1e-2, 1e-2, 1e-5, 1e-6], 3)
@@ -98,7 +100,7 @@ def linearised_about(
     -------
     problem : EstimationProblem
         With derivatives, residuals and covariances about the solution; as it was where that would
-        change less than `CHANGE`.
+        change less than `LINEAR_SHARE`.
     change : float
         What the linearisation so far predicts of the measurements at this solution differs from
         their prediction by so many standard deviations, at most; infinite where there was none.
@@ -117,7 +119,7 @@ def linearised_about(
         residual = measurement.minus(measured.rows, prediction(problem, measured, about[index]))
         epochs.linear_residual[index, g, : residual.shape[1]] = residual
         change = max(change, _change(measured, before, epochs, g))
-    if change <= CHANGE:
+    if change <= LINEAR_SHARE:
         return problem, change
     for g, measured in enumerate(problem.measurements):
         _linearise(problem, measured, epochs, g)
@@ -217,7 +219,7 @@ def _gyro_bias(problem: EstimationProblem, x: Array) -> Array:
         if channel >= ACCEL0 or factor == AIDING_ERROR:
             continue
         of = problem.epochs.rate[:, factor] if factor >= 0 else 1.0
-        out[:, channel] += x[:, s] * (problem.epochs.time if factor == DRIFT else of)
+        out[:, channel] += x[:, s] * (problem.epochs.time if factor == DRIFT_CODE else of)
     return out
 
 

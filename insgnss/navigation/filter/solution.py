@@ -21,10 +21,10 @@ import numpy as np
 from ...base.errors import DataError
 from ...records import Array
 from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
-from .codes import AX, AY, AZ, IMU, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
+from .codes import AX, AY, AZ, IMU_STATES, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain, SharedError, events_of
-from .linearised import CHANGE, linearised_about
+from .linearised import LINEAR_SHARE, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
 
@@ -276,7 +276,7 @@ def solve(
             _refuse_unsettled(passes.problem, change)
             break
         moving = second_pass != "off" and _nonlinear(smoothed.delta, history.sigma)
-        if not (another or moving or change > CHANGE):
+        if not (another or moving or change > LINEAR_SHARE):
             break
         move(history.nav, history.x, smoothed.delta)
         passes.problem = again
@@ -428,4 +428,4 @@ def move(nav: Array, x: Array, delta: Array) -> None:
     nav[:, QX] = w * q1 + a * q0 + b * q3 - c * q2
     nav[:, QY] = w * q2 - a * q3 + b * q0 + c * q1
     nav[:, QZ] = w * q3 + a * q2 - b * q1 + c * q0
-    x += delta[:, IMU]
+    x += delta[:, IMU_STATES]

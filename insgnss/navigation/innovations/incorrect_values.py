@@ -46,7 +46,7 @@ APART_SIGMAS = 3.5
 OF_LARGEST = 0.5  # of the largest ratio: pieces below are off by own states that it has pulled
 MOST_WITHHELD = 0.3  # share of the values; where more stand apart none can be called the others
 ROUNDS = 3  # after each of which own states no longer follow the spells
-MOST_NAMED = 5  # spells that the note names
+MOST_SPELLS_NAMED = 5  # spells that the note names
 
 
 class Spell(NamedTuple):
@@ -234,13 +234,13 @@ def _runs(flagged: np.ndarray) -> list[tuple[int, int]]:
 def _check(spells: list[Spell]) -> Finding:
     """Say which values stand apart."""
     texts = []
-    for spell in spells[:MOST_NAMED]:
+    for spell in spells[:MOST_SPELLS_NAMED]:
         unit, factor = (" deg", 1.0 / DEG) if spell.angle else ("", 1.0)
         texts.append(
             f"{spell.measurement}, {spell.first_s:.1f} to {spell.last_s:.1f} s, by"
             f" {factor * spell.mean:.3g} +- {factor * spell.sigma:.2g}{unit}"
         )
-    more = f" and {len(spells) - MOST_NAMED} more" if len(spells) > MOST_NAMED else ""
+    more = f" and {len(spells) - MOST_SPELLS_NAMED} more" if len(spells) > MOST_SPELLS_NAMED else ""
     return Question("measurements", "one level throughout").note(
         "for seconds, values differ from what the flight without these sensors has:"
         f" {'; '.join(texts)}{more}; they are left out",

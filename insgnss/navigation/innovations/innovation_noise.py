@@ -2,7 +2,8 @@
 
 The estimate comes with what is needed to judge it.
 
-What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is
+What is asked for (`IMU_PARAMETERS` parameters, a factor on a static model's root density, one a
+triad) is
 estimated together with what else shapes the innovations: the scale of the fixes' own sigmas, and of
 their time-correlated error where it is a state. Fixes that claim too little would otherwise be
 taken for a noisy IMU. `search` finds
@@ -30,8 +31,8 @@ from ...records import Array
 from ..filter.solution import Solution
 from .likelihood import (
     CORRELATED,
-    IMU,
-    OF_FIXES,
+    FIX_PARAMETERS,
+    IMU_PARAMETERS,
     Evaluated,
     available,
     evaluate,
@@ -40,7 +41,7 @@ from .likelihood import (
 from .pieces import FEWEST_FIXES_MOVING, SHORTEST_S
 from .search import RANGE, Maximum, Search
 
-DEFAULT = ("gyro.white_noise", "accel.white_noise")
+ESTIMATED_BY_DEFAULT = ("gyro.white_noise", "accel.white_noise")
 # sigma of a logarithm up to which a factor is known, and its sigmas from one that may be chance
 KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT_CHANCE = 1e-3  # chance that the innovations of a true static model ask for another
@@ -160,7 +161,9 @@ class InFlightNoise:
     def imu_factors(self) -> dict[str, float]:
         """Return the factor of each IMU parameter; one where it is held."""
         return {
-            name: float(f) for name, f in zip(self.names, self.factor, strict=True) if name in IMU
+            name: float(f)
+            for name, f in zip(self.names, self.factor, strict=True)
+            if name in IMU_PARAMETERS
         }
 
     @property
@@ -198,7 +201,7 @@ class InFlightNoise:
 
     @property
     def _far(self) -> np.ndarray:
-        of_fixes = np.array([name not in IMU for name in self.names])
+        of_fixes = np.array([name not in IMU_PARAMETERS for name in self.names])
         return np.asarray(of_fixes & (np.abs(np.log(self.factor)) > OFF_SIGMAS * self.log_sigma))
 
     @property
@@ -212,7 +215,7 @@ class InFlightNoise:
 
 def in_flight_noise(
     solutions: Sequence[Solution],
-    parameters: Sequence[str] = DEFAULT,
+    parameters: Sequence[str] = ESTIMATED_BY_DEFAULT,
     progress: Callable[[str], None] = lambda _: None,
 ) -> InFlightNoise:
     """Estimate factors of the IMU's noise from solved segments in motion.
@@ -222,7 +225,7 @@ def in_flight_noise(
     solutions : sequence of Solution
         The segments in motion, of one flight.
     parameters : sequence of str
-        Parameters of `IMU` to estimate.
+        Parameters of `IMU_PARAMETERS` to estimate.
     progress : callable
         Takes a line on each step.
 
@@ -250,10 +253,10 @@ def in_flight_noise(
     present = available(
         solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions)
     )
-    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in present))
+    names = (*parameters, *(name for name in (*FIX_PARAMETERS, CORRELATED) if name in present))
     segments = [linear_segment(s, names) for s in solutions]
     search = Search(segments, names, progress)
-    imu = np.array([name in IMU for name in names])
+    imu = np.array([name in IMU_PARAMETERS for name in names])
     static = search.maximum(~imu)
     held: dict[str, str] = {}
     whole = Maximum(static.theta, evaluate(segments, static.theta))

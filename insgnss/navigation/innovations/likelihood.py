@@ -48,12 +48,12 @@ from ..filter.codes import (
     N_NAV,
     NOT_MEASURED,
     POS,
-    POSITION,
+    POSITION_ROW,
     PSI,
     REJECTED,
     USED,
     VEL,
-    VELOCITY,
+    VELOCITY_ROW,
 )
 from ..filter.filter import forward_inputs, measured_kinds
 from ..filter.kernels.records import FilterOptions
@@ -73,9 +73,9 @@ CORRELATED_STATES = {
     "fixes.unfixed_correlated": "unfixed_gm",
     "fixes.velocity_correlated": "velocity_gm",
 }
-OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
-IMU = (*WHITE, *DRIVEN)
-PARAMETERS = (*IMU, *OF_FIXES, *CORRELATED_STATES)
+FIX_PARAMETERS = {"fixes.position": POSITION_ROW, "fixes.velocity": VELOCITY_ROW}
+IMU_PARAMETERS = (*WHITE, *DRIVEN)
+LIKELIHOOD_PARAMETERS = (*IMU_PARAMETERS, *FIX_PARAMETERS, *CORRELATED_STATES)
 # of the start, as `navigation.align.initial` has it
 WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0
 
@@ -157,13 +157,13 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Those of `PARAMETERS` that act on it.
+        Those of `LIKELIHOOD_PARAMETERS` that act on it.
     """
     driven = {name: _driven(layout, name).any() for name in (*DRIVEN, *CORRELATED_STATES)}
     white = {name: bool(layout.white[channels].any()) for name, channels in WHITE.items()}
     return tuple(
         name
-        for name in PARAMETERS
+        for name in LIKELIHOOD_PARAMETERS
         if {**white, **driven, "fixes.position": True, "fixes.velocity": velocity}[name]
     )
 
@@ -229,10 +229,10 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     linear = _linear(solution, len(parts) + 1, P0, decided_by)
     imu = imu._replace(white=white, drive=drive)
     linearise_segment(intervals, ep, imu, earth, lever, solution.nav, solution.x, linear)
-    linear.there[ep.withheld] &= linear.kind != POSITION
+    linear.there[ep.withheld] &= linear.kind != POSITION_ROW
     index = {name: i for i, name in enumerate(names)}
     of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
-    kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}
+    kinds = {kind: index.get(name, -1) for name, kind in FIX_PARAMETERS.items()}
     of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
     return LinearSegment(tuple(names), linear, of_part, of_kind)
 
@@ -313,7 +313,7 @@ def evaluate(
         share, scale = variance[s.of_part], variance[s.of_kind]
         of_part, of_kind = slope_of[s.of_part], slope_of[s.of_kind]
         cost += run_linear(s.linear, share, of_part, scale, of_kind, total, white, nis, verdict)
-        measured = verdict[:, POSITION] != NOT_MEASURED
+        measured = verdict[:, POSITION_ROW] != NOT_MEASURED
         every.append((white[measured, 0], nis[measured, 0], verdict[measured, 0]))
     white, nis, verdict = (np.concatenate([arrays[i] for arrays in every]) for i in range(3))
     rejected = int(np.count_nonzero(verdict == REJECTED))

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...records import Array
 from ...records.states import CORRELATED_ERROR
-from ..filter.codes import BIAS, DRIFT, IMU0
+from ..filter.codes import BIAS, DRIFT_CODE, IMU0
 from ..filter.layout import StateLayout
 from ..filter.problem import sub_problem
 from ..filter.solution import Solution
@@ -55,7 +55,7 @@ def sub_solution(solution: Solution, first: int, last: int) -> Solution:
         k: getattr(solution, k)[epochs]
         for k in ("nav", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
     }
-    for s in np.flatnonzero(layout.factor == DRIFT):
+    for s in np.flatnonzero(layout.factor == DRIFT_CODE):
         bias = (layout.channel == layout.channel[s]) & (layout.factor == BIAS) & (layout.beta == 0)
         if bias.any():
             x[:, np.argmax(bias)] += x[:, s] * solution.problem.epochs.time[first]

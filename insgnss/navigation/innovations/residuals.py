@@ -32,7 +32,7 @@ import numpy as np
 
 from ...geodesy.rotation import rotation_from_quaternion, skew
 from ...records import Array, MeanResidual
-from ..filter.codes import COVARIANCE_RESET, NAV, POS, POSITION, PSI, QUAT, USED, VEL
+from ..filter.codes import COVARIANCE_RESET, NAV, POS, POSITION_ROW, PSI, QUAT, USED, VEL
 from ..filter.problem import EstimationProblem
 from ..filter.solution import Solution
 
@@ -58,7 +58,7 @@ def mean_residuals(solution: Solution) -> tuple[MeanResidual, ...]:
         Those of the pieces that hold a fix, in the order of time; axes of the local frame.
     """
     epochs = solution.problem.epochs
-    used = np.isin(solution.verdict[:, POSITION], (USED, COVARIANCE_RESET)) & ~epochs.withheld
+    used = np.isin(solution.verdict[:, POSITION_ROW], (USED, COVARIANCE_RESET)) & ~epochs.withheld
     rows = np.flatnonzero(used & epochs.has_position)
     if not rows.size:
         return ()

@@ -20,13 +20,16 @@ import numpy as np
 
 from ...base.advance import converged, share, through, within
 from ...records import Array
-from .likelihood import IMU, Evaluated, LinearSegment, evaluate
+from .likelihood import IMU_PARAMETERS, Evaluated, LinearSegment, evaluate
 
 # a fix is not trusted to less than a fifth of its sigma
 RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
 # of a search; its last step and gain; and its longest step, a factor of e (chosen)
-SEARCH_STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
-LENGTHS = (0.01, 1.0)  # of a step, l of (N.1): the shortest that is tried (chosen), and the whole
+SEARCH_STEPS, LAST_CHANGE, LONGEST_STEP = 40, 1e-4, 1.0
+STEP_BOUNDS = (
+    0.01,
+    1.0,
+)  # of a step, l of (N.1): the shortest that is tried (chosen), and the whole
 HOPE = 10.0  # gains of the last step, as many as a search may still win (chosen)
 # of the information: standard deviations of a logarithm of 1400 and 45 000
 LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
@@ -87,7 +90,7 @@ class Search:
     names: tuple[str, ...]
     progress: Callable[[str], None]
     range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
-    gain: float = DONE
+    gain: float = LAST_CHANGE
 
     def maximum(
         self, free: np.ndarray, starts: Sequence[float] = STARTS, to_beat: float = np.inf
@@ -108,7 +111,7 @@ class Search:
         Maximum
             The maximum; where it stays above `to_beat` in any case, a point on the way to it.
         """
-        moved = np.array([name in IMU for name in self.names]) & free
+        moved = np.array([name in IMU_PARAMETERS for name in self.names]) & free
         thetas = [np.where(moved, s, 0.0) for s in (starts if moved.any() else STARTS[:1])]
         count = int(np.count_nonzero(free))
         self.progress(f"likelihood of the innovations, {count} factor{'s' if count > 1 else ''}")
@@ -121,7 +124,9 @@ class Search:
 
     def _climb(self, here: Maximum, free: np.ndarray, to_beat: float) -> Maximum:
         """Climb to the maximum by (N.1)."""
-        low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
+        low, high = np.log(
+            [RANGE if name in IMU_PARAMETERS else self.range_of_fixes for name in self.names]
+        ).T
         length, longest = 1.0, 0.0
         for _ in range(SEARCH_STEPS):
             theta, g = here.theta, here.evaluated.gradient
@@ -135,16 +140,20 @@ class Search:
             there = Maximum(moved, evaluate(self.segments, moved, free))
             size = float(np.abs(moved - theta).max())
             longest = max(longest, size)
-            share(converged(size, longest, DONE))
+            share(converged(size, longest, LAST_CHANGE))
             gain, step = here.evaluated.cost - there.evaluated.cost, (moved - theta)[active]
             if gain >= 0.0:
                 here = there
-            if size < DONE or 0.0 <= gain < self.gain or (gain < 0.0 and length == LENGTHS[0]):
+            if (
+                size < LAST_CHANGE
+                or 0.0 <= gain < self.gain
+                or (gain < 0.0 and length == STEP_BOUNDS[0])
+            ):
                 break
             if here.evaluated.cost - HOPE * abs(gain) > to_beat:
                 break
             curvature = 2.0 * float(-step @ g[active] - gain) / max(float(step @ A @ step), 1e-300)
-            length = float(np.clip(1.0 / max(curvature, 1e-3), *LENGTHS))
+            length = float(np.clip(1.0 / max(curvature, 1e-3), *STEP_BOUNDS))
         return here
 
 

@@ -37,8 +37,8 @@ from ...base.wording import toml
 from .noise_model import (
     GAUSS_MARKOV,
     GM_KEYS,
+    NOISE_QUANTITIES,
     NOISE_UNITS,
-    QUANTITIES,
     AxisNoise,
     GaussMarkov,
     NoiseModel,
@@ -48,8 +48,8 @@ from .noise_model import (
 __all__ = [
     "GAUSS_MARKOV",
     "GM_KEYS",
+    "NOISE_QUANTITIES",
     "NOISE_UNITS",
-    "QUANTITIES",
     "AxisNoise",
     "GaussMarkov",
     "NoiseModel",
@@ -63,7 +63,7 @@ __all__ = [
     "write_noise_model",
 ]
 
-MODELS = Path(__file__).parent / "models"
+MODELS_DIRECTORY = Path(__file__).parent / "models"
 _AXES = ("x", "y", "z")
 _ERROR = "standard_error"
 _COMMENT_WIDTH = 118  # characters of a line of comment (chosen)
@@ -71,7 +71,7 @@ _COMMENT_WIDTH = 118  # characters of a line of comment (chosen)
 
 def shipped_models() -> tuple[str, ...]:
     """Names of the noise models that the package brings along."""
-    return tuple(sorted(path.stem for path in MODELS.glob("*.toml")))
+    return tuple(sorted(path.stem for path in MODELS_DIRECTORY.glob("*.toml")))
 
 
 def weighted_model(
@@ -104,7 +104,7 @@ def weighted_model(
 def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
     plain: dict[str, Any] = {
         name: math.hypot(*(w_j * getattr(axis, name) for axis, w_j in zip(axes, w, strict=True)))
-        for name in QUANTITIES
+        for name in NOISE_QUANTITIES
     }
     times = [tuple(gm.correlation_time_s for gm in axis.gauss_markov) for axis in axes]
     scaled = [
@@ -144,7 +144,7 @@ def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> Noise
         return name_or_path
     shipped = shipped_models()
     name = os.fspath(name_or_path)
-    path = MODELS / f"{name}.toml" if name in shipped else Path(name)
+    path = MODELS_DIRECTORY / f"{name}.toml" if name in shipped else Path(name)
     try:
         text = read_text(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -185,8 +185,8 @@ def _keys_of_axes(table: str) -> dict[str, tuple[str, ...]]:
     """Return the keys of a table of quantities, [gyro] or [gyro.x], and of those within it."""
     processes = f"{table}.{GAUSS_MARKOV}"
     return {
-        table: (*QUANTITIES, GAUSS_MARKOV, _ERROR, *(() if "." in table else _AXES)),
-        f"{table}.{_ERROR}": QUANTITIES,
+        table: (*NOISE_QUANTITIES, GAUSS_MARKOV, _ERROR, *(() if "." in table else _AXES)),
+        f"{table}.{_ERROR}": NOISE_QUANTITIES,
         processes: (*GM_KEYS, "sigma", _ERROR),
         f"{processes}.{_ERROR}": GM_KEYS,
     }
@@ -239,7 +239,7 @@ def _axis(table: Table, common: Mapping[str, Any], units: Mapping[str, str]) -> 
     inherited = {
         name: sigma
         for name, sigma in common[_ERROR].items()
-        if (name if name in QUANTITIES else GAUSS_MARKOV) not in replaced
+        if (name if name in NOISE_QUANTITIES else GAUSS_MARKOV) not in replaced
     }
     merged = {**common, **replaced, _ERROR: inherited | replaced[_ERROR]}
     if "white_noise" not in merged:
@@ -254,8 +254,8 @@ def _axis(table: Table, common: Mapping[str, Any], units: Mapping[str, str]) -> 
 
 def _quantities(table: Table, units: Mapping[str, str]) -> dict[str, Any]:
     """Return the keyword arguments of `AxisNoise` that a table holds."""
-    out: dict[str, Any] = _amounts(table, QUANTITIES, units)
-    errors = _amounts(table.table(_ERROR), QUANTITIES, units)
+    out: dict[str, Any] = _amounts(table, NOISE_QUANTITIES, units)
+    errors = _amounts(table.table(_ERROR), NOISE_QUANTITIES, units)
     if GAUSS_MARKOV in table.data:
         entries = table.tables(GAUSS_MARKOV)
         out[GAUSS_MARKOV] = tuple(_gauss_markov(entry, units) for entry in entries)
@@ -326,7 +326,7 @@ def comment_lines(text: str) -> list[str]:
 
 def _sensor_lines(sensor: str, axes: tuple[AxisNoise, ...]) -> list[str]:
     """[sensor] with what the three axes share, then [sensor.x] ... with what they do not."""
-    names = (*QUANTITIES, GAUSS_MARKOV)
+    names = (*NOISE_QUANTITIES, GAUSS_MARKOV)
     shared = {
         name
         for name in names
@@ -345,7 +345,7 @@ def _errors_of(axis: AxisNoise, name: str) -> tuple[tuple[str, float], ...]:
     return tuple(
         pair
         for pair in axis.standard_error
-        if (pair[0] not in QUANTITIES if of_processes else pair[0] == name)
+        if (pair[0] not in NOISE_QUANTITIES if of_processes else pair[0] == name)
     )
 
 

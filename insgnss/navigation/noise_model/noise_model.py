@@ -30,7 +30,7 @@ NOISE_UNITS: dict[str, dict[str, str]] = {
     sensor: {name: units[k] for name, units in (_UNITS | _GM_UNITS).items()}
     for k, sensor in enumerate(("gyro", "accel"))
 }
-QUANTITIES = tuple(_UNITS)
+NOISE_QUANTITIES = tuple(_UNITS)
 GM_KEYS = ("correlation_time", "driving_noise")
 
 
@@ -149,12 +149,12 @@ class AxisNoise:
                 sorted((name, float(value)) for name, value in dict(self.standard_error).items())
             ),
         )
-        for name in QUANTITIES:
+        for name in NOISE_QUANTITIES:
             value = getattr(self, name)
             if not _is_amount(value):
                 raise InputError(f"{name} {_shown(value)} must be finite and not negative")
         quantities = {
-            *QUANTITIES,
+            *NOISE_QUANTITIES,
             *(f"{key}_{k}" for key in GM_KEYS for k in range(1, len(self.gauss_markov) + 1)),
         }
         for name, value in self.standard_error:

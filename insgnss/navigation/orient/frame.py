@@ -31,7 +31,7 @@ from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...records import Array, ExteriorOrientation, FramedOrientation, MapFrame
 from ...records.cameras.rig import RigImages
-from ...records.framed import GEOCENTRIC, KINDS, PROJECTED, TANGENT
+from ...records.framed import FRAME_KINDS, GEOCENTRIC, PROJECTED, TANGENT
 
 
 def in_frame(
@@ -64,8 +64,8 @@ def in_frame(
         For another kind, a projected frame without projection, and a ground in a frame that is not
         projected or not below the cameras.
     """
-    if kind not in KINDS:
-        raise UsageError(f"frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
+    if kind not in FRAME_KINDS:
+        raise UsageError(f"frame {kind!r} is unknown; it is one of {', '.join(FRAME_KINDS)}")
     if (projection is not None) != (kind == PROJECTED):
         raise UsageError(f"frame {kind!r}: a CRS belongs to a projected frame, and to no other")
     if ground_m is not None and projection is None:

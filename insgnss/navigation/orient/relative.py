@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from ...base.errors import UsageError
 from ...geodesy.rotation import skew
 from ...records import Array, FramedOrientation
-from ...records.relative import FORMS, GAP_S, Form, RelativeControl
+from ...records.relative import GAP_S, RELATIVE_FORMS, Form, RelativeControl
 
 # change of course from image to image within a line: turns have more (chosen)
 STRAIGHT_RAD = np.radians(20.0)
@@ -221,8 +221,8 @@ def relative_control(
     InputError
         Where the cross-covariances of neighbours are not known.
     """
-    if form not in FORMS:
-        raise UsageError(f"form {form!r} is unknown; it is one of {', '.join(FORMS)}")
+    if form not in RELATIVE_FORMS:
+        raise UsageError(f"form {form!r} is unknown; it is one of {', '.join(RELATIVE_FORMS)}")
     if not gap_s > 0.0:
         raise UsageError(f"gap {gap_s:g} s must be positive; 10 is usual")
     if eo.frame.kind == "geographic":

@@ -37,7 +37,7 @@ OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # cells of N fo
 BIAS_UNIT = {"gyro": "deg/s", "accel": "m/s^2"}
 BIAS_LIMIT = {"gyro": np.radians(20.0), "accel": 5.0}
 _VALUES = ("bias", "scale_factor", "misalignment")
-KEYS: Mapping[str, tuple[str, ...]] = {
+CALIBRATION_KEYS: Mapping[str, tuple[str, ...]] = {
     "": ("name", "source", "gyro", "accel"),
     **{
         sensor: (*_VALUES, "matrix", *(f"{name}_sigma" for name in _VALUES))
@@ -184,7 +184,7 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
         With file and line, for a file that is missing or no TOML, an unknown key, a value without
         unit or of another dimension, `matrix` beside what it replaces, and values that no IMU has.
     """
-    top = read_toml(Path(path), KEYS)
+    top = read_toml(Path(path), CALIBRATION_KEYS)
     top.check_keys()
     triads = {}
     for sensor in ("gyro", "accel"):

@@ -29,7 +29,9 @@ from ...records.cameras.camera_positions import CameraPositions
 
 Position = tuple[float, float, float]
 SATELLITES_M = 2.0e7  # R of (MB.2): least distance of a satellite of GPS, m
-FARTHEST_M = 3e5  # of a position from its base (m): PPK reaches 100 km, exchanged angles go beyond
+FARTHEST_BASE_M = (
+    3e5  # of a position from its base (m): PPK reaches 100 km, exchanged angles go beyond
+)
 SAME_M = 1.0  # between r0 and the base that a file of fixes states (m): its header has centimetres
 
 
@@ -136,10 +138,10 @@ class MovedBase:
             One that no base reaches.
         """
         farthest = float(np.linalg.norm(ecef - _ecef(self.old), axis=1).max(initial=0.0))
-        if farthest > FARTHEST_M:
+        if farthest > FARTHEST_BASE_M:
             raise InputError(
                 f"moved base: positions lie up to {1e-3 * farthest:.0f} km from it (limit"
-                f" {1e-3 * FARTHEST_M:.0f} km); check latitude and longitude of the base"
+                f" {1e-3 * FARTHEST_BASE_M:.0f} km); check latitude and longitude of the base"
             )
         return farthest
 

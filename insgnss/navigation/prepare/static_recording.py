@@ -41,7 +41,7 @@ from .stationarity import (
     StationaryPeriods,
     stationary_periods,
 )
-from .stuck_channels import CHANCE_RUNS, CHANNELS, MOST_PROBED, STUCK_S, constant_runs
+from .stuck_channels import CHANCE_RUNS, CHANNEL_NAMES, MOST_PROBED, STUCK_S, constant_runs
 
 # length (s): six times `LONG_BLOCKS` blocks; a shorter one shows white noise alone (chosen)
 LEAST_LENGTH_S = 60.0
@@ -174,7 +174,7 @@ def static_span(
     checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
     named = [
         (name, column)
-        for name, column, there in zip(CHANNELS, [*gyro.T, *accel.T], channels, strict=True)
+        for name, column, there in zip(CHANNEL_NAMES, [*gyro.T, *accel.T], channels, strict=True)
         if there
     ]
     checks += _channels(named, rate)
@@ -435,7 +435,7 @@ def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...
         lo, hi = _quick_span(run_scores[:2], run[0]) if quick else (run[0], run[-1] + 1)
         first_s, length_s = begin + lo * size / rate, (hi - lo) * size / rate
         kind, sigmas = "shaken" if quick else "step", float(run_scores.max())
-        disturbances.append(Disturbance(first_s, length_s, CHANNELS[channel], kind, sigmas))
+        disturbances.append(Disturbance(first_s, length_s, CHANNEL_NAMES[channel], kind, sigmas))
     return tuple(sorted(disturbances, key=lambda d: -d.sigmas))
 
 

@@ -25,7 +25,14 @@ CHANCE_RUNS = 3.0  # times the longest run that chance makes
 DEAD_BAND, DEAD_BAND_SHARE = 0.05, 0.01  # rad/s; share of the samples
 MOVES = 0.3  # share of the samples at which another channel of the triad changes
 MOST_PROBED = 200_000  # samples that show how often a value repeats (chosen)
-CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z")
+CHANNEL_NAMES = (
+    "gyro x",
+    "gyro y",
+    "gyro z",
+    "accelerometer x",
+    "accelerometer y",
+    "accelerometer z",
+)
 
 
 def run_edges(column: np.ndarray) -> NDArray[np.int64]:
@@ -81,7 +88,7 @@ def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
     dt = nominal_interval(imu.time)
     drop = np.zeros(imu.time.size, dtype=np.bool_)
     runs = []
-    for channel, name in enumerate(CHANNELS):
+    for channel, name in enumerate(CHANNEL_NAMES):
         triad, c = (imu.gyro if channel < 3 else imu.accel), channel % 3
         for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
             neighbours = np.delete(triad[first : last + 1], c, axis=1)

@@ -23,7 +23,7 @@ AXIS_PAIRS = ((0, 1), (0, 2), (1, 2))  # axes that may be exchanged
 MIRRORED = "gyro -x -y -z"  # of the words of `verdict.triads_words`
 # a confidence beyond which a trial explains the motion, and a claim is contradicted
 SURE_OF_EXCHANGE = 0.99
-LETTERS = "xyz"
+AXIS_LETTERS_TURNED = "xyz"
 LEFT_HANDED = "the readings are of left-handed axes"
 
 
@@ -146,7 +146,7 @@ def what_is_wrong(exchange: Exchange, C_b_imu: Array) -> str:
     if axes is not None:
         F = C_b_imu.T @ parse_axes(axes) @ np.eye(3)[list(order(exchange.pair))]
         if not (F - np.diag(np.diag(F))).any():
-            reversed_axes = [LETTERS[k] for k in range(3) if F[k, k] < 0.0]
+            reversed_axes = [AXIS_LETTERS_TURNED[k] for k in range(3) if F[k, k] < 0.0]
             if len(reversed_axes) == 3:
                 return "all six readings have the reversed sign"
             return f"gyro and accelerometer of {reversed_axes[0]} have the reversed sign"

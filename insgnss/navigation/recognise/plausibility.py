@@ -15,7 +15,7 @@ from ...records.verdicts import CHECKS
 from ..prepare.axes import axes_words
 from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LEAST_GAP_INTERVALS, find_gaps, in_bunches, nominal_interval
-from ..prepare.stuck_channels import CHANNELS, STUCK_S, constant_runs, dead_band
+from ..prepare.stuck_channels import CHANNEL_NAMES, STUCK_S, constant_runs, dead_band
 from .positions import check_velocity
 from .propulsion import propulsion
 from .streams import check_classes
@@ -169,7 +169,9 @@ def _silent(imu: ImuSamples, dt: float) -> Finding:
     """Check for channels that repeat one value for longer than `STUCK_S`."""
     limit = max(int(STUCK_S / dt), 10)
     dead, band, how = [], [], ""
-    for c, (name, column) in enumerate(zip(CHANNELS, [*imu.gyro.T, *imu.accel.T], strict=True)):
+    for c, (name, column) in enumerate(
+        zip(CHANNEL_NAMES, [*imu.gyro.T, *imu.accel.T], strict=True)
+    ):
         runs = constant_runs(column, limit + 1)
         if not runs:
             continue

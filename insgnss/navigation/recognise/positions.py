@@ -25,7 +25,7 @@ from ...records import Array, Finding, GnssFixes, Question
 from ...records.observations import UNKNOWN_MPS
 from ..prepare.fix_path import north_east
 
-NAME = "GNSS velocity"
+VELOCITY_CHECK = "GNSS velocity"
 SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does not show
 LEAST_DISPLACEMENTS = 30  # displacements whose median counts (chosen)
 # speed (m/s) below which the noise of fixes hides a displacement of 2 s (chosen)
@@ -54,7 +54,7 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         A contradiction names the misreading; a note says that nothing explains the difference.
     """
     expected = f"displacements are the velocity times the time, within {AGREE:.0%} in the median"
-    ask = Question(NAME, expected)
+    ask = Question(VELOCITY_CHECK, expected)
     assert gnss.velocity_ned is not None
     assert gnss.velocity_cov_ned is not None
     pairs = _pairs(gnss.time)

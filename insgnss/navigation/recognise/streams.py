@@ -16,7 +16,7 @@ from ...records.interpolation import columns_at
 from ...records.qualities import Quality
 from ..prepare.fix_path import between_fixes, north_east
 
-NAME = "GNSS quality"
+QUALITY_CHECK = "GNSS quality"
 # of a quality, with fixes of the other on both sides within `fix_path.BESIDE_S`
 LEAST_FIXES_OF_QUALITY = 20
 # standard deviations that rows of a quality are off in the median, horizontally or vertically: the
@@ -77,7 +77,7 @@ def check_classes(gnss: GnssFixes) -> list[Finding]:
     expected = f"one path, within {NOTED_SIGMAS:.0f} sigmas in the median"
     finding = "; ".join(text for text, _, _ in apart.values())
     stopped = max(ratio for _, _, ratio in apart.values()) > STOPPED
-    return [Question(NAME, expected).against(finding, advice, stopped)]
+    return [Question(QUALITY_CHECK, expected).against(finding, advice, stopped)]
 
 
 def _ratio(distance: Array, variance: Array) -> float:

@@ -69,7 +69,7 @@ ENOUGH_IMAGES = 20  # whose mean rate of turn counts: fewer may all lie in turns
 # of all squares: what rounding leaves of those of readings that do not vary
 SQUARES_ROUNDING = 1e-12
 # whose clock stamps the exposures, in words
-CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
+CLOCK_OWNERS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
 
 
 def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Finding:
@@ -92,7 +92,7 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
     ask = Question("camera events", "in the time scale of the fixes: on lines, not in turns")
     step = np.diff(events.time)
     finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
-    finding += CLOCKS[clock]
+    finding += CLOCK_OWNERS[clock]
     if step.size:
         finding += f", shortest interval {step.min():.2f} s"
     grid = np.arange(gnss.time[0], gnss.time[-1], TURN_GRID_S)

@@ -25,7 +25,7 @@ HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertai
 # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
 COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
 # who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
-SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995
+SLOW_MS, SLOW_SHARE, NOSE_FIRST = 3.0, 0.95, 0.995
 SAME_LAG_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 
 
@@ -138,7 +138,7 @@ def of_forward(ahead: Forward, moved: Propulsion, also: float) -> Finding:
     The axis of motion of who leans to change its speed (`propulsion`) need not be that of its nose.
     """
     free = ahead.speed < SLOW_MS or moved.nose_is_free(ahead.speed)
-    sure = ahead.direction.confidence * (SLOW if free else NOSE_FIRST) * also
+    sure = ahead.direction.confidence * (SLOW_SHARE if free else NOSE_FIRST) * also
     evidence = f"moves at {ahead.speed:.1f} m/s (sigma {ahead.speed_sigma:.1f}) "
     evidence += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
     evidence += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"

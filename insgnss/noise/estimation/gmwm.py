@@ -26,7 +26,7 @@ from ...base.errors import DataError, UsageError
 from ...navigation.noise_model.model import AxisNoise
 from ...records import Array, WaveletVariance
 from ..moments.theory import Sampling, haar_variance
-from ..processes.composition import TIME, Composition
+from ..processes.composition import CORRELATION_TIME, Composition
 from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, Moments, Solution, pooled
 from ._minimum import minimum
 
@@ -271,5 +271,5 @@ def _at_bound(moments: Moments, composition: Composition, parameters: Array) -> 
     return tuple(
         str(term)
         for term, value in valued
-        if value in (moments.bounds if term.kind == TIME else (0.0,))
+        if value in (moments.bounds if term.kind == CORRELATION_TIME else (0.0,))
     )

@@ -61,16 +61,16 @@ DISTINCT_RAD = np.radians(15.0)  # positions whose vertical differs by less are 
 ANYWHERE_SIGMA = 0.02  # m/s^2: 9.80665 misses latitude and height
 LONGEST_TURN_S = 60.0  # beyond, the gyro's drift and scale outweigh what a turn tells (chosen)
 AXIS_LETTERS = "xyz"
-SCALES = tuple(State("scale_factor", c) for c in AXIS_LETTERS)
+SCALE_STATES = tuple(State("scale_factor", c) for c in AXIS_LETTERS)
 ACCEL_STATES = (
     *(State("bias", c, "m/s^2") for c in AXIS_LETTERS),
-    *SCALES,
+    *SCALE_STATES,
     *(State("misalignment", AXIS_LETTERS[r] + AXIS_LETTERS[c], "rad") for r, c in LOWER),
 )
 GYRO_STATES = (
     *(State("bias", c, "rad/s") for c in AXIS_LETTERS),
     *(
-        SCALES[AXIS_LETTERS.index(r)] if r == c else State("misalignment", r + c, "rad")
+        SCALE_STATES[AXIS_LETTERS.index(r)] if r == c else State("misalignment", r + c, "rad")
         for r in AXIS_LETTERS
         for c in AXIS_LETTERS
     ),

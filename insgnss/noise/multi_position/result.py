@@ -1,7 +1,7 @@
 """The outcome of a multi-position calibration: parameters, standard errors, observability.
 
 A parameter is observed where its standard error is below a third of what is usual of such sensors
-(`USUAL`), weakly observed below the whole. What is not observed on its own may be known in
+(`USUAL_SIZES`), weakly observed below the whole. What is not observed on its own may be known in
 combination with others: eigenvectors of the covariance, each parameter in units of its usual size,
 name the combinations that are not.
 """
@@ -25,9 +25,9 @@ from ...report.notebook import Shown
 from ...report.verdict import worst_of
 
 # by unit, of biases, scale factors and misalignments: 40 deg/h, 1 mg, 1000 ppm, 1 mrad
-USUAL = {"rad/s": 2e-4, "m/s^2": 0.01, "": 1e-3, "rad": 1e-3}
+USUAL_SIZES = {"rad/s": 2e-4, "m/s^2": 0.01, "": 1e-3, "rad": 1e-3}
 POSSIBLE = {"rad/s": 0.35, "m/s^2": 5.0, "": 0.1, "rad": 0.1}  # limits of a calibration file
-SHOWN = {
+SHOWN_UNITS = {
     "rad/s": (float(np.degrees(3600.0)), "deg/h"),
     "m/s^2": (1e3 / STANDARD_GRAVITY, "mg"),
     "": (1e6, "ppm"),
@@ -57,7 +57,7 @@ class Parameter(Estimate):
     @property
     def shown(self) -> tuple[float, float, str]:
         """The value and the standard error in the unit that stands third."""
-        factor, unit = SHOWN[self.state.unit]
+        factor, unit = SHOWN_UNITS[self.state.unit]
         return factor * self.value, factor * self.sigma, unit
 
     def as_dict(self) -> dict[str, Any]:
@@ -108,7 +108,7 @@ class TriadEstimate:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters, with a verdict on each."""
-        usual = sizes(USUAL, self.states)
+        usual = sizes(USUAL_SIZES, self.states)
         columns = zip(self.states, self.values.tolist(), self.sigma.tolist(), usual, strict=True)
         return tuple(Parameter(*of_one, sensor=self.sensor) for of_one in columns)
 
@@ -218,7 +218,7 @@ class MultiPosition(Shown):
 
 
 def sizes(table: Mapping[str, float], states: Sequence[State]) -> Array:
-    """Return the sizes (p,) of `USUAL` or `POSSIBLE`, in rad/s, m/s^2, 1 or rad."""
+    """Return the sizes (p,) of `USUAL_SIZES` or `POSSIBLE`, in rad/s, m/s^2, 1 or rad."""
     return np.array([table[state.unit] for state in states])
 
 
@@ -242,7 +242,7 @@ def blind_directions(states: Sequence[State], covariance: Array) -> tuple[str, .
     tuple of str
         Combinations in words, each with its standard error in units of the usual.
     """
-    size = sizes(USUAL, states)
+    size = sizes(USUAL_SIZES, states)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     out = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):

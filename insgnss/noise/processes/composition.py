@@ -25,7 +25,7 @@ from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...records import Array
 
 MOST_GAUSS_MARKOV = 5  # of one axis (chosen)
-GAUSS_MARKOV, TIME, DRIVING = "gauss_markov", "correlation_time", "driving_noise"
+GAUSS_MARKOV, CORRELATION_TIME, DRIVING = "gauss_markov", "correlation_time", "driving_noise"
 _LINEAR = {"QN": "quantization", "WN": "white_noise", "RW": "random_walk", "DR": "drift"}
 _ALIASES = {name: name for name in ("QN", "WN", "GM", "RW", "DR")} | {"AR1": "GM", "AR(1)": "GM"}
 _TERM = re.compile(r"([0-9]*)\s*\*?\s*([^\s*].*)")
@@ -35,7 +35,7 @@ _TERM = re.compile(r"([0-9]*)\s*\*?\s*([^\s*].*)")
 class NoiseTerm:
     """A process of a composition, or a parameter of one.
 
-    kind : the field of `AxisNoise`, or of a Gauss-Markov process `TIME` or `DRIVING`.
+    kind : the field of `AxisNoise`, or of a Gauss-Markov process `CORRELATION_TIME` or `DRIVING`.
     number : that of the Gauss-Markov process from the shortest time on, 0 of another process.
     """
 
@@ -48,7 +48,7 @@ class NoiseTerm:
     @property
     def parameters(self) -> tuple["NoiseTerm", ...]:
         """Those of a process."""
-        kinds = (TIME, DRIVING) if self.kind == GAUSS_MARKOV else (self.kind,)
+        kinds = (CORRELATION_TIME, DRIVING) if self.kind == GAUSS_MARKOV else (self.kind,)
         return tuple(NoiseTerm(kind, self.number) for kind in kinds)
 
 
@@ -128,7 +128,7 @@ class Composition:
     @property
     def is_time(self) -> NDArray[np.bool_]:
         """(size,) bool, which parameters are correlation times."""
-        return np.array([term.kind == TIME for term in self.terms], dtype=bool)
+        return np.array([term.kind == CORRELATION_TIME for term in self.terms], dtype=bool)
 
     @property
     def size(self) -> int:

@@ -119,7 +119,7 @@ def _ros(walk: RandomWalk, sensor: Sensor) -> list[str]:
     return lines
 
 
-FORMS: dict[str, tuple[str, str, Callable[[RandomWalk, Sensor], list[str]]]] = {
+CONSUMER_FORMS: dict[str, tuple[str, str, Callable[[RandomWalk, Sensor], list[str]]]] = {
     "kalibr": ("imu.yaml", "imu.yaml of Kalibr", _kalibr),
     "openvins": ("kalibr_imu_chain.yaml", "kalibr_imu_chain.yaml of OpenVINS", _openvins),
     "vins": ("vins_imu.yaml", "IMU lines of VINS-Mono and VINS-Fusion", _vins),
@@ -141,7 +141,7 @@ def text_for(
     Parameters
     ----------
     form : str
-        One of `FORMS`.
+        One of `CONSUMER_FORMS`.
     model : NoiseModel
         The model.
     cluster_s : float
@@ -163,8 +163,10 @@ def text_for(
     DataError
         The model has no white noise or no slow process.
     """
-    if form not in FORMS:
-        raise UsageError(f"{form!r} is no form of a noise model; there are {', '.join(FORMS)}")
+    if form not in CONSUMER_FORMS:
+        raise UsageError(
+            f"{form!r} is no form of a noise model; there are {', '.join(CONSUMER_FORMS)}"
+        )
     recorded_rates = {source.sampling_rate_hz for source in model.recordings}
     rates = recorded_rates if rate_hz is None else {rate_hz}
     if len(rates) != 1 or not 0.0 < (rate := next(iter(rates))) < math.inf:
@@ -172,7 +174,7 @@ def text_for(
     if any(c.isspace() or c in "\"'#:" for c in topic) or not topic.isprintable():
         raise UsageError(f"topic {topic!r} is no name of a topic, such as /imu0")
     walk = random_walk_of(model, cluster_s)
-    lines = [*_head(model, walk, form), *FORMS[form][2](walk, Sensor(rate, topic))]
+    lines = [*_head(model, walk, form), *CONSUMER_FORMS[form][2](walk, Sensor(rate, topic))]
     return ("%YAML:1.0\n" if form in ("openvins", "vins") else "") + "\n".join(lines) + "\n"
 
 
@@ -180,7 +182,7 @@ def _head(model: NoiseModel, walk: RandomWalk, form: str) -> Sequence[str]:
     """Comments: where the numbers are from, and what they leave out."""
     name = " ".join(model.name.split())
     lines = [
-        f"insgnss {__version__}: noise model {name}, {FORMS[form][1]}",
+        f"insgnss {__version__}: noise model {name}, {CONSUMER_FORMS[form][1]}",
         f"white noise and random walk with the model's Allan variance at {walk.cluster_s:g} s,"
         " largest axis",
         f"turn-on bias, to be given as sigma of the initial bias: {walk.gyro_bias:.6g} rad/s,"

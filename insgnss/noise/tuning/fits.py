@@ -7,7 +7,7 @@ from ...navigation.noise_model.model import AxisNoise
 from ..estimation.gmwm import Fit
 from ..estimation.goodness import GoodnessOfFit
 from ..estimation.inference import Inference
-from .recordings import AXES
+from .recordings import SENSOR_AXES
 from .trend import Trend
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Tuned:
     @property
     def name(self) -> str:
         """Sensor and axes, "gyro x" or "accel xyz"."""
-        return f"{self.sensor} {''.join(AXES[k] for k in self.axes)}"
+        return f"{self.sensor} {''.join(SENSOR_AXES[k] for k in self.axes)}"
 
     @property
     def efficient(self) -> bool:

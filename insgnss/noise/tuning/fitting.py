@@ -23,7 +23,7 @@ from ..moments.theory import haar_variance, haar_variance_parts
 from ..processes.composition import MOST_GAUSS_MARKOV, Composition
 from .options import FAMILY, TuneOptions, chosen_levels
 from .products.words import FITS_P, span_text
-from .recordings import AXES, StaticRecording
+from .recordings import SENSOR_AXES, StaticRecording
 from .result import Tuned
 from .usable import usable_axis
 
@@ -106,7 +106,7 @@ def tune_axes(
     DataError
         For fewer scales than the smallest model has parameters.
     """
-    name = f"{sensor} {''.join(AXES[k] for k in axes)}"
+    name = f"{sensor} {''.join(SENSOR_AXES[k] for k in axes)}"
     curves = _curves(sensor, axes, recordings, options)
     groups = [i for _ in axes for i in range(len(recordings))]
     ranking: Ranking | None = None

@@ -26,12 +26,12 @@ from ...records import ImuSamples, Question
 from .options import TuneOptions
 from .some_channels import columns_by_names, fields_of_some, no_unit, read_some
 
-PLAIN = ("tow", *GYRO, *ACCEL)
+PLAIN_COLUMNS = ("tow", *GYRO, *ACCEL)
 FILE_HEAD_BYTES = 1 << 13  # of a file, which hold its header and its first rows (chosen)
 SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog", "rosbag")
 LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
 USUAL_RANGE_HZ = (20.0, 20e3)  # of an IMU: a time unit that leads into it is proposed
-_WORDS = (
+_COLUMN_ADVICE = (
     (
         r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
         "--columns tow=NAME,gx=NAME,...",
@@ -61,7 +61,7 @@ def own_words() -> Iterator[None]:
 
 def own_text(text: str) -> str:
     """Return a message with the verb's options instead of a flight file's keys."""
-    for pattern, replacement in _WORDS:
+    for pattern, replacement in _COLUMN_ADVICE:
         text = re.sub(pattern, replacement, text)
     return text
 
@@ -174,7 +174,7 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
         raise UsageError(
             "six columns and no time: give the sensor's rate in samples a second, --rate HZ"
         )
-    return {6: PLAIN[1:], 7: PLAIN}.get(width)
+    return {6: PLAIN_COLUMNS[1:], 7: PLAIN_COLUMNS}.get(width)
 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
@@ -185,7 +185,7 @@ def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping
     columns = columns_by_names(tables[0])
     if options.rate_hz is not None:
         columns.pop("tow", None)
-    needed = PLAIN if options.rate_hz is None else PLAIN[1:]
+    needed = PLAIN_COLUMNS if options.rate_hz is None else PLAIN_COLUMNS[1:]
     return columns if all(name in columns for name in needed) else None
 
 

@@ -26,7 +26,7 @@ from .some_channels import chosen_channels, no_unit
 
 Progress = Callable[[str], None]
 
-SENSORS, AXES = ("gyro", "accel"), ("x", "y", "z")
+SENSORS, SENSOR_AXES = ("gyro", "accel"), ("x", "y", "z")
 TREND_BLOCKS = 128  # equal parts (chosen): the shortest warm-up, 1/100 of a recording, shows
 POOLING = "pooling"  # name of the check that recordings are alike
 
@@ -184,7 +184,7 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         if sensor not in units and not unit_line:
             example = "rad/s" if sensor == "gyro" else "m/s^2"
             raise no_unit(path, sensor, f"that the {sensor} variances are of", example)
-        curves[sensor, AXES.index(letter)] = curve
+        curves[sensor, SENSOR_AXES.index(letter)] = curve
     longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
     source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
     description = f"{len(curves)} axes of {variances.sensor or 'a sensor'}"

@@ -19,7 +19,7 @@ from .fits import Tuned
 from .options import TuneOptions
 from .products.table import duration, interval, symbol, unit_text, value_text
 from .products.words import FITS_P, goodness_p, sensor_words, sentences, trends
-from .recordings import AXES, SENSORS, StaticRecording
+from .recordings import SENSOR_AXES, SENSORS, StaticRecording
 
 if TYPE_CHECKING:
     from ..estimation.near_stationarity import NearStationarity
@@ -143,7 +143,7 @@ def _recording(r: StaticRecording) -> dict[str, Any]:
 def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
     return {
         "sensor": t.sensor,
-        "axes": [AXES[k] for k in t.axes],
+        "axes": [SENSOR_AXES[k] for k in t.axes],
         "composition": str(t.kept.composition),
         "sampling": t.kept.sampling,
         "unit": "rad/s" if t.sensor == "gyro" else "m/s^2",
@@ -161,7 +161,8 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
         "ranking": t.ranking and _ranking(t.ranking),
         "near_stationarity": t.stationarity and _stationarity(t.stationarity, recordings),
         "trends": [
-            {"recording": name, "axis": AXES[k], **asdict(trend)} for name, k, trend in t.trends
+            {"recording": name, "axis": SENSOR_AXES[k], **asdict(trend)}
+            for name, k, trend in t.trends
         ],
         "remarks": list(t.remarks),
         "curves": _curves(t, recordings),
@@ -183,7 +184,7 @@ def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, A
         out.append(
             {
                 "recording": recordings[i % len(recordings)].name,
-                "axis": AXES[t.axes[i // len(recordings)]],
+                "axis": SENSOR_AXES[t.axes[i // len(recordings)]],
                 **picked(curve, "rate_hz", "samples", "robust", "level", "scale_s", "low", "high"),
                 "wavelet_variance": curve.variance,
                 "modelled": modelled,

@@ -23,10 +23,10 @@ from ...io.formats.text.headers import kinds_like, names_of, unit_in
 from ...records import Array, ImuSamples
 from .options import TuneOptions
 
-CHANNELS = (*GYRO, *ACCEL)
+CHANNEL_COLUMNS = (*GYRO, *ACCEL)
 PER_AXIS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 STAND_IN = (0.0, 0.0, 0.0, 0.0, 0.0, -STANDARD_GRAVITY)
-TABLES = (*LOADERS, "imu_csv")
+TABLE_LOADERS = (*LOADERS, "imu_csv")
 
 
 def chosen_channels(text: str | None) -> tuple[bool, ...]:
@@ -66,7 +66,7 @@ def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str
     dict or None
         None where all six are there, none is, or the time is not known.
     """
-    if form not in TABLES:
+    if form not in TABLE_LOADERS:
         return None
     if isinstance(options.columns, Mapping):
         named = dict(options.columns)
@@ -77,7 +77,7 @@ def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str
         named = _named(tables[0], options.columns)
     if options.rate_hz is not None:
         named.pop("tow", None)
-    named_channels = [name for name in CHANNELS if name in named]
+    named_channels = [name for name in CHANNEL_COLUMNS if name in named]
     timed = "tow" in named or options.rate_hz is not None
     return named if timed and 0 < len(named_channels) < 6 else None
 
@@ -97,7 +97,7 @@ def columns_by_names(table: TableInfo) -> dict[str, str]:
     out: dict[str, str] = {}
     names = names_of(table.columns, SPEC.aliases | clocks, SPEC.kinds)
     for column, name in zip(table.columns, names, strict=True):
-        if name in ("tow", *CHANNELS):
+        if name in ("tow", *CHANNEL_COLUMNS):
             out.setdefault(name, column)
     return out
 
@@ -132,13 +132,13 @@ def read_some(
     InputError
         A column is not there, or is no column of numbers.
     """
-    is_present = tuple(name in fields for name in CHANNELS)
+    is_present = tuple(name in fields for name in CHANNEL_COLUMNS)
     if form in LOADERS:
         columns = take_columns(path, load_content(form, path), dict(fields), options.variable)
     else:
         columns = _of_text(path, fields)
     size = next(iter(columns.values())).size
-    whole = {name: columns.get(name, np.ones(size)) for name in CHANNELS}
+    whole = {name: columns.get(name, np.ones(size)) for name in CHANNEL_COLUMNS}
     whole |= {name: columns[name] for name in ("tow",) if name in columns}
     units = _units(path, fields, options)
     names = {name: name for name in whole}

@@ -20,7 +20,7 @@ from ..processes.composition import Composition
 from .fitting import compositions, tune_axes
 from .options import TuneOptions, chosen_levels
 from .products.written import noise_model, planned, write
-from .recordings import AXES, POOLING, SENSORS, StaticRecording, read_static
+from .recordings import POOLING, SENSOR_AXES, SENSORS, StaticRecording, read_static
 from .result import Tuned, TuneResult
 from .trend import warm_up
 from .turn_on import turn_on_bias
@@ -125,7 +125,8 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
             compared_with = "the others" if size.size > 2 else recordings[1 - i].name
             scales = curves[i].scale_s[fine[i]]
             raise DataError(
-                f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of"
+                f"{recordings[i].name}: {sensor} {SENSOR_AXES[k]} has {factor:.3g} times the "
+                "noise of"
                 f" {compared_with} at {scales[0]:.3g} to {scales[-1]:.3g} s; no one model serves"
                 f" them: another IMU or unit? tune them one by one; --accept {POOLING} takes it all"
                 " the same"

@@ -29,7 +29,7 @@ from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ..estimation.gmwm import Fit
 from ..estimation.inference import Inference
 from ..moments.theory import haar_variance
-from ..processes.composition import DRIVING, TIME, NoiseTerm, composition_of
+from ..processes.composition import CORRELATION_TIME, DRIVING, NoiseTerm, composition_of
 
 Errors = dict[str, float]
 # of the shortest averaging time that was fitted: there the wavelet variance is within 10 % of that
@@ -230,10 +230,12 @@ def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
     """Round an axis to six digits, its standard errors to two, in the noise-model file's units."""
 
     def digits(value: float, kind: str, count: int) -> float:
-        return rounded(value, "s" if kind == TIME else units[kind], count)
+        return rounded(value, "s" if kind == CORRELATION_TIME else units[kind], count)
 
     processes = tuple(
-        GaussMarkov(digits(p.correlation_time_s, TIME, 6), digits(p.driving_noise, DRIVING, 6))
+        GaussMarkov(
+            digits(p.correlation_time_s, CORRELATION_TIME, 6), digits(p.driving_noise, DRIVING, 6)
+        )
         for p in axis.gauss_markov
     )
     plain = {

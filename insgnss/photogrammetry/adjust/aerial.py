@@ -47,9 +47,16 @@ from .groups import (
 )
 from .unknowns import POSE, Key, Unknowns, size_of
 
-LEVER_ARM, BORESIGHT, TIME_OFFSET = "lever arm", "bore-sight", "time offset"
-SHIFT, DRIFT, COMMON = "shift", "drift", "common errors of the trajectory"
-PARAMETERS = (LEVER_ARM, BORESIGHT, TIME_OFFSET, SHIFT, DRIFT, COMMON)
+CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY = "lever arm", "bore-sight", "time offset"
+SHIFT, LINE_DRIFT, COMMON_OF_TRAJECTORY = "shift", "drift", "common errors of the trajectory"
+AERIAL_PARAMETERS = (
+    CAMERA_LEVER_ARM,
+    BORESIGHT,
+    EXPOSURE_DELAY,
+    SHIFT,
+    LINE_DRIFT,
+    COMMON_OF_TRAJECTORY,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +78,8 @@ class StripControl:
     velocity, rate : ndarray, (n, 3)
         Velocity, m/s, and angular rate, rad/s, in the axes of the block, for the time offset.
     parameters : mapping
-        Row of the block that stands for each of `PARAMETERS`; those that are missing are zero.
+        Row of the block that stands for each of `AERIAL_PARAMETERS`; those that are missing are
+        zero.
     name : str
         Name of the variance component.
     common : ndarray, optional
@@ -98,13 +106,13 @@ class StripControl:
         n = len(self.images)
         shapes = {"position_m": (n, 3), "C_mc": (n, 3, 3), "time": (n,)}
         refuse_other_shapes(self, shapes | {"velocity": (n, 3), "rate": (n, 3)})
-        refuse_other_parameters(self, self.parameters, PARAMETERS)
+        refuse_other_parameters(self, self.parameters, AERIAL_PARAMETERS)
 
     @property
     def keys(self) -> tuple[Key, ...]:
-        """The poses, then the parameters that are unknowns, in the order of `PARAMETERS`."""
+        """The poses, then the parameters that are unknowns, in the order of `AERIAL_PARAMETERS`."""
         poses = tuple((POSE, i) for i in self.images)
-        return poses + keys_of_parameters(self.parameters, PARAMETERS)
+        return poses + keys_of_parameters(self.parameters, AERIAL_PARAMETERS)
 
     def columns(self, values: Unknowns) -> tuple[dict[str, slice], int]:
         """Return where the parameters stand in the Jacobian, and how wide it is.
@@ -122,7 +130,7 @@ class StripControl:
             Number of columns.
         """
         columns, width = {}, 6 * len(self.images)
-        for name, row in keys_of_parameters(self.parameters, PARAMETERS):
+        for name, row in keys_of_parameters(self.parameters, AERIAL_PARAMETERS):
             columns[name] = slice(width, width + size_of(values.blocks[(name, row)]))
             width = columns[name].stop
         return columns, width
@@ -150,20 +158,20 @@ class StripControl:
         J = np.zeros((n, 3, width))
         computed = values.position[images]
         put(J, 6 * np.arange(n), np.broadcast_to(np.eye(3), (n, 3, 3)))
-        if LEVER_ARM in value:
-            arm = C @ value[LEVER_ARM]
+        if CAMERA_LEVER_ARM in value:
+            arm = C @ value[CAMERA_LEVER_ARM]
             computed = computed + arm
             put(J, 6 * np.arange(n) + 3, -skew(arm))
-            J[:, :, columns[LEVER_ARM]] = C
-        if TIME_OFFSET in value:
-            computed = computed - v * value[TIME_OFFSET][0]
-            J[:, :, columns[TIME_OFFSET]] = -v[:, :, None]
+            J[:, :, columns[CAMERA_LEVER_ARM]] = C
+        if EXPOSURE_DELAY in value:
+            computed = computed - v * value[EXPOSURE_DELAY][0]
+            J[:, :, columns[EXPOSURE_DELAY]] = -v[:, :, None]
         if SHIFT in value:
             computed = computed + value[SHIFT]
             J[:, :, columns[SHIFT]] = np.eye(3)
-        if DRIFT in value:
-            computed = computed + since * value[DRIFT]
-            J[:, :, columns[DRIFT]] = since[:, :, None] * np.eye(3)
+        if LINE_DRIFT in value:
+            computed = computed + since * value[LINE_DRIFT]
+            J[:, :, columns[LINE_DRIFT]] = since[:, :, None] * np.eye(3)
         return self.position_m - computed, J
 
 
@@ -199,7 +207,7 @@ class AerialControl(StripControl):
     time, velocity, rate : ndarray
         (n,) stamps, s, (n, 3) velocities, m/s, and (n, 3) rates, rad/s.
     parameters : mapping
-        Row of the block that stands for each of `PARAMETERS`.
+        Row of the block that stands for each of `AERIAL_PARAMETERS`.
     name : str
         Name of the variance component.
     common : ndarray, optional
@@ -216,10 +224,13 @@ class AerialControl(StripControl):
                 f" {(6 * n, 6 * n)}, or {(3 * n, 3 * n)} of positions alone"
             )
         got = None if self.common is None else self.common.shape[:-1]
-        if (COMMON in self.parameters) != (got is not None) or got not in (None, (n, 6)):
+        if (COMMON_OF_TRAJECTORY in self.parameters) != (got is not None) or got not in (
+            None,
+            (n, 6),
+        ):
             raise InputError(
                 f"AerialControl.common: shape {got} + (q,), expected {(n, 6)} + (q,) where"
-                f" {COMMON} are a parameter, else none"
+                f" {COMMON_OF_TRAJECTORY} are a parameter, else none"
             )
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
@@ -244,8 +255,8 @@ class AerialControl(StripControl):
             e, J = np.hstack([e, psi]), np.concatenate([J, of_attitudes], axis=1)
         if self.common is not None:
             A = self.common[:, : e.shape[1]]
-            e += A @ values.blocks[(COMMON, self.parameters[COMMON])]
-            J[:, :, columns[COMMON]] = -A
+            e += A @ values.blocks[(COMMON_OF_TRAJECTORY, self.parameters[COMMON_OF_TRAJECTORY])]
+            J[:, :, columns[COMMON_OF_TRAJECTORY]] = -A
         return e.ravel(), J.reshape(e.size, width)
 
     def _attitudes(
@@ -254,16 +265,16 @@ class AerialControl(StripControl):
         """Return observed - computed of the attitudes (J.9), and its Jacobian (J.10)."""
         value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
         C_o, turned = self.C_mc, values.C_mc[list(self.images)].swapaxes(1, 2)
-        if TIME_OFFSET in value:
-            turn = rotation_from_vector(self.rate * value[TIME_OFFSET][0])
+        if EXPOSURE_DELAY in value:
+            turn = rotation_from_vector(self.rate * value[EXPOSURE_DELAY][0])
             turned = turned @ turn
         E = value.get(BORESIGHT, np.eye(3))
         psi = vector_from_rotation(C_o @ E @ turned)
         right = inverse_right_jacobian(psi)
         J = np.zeros((len(psi), 3, width))
-        if TIME_OFFSET in value:
+        if EXPOSURE_DELAY in value:
             put(J, 6 * np.arange(len(psi)) + 3, right @ turn.swapaxes(1, 2))
-            J[:, :, columns[TIME_OFFSET]] = -right @ self.rate[:, :, None]
+            J[:, :, columns[EXPOSURE_DELAY]] = -right @ self.rate[:, :, None]
         else:
             put(J, 6 * np.arange(len(psi)) + 3, right)
         if BORESIGHT in value:

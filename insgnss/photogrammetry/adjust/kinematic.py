@@ -39,14 +39,14 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...records.block import INTERIOR, Array
-from .aerial import TIME_OFFSET
+from .aerial import EXPOSURE_DELAY
 from .groups import keys_of_parameters, refuse_other_parameters, refuse_other_shapes
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
-TARGET_ARM, CLOCK = "lever arm of the target", "delay of the vehicle's clock"
+TARGET_ARM, VEHICLE_CLOCK = "lever arm of the target", "delay of the vehicle's clock"
 VEHICLE_SHIFT, SIZE = "shift of the vehicle", "size of the target"
-PARAMETERS = (TARGET_ARM, CLOCK, VEHICLE_SHIFT, TIME_OFFSET)
-KINEMATIC, SIZES = "kinematic ground control", "target sizes"
+OF_VEHICLE = (TARGET_ARM, VEHICLE_CLOCK, VEHICLE_SHIFT, EXPOSURE_DELAY)
+KINEMATIC_CONTROL, TARGET_SIZES = "kinematic ground control", "target sizes"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class KinematicControl:
     C_mv : ndarray, (n, 3, 3)
         Attitude of the vehicle, forward right down to the axes of the block.
     parameters : mapping
-        Row of the block that stands for each of `PARAMETERS`; those that are missing are zero.
+        Row of the block that stands for each of `OF_VEHICLE`; those that are missing are zero.
     name : str
         Name of the variance component.
 
@@ -82,19 +82,19 @@ class KinematicControl:
     velocity: Array
     C_mv: Array
     parameters: Mapping[str, int] = field(default_factory=dict)
-    name: str = KINEMATIC
+    name: str = KINEMATIC_CONTROL
 
     def __post_init__(self) -> None:
         n = len(self.points)
         shapes: dict[str, tuple[int, ...]] = {"position_m": (n, 3), "weight": (3 * n, 3 * n)}
         refuse_other_shapes(self, shapes | {"velocity": (n, 3), "C_mv": (n, 3, 3)})
-        refuse_other_parameters(self, self.parameters, PARAMETERS)
+        refuse_other_parameters(self, self.parameters, OF_VEHICLE)
 
     @property
     def keys(self) -> tuple[Key, ...]:
-        """The object points, then parameters that are unknowns, in the order of `PARAMETERS`."""
+        """The object points, then parameters that are unknowns, in the order of `OF_VEHICLE`."""
         points = tuple((POINT, p) for p in self.points)
-        return points + keys_of_parameters(self.parameters, PARAMETERS)
+        return points + keys_of_parameters(self.parameters, OF_VEHICLE)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
         """Linearise the group; see `ObservationGroup.linearised`.
@@ -114,7 +114,7 @@ class KinematicControl:
         n = len(self.points)
         computed = values.point[list(self.points)].copy()
         of: list[Array] = []
-        for key in keys_of_parameters(self.parameters, PARAMETERS):
+        for key in keys_of_parameters(self.parameters, OF_VEHICLE):
             derivative = self._by(key[0])
             computed += derivative @ values.blocks[key]
             of.append(derivative.reshape(3 * n, -1))
@@ -127,7 +127,7 @@ class KinematicControl:
             return -self.C_mv
         if name == VEHICLE_SHIFT:
             return np.tile(np.eye(3), (len(self.points), 1, 1))
-        return self.velocity[:, :, None] * (1.0 if name == CLOCK else -1.0)
+        return self.velocity[:, :, None] * (1.0 if name == VEHICLE_CLOCK else -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ class TargetSize:
     sigma_px: float
     size_m: float
     scaled: bool = False
-    name: str = SIZES
+    name: str = TARGET_SIZES
 
     def __post_init__(self) -> None:
         for name in ("size_px", "sigma_px", "size_m"):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...records.block import INTERIOR, MODELS, Array, ImageBlock
+from ...records.block import INTERIOR, RADIAL_MODELS, Array, ImageBlock
 from .envelope import Factor
 from .envelope import factorised as envelope_factorised
 from .groups import ObservationGroup, Rescaled
@@ -162,7 +162,7 @@ def problem_of(
         np.ones(len(obs), dtype=bool),
         np.ascontiguousarray(block.camera, dtype=np.int64),
         6 * layout.place,
-        np.array([MODELS.index(camera.model) for camera in block.cameras], dtype=np.int64),
+        np.array([RADIAL_MODELS.index(camera.model) for camera in block.cameras], dtype=np.int64),
         np.array([camera.unit_px for camera in block.cameras], dtype=np.float64),
         layout.columns,
         layout.kept,

@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ...records.block import Array
-from .aerial import COMMON, TIME_OFFSET, StripControl, put
+from .aerial import COMMON_OF_TRAJECTORY, EXPOSURE_DELAY, StripControl, put
 from .groups import PoseObservation, inverse_right_jacobian, refuse_other_shapes
 from .unknowns import POSE, Key, Unknowns
 
@@ -129,7 +129,7 @@ class RelativeAerialControl(StripControl):
         super().__post_init__()
         m = sum(self.observed.sizes(len(self.images)))
         refuse_other_shapes(self, {"weight": (m, m)})
-        if (COMMON in self.parameters) != (self.common is not None):
+        if (COMMON_OF_TRAJECTORY in self.parameters) != (self.common is not None):
             raise InputError(
                 "RelativeAerialControl.common: given where it is a parameter, else not"
             )
@@ -159,9 +159,9 @@ class RelativeAerialControl(StripControl):
             e, J = np.vstack([e, turn_residual]), np.concatenate([J, of_turns])
         residual, jacobian = e.ravel(), J.reshape(-1, width)
         if self.common is not None:
-            value = values.blocks[(COMMON, self.parameters[COMMON])]
+            value = values.blocks[(COMMON_OF_TRAJECTORY, self.parameters[COMMON_OF_TRAJECTORY])]
             residual = residual + self.common @ value
-            jacobian[:, columns[COMMON]] = -self.common
+            jacobian[:, columns[COMMON_OF_TRAJECTORY]] = -self.common
         return residual, jacobian
 
     def _turns(
@@ -171,8 +171,8 @@ class RelativeAerialControl(StripControl):
         i, j = self.observed.pairs.T
         C = values.C_mc[list(self.images)]
         turn = np.broadcast_to(np.eye(3), C.shape)
-        if TIME_OFFSET in self.parameters:
-            delay = values.blocks[(TIME_OFFSET, self.parameters[TIME_OFFSET])][0]
+        if EXPOSURE_DELAY in self.parameters:
+            delay = values.blocks[(EXPOSURE_DELAY, self.parameters[EXPOSURE_DELAY])][0]
             turn = rotation_from_vector(-self.rate * delay)
         moved = turn @ C
         D_t = moved[i] @ moved[j].swapaxes(1, 2)
@@ -181,9 +181,9 @@ class RelativeAerialControl(StripControl):
         J = np.zeros((len(i), 3, width))
         put(J, 6 * i + 3, -right @ turn[i])
         put(J, 6 * j + 3, right @ D_t @ turn[j])
-        if TIME_OFFSET in self.parameters:
+        if EXPOSURE_DELAY in self.parameters:
             by_d = self.rate[i] - np.einsum("kij,kj->ki", D_t, self.rate[j])
-            J[:, :, columns[TIME_OFFSET]] = right @ by_d[:, :, None]
+            J[:, :, columns[EXPOSURE_DELAY]] = right @ by_d[:, :, None]
         return -rho, J
 
 

@@ -6,8 +6,8 @@ points within the block follow the sum; a camera or a mounting that is taken to 
 not. Besides the unknowns of cameras and mounting there are three motions that all images of a
 camera have in common: height, and rotation about the camera's x and y.
 
-Each advice stands in `REMEDIES` with the flights in which it was tried: simulated ones in which the
-pair is that strongly correlated, and no longer when the advice is followed
+Each advice stands in `REMEDIES_OF_PAIRS` with the flights in which it was tried: simulated ones in
+which the pair is that strongly correlated, and no longer when the advice is followed
 (`tests/photogrammetry/adjust/test_separation.py`). Pairs for which nothing was tried are listed
 without advice.
 """
@@ -17,7 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records.block import INTERIOR, RADIAL
-from .aerial import BORESIGHT, COMMON, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
+from .aerial import (
+    BORESIGHT,
+    CAMERA_LEVER_ARM,
+    COMMON_OF_TRAJECTORY,
+    EXPOSURE_DELAY,
+    LINE_DRIFT,
+    SHIFT,
+)
 from .normals import unknown_name
 from .precision import COMMON_MOTIONS, Precision
 from .unknowns import CAMERA, POINT, POSE
@@ -56,18 +63,18 @@ OTHER_VIEWS = (
 )
 NORMAL = "normal: within the image only their sum matters; nothing to do"
 
-REMEDIES: dict[frozenset[str], str] = {
+REMEDIES_OF_PAIRS: dict[frozenset[str], str] = {
     frozenset(("f", HEIGHT)): (
         "observe the positions of the images (GNSS; from two heights where the lever arm or a"
         " shift is an unknown too), or fly some strips with the camera tilted by 45 deg"
     ),
-    frozenset(("f", f"{LEVER_ARM} z")): TWO_HEIGHTS,
+    frozenset(("f", f"{CAMERA_LEVER_ARM} z")): TWO_HEIGHTS,
     frozenset(("f", f"{SHIFT} z")): TWO_HEIGHTS,
-    frozenset(("cx", f"{LEVER_ARM} x")): TWO_HEIGHTS,
-    frozenset(("cy", f"{LEVER_ARM} y")): TWO_HEIGHTS,
+    frozenset(("cx", f"{CAMERA_LEVER_ARM} x")): TWO_HEIGHTS,
+    frozenset(("cy", f"{CAMERA_LEVER_ARM} y")): TWO_HEIGHTS,
     **{frozenset((c, f"{SHIFT} {axis}")): TWO_HEADINGS for c in ("cx", "cy") for axis in "xy"},
-    **{frozenset((TIME_OFFSET, f"{SHIFT} {axis}")): TWO_HEADINGS for axis in "xy"},
-    **{frozenset((TIME_OFFSET, f"{LEVER_ARM} {axis}")): TWO_SPEEDS for axis in "xy"},
+    **{frozenset((EXPOSURE_DELAY, f"{SHIFT} {axis}")): TWO_HEADINGS for axis in "xy"},
+    **{frozenset((EXPOSURE_DELAY, f"{CAMERA_LEVER_ARM} {axis}")): TWO_SPEEDS for axis in "xy"},
     frozenset(("cx", f"{BORESIGHT} y")): CALIBRATED_CENTRE,
     frozenset(("cy", f"{BORESIGHT} x")): CALIBRATED_CENTRE,
     frozenset(("cx", ABOUT_Y)): HELD_CENTRE,
@@ -120,7 +127,7 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
     layout, block = problem.layout, problem.block
     columns, unknowns = [], list[tuple[str, str, int | None]]()
     for column, (name, row) in enumerate(layout.names()):
-        if name in (POSE, POINT, COMMON) or layout.held[column]:
+        if name in (POSE, POINT, COMMON_OF_TRAJECTORY) or layout.held[column]:
             continue
         position = column - int(layout.of((name, row))[0][0])
         columns.append(column)
@@ -141,7 +148,7 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
         (first, kind, camera_row), (second, other_kind, other_row) = unknowns[i], unknowns[j]
         if i < n and (j < n or camera_row == other_row):
             pair = frozenset((kind, other_kind))
-            remedy = REMEDIES.get(pair, "")
+            remedy = REMEDIES_OF_PAIRS.get(pair, "")
             if pair == {"f", HEIGHT} and observed:
                 remedy = OTHER_VIEWS
             pairs.append(Inseparable(first, second, float(rho[i, j]), remedy))
@@ -153,6 +160,6 @@ def _kind(name: str, position: int, columns: np.ndarray) -> str:
     if name == CAMERA:
         parameter = INTERIOR[columns[position]]
         return "k" if parameter in RADIAL else parameter
-    if name in (LEVER_ARM, BORESIGHT, SHIFT, DRIFT):
+    if name in (CAMERA_LEVER_ARM, BORESIGHT, SHIFT, LINE_DRIFT):
         return f"{name} {'xyz'[position]}"
     return name

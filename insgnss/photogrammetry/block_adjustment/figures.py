@@ -11,7 +11,7 @@ from ...geodesy.rotation import vector_from_rotation
 from ...records.block import INTERIOR, Array, ImageBlock
 from ...records.relative import GAP_S
 from ..adjust.adjustment import residuals_px
-from ..adjust.aerial import DRIFT, SHIFT
+from ..adjust.aerial import LINE_DRIFT, SHIFT
 from ..adjust.kinematic import KinematicControl, TargetSize
 from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.relative import RelativeAerialControl
@@ -20,7 +20,7 @@ from ..adjust.unknowns import CAMERA, POINT
 from .aerial.relative import weakly_held
 from .parameters import MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, estimates
 from .residuals.check_points import CheckPoints, check_points
-from .solve import GROUND, Solved
+from .solve import GROUND_CONTROL, Solved
 
 
 def figures_of(solved: Solved) -> dict[str, Any]:
@@ -216,7 +216,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
         }
     )
     for k, line in enumerate(out):
-        for name in (SHIFT, DRIFT):
+        for name in (SHIFT, LINE_DRIFT):
             if (name, k) in blocks:
                 sigma = np.sqrt(np.diagonal(solved.precision.cov((name, k))))
                 line |= {name: blocks[(name, k)], f"sigma_{name}": sigma}
@@ -225,7 +225,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
 
 def _control(solved: Solved) -> list[dict[str, Any]]:
     problem, point = solved.result.problem, solved.result.values.point
-    tests = [test for test in solved.precision.groups if test.name == GROUND]
+    tests = [test for test in solved.precision.groups if test.name == GROUND_CONTROL]
     rows = [test.keys[0][1] for test in tests]
     cov = [solved.precision.cov((POINT, row)) for row in rows]
     return _rows(

@@ -13,17 +13,17 @@ import numpy as np
 
 from ...base.findings import Finding, ranked
 from ...base.wording import some
-from ...flight.config.block_file import GROUPS
+from ...flight.config.block_file import OBSERVATION_GROUPS
 from ...report.rules.wording import lengths, screen_unit
 from ..adjust.aerial import BORESIGHT
 from ..adjust.outliers import LIMIT_W
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
-from .aerial.relative import DATUM
+from .aerial.relative import WEAK_DATUM
 from .parameters import SIGNIFICANT_SIGMAS, determined
 from .residuals.pattern import Pattern, patterns, repeating
-from .solve import GROUND, Solved
+from .solve import GROUND_CONTROL, Solved
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
@@ -37,7 +37,7 @@ DISCONNECTED_GROUND = 8.0  # times the share of ground control, for its rank
 TOO_LARGE = 5.0
 """Times its standard deviations of a contradiction, or of a projection centre that its cause moves,
 beyond which no orientation is written."""
-CHECKS = "check points"
+CHECK_POINTS = "check points"
 HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
@@ -112,7 +112,10 @@ def judged(
         done = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
             _explained(
-                finding, done if finding.name == CHECKS else trials_made, solved.direct, smoothed
+                finding,
+                done if finding.name == CHECK_POINTS else trials_made,
+                solved.direct,
+                smoothed,
             )
             for finding in beyond
         ]
@@ -130,7 +133,7 @@ def judged(
         wrong |= {f.name for f in beyond if f.rank >= 1.0}
     too_large = {name for name in wrong if accepted_as(name) not in (*accepted, "camera")}
     if _worst_check_points(figures) < TOO_LARGE:
-        too_large.discard(CHECKS)
+        too_large.discard(CHECK_POINTS)
     return Judgement(
         _headline(figures, ordered),
         ordered,
@@ -154,7 +157,7 @@ def accepted_as(name: str) -> str:
     str
         Its own, or "aerial control" where it is what a trial has shown.
     """
-    return name if name in (*GROUPS, CHECKS, "camera") else "aerial control"
+    return name if name in (*OBSERVATION_GROUPS, CHECK_POINTS, "camera") else "aerial control"
 
 
 def _worst_check_points(figures: Mapping[str, Any]) -> float:
@@ -173,7 +176,7 @@ def _bounds(redundancy: float) -> tuple[float, float]:
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Finding]:
     for c in figures["components"]:
-        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", DATUM):
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", WEAK_DATUM):
             continue
         if figures["mode"] == "direct":
             yield from _rays_apart(c)
@@ -261,7 +264,7 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Finding]:
             key=lambda c: c["normalised_square"],
         )
         yield ranked(
-            CHECKS,
+            CHECK_POINTS,
             float(np.sqrt(mean)),
             f"check points lie {np.sqrt(mean):.1f} times as far off as their covariance allows,"
             f" {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
@@ -275,7 +278,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
     alone = [point["point"] for point in control if point["images"] == 0]
     if alone:
         yield ranked(
-            GROUND,
+            GROUND_CONTROL,
             DISCONNECTED_GROUND * len(alone) / len(control) + 1.0,
             f"{len(alone)} of {len(control)} ground control points do not fit the rest, and all of"
             f" their image observations were left out: {some(alone)}",
@@ -401,7 +404,7 @@ def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
         if None not in point["residual_m"]:
             residual = f"{lengths([1e3 * x for x in point['residual_m']])} (east, north, up), "
         yield ranked(
-            GROUND,
+            GROUND_CONTROL,
             max(1.0, point["w"] / LIMIT_W),
             f"ground control point {point['point']} does not fit and was left out: {residual}"
             f"{point['w']:.1f} sigma",

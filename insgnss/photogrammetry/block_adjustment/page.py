@@ -19,7 +19,7 @@ from .judgement import Judgement
 from .solve import Solved
 
 MARKED_CORRELATION = 0.9  # a correlation that stands out
-MODES = {
+CONTROL_MODES = {
     "iso": "integrated sensor orientation",
     "indirect": "indirect: without aerial control",
     "fast_at": "Fast AT: ground points alone, camera held",
@@ -64,7 +64,10 @@ def document_of(
             Section("Notes", figures["notes"]),
         ),
         input_files(solved),
-        settings={"mode": MODES[figures["mode"]], "block file": solved.inputs.file.path.name},
+        settings={
+            "mode": CONTROL_MODES[figures["mode"]],
+            "block file": solved.inputs.file.path.name,
+        },
         files=files,
     )
 
@@ -144,7 +147,7 @@ def _of_page(title: str, table: Table, caption: str = "") -> Section:
 
 def _numbers(figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     c, vehicle, points = figures["counts"], figures["vehicle"], figures["points"]
-    yield "mode", MODES[figures["mode"]]
+    yield "mode", CONTROL_MODES[figures["mode"]]
     yield "images", f"{c['images']}, {c['with_aerial_control']} with aerial control"
     yield "object points", f"{c['points']}"
     yield "image observations", f"{c['image_observations']}, {c['rejected']} rejected"

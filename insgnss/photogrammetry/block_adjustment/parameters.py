@@ -12,8 +12,8 @@ from ...records.block import Array
 from ...records.states import State
 from ...records.verdicts import Estimate
 from ...report.rules.wording import screen_unit
-from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET, ParameterObservation
-from ..adjust.kinematic import CLOCK, SIZE, TARGET_ARM, VEHICLE_SHIFT
+from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY, ParameterObservation
+from ..adjust.kinematic import SIZE, TARGET_ARM, VEHICLE_CLOCK, VEHICLE_SHIFT
 from ..adjust.precision import Precision
 from ..adjust.unknowns import Key
 
@@ -138,7 +138,7 @@ class Parameter:
         ndarray
             A vector; of a rotation its matrix.
         """
-        if self.name == LEVER_ARM:
+        if self.name == CAMERA_LEVER_ARM:
             return np.array(file.aerial_control.lever_arm_m or (0.0,) * 3)
         return np.eye(3) if self.unit == "rad" else np.zeros(len(self.axes))
 
@@ -164,16 +164,20 @@ XYZ = ("x", "y", "z")
 FRD = ("forward", "right", "down")
 ENU = ("east", "north", "up")
 MOUNTING_PARAMETERS = (
-    Parameter(LEVER_ARM, "aerial_control.lever_arm_sigma_m", "m", (10.0,) * 3, XYZ),
+    Parameter(CAMERA_LEVER_ARM, "aerial_control.lever_arm_sigma_m", "m", (10.0,) * 3, XYZ),
     Parameter(BORESIGHT, "aerial_control.boresight_sigma_deg", "rad", 30.0, XYZ),
     Parameter(
-        TIME_OFFSET, "aerial_control.time_offset_sigma_s", "s", 1.0, error="delay of the exposures"
+        EXPOSURE_DELAY,
+        "aerial_control.time_offset_sigma_s",
+        "s",
+        1.0,
+        error="delay of the exposures",
     ),
 )
 """Between a trajectory and the camera."""
 VEHICLE_PARAMETERS = (
     Parameter(TARGET_ARM, "vehicle.target_sigma_m", "m", (10.0,) * 3, FRD),
-    Parameter(CLOCK, "vehicle.time_offset_sigma_s", "s", 10.0),
+    Parameter(VEHICLE_CLOCK, "vehicle.time_offset_sigma_s", "s", 10.0),
     Parameter(VEHICLE_SHIFT, "vehicle.shift_sigma_m", "m", (100.0,) * 3, ENU),
     Parameter(SIZE, "vehicle.size_sigma_m", "m", 0.0),
 )
@@ -217,7 +221,7 @@ def priors(file: BlockFile, parameters: Sequence[Parameter]) -> list[ParameterOb
     out = []
     for parameter in parameters:
         sigma = parameter.sigma(file)
-        if parameter.name == LEVER_ARM and sigma is None and file.aerial_control.lever_arm_m:
+        if parameter.name == CAMERA_LEVER_ARM and sigma is None and file.aerial_control.lever_arm_m:
             sigma = np.full(3, HELD_M)
         if sigma is not None:
             out.append(prior(parameter.key, parameter.first(file), sigma))

@@ -47,7 +47,7 @@ from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .page import ground_of, input_files
 from .solve import Solved, set_up
 
-DOCUMENT, PAGE = "plan.json", "plan.html"
+PLAN_DOCUMENT, PLAN_PAGE = "plan.json", "plan.html"
 SEED = 14  # of the tie points drawn, so that a plan gives the same numbers again (any)
 WORTH_RATIO = 0.8  # of the largest sigma, from which on a control point is worth its survey
 TARGET_PX = 0.3  # largest sigma of a target's image observation (chosen)
@@ -247,7 +247,9 @@ def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
     )
     with together() as staging:
         into = staging.tree(out)
-        write_with_page(plan.document([chart]), plan.as_dict(), into / DOCUMENT, into / PAGE)
+        write_with_page(
+            plan.document([chart]), plan.as_dict(), into / PLAN_DOCUMENT, into / PLAN_PAGE
+        )
         return staging.goals()
 
 

@@ -23,7 +23,7 @@ from ..adjust.start import intersected
 from .inputs import Inputs
 from .readings import (
     FAR_OFF,
-    FEWEST_RAYS,
+    FEWEST_RAYS_JUDGED,
     Reading,
     as_given,
     median_length,
@@ -65,7 +65,7 @@ def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
         return
     whole = as_given(inputs)
     few = some_rays(whole)
-    if few.image.size < FEWEST_RAYS or np.unique(few.image).size < FEWEST_IMAGES:
+    if few.image.size < FEWEST_RAYS_JUDGED or np.unique(few.image).size < FEWEST_IMAGES:
         return
     size = max(max(camera.width, camera.height) for camera in inputs.block.cameras)
     misclosure_px, turn = few.fitted()
@@ -94,7 +94,7 @@ def worse_than_stated(inputs: Inputs) -> str:
         The end of a sentence; empty where they do not, or there is little to go by.
     """
     few = None if inputs.eo is None else some_rays(as_given(inputs))
-    if inputs.eo is None or few is None or few.image.size < FEWEST_RAYS:
+    if inputs.eo is None or few is None or few.image.size < FEWEST_RAYS_JUDGED:
         return ""
     points = intersected(few.position, few.C, few.xy, few.image, few.point, few.point.max() + 1)
     depth = np.nanmedian(np.linalg.norm(points[few.point] - few.position[few.image], axis=1))
@@ -144,7 +144,9 @@ def _refuse_readings(
     def misfit(reading: Reading) -> float:
         if reading is few:  # fitted to the end, which others are not where they are hopeless
             return misclosure_px
-        return np.inf if reading.image.size < FEWEST_RAYS else reading.fitted(misclosure_px)[0]
+        return (
+            np.inf if reading.image.size < FEWEST_RAYS_JUDGED else reading.fitted(misclosure_px)[0]
+        )
 
     def words(one: Candidate[Reading]) -> str:
         return f"{one.statement.format(one.read(few).fitted()[1][-1])}: {one.remedy}"

@@ -27,27 +27,32 @@ from ...io.formats.blocks.camera_files import write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
 from ...io.formats.orientation.exported import quoted_names
 from ...io.formats.orientation.mounting_file import MountingFile, write_mounting_file
-from ...io.formats.orientation.pose_covariance import FILE as COVARIANCE
+from ...io.formats.orientation.pose_covariance import POSES_COVARIANCE_FILE as COVARIANCE
 from ...io.formats.orientation.pose_covariance import write_pose_covariance
 from ...io.formats.text.columns import TableOut
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ...report.document import write_with_page
 from ..adjust.adjustment import residuals_px
-from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY
 from ..adjust.unknowns import CAMERA, POSE
 from .aerial.control import processed_with
 from .judgement import Judgement
 from .page import charts_of, document_of, input_files
 from .solve import Solved
 
-DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
+ADJUST_DOCUMENT, ADJUST_PAGE, MOUNTING_FILE, POSES_FILE = (
+    "adjust.json",
+    "adjust.html",
+    "mounting.toml",
+    "poses.csv",
+)
 
 POSE_TABLE = TableOut(
     "image x=%.4f y=%.4f z=%.4f omega=%.7f phi=%.7f kappa=%.7f sd_x=%.5f sd_y=%.5f sd_z=%.5f"
     " sd_omega=%.7f sd_phi=%.7f sd_kappa=%.7f aerial_control"
 )
-POINTS = TableOut(
+POINTS_TABLE = TableOut(
     "point x=%.4f y=%.4f z=%.4f sd_x=%.6f sd_y=%.6f sd_z=%.6f cov_xy=%.6e cov_xz=%.6e cov_yz=%.6e"
     " rays=%d role"
 )
@@ -100,11 +105,11 @@ def written(
             write_residuals(solved, into / "residuals.csv")
         start = file.path.absolute().parent
         entries = [entry for entry in into.rglob("*") if entry.is_file()]
-        figures |= made_from(input_files(solved), into / DOCUMENT, entries, start)
+        figures |= made_from(input_files(solved), into / ADJUST_DOCUMENT, entries, start)
         names = (entry.relative_to(into).as_posix() for entry in entries)
-        figures["products"] = sorted([*names, DOCUMENT, PAGE])
+        figures["products"] = sorted([*names, ADJUST_DOCUMENT, ADJUST_PAGE])
         page = document_of(solved, figures, judgement, charts_of(solved, figures, judgement))
-        write_with_page(page, figures, into / DOCUMENT, into / PAGE)
+        write_with_page(page, figures, into / ADJUST_DOCUMENT, into / ADJUST_PAGE)
         files = staging.goals()
         refuse_overwriting(files, input_files(solved))
     return files
@@ -126,7 +131,7 @@ def _write_orientation(
             {"format": name, "file": EXPORTS[name].product, "frame": exported.frame}
             for name, exported in done.items()
         ]
-    write_poses(solved, into / POSES)
+    write_poses(solved, into / POSES_FILE)
     if file.output.tables:
         write_points(solved, into / "points.csv")
     if file.output.pose_covariance:
@@ -135,7 +140,7 @@ def _write_orientation(
         write_pose_covariance(images, solved.precision.cov(*keys), into / COVARIANCE)
     figures["notes"] += _write_cameras(solved, into)
     if (mounting := adjusted_mounting(solved)) is not None:
-        write_mounting_file(mounting, into / MOUNTING)
+        write_mounting_file(mounting, into / MOUNTING_FILE)
 
 
 def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
@@ -259,7 +264,7 @@ def write_points(solved: Solved, path: Path) -> None:
         ]
     )[rows]
     names = quoted_names([block.points[k] for k in rows], ",", "point")
-    POINTS.write(
+    POINTS_TABLE.write(
         path, numbers, names, list(role[rows]), comments=["m and m^2, in the axes of poses.csv"]
     )
 
@@ -366,7 +371,9 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
         None where no parameter of the mounting was estimated.
     """
     eo, blocks = solved.inputs.eo, solved.result.values.blocks
-    estimated = [name for name in (BORESIGHT, LEVER_ARM, TIME_OFFSET) if (name, 0) in blocks]
+    estimated = [
+        name for name in (BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY) if (name, 0) in blocks
+    ]
     if eo is None or not estimated or solved.inputs.file.aerial_control.positions_alone:
         return None
     before = processed_with(solved.inputs)
@@ -376,17 +383,20 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
     if BORESIGHT in estimated:
         values["boresight"] = changed_boresight(eo, blocks[(BORESIGHT, 0)])
         values["boresight_cov"] = cov[BORESIGHT]
-    if LEVER_ARM in estimated:
-        change, E = blocks[(LEVER_ARM, 0)], blocks.get((BORESIGHT, 0), np.eye(3))
+    if CAMERA_LEVER_ARM in estimated:
+        change, E = blocks[(CAMERA_LEVER_ARM, 0)], blocks.get((BORESIGHT, 0), np.eye(3))
         for key in ("antenna_m", "imu_m"):
             if before is not None:  # the body's lever arms in the axes of the adjusted camera
                 values[key] = E.T @ np.array(before["mounting"][key]) + change
-                values[f"{key.removesuffix('_m')}_cov"] = cov[LEVER_ARM]
+                values[f"{key.removesuffix('_m')}_cov"] = cov[CAMERA_LEVER_ARM]
             else:
                 change_text = " ".join(f"{x:+.5f}" for x in change)
                 remarks.append(f"{key}: add {change_text} m (no report.json beside eo.json)")
-    if TIME_OFFSET in estimated:
-        delay, sigma = float(blocks[(TIME_OFFSET, 0)][0]), float(np.sqrt(cov[TIME_OFFSET][0, 0]))
+    if EXPOSURE_DELAY in estimated:
+        delay, sigma = (
+            float(blocks[(EXPOSURE_DELAY, 0)][0]),
+            float(np.sqrt(cov[EXPOSURE_DELAY][0, 0])),
+        )
         if before is not None and before.get("camera"):
             values["time_offset_s"] = before["camera"]["time_offset_s"] + delay
             values["time_offset_sigma_s"] = sigma

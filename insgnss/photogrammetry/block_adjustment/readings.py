@@ -23,7 +23,9 @@ from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
 from .inputs import Inputs
 
-FEWEST_RAYS = 60  # below which no reading is judged (chosen): three or four unknowns are fitted
+FEWEST_RAYS_JUDGED = (
+    60  # below which no reading is judged (chosen): three or four unknowns are fitted
+)
 MOST_RAYS = 500  # of one reading (chosen): dozens of readings are fitted
 # steps of a fit, and after how many a hopeless one is given up; longest step (rad, s) (chosen)
 MOST_READING_STEPS, FEW_STEPS, LONGEST_READING_STEP = 10, 3, 0.2
@@ -196,7 +198,7 @@ def some_rays(reading: Reading) -> Reading:
     """
     count = np.bincount(reading.point)
     points = np.flatnonzero(count >= 3)
-    if count[points].sum() < FEWEST_RAYS:
+    if count[points].sum() < FEWEST_RAYS_JUDGED:
         points = np.flatnonzero(count >= 2)
     if points.size and (total := int(count[points].sum())) > MOST_RAYS:
         steps = np.linspace(0, points.size - 1, max(1, points.size * MOST_RAYS // total))

@@ -10,18 +10,18 @@ from ...base.findings import Finding
 from ...base.provenance import refuse_other_results
 from ...base.received.outputs import refuse_outside
 from ...base.received.trusted import at_home
-from ...flight.config.block_file import GROUPS, BlockFile
+from ...flight.config.block_file import OBSERVATION_GROUPS, BlockFile
 from ...flight.config.flight_file import Flight
 from ...flight.processing.pipeline import ProcessResult
 from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
-from .judgement import CHECKS, Judgement, accepted_as, judged
+from .judgement import CHECK_POINTS, Judgement, accepted_as, judged
 from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
-from .products import CONTRADICTED, DOCUMENT, written
+from .products import ADJUST_DOCUMENT, CONTRADICTED, written
 from .solve import Solved, solved
-from .trajectory import DIRECTORY as TRAJECTORY
+from .trajectory import TRAJECTORY_DIRECTORY as TRAJECTORY
 from .trajectory import corrected_trajectory, refuse_unfit
 from .trials import converging
 
@@ -77,7 +77,7 @@ class AdjustmentResult(Shown):
 
     def _of_earlier_run(self) -> str:
         """Say that an orientation lies beside the products of a refused run; empty where none."""
-        directories = {path.parent for path in self.files if path.name == DOCUMENT}
+        directories = {path.parent for path in self.files if path.name == ADJUST_DOCUMENT}
         if not any((directory / ORIENTATION).exists() for directory in directories):
             return ""
         return f"; the {ORIENTATION} that lies there is of an earlier run"
@@ -135,7 +135,7 @@ def adjust(
     directory = directory_of(file, out) if write else file.output.directory
     observed = [path for path in (file.images.file,) if path is not None]
     if write:
-        refuse_other_results("adjust", directory / DOCUMENT, observed, force)
+        refuse_other_results("adjust", directory / ADJUST_DOCUMENT, observed, force)
     inputs = inputs_of(file, progress)
     if flight is not None:
         refuse_unfit(inputs, flight)
@@ -170,7 +170,7 @@ def adjust(
 
 def _not_accepted(file: BlockFile, judgement: Judgement) -> Finding | None:
     """Return the worst contradiction that the block file does not accept."""
-    judged_names = {*GROUPS, CHECKS} - {*file.adjustment.accept}
+    judged_names = {*OBSERVATION_GROUPS, CHECK_POINTS} - {*file.adjustment.accept}
     wrong = (f for f in judgement.findings if f.rank >= 1.0 and accepted_as(f.name) in judged_names)
     return next(wrong, None)
 

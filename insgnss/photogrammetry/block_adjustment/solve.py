@@ -22,7 +22,7 @@ from .aerial.control import Control, control_of, motion_of_images
 from .inputs import Inputs
 from .vehicle.control import vehicle_control
 
-GROUND = "ground control"
+GROUND_CONTROL = "ground control"
 Progress = Callable[[str], None]
 
 

@@ -14,7 +14,7 @@ covariances, which are no smaller than they should be. Camera, bore-sight and le
 camera are unknowns of the block, the antenna's lever arm, biases and clocks of the chain.
 
 Filter, smoother and block are linearised again about the corrected flight until no pose of an
-image moves by more than `SETTLED` of its standard deviation.
+image moves by more than `STANDING_SIGMAS` of its standard deviation.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,9 +45,11 @@ from .aerial.control import control_of
 from .inputs import Inputs
 from .solve import Solved, ground_groups, set_up
 
-DIRECTORY = "trajectory"
+TRAJECTORY_DIRECTORY = "trajectory"
 ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
-SETTLED = 0.05  # standard deviations after the images (chosen): changes no figure that is shown
+STANDING_SIGMAS = (
+    0.05  # standard deviations after the images (chosen): changes no figure that is shown
+)
 MOST_ROUNDS = 6  # linearisations (chosen); two or three settle an outage of 90 s
 MOST_IMAGES = 1000  # of a flight: some 3 GB for matrices of all poses
 
@@ -155,7 +157,7 @@ class _Joint:
             after, values = joint.moved(segments), joint.result.values
             eo = self.oriented(after)
             moved = np.inf if before is None else self._moved(before, eo)
-            if moved < SETTLED:
+            if moved < STANDING_SIGMAS:
                 self.progress("covariances after the images")
                 return joint.moved(segments, covariances=True)
             before = eo
@@ -165,7 +167,7 @@ class _Joint:
             ]
         raise DataError(
             f"--trajectory: after {MOST_ROUNDS} rounds images still move poses by {moved:.2g}"
-            f" standard deviations from one round to the next, limit {SETTLED:g}; see in"
+            f" standard deviations from one round to the next, limit {STANDING_SIGMAS:g}; see in"
             " adjust.html what contradicts, or leave --trajectory out"
         )
 

@@ -21,9 +21,9 @@ from ...flight.config.block_file import BlockFile
 from ...records.block import INTERIOR, Array, ImageBlock
 from ...report.rules.wording import screen_unit
 from ..adjust.adjustment import Adjusted, adjusted
-from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET, AerialControl
+from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY, AerialControl
 from ..adjust.groups import ObservationGroup, PointObservation
-from ..adjust.kinematic import CLOCK
+from ..adjust.kinematic import VEHICLE_CLOCK
 from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.precision import image_components
@@ -40,7 +40,7 @@ from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
 
-DATUM: Key = ("shift of ground control", 0)
+CONTROL_SHIFT: Key = ("shift of ground control", 0)
 GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
 GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
 RIVAL_GAIN = 0.8  # of the gain of the best explanation, from which on another one is a rival
@@ -74,7 +74,7 @@ class ShiftedPoint:
     @property
     def keys(self) -> tuple[Key, ...]:
         """The point and the shift."""
-        return (*self.group.keys, DATUM)
+        return (*self.group.keys, CONTROL_SHIFT)
 
     @property
     def weight(self) -> Array:
@@ -97,7 +97,7 @@ class ShiftedPoint:
             d computed / d unknown.
         """
         e, J = self.group.linearised(values)
-        return e - values.blocks[DATUM], np.hstack([J, np.eye(3)])
+        return e - values.blocks[CONTROL_SHIFT], np.hstack([J, np.eye(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,7 +326,7 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
     best: tuple[float, Trial] | None = None
     for remedy in _remedies(inputs):
         key = remedy.key
-        if key == DATUM:
+        if key == CONTROL_SHIFT:
             continue
         progress(f"trying: {remedy.name}")
         block = _with_usual(inputs.block) if key[0] == CAMERA else inputs.block
@@ -376,17 +376,17 @@ def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
     if inputs.eo is not None and mode != "indirect":
         control = file.aerial_control
         possible = {
-            LEVER_ARM: True,
+            CAMERA_LEVER_ARM: True,
             BORESIGHT: control.absolute_attitudes,
-            TIME_OFFSET: motion_is_known(inputs.eo, control),
+            EXPOSURE_DELAY: motion_is_known(inputs.eo, control),
         }
         parameters += [one for one in MOUNTING_PARAMETERS if possible[one.name]]
         if len(inputs.block.control) > 1:
-            yield _LeftOut(DATUM[0], "m", DATUM, file, OTHER_DATUM)
+            yield _LeftOut(CONTROL_SHIFT[0], "m", CONTROL_SHIFT, file, OTHER_DATUM)
     if vehicle is not None:
         drives = np.median(np.linalg.norm(vehicle.exposures.velocity, axis=1)) > DRIVING_MPS
         parameters += [
-            one for one in VEHICLE_PARAMETERS if one.loose and (drives or one.name != CLOCK)
+            one for one in VEHICLE_PARAMETERS if one.loose and (drives or one.name != VEHICLE_CLOCK)
         ]
     for one in parameters:
         if one.left_out(file):
@@ -413,23 +413,23 @@ def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Arr
         columns = result.problem.layout.columns
         return np.asarray(result.values.interior[key[1], columns] - interior[columns])
     value = result.values.blocks[key]
-    return value if key == DATUM else BY_NAME[key[0]].change(value, file)
+    return value if key == CONTROL_SHIFT else BY_NAME[key[0]].change(value, file)
 
 
 def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
     key, inputs, result = remedy.key, solved.inputs, solved.result
     vehicle, began, block = inputs.vehicle, 0.0, result.problem.block
     alone = _without_rays(result.problem)
-    if vehicle is not None and key == (CLOCK, 0) and alone:  # too far off to be linear
+    if vehicle is not None and key == (VEHICLE_CLOCK, 0) and alone:  # too far off to be linear
         began, vehicle = moved_in_time(vehicle, block, result.values)
     wider = replace(inputs, file=remedy.file, vehicle=vehicle, block=block)
     points = ground_groups(result.problem)
     same = wider.file.aerial_control is inputs.file.aerial_control
     groups, first = groups_of(wider, solved.control if same else control_of(wider), points)
     blocks = {k: result.values.blocks.get(k, v) for k, v in first.items()}
-    if key == DATUM:
+    if key == CONTROL_SHIFT:
         groups = [*(g for g in groups if g not in points), *map(ShiftedPoint, points)]
-        blocks[DATUM] = np.zeros(3)
+        blocks[CONTROL_SHIFT] = np.zeros(3)
     if key[0] == CAMERA:
         block = _with_usual(block)
     problem = problem_of(block, groups, blocks)
@@ -439,7 +439,9 @@ def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
         factors.pop(name, None)
     problem = with_factors(problem, factors)
     values = replace(result.values, blocks=blocks)
-    reconnects = (key == DATUM or key in [one.key for one in VEHICLE_PARAMETERS]) and bool(alone)
+    reconnects = (key == CONTROL_SHIFT or key in [one.key for one in VEHICLE_PARAMETERS]) and bool(
+        alone
+    )
     if reconnects:  # rays that were rejected for the shift's sake take part again
         again = without_outliers(problem, values).result
     else:

@@ -33,7 +33,7 @@ from ...records import Array
 from .hypotheses import recognised, taken_off
 from .matching import Matched
 from .poses import Poses
-from .position import BODY_AXES, CAMERA_AXES
+from .position import BODY_AXES, CAMERA_DIRECTIONS
 from .result import Finding
 
 Change = Callable[[Array], Array]
@@ -41,7 +41,7 @@ Change = Callable[[Array], Array]
 LEAST_RAD = float(np.radians(0.003))  # rms below which nobody asks why
 SMALL_RAD = float(np.radians(10.0))  # a greater constant turn is none of a bore-sight or of a grid
 UNTURNED = np.eye(3)  # the rotation that leaves axes as they are
-ENU = ("east", "north", "up")
+ENU_NAMES = ("east", "north", "up")
 TURNED_AXES = {
     "camera": ("right", "down", "its viewing direction"),
     "body": ("forward", "right", "down (yaw)"),
@@ -124,7 +124,10 @@ def _of_the_frame(Q: Array) -> tuple[str, str]:
         yaw = round(-float(np.degrees(vector_from_rotation(Q)[2])))
         return "yaw turned", f"yaw of b, clockwise from north, is {yaw:+d} deg off that of a"
     note = " (north, east, down for east, north, up)" if np.array_equal(Q, NED_ENU) else ""
-    return "axes of the frame", f"attitude of b in a frame turned by {turned_by(Q, ENU)}{note}"
+    return (
+        "axes of the frame",
+        f"attitude of b in a frame turned by {turned_by(Q, ENU_NAMES)}{note}",
+    )
 
 
 def _angles(b: Poses) -> Iterator[Candidate[Matched]]:
@@ -187,12 +190,14 @@ def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     )
     Q = nearest_rotation((np.swapaxes(a.C_Ex, 1, 2) @ b.C_Ex).mean(axis=0))
     words, values = _turn_words(
-        Q, CAMERA_AXES if b.x == "camera" else BODY_AXES, f"bore-sight or mounting of the {b.x}"
+        Q,
+        CAMERA_DIRECTIONS if b.x == "camera" else BODY_AXES,
+        f"bore-sight or mounting of the {b.x}",
     )
     yield taken_off("boresight", words, _turned(UNTURNED, Q.T), 3, values)
     Q = nearest_rotation((b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2)).mean(axis=0))
     words, values = _turn_words(
-        Q, ENU, "other axes of the frame, another origin of a tangent plane"
+        Q, ENU_NAMES, "other axes of the frame, another origin of a tangent plane"
     )
     yield taken_off("turn of the frame", words, _turned(Q.T, UNTURNED), 3, values)
 

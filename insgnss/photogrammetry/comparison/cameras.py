@@ -18,7 +18,7 @@ import numpy as np
 from ...base.errors import DataError, UsageError, near
 from ...base.files import picked
 from ...base.output.staging import together
-from ...io.formats.blocks.camera_files import FORMS, write_cameras
+from ...io.formats.blocks.camera_files import CAMERA_FORMS, write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
 from ...io.formats.returned.cameras import read_cameras, recognised_camera
 from ...records.block import INTERIOR, BrownCamera
@@ -193,7 +193,7 @@ def report_cameras(
     """
     if (form is None) != (out is None):
         raise UsageError("camera: --as and --out belong together; give the format and the file")
-    if form is not None and form not in (written := ("toml", *FORMS)):
+    if form is not None and form not in (written := ("toml", *CAMERA_FORMS)):
         raise UsageError(f"camera: --as {form!r}; {near(form, written)}")
     files = tuple(_file(path, name) for path in (first, second) if path is not None)
     notes: list[str] = []

@@ -20,7 +20,7 @@ Measure = Callable[[Poses, Poses], Array]
 # poses, spread over all, by which readings are judged: more tell no more (chosen)
 MOST_JUDGED = 2000
 LEAST_POSES = 5  # matched ones: fewer fit many readings
-DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave
+WRITTEN_DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave
 
 
 def rms(d: Array) -> float:
@@ -76,7 +76,7 @@ def recognised(
     if n < LEAST_POSES or (before := misfit(matched)) <= least:
         return None
     some = matched.taken(np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(np.int64)))
-    explanation = explain(some, candidates(some.a, some.b), misfit, floor=DIGITS[unit])
+    explanation = explain(some, candidates(some.a, some.b), misfit, floor=WRITTEN_DIGITS[unit])
     if explanation is None:
         return None
     again = explanation.best.read(matched)

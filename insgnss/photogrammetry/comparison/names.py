@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...geodesy.conventions import orders
 from ...geodesy.explain import Candidate, explain
-from .hypotheses import DIGITS, LEAST_POSES, finding, rms
+from .hypotheses import LEAST_POSES, WRITTEN_DIGITS, finding, rms
 from .matching import Matched
 from .poses import Poses
 from .position import difference, horizontal_and_time
@@ -40,7 +40,7 @@ def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
     if matched.how != "image" or a.n < LEAST_POSES or _spread(matched) < LEAST_SPREAD_M:
         return None
     candidates = [*_orders(a), *horizontal_and_time(a, b)]
-    explanation = explain(matched, candidates, _spread, floor=DIGITS["m"])
+    explanation = explain(matched, candidates, _spread, floor=WRITTEN_DIGITS["m"])
     if explanation is None or explanation.best.name != NAMES:
         return None
     return finding(explanation, "position", explanation.before, explanation.left), explanation.data

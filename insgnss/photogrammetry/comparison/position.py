@@ -33,7 +33,7 @@ from ...geodesy.explain import EXPLAINS, LEAST_MISFIT_RATIO, Candidate
 from ...geodesy.frames import ecef_to_geodetic
 from ...records import Array
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from .hypotheses import DIGITS, recognised, rms, taken_off
+from .hypotheses import WRITTEN_DIGITS, recognised, rms, taken_off
 from .matching import Matched
 from .poses import CoordinateFrame, Poses
 from .result import Finding
@@ -46,7 +46,7 @@ GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
 SHIFT_M = 2e4  # longest shift: datums lie within 1 km, base stations of drones within this
 HEIGHT_M = 5e3  # longest shift of heights: those above the place of take-off lack its height
-SCALE = 0.01  # largest scale of a grid: the widest zones and the highest plateaus have 0.2 %
+LEAST_SCALE = 0.01  # largest scale of a grid: the widest zones and the highest plateaus have 0.2 %
 WAY_S = 30.0  # longest time along the way, over which no velocity is constant
 # what a lever arm's vertical part may be uncertain by, where it is separated from a height shift
 SEPARATE_M = 0.02
@@ -61,12 +61,13 @@ FEET = {  # what a coordinate in one foot, read as the other, is multiplied by
     "US survey feet, read as international feet": US_FOOT_M / FOOT_M,
 }
 ONE_PLACE_RAD = 2e-3  # of latitude and longitude, within which both files are of one place: 11 km
-DEGREES = {  # name and words of a wrong geographic reading; factors of latitude and longitude
+# name and words of a wrong geographic reading; factors of latitude and longitude
+DEGREE_MISTAKES = {
     "longitude reversed": ("longitudes with the other sign (west of Greenwich)", 1.0, -1.0),
     "latitude reversed": ("latitudes with the other sign (south of the equator)", -1.0, 1.0),
     "radians": ("latitude and longitude in radians", np.degrees(1.0), np.degrees(1.0)),
 }
-CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
+CAMERA_DIRECTIONS, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
 
 def difference(a: Poses, b: Poses) -> Array:
@@ -152,7 +153,7 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         return
     lever, whole, doubtful = _lever(axes, d)
     x = a.x if a.C_Ex is not None else b.x
-    names = CAMERA_AXES if x == "camera" else BODY_AXES
+    names = CAMERA_DIRECTIONS if x == "camera" else BODY_AXES
     components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
     words = (
         f"a lever arm of {components} m in the axes of the {x} (b is of another point than a:"
@@ -176,7 +177,7 @@ def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
     """
 
     def left(lever: Array, rows: slice = slice(3), up: float = 0.0) -> float:
-        return rms((d - axes @ lever - [0.0, 0.0, up])[:, rows]) + DIGITS["m"]
+        return rms((d - axes @ lever - [0.0, 0.0, up])[:, rows]) + WRITTEN_DIGITS["m"]
 
     tall, plan = axes.reshape(-1, 3), slice(2)
     beside = np.column_stack([tall, np.tile([0.0, 0.0, 1.0], len(d))])
@@ -238,7 +239,7 @@ def _of_block(a: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         words = (
             f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
         )
-        values, beyond = {"scale": scale}, max(beside, abs(scale) / SCALE)
+        values, beyond = {"scale": scale}, max(beside, abs(scale) / LEAST_SCALE)
         yield taken_off("scale", words, by(from_centre, scale), 3, values, beyond)
 
 
@@ -281,7 +282,7 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
         yield taken_off(
             "latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height)
         )
-    for name, (statement, lat, lon) in DEGREES.items():
+    for name, (statement, lat, lon) in DEGREE_MISTAKES.items():
         angle = np.abs([a.lat - lat * b.lat, a.lon - lon * b.lon]).max()
         if b.projection is None and angle < ONE_PLACE_RAD:
             yield taken_off(name, f"b has {statement}", _times(lat, lon))

@@ -24,7 +24,7 @@ from ...geodesy.rotation import (
     rpy_jacobian,
 )
 from ...io.formats.events.mrk import is_mrk
-from ...io.formats.origins import HEAD, origin_in
+from ...io.formats.origins import ORIGIN_BYTES, origin_in
 from ...io.formats.returned.crs import kind_of_wkt
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
@@ -39,7 +39,7 @@ from .poses import CoordinateFrame, NoOriginError, Poses
 from .returned import framed_coordinates, placed_poses, read_adjusted_poses
 from .tables import LAYOUTS, read_table_poses
 
-HEADERS = {  # of files that other programs take, in lower case
+FORM_HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
     "realitycapture": r"^#?[ \t]*name,.*,(yaw|heading),pitch,roll",
     "micmac": r"^#f=n x y z w p k",
@@ -62,7 +62,7 @@ def read_poses(
 
     Parameters
     ----------
-    form : one of `FORMS` where the file does not show its format.
+    form : one of `POSE_FORMS` where the file does not show its format.
     hints : what the file does not say.
 
     Raises
@@ -76,8 +76,10 @@ def read_poses(
         if form is not None:
             raise UsageError(f"format {form!r} belongs to a file, but a record is given")
         return poses_of(path)
-    if form is not None and form not in FORMS:
-        raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
+    if form is not None and form not in POSE_FORMS:
+        raise UsageError(
+            f"format {form!r} cannot be compared; it is one of {', '.join(POSE_FORMS)}"
+        )
     form, hints = form or sniff_poses(path), hints or Hints()
     if hints.undulation_m is not None and form != "gnss":
         raise UsageError(
@@ -85,7 +87,7 @@ def read_poses(
             " the geoid out"
         )
     try:
-        poses = FORMS[form](Path(path), hints)
+        poses = POSE_FORMS[form](Path(path), hints)
         if form != "eo_json" and poses.datum is None:
             datum, epoch = hints.datum, hints.epoch
             if hints.crs is not None and poses.projection is None and poses.plane is None:
@@ -101,14 +103,14 @@ def read_poses(
             raise
         raise InputError(
             f"{problem.rpartition(';')[0]}; give its format, --format-a or --format-b:"
-            f" {', '.join(FORMS)}"
+            f" {', '.join(POSE_FORMS)}"
         ) from None
 
 
 def sniff_poses(path: str | Path) -> str:
-    """Name of a file's format, a key of `FORMS`; fixes of GNSS where it shows nothing else."""
+    """Name of a file's format, a key of `POSE_FORMS`; fixes of GNSS where it shows nothing else."""
     directory = Path(path).is_dir()
-    head = "" if directory else first_bytes(path, HEAD).decode("latin-1")
+    head = "" if directory else first_bytes(path, ORIGIN_BYTES).decode("latin-1")
     if form := returned_form(path, head):
         return form
     if directory:
@@ -132,7 +134,7 @@ def sniff_poses(path: str | Path) -> str:
         return "generic_ascii"
     if (label := re.search(r"^#?[ \t]*label[,;\t].*", text, re.MULTILINE)) is not None:
         return "metashape_opk" if "omega" in label[0] else "metashape"
-    for form, columns in HEADERS.items():
+    for form, columns in FORM_HEADERS.items():
         if re.search(columns, text, re.MULTILINE):
             return form
     if first.startswith("gps_week,tow,lat_deg"):
@@ -289,11 +291,11 @@ def _gnss(path: Path, hints: Hints) -> Poses:
 
 def _mrk(path: Path, hints: Hints) -> Poses:
     """Cameras of a drone's own solution at the exposures, which are named by their numbers."""
-    from ...io.formats.events.mrk import CAMERA, read_mrk
+    from ...io.formats.events.mrk import MRK_PLACE, read_mrk
 
     mrk = read_mrk(path)
     if mrk.camera is None:
-        names = ", ".join(name.capitalize() for name in CAMERA)
+        names = ", ".join(name.capitalize() for name in MRK_PLACE)
         raise InputError.in_file(path, f"has times alone and no {names} of the camera")
     week = mrk.week.astype(np.float64) if (mrk.week >= 0).all() else None
     time, gps_week = gps_time(mrk, mrk.tow, week, hints.gps_week)
@@ -338,7 +340,7 @@ def _odyn(path: Path, hints: Hints) -> Poses:
     return imu_poses(path, "odyn", read_odyn_poses(path), gps_week=hints.gps_week)
 
 
-FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
+POSE_FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "eo_json": _eo_json,
     "eo_local_plane": _eo_local_plane,
     **{form: partial(read_table_poses, form) for form in LAYOUTS},

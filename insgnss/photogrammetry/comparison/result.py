@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 
-SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
+SCREEN_UNITS = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
 WIDE = 1.5  # rms over sigma from which on the standard deviations are doubted
-NOTHING = "no mismatch of names, axes, angles, time, height or lever arm recognised"
+NO_MISMATCH = "no mismatch of names, axes, angles, time, height or lever arm recognised"
 LARGE = 10.0  # m or m/s, from which thousandths are not shown
 
 
@@ -107,7 +107,7 @@ class Component:
         """Factor and unit in which people read it."""
         if self.unit != "rad" and float(np.abs(self.difference).max()) >= LARGE:
             return 1.0, self.unit
-        return SCREEN[self.unit]
+        return SCREEN_UNITS[self.unit]
 
     def shown(self, name: str) -> str:
         """Return one of the statistics in the unit in which people read it."""
@@ -191,7 +191,7 @@ class Comparison(Charted):
             f"{self.n} poses matched by {self.matched_by}; rms of b minus a: {sizes}",
             self._verdict(),
             (
-                Section("Recognised", [f.sentence() for f in self.findings] or [NOTHING]),
+                Section("Recognised", [f.sentence() for f in self.findings] or [NO_MISMATCH]),
                 *charts,
                 Section("b minus a, axes east, north, up at the point", _table(self.components)),
                 Section("What remains after the recognised is taken off", _table(self.remaining)),
@@ -213,7 +213,7 @@ class Comparison(Charted):
             f"differences are larger than their standard deviations say (rms over sigma {wide}; up"
             f" to {WIDE:g} passes)"
         )
-        return worst_of(NOTHING, [mismatch] if names else [larger] if wide else [])
+        return worst_of(NO_MISMATCH, [mismatch] if names else [larger] if wide else [])
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -18,9 +18,9 @@ from .hints import Hints
 from .poses import Poses
 from .reading import sniff_poses
 
-STEP = 1000.0  # of what is subtracted, in the unit of the CRS: exports round to it
+KILOMETRE = 1000.0  # of what is subtracted, in the unit of the CRS: exports round to it
 # largest difference of both files' positions beside whole steps: beyond, the next step is as near
-CERTAIN_SHIFT_M = 0.3 * STEP
+CERTAIN_SHIFT_M = 0.3 * KILOMETRE
 FEWEST = 3  # images of both files, by name: an outlier among fewer would be the median
 # largest scatter of both files' differences, in that of the positions: axes of another CRS are
 # turned by degrees against each other, 0.5 % are 0.3 deg
@@ -61,7 +61,7 @@ def shift_from_positions(
         )
     difference = expected[to] - position
     middle = np.median(difference, axis=0)
-    whole = STEP * np.round(middle / STEP)
+    whole = KILOMETRE * np.round(middle / KILOMETRE)
     if not whole.any() or np.abs(middle - whole).max() > CERTAIN_SHIFT_M:
         return None
     if scatter(difference) > OF_EXTENT * scatter(expected[to]):

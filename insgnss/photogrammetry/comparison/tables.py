@@ -34,7 +34,7 @@ from ...geodesy.rotation import (
     rotation_from_ypr,
     ypr_jacobian,
 )
-from ...io.formats.origins import HEAD, origin_in
+from ...io.formats.origins import ORIGIN_BYTES, origin_in
 from ...io.formats.text.text import TextTable, read_text_table
 from ...records import Array
 from .hints import Hints, diagonal, globe_of
@@ -190,7 +190,7 @@ def _time(path: Path, table: TextTable, of: dict[str, int]) -> tuple[Array | Non
 def _head(path: Path) -> str:
     """Comment lines before and among the first data."""
     with opened_text(path, errors="replace") as stream:
-        return "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
+        return "".join(line for line in stream.readlines(ORIGIN_BYTES) if line.startswith("#"))
 
 
 def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> CoordinateFrame:

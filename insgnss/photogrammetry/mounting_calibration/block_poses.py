@@ -13,7 +13,7 @@ from ...base.errors import InputError
 from ...base.inputs import opened_text, read_text
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.joined import matched
-from ...io.formats.orientation.pose_covariance import FILE, read_pose_covariance
+from ...io.formats.orientation.pose_covariance import POSES_COVARIANCE_FILE, read_pose_covariance
 from ...records import ExteriorOrientation
 from ...records.block import Array
 from .records import CameraPoses, Rows
@@ -55,7 +55,7 @@ def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
             " twice, and standard deviations are too small; leave aerial_control.file out, or take"
             " the mounting.toml of that adjustment",
         )
-    whole = path.parent / FILE
+    whole = path.parent / POSES_COVARIANCE_FILE
     if path.is_file() and whole.is_file():
         given = replace(given, cov=read_pose_covariance(whole, given.images, given.cov))
         notes += (f"covariance of all poses together from {whole.name}",)

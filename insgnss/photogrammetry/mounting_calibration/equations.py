@@ -55,7 +55,13 @@ from ...geodesy.rotation import (
 )
 from ...geodesy.similarity import Similarity, similarity, similarity_of_poses
 from ...records.rows import covariance_of_rows
-from ..adjust.aerial import BORESIGHT, COMMON, LEVER_ARM, TIME_OFFSET, AerialControl
+from ..adjust.aerial import (
+    BORESIGHT,
+    CAMERA_LEVER_ARM,
+    COMMON_OF_TRAJECTORY,
+    EXPOSURE_DELAY,
+    AerialControl,
+)
 from ..adjust.unknowns import Unknowns
 from .block_errors import (
     BEND_ATTITUDE,
@@ -69,13 +75,26 @@ from .block_errors import (
 from .options import Assumptions
 from .records import CameraPoses, FlightPoses, Rows
 
-TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
+TRANSLATION, BLOCK_TURN, BLOCK_SCALE = "shift", "turn of the block", "scale of the block"
 BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
-SIZES = {BORESIGHT: 3, LEVER_ARM: 3, TIME_OFFSET: 1, TRANSLATION: 3, TURN: 3, SCALE: 1}
-UNINFORMED = {BORESIGHT: 1.0, TIME_OFFSET: 10.0, TRANSLATION: 1e3, TURN: 1.0, SCALE: 1.0}
+GROUP_SIZES = {
+    BORESIGHT: 3,
+    CAMERA_LEVER_ARM: 3,
+    EXPOSURE_DELAY: 1,
+    TRANSLATION: 3,
+    BLOCK_TURN: 3,
+    BLOCK_SCALE: 1,
+}
+UNINFORMED = {
+    BORESIGHT: 1.0,
+    EXPOSURE_DELAY: 10.0,
+    TRANSLATION: 1e3,
+    BLOCK_TURN: 1.0,
+    BLOCK_SCALE: 1.0,
+}
 """A-priori sigmas of what nothing is known of; rad, s, m, 1."""
-FLIGHT = "flight"  # share of the covariance of a line, beside those of the block's poses
-HELD = 1e-7  # of turn and scale of a block that keeps its own, rad and 1
+FLIGHT_GROUP = "flight"  # share of the covariance of a line, beside those of the block's poses
+HELD_SIGMA = 1e-7  # of turn and scale of a block that keeps its own, rad and 1
 FEWEST_BENDING = 30  # images
 SAME_LEVER_ARM = 1e-5  # m, of segments of one flight
 
@@ -88,7 +107,7 @@ _Piece = tuple[Rows, Array, Array, Array, Array]
 class Line(Equations):
     """One flight line, linearised: its 6 m misclosures are one vector (k = 1 of `Equations`).
 
-    Shares of its covariance are `FLIGHT` and, of (L.2), the parts of D G Q G' D'.
+    Shares of its covariance are `FLIGHT_GROUP` and, of (L.2), the parts of D G Q G' D'.
 
     Parameters
     ----------
@@ -155,11 +174,11 @@ class Model:
         C = start.rotation @ block.C_rc
         self.values: dict[str, Array] = {
             BORESIGHT: nearest_rotation(np.einsum("nji,njk->ik", C_o, C)),
-            LEVER_ARM: np.zeros(3),
-            TIME_OFFSET: np.zeros(1),
+            CAMERA_LEVER_ARM: np.zeros(3),
+            EXPOSURE_DELAY: np.zeros(1),
             TRANSLATION: start.points(self.origin),
-            TURN: start.rotation,
-            SCALE: np.array([start.scale]),
+            BLOCK_TURN: start.rotation,
+            BLOCK_SCALE: np.array([start.scale]),
         }
         self.S = shared_covariance(block, start.scale, assumptions.alike)
         self.shared = not self.whole and bool(np.diagonal(self.S).all())
@@ -171,7 +190,7 @@ class Model:
         q = flight.common.factor.shape[2]
         self.segments = np.unique(flight.common.segment[rows])
         more = ({BENDING: BENDS} if self.bends else {}) | ({CAMERA_FIXED: 6} if self.shared else {})
-        sizes = SIZES | more | {f"{COMMON} {k}": q for k in self.segments}
+        sizes = GROUP_SIZES | more | {f"{COMMON_OF_TRAJECTORY} {k}": q for k in self.segments}
         ends = np.cumsum([0, *sizes.values()])
         self.place = {
             name: slice(int(a), int(b))
@@ -190,8 +209,8 @@ class Model:
         assumed, sigma, off = self.assumptions, np.ones(self.size), -self.common
         for name, value in UNINFORMED.items():
             sigma[self.place[name]] = value
-        sigma[self.place[LEVER_ARM]] = assumed.imu_sigma_m
-        for name in (LEVER_ARM, TIME_OFFSET, BENDING, CAMERA_FIXED):
+        sigma[self.place[CAMERA_LEVER_ARM]] = assumed.imu_sigma_m
+        for name in (CAMERA_LEVER_ARM, EXPOSURE_DELAY, BENDING, CAMERA_FIXED):
             if name in self.values:
                 off[self.place[name]] = -self.values[name]
         if self.block.georeferenced:
@@ -199,9 +218,9 @@ class Model:
                 sigma[self.place[TRANSLATION]] = max(assumed.shift_sigma_m, 1e-6)
                 off[self.place[TRANSLATION]] = self.origin - self.values[TRANSLATION]
             if assumed.frame == "shift":
-                sigma[self.place[TURN]] = sigma[self.place[SCALE]] = HELD
-                off[self.place[TURN]] = -vector_from_rotation(self.values[TURN])
-                off[self.place[SCALE]] = -np.log(self.values[SCALE])
+                sigma[self.place[BLOCK_TURN]] = sigma[self.place[BLOCK_SCALE]] = HELD_SIGMA
+                off[self.place[BLOCK_TURN]] = -vector_from_rotation(self.values[BLOCK_TURN])
+                off[self.place[BLOCK_SCALE]] = -np.log(self.values[BLOCK_SCALE])
         if self.bends:
             of = np.repeat([BEND_POSITION_M, BEND_ATTITUDE], [9, BENDS - 9])
             sigma[self.place[BENDING]] = of
@@ -221,8 +240,8 @@ class Model:
         first, rows = self.segments[0], np.zeros((3 * others.size, self.size))
         eta = np.concatenate([given[k] - given[first] for k in others])
         for i, k in enumerate(others):
-            rows[3 * i : 3 * i + 3, self.place[f"{COMMON} {first}"]] = own[first]
-            rows[3 * i : 3 * i + 3, self.place[f"{COMMON} {k}"]] = -own[k]
+            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {first}"]] = own[first]
+            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {k}"]] = -own[k]
         return rows, eta
 
     def linearised(self) -> tuple[Equations, ...]:
@@ -231,7 +250,7 @@ class Model:
         eo = flight.eo
         assert eo.velocity_mps is not None
         assert eo.rate_radps is not None
-        R, s = values[TURN], float(values[SCALE][0])
+        R, s = values[BLOCK_TURN], float(values[BLOCK_SCALE][0])
         arm = s * (self.block.position - self.origin) @ R.T
         X, C = values[TRANSLATION] + arm, R @ self.block.C_rc
         of_frame = np.zeros((len(X), 6, 7))
@@ -255,8 +274,10 @@ class Model:
         for rows, P in self.pieces:
             own = [self.where[int(row)] for row in rows]
             m, k = len(own), int(flight.common.segment[rows[0]])
-            blocks = {(name, 0): values[name] for name in (LEVER_ARM, BORESIGHT, TIME_OFFSET)}
-            blocks[COMMON, k] = self.common[self.place[f"{COMMON} {k}"]]
+            blocks = {
+                (name, 0): values[name] for name in (CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY)
+            }
+            blocks[COMMON_OF_TRAJECTORY, k] = self.common[self.place[f"{COMMON_OF_TRAJECTORY} {k}"]]
             control = AerialControl(
                 tuple(range(m)),
                 eo.position_m[rows],
@@ -265,7 +286,8 @@ class Model:
                 eo.time[rows],
                 eo.velocity_mps[rows],
                 eo.rate_radps[rows],
-                dict.fromkeys((LEVER_ARM, BORESIGHT, TIME_OFFSET), 0) | {COMMON: k},
+                dict.fromkeys((CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY), 0)
+                | {COMMON_OF_TRAJECTORY: k},
                 common=flight.common.factor[rows],
             )
             none = np.zeros((0, 11)), np.zeros((0, 3))
@@ -274,7 +296,12 @@ class Model:
             A = np.zeros((6 * m, self.size))
             A[:, first : first + of_block.shape[2]] = (D @ of_block[own]).reshape(6 * m, -1)
             column = 6 * m
-            for name in (LEVER_ARM, BORESIGHT, TIME_OFFSET, f"{COMMON} {k}"):
+            for name in (
+                CAMERA_LEVER_ARM,
+                BORESIGHT,
+                EXPOSURE_DELAY,
+                f"{COMMON_OF_TRAJECTORY} {k}",
+            ):
                 where = self.place[name]
                 width = where.stop - where.start
                 A[:, where] = J[:, column : column + width]
@@ -287,7 +314,7 @@ class Model:
     def _line(self, rows: Rows, e: Array, A: Array, P: Array, D: Array) -> Line:
         """Return a line, the covariance of its block's poses propagated by D G."""
         shares = {name: propagated(D, Q)[None] for name, Q in self._of_images(rows).items()}
-        return Line(e[None], A[None], {FLIGHT: P[None]} | shares, rows)
+        return Line(e[None], A[None], {FLIGHT_GROUP: P[None]} | shares, rows)
 
     def _of_images(self, rows: Rows) -> dict[str, Array]:
         """Return the shares of the covariance (6 m, 6 m) of the block's poses of some images."""
@@ -304,13 +331,13 @@ class Model:
             step = dx[self.place[name]]
             if value.ndim == 2:
                 self.values[name] = nearest_rotation(rotation_from_vector(step) @ value)
-            elif name == SCALE:
+            elif name == BLOCK_SCALE:
                 self.values[name] = value * np.exp(step)
             else:
                 self.values[name] = value + step
         common = np.zeros(self.size, dtype=bool)
         for k in self.segments:
-            common[self.place[f"{COMMON} {k}"]] = True
+            common[self.place[f"{COMMON_OF_TRAJECTORY} {k}"]] = True
         self.common = np.where(common, self.common + dx, 0.0)
 
 

@@ -12,13 +12,18 @@ from ...geodesy.rotation import opk_from_rotation
 from ...io.formats.orientation.mounting_file import DELAY, VECTORS, MountingFile
 from ...records.block import Array
 from ...report.figures.mounting import over_motion
-from .equations import SCALE, TURN
+from .equations import BLOCK_SCALE, BLOCK_TURN
 from .in_flight import MountingResult
 from .judgement import facts_of, linear_functions
 from .poses import date_of
 from .products import CalibratedMounting, metashape_line, provenance
 
-GROUPS = {"antenna_m": "antenna_m", "imu_m": "imu_m", "boresight": "boresight", "delay": DELAY}
+KEYS_OF_GROUPS = {
+    "antenna_m": "antenna_m",
+    "imu_m": "imu_m",
+    "boresight": "boresight",
+    "delay": DELAY,
+}
 
 
 def calibrated(
@@ -85,7 +90,7 @@ def mounting_file(result: MountingResult, flight: Flight, origin: dict[str, Any]
     given: dict[str, Any] = {}
     missing: dict[str, str] = {}
     remarks: list[str] = []
-    for group, key in GROUPS.items():
+    for group, key in KEYS_OF_GROUPS.items():
         own = [c for c in result.components if c.group == group]
         undetermined = [c for c in own if not c.determined]
         if len(undetermined) == len(own) or not all(c.held for c in undetermined):
@@ -155,9 +160,9 @@ def document(result: MountingResult) -> dict[str, Any]:
         "factor_of_flight": list(solved.flight_factor),
         "corrections_sigma": list(result.corrections),
         "frame": {
-            "turn": solved.values[TURN].tolist(),
-            "scale": float(solved.values[SCALE][0]),
-            "scale_sigma": float(solved.sigma(SCALE)[0]),
+            "turn": solved.values[BLOCK_TURN].tolist(),
+            "scale": float(solved.values[BLOCK_SCALE][0]),
+            "scale_sigma": float(solved.sigma(BLOCK_SCALE)[0]),
         },
         "inputs": list(result.input_files),
     }

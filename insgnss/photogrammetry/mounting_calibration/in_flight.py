@@ -30,7 +30,7 @@ from ..comparison.hints import Hints
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
 from .judgement import (
-    GROUPS,
+    NAMES_OF_GROUPS,
     USEFUL,
     Component,
     components,
@@ -95,7 +95,9 @@ class MountingResult:
         determined = [c for c in judged if c.determined]
         words = f"{len(determined)} of {len(judged)} components determined by"
         words += f" {self.solved.rows.size} images"
-        against = list(dict.fromkeys(GROUPS.get(c.group, c.name) for c in judged if c.against))
+        against = list(
+            dict.fromkeys(NAMES_OF_GROUPS.get(c.group, c.name) for c in judged if c.against)
+        )
         if against:
             verb = "contradicts" if len(against) == 1 else "contradict"
             words = f"the flight file's {_listed(against)} {verb} the poses; {words}"

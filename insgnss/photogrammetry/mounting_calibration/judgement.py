@@ -22,15 +22,19 @@ from ...geodesy.explain import explain, readings_of
 from ...geodesy.rotation import opk_from_rotation, rotation_from_vector, vector_from_rotation
 from ...records.block import Array
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
-from ..adjust.aerial import BORESIGHT, TIME_OFFSET
-from .equations import CAMERA_FIXED, SCALE, TRANSLATION, TURN
+from ..adjust.aerial import BORESIGHT, EXPOSURE_DELAY
+from .equations import BLOCK_SCALE, BLOCK_TURN, CAMERA_FIXED, TRANSLATION
 from .records import Stated
 from .solution import Solved, Variant
 
 DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
 USEFUL["shift"] = 0.02
-GROUPS = {"antenna_m": "antenna lever arm", "imu_m": "IMU lever arm", "boresight": "bore-sight"}
+NAMES_OF_GROUPS = {
+    "antenna_m": "antenna lever arm",
+    "imu_m": "IMU lever arm",
+    "boresight": "bore-sight",
+}
 # sigmas of a bore-sight (rad) and a delay (s) that the flight file states without one (chosen)
 STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
 ALIKE_M, ALIKE_RAD = 0.005, float(np.radians(0.002))  # of a remedy
@@ -39,14 +43,14 @@ LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
 CONTRADICTS, DOUBTFUL_SIGMAS = 4.0, 2.5
 HELPS = 0.5  # of a sigma, that remains if something else were known
 ONE_HEADING = 0.9  # length of the mean of unit vectors
-DIRECTIONS = ("forward", "right", "down"), ("backward", "left", "up")
-UNITS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
-METRES = (1e3, "mm", 1)
+BODY_WORDS = ("forward", "right", "down"), ("backward", "left", "up")
+UNITS_OF_GROUPS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
+AS_MILLIMETRES = (1e3, "mm", 1)
 
 
 def shown(group: str, value: float) -> str:
     """Return a value of a group, m, rad or s, in the unit in which people read it."""
-    factor, unit, digits = UNITS.get(group, METRES)
+    factor, unit, digits = UNITS_OF_GROUPS.get(group, AS_MILLIMETRES)
     return f"{factor * value:.{digits}f} {unit}"
 
 
@@ -106,7 +110,7 @@ class Component:
     @property
     def text(self) -> str:
         """Value, or why there is none."""
-        factor, unit, digits = UNITS.get(self.group, METRES)
+        factor, unit, digits = UNITS_OF_GROUPS.get(self.group, AS_MILLIMETRES)
         sigma = shown(self.group, self.sigma)
         if not self.determined:
             own = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
@@ -267,7 +271,7 @@ def linear_functions(
     columns, C_cb = solved.place, solved.C_cb
     unknowns = np.eye(len(solved.cov))
     beta = vector_from_rotation(stated.mounting.C_cb @ C_cb.T)
-    delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
+    delay = solved.flight.delay_s + solved.values[EXPOSURE_DELAY]
     moved, shift = "translation", np.zeros(3)  # of axes of its own nobody asks for it
     if solved.block.georeferenced:
         moved = "shift"
@@ -275,17 +279,19 @@ def linear_functions(
     change = " against the flight file's" if "boresight" in stated.keys else ""
     about = [f"bore-sight{change} about {axis}" for axis in "xyz"]
     enu, axes = ("east", "north", "up"), [f"{'xyz'[k]} ({_direction(C_cb, k)})" for k in range(3)]
-    arms = {key: [f"{GROUPS[key]} {axis}" for axis in axes] for key in ("antenna_m", "imu_m")}
+    arms = {
+        key: [f"{NAMES_OF_GROUPS[key]} {axis}" for axis in axes] for key in ("antenna_m", "imu_m")
+    }
     of_turn, none = [f"turn of the block about {axis}" for axis in enu], np.zeros(3)
     # group, derivatives, values, those of the flight file, words of each axis
     groups: list[tuple[str, Array, Array, Array | float, list[str]]] = [
         ("antenna_m", J_arms[:3], antenna, stated.mounting.antenna_m, arms["antenna_m"]),
         ("imu_m", J_arms[3:], imu, stated.mounting.imu_m, arms["imu_m"]),
         ("boresight", unknowns[columns[BORESIGHT]], beta, 0.0, about),
-        ("delay", unknowns[columns[TIME_OFFSET]], delay, stated.delay_s, ["camera delay"]),
+        ("delay", unknowns[columns[EXPOSURE_DELAY]], delay, stated.delay_s, ["camera delay"]),
         (moved, unknowns[columns[TRANSLATION]], shift, 0.0, [f"{moved} {axis}" for axis in enu]),
-        ("turn", unknowns[columns[TURN]], none, 0.0, of_turn),
-        ("scale", unknowns[columns[SCALE]], np.zeros(1), 0.0, ["scale of the block"]),
+        ("turn", unknowns[columns[BLOCK_TURN]], none, 0.0, of_turn),
+        ("scale", unknowns[columns[BLOCK_SCALE]], np.zeros(1), 0.0, ["scale of the block"]),
     ]
     if CAMERA_FIXED in columns:
         axes = [*"xyz", *(f"turn about {axis}" for axis in "xyz")]
@@ -303,7 +309,7 @@ def _direction(C_cb: Array, axis: int) -> str:
     """Return in which direction of the body an axis of the camera points."""
     d = C_cb[axis]
     k = int(np.abs(d).argmax())
-    return DIRECTIONS[int(d[k] < 0.0)][k]
+    return BODY_WORDS[int(d[k] < 0.0)][k]
 
 
 def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) -> str:

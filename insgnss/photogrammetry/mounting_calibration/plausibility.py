@@ -24,21 +24,23 @@ from ...geodesy.readings import of_attitudes, of_positions, suspected
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
-from .equations import SCALE
+from .equations import BLOCK_SCALE
 from .records import CameraPoses, FlightPoses, Rows
 from .solution import Solved
 
 # units in which misfits of position and attitude are one figure (chosen)
-FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
+FLOOR_M, FLOOR_OF_TURN_RAD = 1.0, float(np.radians(0.1))
 HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))  # median misfit of poses of another frame
 HOPELESS_SIGMAS = 6.0  # of the flight, where it is less accurate than that
-FARTHEST_S, LEAST_OFFSET_S, STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
+FARTHEST_S, LEAST_OFFSET_S, DELAY_STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
 FEWEST_POSES = 4  # images of the flight with poses: a similarity and its check
 GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
 GROSS_SHARE = 0.05  # of the images: more are no single gross errors
 # of the flight's variances by the residuals, and redundancy
 OWN_FACTOR, REDUNDANCY_OF_VARIANCES = 0.01, 50.0
-NOTHING = "which says nothing of the mounting; give poses of an adjustment of the images without it"
+NOT_OF_MOUNTING = (
+    "which says nothing of the mounting; give poses of an adjustment of the images without it"
+)
 OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
 LARGEST_BORESIGHT = float(np.radians(20.0))  # no bore-sight is larger
 SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0  # of a scale from one: no projection in use is so far off
@@ -91,7 +93,7 @@ class Misfit:
     @property
     def size(self) -> float:
         """q of (P.1)."""
-        return float(np.hypot(self.position_m / FLOOR_M, self.attitude_rad / FLOOR_RAD))
+        return float(np.hypot(self.position_m / FLOOR_M, self.attitude_rad / FLOOR_OF_TURN_RAD))
 
     @property
     def words(self) -> str:
@@ -156,7 +158,7 @@ def refuse_implausible(
     if given.position_m < OWN_M and given.attitude_rad < OWN_RAD:
         raise InputError(
             f"{block.source}: its poses are those of the flight itself"
-            f" ({1e3 * given.position_m:.2f} mm rms beside them), {NOTHING}"
+            f" ({1e3 * given.position_m:.2f} mm rms beside them), {NOT_OF_MOUNTING}"
         )
     if given.size < 1.0:
         return
@@ -217,7 +219,7 @@ def _other_times(pairs: Pairs, time: Array, path: Path) -> Iterator[Candidate[Pa
         pose = path.at(time[some] + offset_s) if abs(offset_s) >= LEAST_OFFSET_S else None
         return np.inf if pose is None else misfit(pairs[0][some], pairs[1][some], *pose).size
 
-    best = best_shift(apart, FARTHEST_S, STEP_S)
+    best = best_shift(apart, FARTHEST_S, DELAY_STEP_S)
     pose = None if best is None else path.at(time + best[0])
     if best is None or pose is None:
         return
@@ -278,7 +280,8 @@ def refuse_frame(solved: Solved) -> None:
     if redundancy > REDUNDANCY_OF_VARIANCES and factor < OWN_FACTOR:
         raise InputError(
             f"{source}: its poses agree with the flight {factor**-0.5:.0f} times better than the"
-            f" flight's covariances allow: they are of this flight's own trajectory, {NOTHING}"
+            " flight's covariances allow: they are of this flight's own trajectory, "
+            f"{NOT_OF_MOUNTING}"
         )
     if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > LARGEST_BORESIGHT:
         near = np.round(E)
@@ -303,7 +306,7 @@ def refuse_frame(solved: Solved) -> None:
         raise InputError(f"{words}: check camera axes and mounting.camera_from_body")
     if not solved.block.georeferenced or solved.assumptions.frame == "similarity":
         return
-    s, sigma = float(solved.values[SCALE][0]), float(solved.sigma(SCALE)[0])
+    s, sigma = float(solved.values[BLOCK_SCALE][0]), float(solved.sigma(BLOCK_SCALE)[0])
     if abs(s - 1.0) > max(SCALE_OFF, SCALE_SIGMAS * sigma):
         raise InputError(
             f"{source}: the block is {abs(s - 1.0) * 100.0:.2f} % too"

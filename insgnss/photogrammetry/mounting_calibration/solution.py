@@ -26,13 +26,13 @@ from ...base.errors import DataError
 from ...geodesy.least_squares import NormalEquations, adjusted, conditioned
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...records.block import Array
-from ..adjust.aerial import BORESIGHT, COMMON, LEVER_ARM, TIME_OFFSET
+from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, COMMON_OF_TRAJECTORY, EXPOSURE_DELAY
 from .equations import (
     BENDING,
-    FLIGHT,
-    SCALE,
+    BLOCK_SCALE,
+    BLOCK_TURN,
+    FLIGHT_GROUP,
     TRANSLATION,
-    TURN,
     Line,
     Model,
 )
@@ -81,7 +81,7 @@ class Solved:
     values : mapping
         Of `SIZES`; E as a matrix (3, 3), R as a matrix (3, 3), s.
     place : mapping
-        Where each stands among the unknowns; (`COMMON`, k) of segment k.
+        Where each stands among the unknowns; (`COMMON_OF_TRAJECTORY`, k) of segment k.
     common : ndarray, (u,)
         The unknowns as a vector as far as they are common errors, zero elsewhere.
     cov : ndarray, (u, u)
@@ -138,7 +138,7 @@ class Solved:
         """
         flight, E = self.flight.mounting, self.values[BORESIGHT]
         before = flight.antenna_m + flight.C_cb @ self._eta()[0]
-        arm = self.values[LEVER_ARM]
+        arm = self.values[CAMERA_LEVER_ARM]
         return arm + E.T @ before, arm + E.T @ flight.imu_m
 
     def lever_arm_derivatives(self) -> Array:
@@ -153,7 +153,7 @@ class Solved:
         eta, by_common, where = self._eta()
         J = np.zeros((6, self.cov.shape[0]))
         J[:3, where] = E.T @ flight.C_cb @ by_common
-        arm, beta = self.place[LEVER_ARM], self.place[BORESIGHT]
+        arm, beta = self.place[CAMERA_LEVER_ARM], self.place[BORESIGHT]
         J[:3, arm] = J[3:, arm] = np.eye(3)
         J[:3, beta] = E.T @ skew(flight.antenna_m + flight.C_cb @ eta)
         J[3:, beta] = E.T @ skew(flight.imu_m)
@@ -163,7 +163,7 @@ class Solved:
         """Return eta, Lambda, and where c stands."""
         common = self.flight.common
         k = int(common.segment[self.rows[0]])
-        where = self.place[f"{COMMON} {k}"]
+        where = self.place[f"{COMMON_OF_TRAJECTORY} {k}"]
         if common.lever_arm is None or common.lever_arm_m is None:
             return np.zeros(3), np.zeros((3, where.stop - where.start)), where
         own = common.lever_arm[k]
@@ -212,10 +212,10 @@ class Solved:
         m = line.rows.size
         M = np.kron(np.eye(2 * m), turn)
         A = M @ line.A[0]
-        for name in (TRANSLATION, TURN, SCALE, BENDING):
+        for name in (TRANSLATION, BLOCK_TURN, BLOCK_SCALE, BENDING):
             if name in self.place:
                 A[:, self.place[name]] = line.A[0][:, self.place[name]]
-        A[:, self.place[TIME_OFFSET]] *= variant.speed
+        A[:, self.place[EXPOSURE_DELAY]] *= variant.speed
         self._keep_levels(A, line, turn)
         V = M @ line.covariance(self.factors)[0] @ M.T
         return conditioned(self.cov, A, np.zeros(6 * m), V)[1]
@@ -227,7 +227,7 @@ class Solved:
         """
         flight = self.flight
         k = int(flight.common.segment[line.rows[0]])
-        where, own = self.place[f"{COMMON} {k}"], flight.common.lever_arm
+        where, own = self.place[f"{COMMON_OF_TRAJECTORY} {k}"], flight.common.lever_arm
         of_line = line.A.reshape(line.rows.size, 6, -1)[:, :3, where]
         C_mb = flight.eo.C_mc[line.rows] @ flight.mounting.C_cb
         arm = np.zeros_like(of_line) if own is None else C_mb @ own[k]
@@ -340,7 +340,7 @@ def _factors(
 ) -> tuple[dict[str, float], tuple[float, float]]:
     """Return the next factors (LS.2), and the factor of the flight with its redundancy."""
     sums, new = normals.components(), dict(factors)
-    of_flight, redundancy_of_flight = sums[FLIGHT]
+    of_flight, redundancy_of_flight = sums[FLIGHT_GROUP]
     for name, factor in factors.items():
         square, redundancy = sums[name]
         if (

@@ -12,7 +12,7 @@ from ...base.errors import InputError
 from ...base.inputs import opened
 from ...io.formats.blocks.joined import matched
 
-ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
+PHOTOGRAPH_ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 # pixels of a photograph; beyond, a damaged header is more likely
 LARGEST_PHOTOGRAPH_PX = 400_000_000
 
@@ -58,11 +58,11 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
     paths = sorted(
         path
         for path in directory.rglob("*")
-        if path.suffix.lower() in ENDINGS and not path.name.startswith(".")
+        if path.suffix.lower() in PHOTOGRAPH_ENDINGS and not path.name.startswith(".")
     )
     if not paths:
         raise InputError.in_file(
-            directory, f"no photograph ({' '.join(ENDINGS)}) in it or in its folders"
+            directory, f"no photograph ({' '.join(PHOTOGRAPH_ENDINGS)}) in it or in its folders"
         )
     names = [path.name for path in paths]
     wanted = {Path(name).stem.lower() for name in images}

@@ -36,9 +36,13 @@ from .sizes import target_sizes
 from .windows import Window, accepted
 
 PREDICTIONS = "predictions.csv"
-IMAGE_POINTS, GROUND_POINTS, REJECTED = "image_points.csv", "ground_points.csv", "rejected.csv"
-POSITIONS, SIZES = "target_positions.csv", "target_sizes.csv"
-COLUMNS = (
+IMAGE_POINTS_FILE, GROUND_POINTS, REJECTED_FILE = (
+    "image_points.csv",
+    "ground_points.csv",
+    "rejected.csv",
+)
+POSITIONS, SIZES_FILE = "target_positions.csv", "target_sizes.csv"
+MEASUREMENT_COLUMNS = (
     *("image", "point", "x", "y", "sigma_x", "sigma_y", "correlation"),
     *("semi_major", "semi_minor", "direction", "visibility"),
 )
@@ -87,7 +91,7 @@ def write_predictions(inputs: Inputs, path: Path) -> None:
         "of one standard deviation: sigma_x sigma_y, semi-axes of the ellipse, px; direction of the"
         " larger one, deg from x to y",
     )
-    write_table(path, comments, COLUMNS, lines())
+    write_table(path, comments, MEASUREMENT_COLUMNS, lines())
 
 
 def measured_points(inputs: Inputs, windows: Sequence[Window]) -> ImagePoints:
@@ -171,7 +175,7 @@ def write_measured(inputs: Inputs, windows: Sequence[Window], into: Path) -> lis
         What could not be written, sentence by sentence.
     """
     image_points = measured_points(inputs, windows)
-    write_image_points(image_points, into / IMAGE_POINTS)
+    write_image_points(image_points, into / IMAGE_POINTS_FILE)
     plane = TangentPlane(*inputs.eo.origin)
     axes = (f"tangent plane of {inputs.request.eo.name}, m",)
     if inputs.vehicle is None:
@@ -183,7 +187,7 @@ def write_measured(inputs: Inputs, windows: Sequence[Window], into: Path) -> lis
             vehicle.images, time, inputs.eo.gps_week, inputs.ground.position_m, inputs.ground.cov
         )
         write_target_positions(places, into / POSITIONS, axes)
-        write_target_sizes(target_sizes(inputs, windows), into / SIZES)
+        write_target_sizes(target_sizes(inputs, windows), into / SIZES_FILE)
     notes: list[str] = []
     ground, crs = _in_crs(inputs, plane)
     camera = inputs.camera

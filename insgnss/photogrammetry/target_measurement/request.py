@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..targets.codes import Ring
     from ..targets.signals import Signal
 
-DIRECTORY = "targets"
+TARGETS_DIRECTORY = "targets"
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,13 @@ from ...report.verdict import worst_of
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
 from .products import PREDICTIONS, write_measured, write_predictions, write_rejected
-from .products import REJECTED as REJECTED_TABLE
-from .request import DIRECTORY, Request
-from .sheet import PAGE, sheet_sections
+from .products import REJECTED_FILE as REJECTED_TABLE
+from .request import TARGETS_DIRECTORY, Request
+from .sheet import TARGETS_PAGE, sheet_sections
 from .trials import advice
 from .windows import Window, accepted, windows_of
 
-DOCUMENT = "targets.json"
+TARGETS_DOCUMENT = "targets.json"
 ANOTHER = "another place by --out"  # for products that would overwrite an input
 FEW_MEASURED = 0.2
 """Share of the targets below which it is likelier that files do not belong together than that the
@@ -188,7 +188,7 @@ def predict_targets(
     }
     files: tuple[Path, ...] = ()
     if write:
-        path = out or request.eo.parent / DIRECTORY / PREDICTIONS
+        path = out or request.eo.parent / TARGETS_DIRECTORY / PREDICTIONS
         refuse_overwriting([path, path.with_suffix(".json")], _inputs_of(request), ANOTHER)
         progress(f"writing {path}")
         with together() as staging:
@@ -251,10 +251,12 @@ def measure_targets(
     """
     if request.images is None:
         raise UsageError("targets measure: IMAGES is missing, the directory of the photographs")
-    directory = out or request.eo.parent / DIRECTORY
+    directory = out or request.eo.parent / TARGETS_DIRECTORY
     if write:
         input_files = (request.eo, request.ground)
-        refuse_other_results("targets measure", directory / DOCUMENT, input_files, force, True)
+        refuse_other_results(
+            "targets measure", directory / TARGETS_DOCUMENT, input_files, force, True
+        )
     _ = request.target.signal, request.target.code  # a target that cannot be, before all reading
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
@@ -401,7 +403,7 @@ def _refusal(figures: dict[str, Any], trial: str) -> DataError:
     return DataError(
         f"{figures['measured']} of {figures['windows']} targets found ({most}): nearly nothing is"
         " where it is expected, so no observations are written;"
-        f" {trial or f'{PAGE} shows the windows. {guesses}'}"
+        f" {trial or f'{TARGETS_PAGE} shows the windows. {guesses}'}"
     )
 
 
@@ -415,13 +417,13 @@ def _written(
         if result.refusal is None:
             figures["notes"] += write_measured(inputs, windows, into)
         write_rejected(inputs, windows, into / REJECTED_TABLE)
-        atomic_write(into / PAGE, result.document(sheet_sections(inputs, windows)).html())
+        atomic_write(into / TARGETS_PAGE, result.document(sheet_sections(inputs, windows)).html())
         image = np.unique(inputs.predictions.image[[w.row for w in windows]])
         looked = [photographs.files[k] for k in image.tolist()]
         used = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
-        figures |= made_from(used, into / DOCUMENT, [*into.iterdir()])
-        figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
-        write_json(into / DOCUMENT, figures)
+        figures |= made_from(used, into / TARGETS_DOCUMENT, [*into.iterdir()])
+        figures["products"] = sorted([*(p.name for p in into.iterdir()), TARGETS_DOCUMENT])
+        write_json(into / TARGETS_DOCUMENT, figures)
         files = staging.goals()
         refuse_overwriting(files, _inputs_of(inputs.request), ANOTHER)
     return replace(result, files=files)

@@ -11,10 +11,10 @@ from ...report.markup import escape
 from .inputs import Inputs
 from .windows import Window
 
-PAGE = "targets.html"
+TARGETS_PAGE = "targets.html"
 MOST_WINDOWS = 3000
 """Windows on a page; beyond, those that stand are thinned out evenly, those rejected never."""
-READING = (
+SHEET_CAPTION = (
     "yellow: where the point is expected, with the ellipse of three standard deviations. Green"
     " cross: where the target was measured; red cross: a match that was rejected, with the reason"
     " below. Grey values are stretched. The windows of a point should look alike: a target that"
@@ -44,7 +44,7 @@ def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Sectio
     room = max(MOST_WINDOWS - (len(windows) - len(good)), 200)
     keep = set(np.linspace(0, len(good) - 1, min(room, len(good))).astype(int).tolist())
     shown = {id(w) for k, w in enumerate(good) if k in keep}
-    legend: list[str] = [Marked(READING, "text")]
+    legend: list[str] = [Marked(SHEET_CAPTION, "text")]
     if len(good) > room:
         text = f"{room} of the {len(good)} windows with a measurement are shown"
         legend.append(Marked(text, "text"))

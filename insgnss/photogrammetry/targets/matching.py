@@ -23,7 +23,7 @@ _SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
 _C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
 
 
-_SCALE = np.array([[1.0, 0.0, 0.0, 1.0]]).T  # deformations, row by row
+_FIRST_SCALE = np.array([[1.0, 0.0, 0.0, 1.0]]).T  # deformations, row by row
 _UNEVEN = np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, 1.0, 0.0]]).T
 
 
@@ -71,7 +71,7 @@ class Freedom:
         by_slope = [np.outer(template.by_height, inverse[k]).ravel() for k in (0, 1)]
         root = np.column_stack(
             [
-                self.size * _SCALE,
+                self.size * _FIRST_SCALE,
                 self.uneven * _UNEVEN,
                 self.turn_rad * template.turn,
                 self.slope * np.column_stack(by_slope),

@@ -1,7 +1,7 @@
 """The layers of a chart as artists of matplotlib, in the inks that pages have in a light room.
 
 Colours are those of Okabe and Ito (2008), which the colour-blind tell apart. Sizes are pixels of a
-sheet of 1000 pixels, a point is `POINTS` of them.
+sheet of 1000 pixels, a point is `POINTS_OF_PIXEL` of them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ import numpy as np
 
 from .chart import Array, Axes, Ink, Layer, Mark, Shade
 
-INKS: Mapping[Ink, str] = {
+CHART_INKS: Mapping[Ink, str] = {
     "first": "#0072B2",
     "second": "#D55E00",
     "third": "#009E73",
@@ -29,10 +29,16 @@ SHADE_NAMES = {
     "outage": "no used fix",
     "other": "no solution",
 }
-MARKS: Mapping[Mark, str] = {"dot": "o", "cross": "x", "ring": "o", "square": "s", "triangle": "^"}
+CHART_MARKS: Mapping[Mark, str] = {
+    "dot": "o",
+    "cross": "x",
+    "ring": "o",
+    "square": "s",
+    "triangle": "^",
+}
 MARK_PX = 4.4  # pixels that a mark has where its layer says nothing
 WIDER: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
-POINTS = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 points
+POINTS_OF_PIXEL = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 points
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
 RASTERISED_FROM = 5000  # points from which on a PDF has them as an image
@@ -60,12 +66,12 @@ def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
         Of points with values.
     """
     style: dict[str, Any] = {
-        "color": INKS[layer.ink],
+        "color": CHART_INKS[layer.ink],
         "alpha": PALE if layer.faint else 1.0,
         "label": layer.name or None,
     }
     before = set(ax.get_children())
-    explained = _KINDS[layer.kind](ax, layer, style, POINTS * scale)
+    explained = _KINDS[layer.kind](ax, layer, style, POINTS_OF_PIXEL * scale)
     for artist in set(ax.get_children()) - before:  # matplotlib would draw lines over points
         artist.set_zorder(IN_FRONT)
     return explained
@@ -77,7 +83,7 @@ def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 def _points(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> Any:
     size = px * (layer.width or MARK_PX) * WIDER.get(layer.mark, 1.0)
-    shape = MARKS[layer.mark]
+    shape = CHART_MARKS[layer.mark]
     many = layer.x.size > RASTERISED_FROM
     if layer.value is not None:
         low, high = value_range(layer.value)

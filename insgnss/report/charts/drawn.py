@@ -14,14 +14,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .artists import INKS, SHADE_NAMES, SHADES, draw_layer, draw_shades, named, number_shades
+from .artists import CHART_INKS, SHADE_NAMES, SHADES, draw_layer, draw_shades, named, number_shades
 from .chart import Array, Axes, Chart, Layer
 
 Form = Literal["png", "pdf", "svg"]
-FORMS: tuple[Form, ...] = ("png", "pdf", "svg")
+CHART_FILES: tuple[Form, ...] = ("png", "pdf", "svg")
 
 INCH_MM = 25.4  # mm of an inch
-GRID, MINOR, FRAME = "#E3E6EA", "#F1F3F5", "#8A8F98"
+GRID_INK, MINOR, FRAME = "#E3E6EA", "#F1F3F5", "#8A8F98"
 LETTER = 0.56  # width of a letter, of its height
 FLATTEST, TALLEST = 0.35, 1.0  # height of a map by its width
 LEAST_IN = 1.5  # inches of a panel beside another
@@ -57,7 +57,7 @@ class Paper:
 
 SCREEN = Paper()
 COLUMN = Paper(84.0, 300)  # of a journal with two of them
-PAGE = Paper(174.0, 300)  # of a journal, both columns
+PRINTED_PAGE = Paper(174.0, 300)  # of a journal, both columns
 
 
 def draw(chart: Chart, form: Form = "png", paper: Paper = SCREEN) -> bytes:
@@ -383,7 +383,7 @@ def _dress(ax: Any, letters: float, ticks: int) -> None:
 
     ax.xaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    ax.grid(True, color=GRID, lw=0.6)
+    ax.grid(True, color=GRID_INK, lw=0.6)
     ax.set_axisbelow(True)
     ax.margins(x=0.01)
     ax.tick_params(labelsize=0.9 * letters, length=3, color=FRAME)
@@ -442,7 +442,9 @@ def _legend(ax: Any, keys: Keys, width: float, letters: float) -> None:
     columns, _ = _legend_size(keys, width, letters)
     own: Mapping[str, Any] = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
     handles = [
-        Patch(facecolor=ink, lw=0) if kind == "shade" else own.get(name, Patch(color=INKS["faint"]))
+        Patch(facecolor=ink, lw=0)
+        if kind == "shade"
+        else own.get(name, Patch(color=CHART_INKS["faint"]))
         for name, ink, kind in keys
     ]
     legend = ax.legend(

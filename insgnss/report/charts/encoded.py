@@ -26,12 +26,12 @@ import numpy as np
 from ...base.errors import InputError
 from .chart import Array, Axes, Chart, Layer, Shade
 
-BLOCK = "charts"  # id of the script element that holds the text
+CHARTS_KEY = "charts"  # id of the script element that holds the text
 LONG = 64  # values: shorter arrays are float32
 NOT_FINITE = 65535  # code of a value that is not finite; the others count steps from the lowest
-FINE, FINE_SHARE = 1e-3, 5e-3  # of the span of half of the values; of the smallest one
+FINE_STEP, FINE_SHARE = 1e-3, 5e-3  # of the span of half of the values; of the smallest one
 _ARRAYS = ("x", "y", "x2", "y2", "value")
-_UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}
+_UNSAFE_IN_SCRIPT = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}
 
 
 def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
@@ -112,7 +112,9 @@ def in_page(page: str) -> tuple[tuple[Chart, ...], str]:
     InputError
         Where it holds no charts.
     """
-    match = re.search(rf'<script type="application/json" id="{BLOCK}">(.*?)</script>', page, re.S)
+    match = re.search(
+        rf'<script type="application/json" id="{CHARTS_KEY}">(.*?)</script>', page, re.S
+    )
     if match is None:
         raise InputError("the page holds no charts; process the flight again")
     text = match.group(1)
@@ -135,7 +137,7 @@ def _short(x: Array) -> dict[str, Any] | None:
         return None
     low, quarter, three, high = np.percentile(finite, (0.0, 25.0, 75.0, 100.0))
     step = float(high - low) / (NOT_FINITE - 1)
-    fine = step <= FINE * (three - quarter) and (low <= 0.0 or step <= FINE_SHARE * low)
+    fine = step <= FINE_STEP * (three - quarter) and (low <= 0.0 or step <= FINE_SHARE * low)
     if not fine or step == 0.0:
         return None
     steps = np.where(np.isfinite(x), np.rint((x - low) / step), NOT_FINITE).astype("<u2")
@@ -154,7 +156,7 @@ def _unpacked(given: str | Mapping[str, Any]) -> Array:
 def script_safe(value: Any) -> str:
     """Return JSON that may stand within a script element."""
     text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return text.translate(_UNSAFE)
+    return text.translate(_UNSAFE_IN_SCRIPT)
 
 
 def _plain(of: Any, but: tuple[str, ...] = ()) -> dict[str, Any]:

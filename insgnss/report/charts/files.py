@@ -17,7 +17,7 @@ from ...base.files import atomic_write
 from ...base.inputs import is_file, read_text, sha256
 from ...base.output.staging import together
 from .chart import Axes, Chart, Ink, Kind, Layer, Link, Mark, Scale
-from .drawn import FORMS, PAGE, Form, Paper, draw
+from .drawn import CHART_FILES, PRINTED_PAGE, Form, Paper, draw
 from .encoded import in_page
 
 FOLDER = "figures"
@@ -46,7 +46,7 @@ def figure_files(
     form: Form = "pdf",
     out: Path | None = None,
     only: Sequence[str] = (),
-    width_mm: float = PAGE.width_mm,
+    width_mm: float = PRINTED_PAGE.width_mm,
     force: bool = False,
 ) -> Figures:
     """Draw the charts of a page into files named by them.
@@ -78,8 +78,10 @@ def figure_files(
     UsageError
         A chart, form or width is unknown, or a file exists already.
     """
-    if form not in FORMS:
-        raise UsageError(f"figures: format {form!r} is unknown; it is one of {', '.join(FORMS)}")
+    if form not in CHART_FILES:
+        raise UsageError(
+            f"figures: format {form!r} is unknown; it is one of {', '.join(CHART_FILES)}"
+        )
     if not NARROWEST_MM <= width_mm <= WIDEST_MM:
         raise UsageError(
             f"figures: a width of {width_mm:g} mm; give {NARROWEST_MM:g} to {WIDEST_MM:g}"

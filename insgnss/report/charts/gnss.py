@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...records import GnssFixes
 from ...records.observations import OF_THE_SOLUTION
 from ..marks import Marks
-from ..rules.wording import AXES
+from ..rules.wording import NED_NAMES
 from .chart import AXES_INKS, Array, Axes, Chart, Ink, Layer, Shade
 from .pieces import band, dots, length_unit, line, rules
 
@@ -44,7 +44,7 @@ CLASS_INKS: tuple[Ink, ...] = (
     *("fifth", "first", "fourth", "first"),
 )
 KIND_OF_QUALITY = (7, 0, 2, 5, 6, 7, 8)  # RTKLIB's 0 to 6; what is unknown counts as single
-VALIDATED = (0, 1)  # of these classes those of a confirmed fix
+VALIDATED_CODES = (0, 1)  # of these classes those of a confirmed fix
 RATE_WINDOW_S = 30.0  # of the share of fixes: shorter ones show single epochs (chosen)
 MOST_RATIO, LEAST_RATIO = 1000.0, 0.9  # of the axis: RTKLIB cuts at 999.9, and writes 0 for none
 MOST_SLIPS = 4000  # marks of a chart: more are one dark area, and slow to draw (chosen)
@@ -62,7 +62,7 @@ _STATEMENTS = {  # of what the series hold
     "hdop": "HDOP is that of the horizontal position.",
     "distance_m": "Along distance and height from the base the atmosphere differs.",
 }
-_SEPARATION = (
+_SEPARATION_OF_PPK = (
     "The run backward minus the run forward, within three standard deviations of their difference:"
     " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
     " is an incorrect ambiguity fix in one of them."
@@ -115,7 +115,7 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
         shades = [shade for shade in marks.shades if shade.kind == "line"]
     gaps = minutes(np.reshape(series.get("gaps", ()), (-1, 2)))
     shades += [Shade(begin, end, "outage") for begin, end in gaps.tolist()]
-    statements = {**_STATEMENTS, "separation_m": _SEPARATION}
+    statements = {**_STATEMENTS, "separation_m": _SEPARATION_OF_PPK}
     reading = " ".join(text for name, text in statements.items() if name in series)
     reading = reading or "The satellites of each epoch."
     both = (
@@ -186,7 +186,7 @@ def _by_class(t: Array, y: Array, kind: NDArray[np.int64], classified: bool) -> 
 
 def _rate(t: Array, kind: NDArray[np.int64]) -> Array:
     """Share of validated fixes within `RATE_WINDOW_S`, percent."""
-    count = np.concatenate([[0.0], np.cumsum(np.isin(kind, VALIDATED))])
+    count = np.concatenate([[0.0], np.cumsum(np.isin(kind, VALIDATED_CODES))])
     half = RATE_WINDOW_S / 120.0
     first, after = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
     return np.asarray(100.0 * (count[after] - count[first]) / (after - first))
@@ -203,7 +203,9 @@ def _separation(t: Array, series: Series) -> Axes:
     for k in range(3):
         zero = np.zeros(int(finite.sum()))
         layers.append(band(t[finite], zero, 3.0 * factor * sigma[finite, k], ink=AXES_INKS[k]))
-    layers += [line(t, factor * apart[:, k], AXES[k], AXES_INKS[k], width=1.0) for k in range(3)]
+    layers += [
+        line(t, factor * apart[:, k], NED_NAMES[k], AXES_INKS[k], width=1.0) for k in range(3)
+    ]
     limits = (-1.05 * reach * factor, 1.05 * reach * factor)
     return Axes(f"backward - forward, {unit}", layers, limits=limits)
 

@@ -15,7 +15,7 @@ from ...records import Diagnostics, ExteriorOrientation
 from ..coverage import outages, stationary_periods
 from ..flightlines import flight_lines
 from ..marks import Marks, marks_of
-from ..rules.wording import AXES
+from ..rules.wording import NED_NAMES
 from ..summary import image_sigmas
 from . import gnss, support
 from .chart import AXES_INKS, Array, Axes, Chart, Layer
@@ -220,7 +220,7 @@ def _sigmas(d: Diagnostics, marks: Marks) -> Chart:
                 line(
                     t,
                     marks.broken(t, scale * sigma[:, first + k]),
-                    AXES[k] if smoothed else "forward filter",
+                    NED_NAMES[k] if smoothed else "forward filter",
                     AXES_INKS[k],
                     faint=not smoothed,
                     width=1.8 if smoothed else 1.0,

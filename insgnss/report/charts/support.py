@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...records import Diagnostics
 from ...records.states import State
 from ..marks import Marks
-from ..rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
+from ..rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, NED_NAMES, state_unit
 from ..statistics import NIS_95, residual_limit
 from .chart import AXES_INKS, Array, Axes, Chart, Layer
 from .pieces import band, dots, length_unit, line, middle_limits, over_time, rules
@@ -41,7 +41,7 @@ _BIASES = (
     "Estimated biases within three standard deviations, after smoothing; a wide band says that the"
     " flight did not determine the bias."
 )
-_CONSTANTS = (
+_CONSTANTS_CAPTION = (
     "Constants that were estimated with the flight, lever arm and time offset as what has to be"
     " added to those of the flight file, within three standard deviations: dark, after"
     " smoothing; pale, what the forward filter allowed at the time. The pale band narrows where"
@@ -76,7 +76,7 @@ def innovations(d: Diagnostics, marks: Marks) -> Chart:
             ),
             limits=(-1.03 * factor * reach, 1.03 * factor * reach),
         )
-        for k, name in enumerate(AXES)
+        for k, name in enumerate(NED_NAMES)
     ]
     low, high = 1e-2, 5.0 * max(d.nis_limit, NIS_95)
     nis = Axes(
@@ -120,7 +120,7 @@ def distributions(d: Diagnostics) -> Iterator[Chart]:
                 Layer("line", fine, normal, "expected", "second"),
             ),
         )
-        for name, x in zip(AXES, ratio.T, strict=True)
+        for name, x in zip(NED_NAMES, ratio.T, strict=True)
     ]
     yield Chart(
         "innovation-distribution",
@@ -158,7 +158,7 @@ def residuals(d: Diagnostics, marks: Marks) -> Chart:
     limit = residual_limit(mean.size)
     factor, unit = length_unit(float(np.median(limit * sigma)))
     panels = []
-    for k, name in enumerate(AXES):
+    for k, name in enumerate(NED_NAMES):
         y, beyond = factor * mean[:, k], np.abs(mean[:, k]) > limit * sigma[:, k]
         layers = [band(t, np.zeros_like(t), factor * limit * sigma[:, k], "limit", "faint")]
         layers.append(Layer("points", t[~beyond], y[~beyond], "mean", width=5.0))
@@ -208,7 +208,7 @@ def constants(d: Diagnostics, marks: Marks) -> Chart | None:
         reach = _reach(factor * c.value[:, members], 3 * factor * c.filter_sigma[:, members])
         panels.append(Axes(f"{label}, {unit}", layers, limits=reach))
     title = "Constants estimated in flight"
-    return over_time("constants", title, _CONSTANTS, panels, marks)
+    return over_time("constants", title, _CONSTANTS_CAPTION, panels, marks)
 
 
 def _together(states: Sequence[State]) -> list[tuple[str, list[int]]]:
@@ -245,7 +245,7 @@ def separation(d: Diagnostics, marks: Marks) -> Chart:
             bound = 3 * scale * d.separation_sigma[:, k]
             bands.append(band(t, np.zeros_like(t), bound, ink=AXES_INKS[k % 3]))
             y = marks.broken(t, scale * d.separation[:, k])
-            lines.append(line(t, y, AXES[k % 3], AXES_INKS[k % 3]))
+            lines.append(line(t, y, NED_NAMES[k % 3], AXES_INKS[k % 3]))
         limits = middle_limits(
             scale * d.separation[:, columns], 3 * scale * d.separation_sigma[:, columns]
         )

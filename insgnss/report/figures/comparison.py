@@ -23,7 +23,10 @@ LEAST_HALF_HEIGHT = {
     "mm/s": 0.1,
     "m/s": 1e-4,
 }  # half height of a panel in which nothing is to be seen
-FARTHEST_SIGMAS, CLASSES = 5.0, 25  # of a distribution, standard deviations; and its classes
+FARTHEST_SIGMAS, HISTOGRAM_CLASSES = (
+    5.0,
+    25,
+)  # of a distribution, standard deviations; and its classes
 _DIFFERENCES = (
     "Each component of b minus a{shaded}. Differences that stand about a constant, that follow the"
     " course or drift tell of a convention, a lever arm or a clock that is another one."
@@ -35,7 +38,7 @@ _NORMALISED = (
     " density. A wider distribution says that the standard deviations are too small, one beside it"
     " that something is systematic. What is farther out stands in the outermost classes."
 )
-_PLAIN = "How often each difference occurs; a second hump is a second population."
+_DISTRIBUTION_CAPTION = "How often each difference occurs; a second hump is a second population."
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +155,7 @@ def _distribution(panels: Sequence[ComparisonPanel]) -> Chart:
     return Chart(
         "distribution",
         "Distribution of the differences",
-        _NORMALISED if normalised else _PLAIN,
+        _NORMALISED if normalised else _DISTRIBUTION_CAPTION,
         [_histogram(panel) for panel in shown],
         "standard deviations" if normalised else "b minus a",
         columns=min(3, len(shown)),
@@ -166,7 +169,7 @@ def _histogram(panel: ComparisonPanel) -> Axes:
         count, edges = np.histogram(values, bins=40)
         layers = [Layer("steps", edges, count.astype(np.float64))]
         return Axes(f"number by {panel.name}, {unit}", layers)
-    edges = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, CLASSES + 1)
+    edges = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, HISTOGRAM_CLASSES + 1)
     count, _ = np.histogram(np.clip(values / sigma, -FARTHEST_SIGMAS, FARTHEST_SIGMAS), bins=edges)
     density = count / (count.sum() * np.diff(edges))
     x = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, 101)

@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 IMAGE_AXES = ("x, image right", "y, image down", "z, viewing direction")
 MOST_NAMES = 24  # that stand in the chart; of more one hovers
 HAIR = 1e-3  # of the distance of two images: what is drawn as x must increase
-NOTHING = np.zeros(0)  # x of a rule across the chart
-ZERO = Layer("rules", NOTHING, np.zeros(1), ink="faint", width=1.0)  # the rule of no residual
+NO_VALUES = np.zeros(0)  # x of a rule across the chart
+ZERO = Layer("rules", NO_VALUES, np.zeros(1), ink="faint", width=1.0)  # the rule of no residual
 
 
 @dataclass(frozen=True, eq=False)

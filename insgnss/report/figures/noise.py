@@ -22,7 +22,7 @@ from ..charts.chart import Axes, Chart, Ink, Layer
 Array = NDArray[np.float64]
 Sensor = Literal["gyro", "accel"]
 
-UNIT = {"gyro": "deg/h", "accel": "ug"}
+AXIS_UNITS = {"gyro": "deg/h", "accel": "ug"}
 PART_INKS: Mapping[str, Ink] = {
     "white_noise": "third",
     "quantization": "fourth",
@@ -114,11 +114,13 @@ def process_label(sensor: Sensor, kind: str, value: float, time_s: float | None 
     value : SI; of a Gauss-Markov process its stationary standard deviation.
     """
     units = {
-        "white_noise": f"{UNIT[sensor]}/sqrt(Hz)",
+        "white_noise": f"{AXIS_UNITS[sensor]}/sqrt(Hz)",
         "quantization": "urad" if sensor == "gyro" else "mm/s",
-        "random_walk": f"{UNIT[sensor]}/s/sqrt(Hz)" if sensor == "accel" else "deg/h/s/sqrt(Hz)",
-        "drift": f"{UNIT[sensor]}/h",
-        "gauss_markov": UNIT[sensor],
+        "random_walk": f"{AXIS_UNITS[sensor]}/s/sqrt(Hz)"
+        if sensor == "accel"
+        else "deg/h/s/sqrt(Hz)",
+        "drift": f"{AXIS_UNITS[sensor]}/h",
+        "gauss_markov": AXIS_UNITS[sensor],
     }
     strength = f"{_number(value / parse_unit(units[kind]).scale)} {_pretty(units[kind])}"
     if kind != "gauss_markov":
@@ -138,13 +140,13 @@ def noise_chart(sensor: Sensor, panels: Sequence[NoisePanel]) -> Chart:
     sensor : "gyro" or "accel".
     panels : from the top.
     """
-    factor = 1.0 / parse_unit(UNIT[sensor]).scale
+    factor = 1.0 / parse_unit(AXIS_UNITS[sensor]).scale
     tau = _span([curve.averaging_time_s for panel in panels for curve in panel.curves])
     drawn: list[Axes] = []
     for panel in panels:
         limits = _heights(panel, factor)
         layers = [*_noise_layers(panel, factor), *([] if drawn else _clock(tau, limits))]
-        label = f"{panel.title}: deviation, {_pretty(UNIT[sensor])}"
+        label = f"{panel.title}: deviation, {_pretty(AXIS_UNITS[sensor])}"
         drawn.append(Axes(label, layers, "log", limits))
     return Chart(
         f"noise-{sensor}",
@@ -174,7 +176,7 @@ def spectrum_charts(panels: Sequence[SpectrumPanel]) -> tuple[Chart, ...]:
     """
     charts = []
     for sensor in dict.fromkeys(panel.sensor for panel in panels):
-        unit = _pretty(f"{UNIT[sensor]}/sqrt(Hz)")
+        unit = _pretty(f"{AXIS_UNITS[sensor]}/sqrt(Hz)")
         own = [panel for panel in panels if panel.sensor == sensor]
         inside = own[0].frequency_hz > 0.0
         f = own[0].frequency_hz[inside]
@@ -263,7 +265,7 @@ def _curve(
 
 
 def _spectrum(panel: SpectrumPanel, unit: str) -> Axes:
-    factor = 1.0 / parse_unit(UNIT[panel.sensor]).scale
+    factor = 1.0 / parse_unit(AXIS_UNITS[panel.sensor]).scale
     inside = panel.frequency_hz > 0.0
     f, density = panel.frequency_hz[inside], factor * panel.density[inside]
     models = [(words, factor * model[inside]) for words, model in panel.models]

@@ -16,11 +16,11 @@ from ..charts.chart import AXES_INKS, Axes, Chart, Layer
 Array = NDArray[np.float64]
 
 # what is shown of the motion: more could not be distinguished
-ROWS, SHORTEST_SHOWN_S, LONGEST_SHOWN_S = 130, 20.0, 150.0
+MOST_ROWS_DRAWN, SHORTEST_SHOWN_S, LONGEST_SHOWN_S = 130, 20.0, 150.0
 BEST, WORDS_AT = 10, 1.55  # orientations shown, and where on the axis their words stand
 SHOWN_LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
-_MOTION = (
+_MOTION_OF_RECORDING = (
     "Turn rate and specific force of the IMU, lines, and what the receiver saw of them, dots, over"
     " the liveliest stretch. They lie on each other only if units, axes, signs and clock are right."
 )
@@ -80,7 +80,9 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     if "time" not in curves or curves["time"].size < 2:
         return np.zeros(0, dtype=bool)
     time, force = curves["time"], curves["force_gnss"]
-    length = float(np.clip(ROWS * np.median(np.diff(time)), SHORTEST_SHOWN_S, LONGEST_SHOWN_S))
+    length = float(
+        np.clip(MOST_ROWS_DRAWN * np.median(np.diff(time)), SHORTEST_SHOWN_S, LONGEST_SHOWN_S)
+    )
     if time[-1] - time[0] <= length:
         return np.ones(time.size, dtype=bool)
     moved = np.linalg.norm(force - np.median(force, axis=0), axis=1)
@@ -120,7 +122,9 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
         felt, seen = (curves[of][window, k] for of in ("force_imu", "force_gnss"))
         panels.append(panel(f"specific force {name}, m/s\N{SUPERSCRIPT TWO}", felt, seen, k))
     label = f"s after {time[0]:.1f} s"
-    return Chart("motion", "What the IMU felt and what GNSS saw", _MOTION + slow, panels, label)
+    return Chart(
+        "motion", "What the IMU felt and what GNSS saw", _MOTION_OF_RECORDING + slow, panels, label
+    )
 
 
 def _orientations(score: Array, words: Sequence[str], certain: bool) -> Chart:

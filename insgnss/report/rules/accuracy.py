@@ -19,7 +19,7 @@ GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
 GOOD_GYRO_DEG_H = 60.0  # sigma of a gyro bias: its heading drifts by a degree a minute
 CODE_MM = 500.0  # horizontal sigma beyond which no ambiguities were fixed
 HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
-OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
+SHARE_OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0  # for which users are told what a bias or a slow error makes
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 MOST_STATES = 4  # states in a sentence (chosen)
@@ -104,7 +104,7 @@ def heights(f: Figures) -> Iterator[Finding]:
     if ratio < HEIGHT_RATIO or f["standing"]:
         return
     sigma = f["innovations"]["median_sigma_mm"]
-    of_fixes = sigma is not None and sigma[2] > OF_FIXES * ratio * max(sigma[:2])
+    of_fixes = sigma is not None and sigma[2] > SHARE_OF_FIXES * ratio * max(sigma[:2])
     text = (
         f"heights are known to {millimetres(down)}, {ratio:.1f} times as uncertain as east and"
         f" north ({millimetres(max(north, east))})"

@@ -14,7 +14,7 @@ from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...records.verdicts import ADOPTED, CHECKS, REMARK
 from .hidden import UNSEEN
-from .wording import AXES, Figures, at_time, lengths, millimetres, span
+from .wording import NED_NAMES, Figures, at_time, lengths, millimetres, span
 
 TRUST = 2.0  # weight of what contradicts the sigmas over what only enlarges them (chosen)
 NIS_MATTERS = (0.64, 1.56)  # mean NIS per degree of freedom: sigmas off by more than a quarter
@@ -186,7 +186,7 @@ def whiteness(f: Figures) -> Iterator[Finding]:
     i = f["innovations"]
     if i["rms_mm"] is None:
         return
-    for axis, mean, rms in zip(AXES, i["mean_mm"], i["rms_mm"], strict=True):
+    for axis, mean, rms in zip(NED_NAMES, i["mean_mm"], i["rms_mm"], strict=True):
         if abs(mean) > max(MEAN_MATTERS, i["lag1_bound_99"]) * rms:
             text = (
                 f"the GNSS positions are {millimetres(mean)} {axis} off their prediction in the"
@@ -199,7 +199,9 @@ def whiteness(f: Figures) -> Iterator[Finding]:
                 "look for an error of lever arm, clock or datum",
             )
     bound = max(LAG_ONE_MATTERS, i["lag1_bound_99"])
-    determined = [(lag, axis) for lag, axis in zip(i["lag1"], AXES, strict=True) if lag is not None]
+    determined = [
+        (lag, axis) for lag, axis in zip(i["lag1"], NED_NAMES, strict=True) if lag is not None
+    ]
     conservative = f["consistency"]["position"]["verdict"] == "conservative"
     for sign in (
         (1.0,) if conservative else (1.0, -1.0)

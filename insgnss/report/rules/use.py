@@ -32,7 +32,7 @@ Rows = NDArray[np.bool_]
 
 USE, EXCEPT, NO = "use", "except", "no"
 PHRASES = {USE: "Use it", EXCEPT: "Use it except", NO: "Do not use it"}
-STATED, USUAL = "stated", "receiver and IMU"  # which need was taken
+STATED_NEED, USUAL_NEED = "stated", "receiver and IMU"  # which need was taken
 
 NEED_OF_FIX = 1.5  # needed sigma over that of a predicted fix: a smoothed image is below 1
 # needed sigma over the median image's: tilt is held by every turn, heading by those near in time,
@@ -42,9 +42,9 @@ CHANCE = 3.0  # sigmas of a disagreement at one instant that chance explains: th
 AROUND_S = 60.0  # on both sides of such an instant: fixes and IMU drift for seconds to minutes
 RESET_S = 30.0  # on both sides of a covariance reset: the filter had lost the fixes by then
 MOST_PLACES = 4  # of weak images that get a sentence each
-FAR = math.inf  # d of (U.1) where nothing bounds it
+UNREACHABLE = math.inf  # d of (U.1) where nothing bounds it
 ENU_AXES = ("east", "north", "up")
-OPEN = "exposure clock"  # check whose note asks what no data of the flight can answer
+OPEN_CLOCK = "exposure clock"  # check whose note asks what no data of the flight can answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +171,7 @@ def use(
         "largest_deg": enlarged[:, 3:].max(axis=0).tolist(),
         "need_m": needs[0].tolist(),
         "need_deg": needs[1].tolist(),
-        "measure": USUAL if need_m is None and need_deg is None else STATED,
+        "measure": USUAL_NEED if need_m is None and need_deg is None else STATED_NEED,
     }
 
 
@@ -220,7 +220,7 @@ def _against(f: Figures) -> Iterator[str]:
 def _questions(f: Figures) -> Iterator[str]:
     """Yield what no data of the flight can answer, and all images depend on."""
     for check in f["checks"]:
-        if check["verdict"] == "note" and check["name"] == OPEN:
+        if check["verdict"] == "note" and check["name"] == OPEN_CLOCK:
             yield f"{check['name']}: {check['found']}; {check['advice']}"
 
 
@@ -263,7 +263,7 @@ def _inflations(f: Figures) -> Iterator[Inflation]:
             f"the filter lost the GNSS positions before {at_time(f, time)} and began anew there",
             "look at the GNSS positions before this time: jumps are the receiver's",
             "covariance resets",
-            moves_m=FAR,
+            moves_m=UNREACHABLE,
             span=(time - RESET_S, time + RESET_S),
         )
     for finding in accuracy.lever_arm(f):

@@ -11,7 +11,7 @@ from ...records.states import State
 
 Figures = Mapping[str, Any]
 
-AXES = ("north", "east", "down")
+NED_NAMES = ("north", "east", "down")
 
 DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0  # deg/h of one rad/s
 MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY  # mg of one m/s^2

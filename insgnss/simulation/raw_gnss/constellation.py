@@ -31,7 +31,6 @@ from ...gnss.rinex.navigation_message import (
     AF1,
     CIC,
     CIS,
-    COLUMNS,
     CRC,
     CRS,
     CUC,
@@ -54,6 +53,7 @@ from ...gnss.rinex.navigation_message import (
     STATE,
     TOC,
     TOE,
+    VALUE_WIDTH,
     Navigation,
 )
 from ...gnss.rinex.systems import CONSTANTS
@@ -140,7 +140,7 @@ def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
     def normal(mean: float, sd: float) -> Array:
         return np.asarray(mean + sd * rng.standard_normal(n))
 
-    row = np.zeros((n, COLUMNS))
+    row = np.zeros((n, VALUE_WIDTH))
     row[:, KIND], row[:, TOE], row[:, TOC], row[:, SOW] = KEPLER, toe, toe, toe
     row[:, MU], row[:, RATE] = CONSTANTS["G"]
     row[:, AF0], row[:, AF1] = rng.uniform(-5e-4, 5e-4, n), normal(0.0, 4e-12)
@@ -191,7 +191,7 @@ def _glonass_messages(toe: Array, rng: np.random.Generator) -> Array:
     position, velocity = _glonass_start(rng)
     lunisolar: Array = LUNISOLAR_STEP * rng.integers(-3, 4, (n, 3)).astype(np.float64)
     af0, af1 = rng.uniform(-2e-4, 2e-4, n), 1e-12 * rng.standard_normal(n)
-    row = np.zeros((n, toe.size, COLUMNS))
+    row = np.zeros((n, toe.size, VALUE_WIDTH))
     row[:, :, KIND] = GLONASS
     row[:, :, TOE] = row[:, :, TOC] = toe
     row[:, :, AF1] = af1[:, None]

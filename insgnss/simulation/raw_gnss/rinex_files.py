@@ -30,12 +30,21 @@ from ...base.advance import through
 from ...base.errors import UsageError
 from ...base.files import atomic_write
 from ...geodesy.gpstime import GPS_EPOCH, WEEK_S, calendar_from_gps, leap_seconds
-from ...gnss.rinex.navigation_message import AF0, AF1, PLACES, SOW, STATE, TOC, TOE, Navigation
+from ...gnss.rinex.navigation_message import (
+    AF0,
+    AF1,
+    ORBIT_PLACES,
+    SOW,
+    STATE,
+    TOC,
+    TOE,
+    Navigation,
+)
 
 Array = NDArray[np.float64]
 File = str | os.PathLike[str]
 
-VERSION = "2.11"
+RINEX_211 = "2.11"
 # of an observation; observations a line; satellites a line of the epoch
 OBSERVATION_COLUMNS, PER_LINE, NAMES_PER_LINE = 16, 5, 12
 LARGEST_MILLI, SMALLEST_MILLI = 9_999_999_999_999, -999_999_999_999  # thousandths that F14.3 holds
@@ -166,7 +175,7 @@ def _observation_header(station: Station, table: ObservationTable) -> str:
     groups = [table.types[k : k + 9] for k in range(0, len(table.types), 9)]
     counts = [f"{len(table.types):6d}", *[" " * 6] * (len(groups) - 1)]
     lines = [
-        _record(f"{VERSION:>9}{'':11}{'OBSERVATION DATA':<20}{kind:<20}", "RINEX VERSION / TYPE"),
+        _record(f"{RINEX_211:>9}{'':11}{'OBSERVATION DATA':<20}{kind:<20}", "RINEX VERSION / TYPE"),
         _program(first),
         _record(station.marker, "MARKER NAME"),
         _record(f"{'insgnss':<20}simulation", "OBSERVER / AGENCY"),
@@ -330,7 +339,7 @@ def write_navigation(gps_path: File, glonass_path: File, navigation: Navigation)
         (glonass_path, "R", "G: GLONASS NAV DATA", _glonass_message),
     ):
         head = (
-            _record(f"{VERSION:>9}{'':11}{label}", "RINEX VERSION / TYPE")
+            _record(f"{RINEX_211:>9}{'':11}{label}", "RINEX VERSION / TYPE")
             + _program(first)
             + _record(f"{_leap(first):6d}", "LEAP SECONDS")
             + _record("", "END OF HEADER")
@@ -343,7 +352,7 @@ def _gps_message(navigation: Navigation, k: int) -> str:
     """Message `k` of the table, eight lines."""
     message = navigation.table[k]
     numbers = [0.0] * 28
-    for column, position in PLACES.items():
+    for column, position in ORBIT_PLACES.items():
         numbers[position] = float(message[column])
     issue = float(int(message[SOW]) // 900 % 256)
     numbers[3] = issue

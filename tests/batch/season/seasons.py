@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from insgnss.batch.season.row import COLUMNS
+from insgnss.batch.season.row import ROW_COLUMNS
 from insgnss.records.states import AXES
 from insgnss.simulation.dataset import write_dataset
 
@@ -23,7 +23,7 @@ INSGNSS = [sys.executable, "-m", "insgnss"]
 def row(k: int, rng: np.random.Generator | None = None, **values: Any) -> dict[str, Any]:
     """The row of a good flight `k` of wing3, a flight every four days; `rng` draws its errors."""
     draw = (lambda: 0.0) if rng is None else (lambda: float(rng.normal()))
-    made: dict[str, Any] = dict.fromkeys(COLUMNS)
+    made: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
     made |= {"name": f"f{k:03d}", "flight": f"f{k:03d}/flight.toml", "equipment": "wing3"}
     made |= {"date_utc": (START + timedelta(days=4 * k)).strftime("%Y-%m-%dT%H:%M:%SZ")}
     made |= {"status": "done", "judgement": "good", "reason": "", "images": 3, "limits": ""}

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss.base.provenance import KEY, PRODUCTS
+from insgnss.base.provenance import DIGESTS_KEY, INPUTS_KEY
 from insgnss.batch.season.archive import examine_archive
 from insgnss.cli import main
 from insgnss.simulation.dataset import write_dataset
@@ -86,7 +86,7 @@ class Made:
         content = self.document(name)
         base = content.get("inputs_directory", content.get("flight_directory", "."))
         folder = (self.root / name).parent / base
-        return {Path(os.path.realpath(folder / one)) for one in content[KEY]}
+        return {Path(os.path.realpath(folder / one)) for one in content[INPUTS_KEY]}
 
     def problems(self, name: str) -> tuple[str, ...]:
         """What `archive` says of one result."""
@@ -129,7 +129,7 @@ def test_every_file_that_a_verb_reads_is_an_input_that_it_names(made: Made, name
     """Oracle: Python's own audit of the files that are opened, less what the run itself wrote."""
     content = made.document(name)
     folder = (made.root / name).parent
-    own = {os.path.realpath(folder / one) for one in content[PRODUCTS]}
+    own = {os.path.realpath(folder / one) for one in content[DIGESTS_KEY]}
     own |= {str(made.root / name), str((made.root / name).with_suffix(".html"))}
     read = {Path(one) for one in made.read[name] - own if ".insgnss" not in one}
     unnamed = {path for path in read if path.is_file()} - made.inputs(name)
@@ -144,7 +144,7 @@ def test_each_result_is_held_to_its_inputs_and_products(made: Made, name: str) -
     """Oracle: what is done to the files, one by one: changed, removed, put back."""
     assert made.problems(name) == ()
     content = made.document(name)
-    products = [(made.root / name).parent / one for one in content[PRODUCTS]]
+    products = [(made.root / name).parent / one for one in content[DIGESTS_KEY]]
     assert bool(products) == (name not in KEPT)
     for kind, paths in (("input", sorted(made.inputs(name))), ("product", products)):
         for path in paths:

@@ -10,7 +10,13 @@ from seasons import row
 
 from insgnss.base.errors import InputError
 from insgnss.batch.season.page import charts, is_ours, page_html, season_document
-from insgnss.batch.season.row import COLUMNS, EQUIPMENT_FILE, TEXTS, row_of, with_own_names
+from insgnss.batch.season.row import (
+    EQUIPMENT_FILE,
+    ROW_COLUMNS,
+    TEXT_COLUMNS,
+    row_of,
+    with_own_names,
+)
 from insgnss.batch.season.run import _relative, headline, line_of
 from insgnss.batch.season.tables import csv_text, parquet_bytes, read_season
 from insgnss.batch.season.trends import trends
@@ -41,14 +47,14 @@ def test_the_table_comes_back(tmp_path: Path) -> None:
         if given["status"] != "failed":
             assert one["lever_arm_right_m"] == pytest.approx(given["lever_arm_right_m"], rel=1e-8)
     head = next(csv.reader(path.read_text().splitlines()[1:]))
-    assert tuple(head) == COLUMNS
+    assert tuple(head) == ROW_COLUMNS
     page = (SPECS / "season.md").read_text(encoding="utf-8")
     documented = [
         name
         for cell in re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE)
         for name in re.findall(r"`(\w+)`", cell)
     ]
-    assert tuple(documented) == COLUMNS
+    assert tuple(documented) == ROW_COLUMNS
 
 
 @pytest.mark.parametrize(
@@ -75,10 +81,12 @@ def test_parquet_holds_the_same() -> None:
     import io
 
     table = pq.read_table(io.BytesIO(parquet_bytes(rows())))
-    assert table.column_names == list(COLUMNS)
+    assert table.column_names == list(ROW_COLUMNS)
     assert table["reason"].to_pylist()[4] == REASON
     assert table["images"].to_pylist()[:5] == [3.0, 3.0, 3.0, 3.0, None]
-    assert {table.schema.field(name).type for name in TEXTS} == {table.schema.field("name").type}
+    assert {table.schema.field(name).type for name in TEXT_COLUMNS} == {
+        table.schema.field("name").type
+    }
 
 
 def test_the_page_puts_failures_first_and_links_reports(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ import pytest
 from seasons import SIGMA_M, row
 
 from insgnss.batch.season.row import known_from_refusal
-from insgnss.batch.season.trends import FEWEST_FLIGHTS, QUANTITIES, fit, judged, trends
+from insgnss.batch.season.trends import FEWEST_FLIGHTS, TREND_QUANTITIES, fit, judged, trends
 
-FORWARD = QUANTITIES[0]
+FORWARD = TREND_QUANTITIES[0]
 MM = 1e3 * SIGMA_M
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.base.received.trusted import SHOWN
+from insgnss.base.received.trusted import SHOWN_VARIABLE
 from insgnss.flight.config.flight_file import Flight
 from insgnss.flight.config.load import load_flight
 from insgnss.flight.processing.input_files import input_files
@@ -106,7 +106,7 @@ def test_a_message_names_the_file_and_line_of_the_key(
     if "TOML" in message or "wings" in message:
         with pytest.raises(InputError, match=r"wing\.toml:1: is not .* nothing of it is shown"):
             load(flight, **shared)
-        monkeypatch.setenv(SHOWN, str(tmp_path))
+        monkeypatch.setenv(SHOWN_VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match=message):
         load(flight, **shared)
 

@@ -14,11 +14,11 @@ from insgnss.cli import build_parser
 from insgnss.cli.adjust import block_of
 from insgnss.flight.config.block_file import BLOCK_TABLES
 from insgnss.flight.config.command_line import add_options, given_of, names_of
-from insgnss.flight.config.flight_file import TABLES
+from insgnss.flight.config.flight_file import FLIGHT_TABLES
 from insgnss.flight.config.load import load_flight
-from insgnss.flight.config.values import READERS, known_keys
+from insgnss.flight.config.values import VALUE_READERS, known_keys
 from insgnss.gnss.ppk_options import EngineSettings
-from insgnss.io.options.kinds import KINDS, check
+from insgnss.io.options.kinds import OPTION_KINDS, check
 from insgnss.io.options.schema import declared, option, options_of
 
 SPECS = Path(__file__).parents[3] / "data_specs"
@@ -30,7 +30,7 @@ RAW = READY.replace(
 VERBS = ("compare", "tune", "calibrate.mounting")
 ALL = [
     (f"{file}{name}", item, options_of(name, tables[name]))
-    for file, tables in (("", TABLES), ("block:", BLOCK_TABLES))
+    for file, tables in (("", FLIGHT_TABLES), ("block:", BLOCK_TABLES))
     for name in tables
     for item in options_of(name, tables[name])
 ]
@@ -73,7 +73,7 @@ def test_every_option_is_whole(table):
     """Oracle: the house rule: a meaning, a reader, a range the default lies in, no name twice."""
     for item, others in ((item, others) for name, item, others in ALL if name == table):
         assert len(item.option.meaning) > 5, item.name
-        assert item.kind in KINDS, item.name
+        assert item.kind in OPTION_KINDS, item.name
         assert item.option.low < item.option.high, item.name
         if item.kind in ("number", "whole") and isinstance(item.default, int | float):
             assert item.option.low <= item.default <= item.option.high, item.name
@@ -89,8 +89,8 @@ def test_every_kind_is_used():
     verbs = [importlib.import_module(f"insgnss.cli.{name}") for name in VERBS]
     records = [kind for module in verbs for kind in vars(module).values() if is_dataclass(kind)]
     of_verbs = {item.kind for kind in records for item in declared(kind).values()}
-    assert set(KINDS) == {item.kind for _, item, _ in ALL} | of_verbs
-    assert set(READERS) < set(KINDS)
+    assert set(OPTION_KINDS) == {item.kind for _, item, _ in ALL} | of_verbs
+    assert set(VALUE_READERS) < set(OPTION_KINDS)
 
 
 def test_a_type_without_a_reader_is_refused():
@@ -193,7 +193,7 @@ def test_values_in_range_pass():
 
 def test_unknown_keys_find_their_way():
     """Oracle: the tables by eye: sub-tables are known."""
-    keys = known_keys(TABLES)
+    keys = known_keys(FLIGHT_TABLES)
     assert {"imu.units", "imu.further.units", "gnss.covariance.scale"} <= set(keys)
     assert "lever_m" not in keys["imu"]
     assert "further" not in keys["imu.further"]

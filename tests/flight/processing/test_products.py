@@ -18,7 +18,7 @@ from written import image_positions
 
 from insgnss import load_flight
 from insgnss.base.errors import DataError, InputError, UsageError
-from insgnss.base.provenance import KEY, hashes_of
+from insgnss.base.provenance import INPUTS_KEY, hashes_of
 from insgnss.flight.inspection.discovery import sources_of
 from insgnss.flight.processing import pipeline, products
 from insgnss.flight.processing.input_files import input_files, measurements
@@ -335,7 +335,7 @@ def test_each_file_of_a_receiver_is_a_measurement(tmp_path, of):
     flight = load_flight(tmp_path / "flight.toml")
     (tmp_path / "out").mkdir()
     made_from = hashes_of(measurements(flight), tmp_path)
-    (tmp_path / "out" / "report.json").write_text(json.dumps({KEY: made_from}))
+    (tmp_path / "out" / "report.json").write_text(json.dumps({INPUTS_KEY: made_from}))
     out = products.output_directory(flight, None)
     assert out == tmp_path / "out"
     assert products.overwriting(flight, out, None) is None

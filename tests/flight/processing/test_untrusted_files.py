@@ -10,12 +10,12 @@ import pytest
 
 import insgnss
 from insgnss.base.errors import DataError, InputError, InsgnssError
-from insgnss.base.received.trusted import SHOWN, at_home, trusting
+from insgnss.base.received.trusted import SHOWN_VARIABLE, at_home, trusting
 from insgnss.base.tables import read_toml
 from insgnss.batch.season.work import Task, process_task
 from insgnss.cli import main
 from insgnss.flight.config.block_file import BLOCK_TABLES, load_block
-from insgnss.flight.config.flight_file import TABLES
+from insgnss.flight.config.flight_file import FLIGHT_TABLES
 from insgnss.flight.config.load import load_flight
 from insgnss.flight.processing.recording import read_recording
 from insgnss.io.formats.imu.imu_csv import read_imu_csv
@@ -111,7 +111,7 @@ def test_no_option_of_a_flight_file_makes_a_file_elsewhere_speak(sent: Path) -> 
         (sent / name).write_text("no RINEX\n")
     raw = re.sub(r"(?<=\[gnss\]\n)(.*\n)*?(?=\[)", RAW, text)
     hidden = {}
-    for table, key in options(TABLES):
+    for table, key in options(FLIGHT_TABLES):
         if table.count(".") == 0 and ".further" not in table:
             own = raw if key in ("rover", "base", "navigation", "antex") else text
             hidden[key] = spoken(file, own, table, key, lambda: read_recording(load_flight(file)))
@@ -163,7 +163,7 @@ def test_a_command_shows_what_its_own_words_name(
         assert "keys.toml:1: is not as it should be; nothing of it is shown" in seen
     assert main(["process", str(file), "--out", str(sent.parent)]) == 3
     assert "unknown table or key" in capsys.readouterr().err
-    monkeypatch.setenv(SHOWN, str(sent.parent))
+    monkeypatch.setenv(SHOWN_VARIABLE, str(sent.parent))
     assert main(["process", str(file)]) == 3
     assert f"{SECRET}a: unknown table or key" in capsys.readouterr().err
 

@@ -14,7 +14,7 @@ from insgnss.base.errors import InputError, UsageError
 from insgnss.flight.exporting.export import export
 from insgnss.flight.proof.scene import make_scene
 from insgnss.io.formats.bundle.colmap import write_colmap
-from insgnss.io.formats.bundle.colmap_database import MODELS
+from insgnss.io.formats.bundle.colmap_database import COLMAP_MODELS
 
 CAMERA = "PINHOLE 5120 3840 5607 5607 2590.4 1971.9"
 LIMIT_M = 5e-4  # keypoints are of single precision: 2e-4 px, at 140 m and a base of 20 m
@@ -116,7 +116,7 @@ def test_names_of_camera_models_are_those_of_colmap() -> None:
     pycolmap = oracle("pycolmap")
     members = pycolmap.CameraModelId.__members__
     assert {int(value): name for name, value in members.items() if name != "INVALID"} == dict(
-        enumerate(MODELS)
+        enumerate(COLMAP_MODELS)
     )
 
 

@@ -16,7 +16,7 @@ from insgnss.flight.reference.verify import differences
 from insgnss.navigation.filter.codes import (
     COVARIANCE_RESET,
     NOT_MEASURED,
-    POSITION,
+    POSITION_ROW,
     REJECTED,
     USED,
     VELOCITY_CONSTRAINT,
@@ -192,7 +192,7 @@ def test_the_twin_decides_as_was_planted(name, expected):
     problem, start = posed(CASES[name].pose)
     forward = solve_twin(problem, start).forward
     assert np.nanmax(forward.nis) > min(problem.huber_threshold, problem.gate)
-    kinds, counts = np.unique(forward.decision[:, POSITION], return_counts=True)
+    kinds, counts = np.unique(forward.decision[:, POSITION_ROW], return_counts=True)
     assert dict(zip(kinds.tolist(), counts.tolist(), strict=True)) == expected
     assert (forward.decision[:, VELOCITY_CONSTRAINT:] == NOT_MEASURED).all()
 

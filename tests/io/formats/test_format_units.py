@@ -8,7 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.io.formats import UNITS, read_events, read_gnss, read_imu, split_unit, unit_factor
+from insgnss.io.formats import (
+    SENSOR_SCALES,
+    read_events,
+    read_gnss,
+    read_imu,
+    split_unit,
+    unit_factor,
+)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +61,7 @@ def test_every_unit_is_found_by_its_own_name() -> None:
     """Oracle: the table itself."""
     assert all(
         unit_factor(name, kind) == factor
-        for kind, units in UNITS.items()
+        for kind, units in SENSOR_SCALES.items()
         for name, factor in units.items()
     )
     assert split_unit("0.05 deg/s") == (0.05, "deg/s")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.io.formats.blocks.camera_files import FORMS, write_cameras
+from insgnss.io.formats.blocks.camera_files import CAMERA_FORMS, write_cameras
 from insgnss.io.formats.blocks.camera_toml import write_camera_toml
 from insgnss.io.formats.returned.cameras import (
-    READERS,
+    BY_FORMAT,
     read_camera,
     read_cameras,
     recognised_camera,
@@ -174,7 +174,7 @@ def test_a_bentley_camera_of_another_model_is_refused(
         read_camera(tmp_path / "block.xml")
 
 
-@pytest.mark.parametrize("form", ["toml", *FORMS])
+@pytest.mark.parametrize("form", ["toml", *CAMERA_FORMS])
 def test_what_is_written_is_read(form: str, tmp_path: Path) -> None:
     """Oracle: the pixels of the camera that was written."""
     path = tmp_path / {"toml": "c.toml", "colmap": "cameras.txt"}.get(form, "camera.any")
@@ -238,7 +238,7 @@ def test_a_fisheye_of_another_program(name: str, tmp_path: Path) -> None:
     got = read_camera(tmp_path / file)
     assert got.model == "fisheye"
     assert np.abs(pixels_of(got, 2.0 * rays()) - fisheye_pixels()).max() < 1e-6
-    for form in FORMS:
+    for form in CAMERA_FORMS:
         path = tmp_path / {"colmap": "cameras.txt"}.get(form, "written.any")
         assert write_cameras([got], path, form) == ()
         again = read_camera(path)
@@ -248,7 +248,7 @@ def test_a_fisheye_of_another_program(name: str, tmp_path: Path) -> None:
 
 def test_every_format_has_a_case() -> None:
     """Oracle: the registry."""
-    assert {form for _, form, _, _ in FILES.values()} | {"toml", "colmap"} == set(READERS)
+    assert {form for _, form, _, _ in FILES.values()} | {"toml", "colmap"} == set(BY_FORMAT)
 
 
 def changed(text: str, old: str, new: str) -> Callable[[Path], Path]:

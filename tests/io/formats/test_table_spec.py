@@ -26,7 +26,7 @@ SPECS = {
     "dated": dated.SPEC,
     "ground": ground_points.SPEC,
     "images": image_points.SPEC,
-    "poses": pose_table.POSES,
+    "poses": pose_table.POSE_SPEC,
     "positions": pose_table.GEODETIC_POSITIONS,
 }
 SPEC = TableSpec(

@@ -7,7 +7,7 @@ import pytest
 from flown import fly
 
 from insgnss.navigation.align.initial import _run_back
-from insgnss.navigation.filter.codes import DRIFT
+from insgnss.navigation.filter.codes import DRIFT_CODE
 from insgnss.navigation.filter.layout import SlowBias, state_layout
 from insgnss.navigation.noise_model.model import AxisNoise, NoiseModel
 
@@ -56,7 +56,9 @@ def test_an_error_state_takes_off_what_was_put_into_the_readings(problem, sensor
         )
     else:
         # a slow bias is larger before: exp(-t / 5 s)
-        readings[:, c] += x[s] * inc.dt * (since if f == DRIFT else np.exp(-layout.beta[s] * since))
+        readings[:, c] += (
+            x[s] * inc.dt * (since if f == DRIFT_CODE else np.exp(-layout.beta[s] * since))
+        )
     spoiled = replace(given, inc=replace(inc, dtheta=readings[:, :3], dvel=readings[:, 3:]))
     P = 1e-12 * np.eye(layout.size)
     back, _, _ = _run_back(spoiled, last, true[last], x, P)

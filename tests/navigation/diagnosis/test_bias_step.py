@@ -8,7 +8,7 @@ from flown import NO_GATE, fly, start_near
 
 import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.navigation.diagnosis.drift import PRIOR, step_evidence, with_bias_step
+from insgnss.navigation.diagnosis.drift import SLOW_BIAS_PRIOR, step_evidence, with_bias_step
 from insgnss.navigation.filter.problem import InitialState
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.innovations.likelihood import evaluate, linear_segment
@@ -105,4 +105,4 @@ def test_the_evidence_is_that_of_the_filter_with_the_step():
         gain = 0.5 * (nothing - evaluate([linear_segment(stepped, ())], np.zeros(0)).cost)
         assert evidence + np.log(solution.time.size) == pytest.approx(gain, abs=1e-3)
     spread = with_bias_step(problem, np.array([5, 6]))
-    np.testing.assert_allclose(spread.epochs.bias_step.sum(axis=0), PRIOR**2)
+    np.testing.assert_allclose(spread.epochs.bias_step.sum(axis=0), SLOW_BIAS_PRIOR**2)

@@ -10,7 +10,12 @@ import pytest
 from flown import Flown, fly, start_near
 from numpy.testing import assert_allclose
 
-from insgnss.navigation.diagnosis.candidates import FAR, ErrorModel, with_constants, with_layout
+from insgnss.navigation.diagnosis.candidates import (
+    FAR_SIGMAS,
+    ErrorModel,
+    with_constants,
+    with_layout,
+)
 from insgnss.navigation.diagnosis.clock_step import ClockStep, find_clock_step, step_check
 from insgnss.navigation.diagnosis.clock_step import _bridged as bridged
 from insgnss.navigation.diagnosis.clock_step import _moved as moved_fixes
@@ -29,7 +34,7 @@ Times = Callable[[np.ndarray], np.ndarray]
 
 
 def with_clock() -> StateLayout:
-    model = with_constants(ErrorModel(FixErrors()), [TIME_OFFSET], FAR)
+    model = with_constants(ErrorModel(FixErrors()), [TIME_OFFSET], FAR_SIGMAS)
     return state_layout(load_noise_model("navchip"), False, False, model.fixes)
 
 

@@ -22,7 +22,7 @@ from insgnss.navigation.diagnosis.constants import (
     constants_evidence,
 )
 from insgnss.navigation.diagnosis.estimated import combined
-from insgnss.navigation.filter.codes import NOT_MEASURED, POSITION
+from insgnss.navigation.filter.codes import NOT_MEASURED, POSITION_ROW
 from insgnss.navigation.filter.filter import make_history, run_filter
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
@@ -76,7 +76,7 @@ def cost(problem: EstimationProblem, start: InitialState) -> float:
     """-2 log of the density of all innovations, with an open gate."""
     history = make_history(problem.epochs, problem.layout)
     run_filter(replace(problem, gate=np.inf), start, history)
-    fixes = history.verdict[:, POSITION] != NOT_MEASURED
+    fixes = history.verdict[:, POSITION_ROW] != NOT_MEASURED
     S, y = history.S[fixes, :3], history.y[fixes, :3]
     return float(np.sum(np.log(S) + y**2 / S))
 

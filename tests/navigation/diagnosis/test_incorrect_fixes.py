@@ -15,7 +15,7 @@ from insgnss.navigation.diagnosis.incorrect_fixes import (
     withhold_incorrect_fixes,
 )
 from insgnss.navigation.diagnosis.incorrect_fixes import _withheld as withheld_fixes
-from insgnss.navigation.filter.codes import COVARIANCE_RESET, POSITION, REJECTED
+from insgnss.navigation.filter.codes import COVARIANCE_RESET, POSITION_ROW, REJECTED
 from insgnss.navigation.filter.filter import gate_from_sigma
 from insgnss.navigation.filter.solution import solve
 
@@ -59,9 +59,9 @@ def test_spells_are_found_and_withheld(flown, spans):
         assert last == pytest.approx(min(span[1], problem.epochs.time[-1]), abs=0.25)
         assert np.abs(spell.step - STEP).max() < 0.15
     solution = solve(withheld, start(flown))
-    assert not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET)
+    assert not np.any(solution.verdict[:, POSITION_ROW] == COVARIANCE_RESET)
     inside = withheld.epochs.withheld & withheld.epochs.has_position
-    assert (solution.verdict[inside, POSITION] == REJECTED).all()
+    assert (solution.verdict[inside, POSITION_ROW] == REJECTED).all()
     check = incorrect_check(withheld, spells, True)
     assert check.verdict == "note"
     assert "they are left out" in check.found
@@ -84,7 +84,7 @@ def test_fixes_that_wander_are_withheld(flown, length_s):
     assert withheld.epochs.withheld[bad].mean() > 0.95
     assert withheld.epochs.withheld[~bad].mean() < 0.05
     solution = solve(withheld, start(flown))
-    assert not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET)
+    assert not np.any(solution.verdict[:, POSITION_ROW] == COVARIANCE_RESET)
 
 
 @pytest.mark.parametrize("spans", [[], [(40, 80)]])
@@ -122,7 +122,7 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     assert np.abs(added[inside] - np.outer(STEP, STEP)).max() < 0.15
     assert np.abs(added[problem.epochs.time < 39]).max() == 0.0
     # until the filter follows the next level, a second later; and by what one fix tells of the step
-    resets = problem.epochs.time[solution.verdict[:, POSITION] == COVARIANCE_RESET]
+    resets = problem.epochs.time[solution.verdict[:, POSITION_ROW] == COVARIANCE_RESET]
     before_it = (problem.epochs.time > 80.1) & (problem.epochs.time < resets[1] - 0.05)
     assert resets[1] > 80.9
     assert np.count_nonzero(before_it) > 5

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew, vector_from_rotation
-from insgnss.navigation.filter.codes import BIAS, DRIFT, NAV, POS, PSI, VEL
+from insgnss.navigation.filter.codes import BIAS, DRIFT_CODE, NAV, POS, PSI, VEL
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.records import IntegrationIntervals
 from insgnss.navigation.filter.kernels.update import state_difference
@@ -64,7 +64,7 @@ def test_every_kind_of_state_is_there(layout):
     accelerometer one GM less.
     """
     assert layout.size == 9 + 3 * 7 + 3 * 6
-    assert set(layout.factor) == {BIAS, DRIFT, 0, 1, 2, 3, 4, 5}
+    assert set(layout.factor) == {BIAS, DRIFT_CODE, 0, 1, 2, 3, 4, 5}
     assert np.count_nonzero((layout.beta == 0.0) & (layout.drive > 0.0)) == 6
     assert np.count_nonzero(layout.beta > 0.0) == 9
 
@@ -137,7 +137,7 @@ def continuous(
         -skew(C @ force),
         -skew(earth_rate),
     )
-    factor = {BIAS: 1.0, DRIFT: elapsed} | dict(enumerate([*rate, *force]))
+    factor = {BIAS: 1.0, DRIFT_CODE: elapsed} | dict(enumerate([*rate, *force]))
     for s, (channel, kind) in enumerate(zip(layout.channel, layout.factor, strict=True)):
         F[PSI if channel < 3 else VEL, 9 + s] = -C[:, channel % 3] * factor[kind]
     F[9:, 9:] = np.diag(-layout.beta)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.navigation.filter.codes import BIAS, DRIFT
+from insgnss.navigation.filter.codes import BIAS, DRIFT_CODE
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.noise_model.model import (
     AxisNoise,
@@ -58,7 +58,7 @@ def test_channel_sum_adds_what_acts_as_a_bias():
     gyro = AxisNoise(turn_on_bias=1.0, drift=1.0, gauss_markov=(GaussMarkov(1.0, 1.0),))
     layout = state_layout(model(gyro, AxisNoise(turn_on_bias=1.0)), scale_factor=True)
     assert names(layout)[:3] == ("gyro x bias", "gyro x drift", "gyro x GM 1")
-    assert layout.factor[1] == DRIFT
+    assert layout.factor[1] == DRIFT_CODE
     M = layout.channel_sum()
     assert M.shape == (6, layout.size - 9)
     assert_array_equal(M[0, :3], [1.0, 0.0, 1.0])

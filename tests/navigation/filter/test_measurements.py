@@ -12,14 +12,14 @@ from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.filter.codes import (
-    BAROMETER,
+    BAROMETER_ROW,
     N_NAV,
     NAV,
     NHC,
-    POSITION,
+    POSITION_ROW,
     PSI,
-    VELOCITY,
     VELOCITY_CONSTRAINT,
+    VELOCITY_ROW,
     ZARU,
     ZUPT,
 )
@@ -105,12 +105,12 @@ FIX_SIGMA = np.array([0.02, 0.03, 0.05])
 @pytest.mark.parametrize(
     ("kind", "motion"),
     [
-        (POSITION, 0),
-        (VELOCITY, 0),
+        (POSITION_ROW, 0),
+        (VELOCITY_ROW, 0),
         (VELOCITY_CONSTRAINT, ZUPT),
         (VELOCITY_CONSTRAINT, NHC),
         (ZARU, 0),
-        (BAROMETER, 0),
+        (BAROMETER_ROW, 0),
     ],
 )
 def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
@@ -125,7 +125,7 @@ def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
     x[LAYOUT.offset] = 0.005
     _, H = rows(flown, nav[0], x, kind, motion=motion)
     # a height is good to 1e-9 m, of 6400 km, and bilinear but for the Earth's curvature
-    step = 1.0 if kind == BAROMETER else 1e-4
+    step = 1.0 if kind == BAROMETER_ROW else 1e-4
     numeric = np.zeros_like(H)
     for s in range(LAYOUT.size):
         for sign in (1.0, -1.0):
@@ -135,12 +135,12 @@ def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
             numeric[:, s] -= sign * nu / (2.0 * step)
     tight = np.ones(LAYOUT.size, dtype=bool)
     tight[PSI] = kind in (VELOCITY_CONSTRAINT, ZARU)
-    if kind == POSITION:
+    if kind == POSITION_ROW:
         tight[9:] = False
         tight[OF_FIXES[3:]] = True
     assert_allclose(H[:, tight], numeric[:, tight], atol=1e-8)
     loose = (
-        EARTH_RATE * np.linalg.norm(LEVER) if kind == VELOCITY else 0.005 * 7.0 * 0.5
+        EARTH_RATE * np.linalg.norm(LEVER) if kind == VELOCITY_ROW else 0.005 * 7.0 * 0.5
     )  # a drift after 7 s, half a metre
     assert_allclose(H[:, ~tight], numeric[:, ~tight], atol=loose)
     assert np.abs(H[:, NAV]).max() > 0.1 or kind == ZARU
@@ -165,14 +165,14 @@ def test_fix_errors_enter_as_the_simulators_own(flown):
         t = flown.problem.inc.marks[k : k + 1]
         accel = (motion.velocity(t + 0.01) - motion.velocity(t - 0.01))[0] / 0.02
         given = {"rate": flown.problem.inc.rate[k], "lever": lever, "accel": accel}
-        nu, _ = rows(flown, flown.true_nav([k])[0], x, POSITION, **given)
+        nu, _ = rows(flown, flown.true_nav([k])[0], x, POSITION_ROW, **given)
         assert_allclose(
             Z - nu,
             antenna_states(motion, lever + more, t + late)[0][0] + wrong * FIX_SIGMA,
             rtol=0.0,
             atol=1e-3,
         )
-        nu, _ = rows(flown, flown.true_nav([k])[0], x, VELOCITY, **given)
+        nu, _ = rows(flown, flown.true_nav([k])[0], x, VELOCITY_ROW, **given)
         assert_allclose(
             Z - nu,
             antenna_states(motion, lever + more, t)[1][0] + accel * late,
@@ -195,7 +195,7 @@ def test_a_barometer_measures_the_height_over_the_ellipsoid(flown):
     ]
     x = np.zeros(LAYOUT.size - 9)
     x[LAYOUT.barometer : LAYOUT.barometer + 2] = 3.0, 0.02
-    nu, H = rows(flown, nav, x, BAROMETER)
+    nu, H = rows(flown, nav, x, BAROMETER_ROW)
     assert above[1] - above[0] == pytest.approx(122.0, abs=0.2)
     assert Z[2] - nu[0] == pytest.approx(3.0 + 1.02 * (above[1] - above[0]), abs=1e-6)
     assert (nu[1:] == 0.0).all()
@@ -229,9 +229,9 @@ def test_values_are_the_antennas(flown):
     truth, rate = flown.true_nav(slice(20, 130, 5)), flown.problem.inc.rate[20:130:5]
     zero = np.zeros(LAYOUT.size - 9)
     for k in range(marks.size):
-        nu, _ = rows(flown, truth[k], zero, POSITION, lever=lever)
+        nu, _ = rows(flown, truth[k], zero, POSITION_ROW, lever=lever)
         assert_allclose(Z - nu, position[k], rtol=0.0, atol=1e-9)
-        nu, _ = rows(flown, truth[k], zero, VELOCITY, rate=rate[k], lever=lever)
+        nu, _ = rows(flown, truth[k], zero, VELOCITY_ROW, rate=rate[k], lever=lever)
         assert_allclose(Z - nu, velocity[k], rtol=0.0, atol=1e-4)
 
 
@@ -257,14 +257,14 @@ def test_every_gyro_error_takes_its_share_of_the_rate(flown):
         - [0.01 + 0.05 * RATE[0], 0.002 * 7.0, -0.03 + 0.02 * RATE[0]]
         - C.T @ flown.problem.frame.earth_rate_l
     )
-    nu, _ = rows(flown, nav, x, VELOCITY)
+    nu, _ = rows(flown, nav, x, VELOCITY_ROW)
     assert_allclose(Z - nu, nav[3:6] + C @ np.cross(omega, LEVER), rtol=0.0, atol=1e-12)
 
 
 def test_without_lever_arm_only_the_state_itself_is_seen(flown):
     """Oracle: identity."""
     nav = flown.true_nav([60])[0]
-    for kind, column in ((POSITION, 0), (VELOCITY, 3)):
+    for kind, column in ((POSITION_ROW, 0), (VELOCITY_ROW, 3)):
         x = 0.5 * LAYOUT.sigma0
         x[OF_FIXES - 9] = 0.0
         nu, H = rows(flown, nav, x, kind, lever=np.zeros(3))

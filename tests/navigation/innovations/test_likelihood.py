@@ -22,7 +22,7 @@ from insgnss.navigation.filter.problem import InitialState
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.filter.strapdown import kernel_earth, kernel_intervals
 from insgnss.navigation.innovations.likelihood import (
-    PARAMETERS,
+    LIKELIHOOD_PARAMETERS,
     LinearSegment,
     available,
     evaluate,
@@ -46,7 +46,7 @@ CORRELATED = FixErrors(
     velocity_gm_sigma_mps=0.05,
     velocity_correlation_time_s=2.0,
 )
-NAMES = tuple(name for name in PARAMETERS if name != "white_noise")
+NAMES = tuple(name for name in LIKELIHOOD_PARAMETERS if name != "white_noise")
 THETA = np.log([1.5, 0.7, 1.3, 0.8, 1.2, 0.9, 1.4, 1.2, 0.8])  # in the order of NAMES
 
 
@@ -267,7 +267,7 @@ def test_parameters_are_those_that_the_flight_has(short, disturbed):
     """Oracle: the states and measurements of the two flights, and the rule of one factor for one
     density.
     """
-    assert set(available(short.problem.layout, velocity=True)) == set(PARAMETERS)
+    assert set(available(short.problem.layout, velocity=True)) == set(LIKELIHOOD_PARAMETERS)
     plain = available(state_layout(load_noise_model("consumer")), velocity=False)
     assert "fixes.velocity" not in plain
     assert "fixes.correlated" not in plain

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from insgnss.flight.reference.measurements import measurement
 from insgnss.flight.reference.strapdown import State
-from insgnss.navigation.filter.codes import POSITION, REJECTED, USED, VEL
+from insgnss.navigation.filter.codes import POSITION_ROW, REJECTED, USED, VEL
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.innovations.residuals import mean_residuals, weighted_mean, worst_piece
@@ -49,21 +49,21 @@ def test_means_are_those_of_the_measurement_model():
     )
     flown, solution = solved(errors)
     problem, states = flown.problem, flown.problem.layout
-    solution.verdict[30, POSITION] = REJECTED
+    solution.verdict[30, POSITION_ROW] = REJECTED
     gm = slice(states.gm, states.gm + 3)
     pieces = mean_residuals(solution)
     assert len(pieces) == 8
     acceleration = np.gradient(solution.nav[:, VEL], solution.time, axis=0)
     for piece in pieces[:3]:
         inside = (solution.time >= piece.begin_s) & (solution.time <= piece.end_s)
-        rows = np.flatnonzero(inside & (solution.verdict[:, POSITION] == USED))
+        rows = np.flatnonzero(inside & (solution.verdict[:, POSITION_ROW] == USED))
         assert rows.size == piece.fixes
         w, r, white, own = [], [], [], []
         for e in rows:
             x = solution.x[e].copy()
             x[gm] = 0.0
             state = State.from_arrays(solution.nav[e], x)
-            H, z, R = measurement(problem, int(e), POSITION, state, acceleration[e])
+            H, z, R = measurement(problem, int(e), POSITION_ROW, state, acceleration[e])
             H[:, 9 + states.gm : 12 + states.gm] = 0.0
             r.append(z)
             white.append(np.diag(R))
@@ -102,7 +102,7 @@ def test_withheld_and_rejected_fixes_do_not_count(plain):
     odd = np.flatnonzero(ep.has_position)[20:80]
     position, verdict = ep.position.copy(), plain.verdict.copy()
     position[odd] += 5.0
-    verdict[odd[:30], POSITION] = REJECTED
+    verdict[odd[:30], POSITION_ROW] = REJECTED
     withheld = ep.withheld.copy()
     withheld[odd[30:]] = True
     problem = replace(plain.problem, epochs=ep._replace(position=position, withheld=withheld))

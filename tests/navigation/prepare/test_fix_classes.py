@@ -35,7 +35,7 @@ from insgnss.navigation.prepare.fix_covariance.classes import (
     outliers,
     scaled,
 )
-from insgnss.navigation.prepare.fix_covariance.numbers import CLASSES
+from insgnss.navigation.prepare.fix_covariance.numbers import FIX_CLASSES
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -65,12 +65,12 @@ def test_sigmas_follow_the_formula_and_keep_the_engines_correlations():
     off the diagonal.
     """
     rng = np.random.default_rng(1)
-    L = rng.normal(size=(len(CLASSES), 3, 3))
+    L = rng.normal(size=(len(FIX_CLASSES), 3, 3))
     cov = 1e-4 * (L @ np.swapaxes(L, 1, 2) + np.eye(3))
     model = MODEL.with_changes({"scale": {"fixed": (1.5, 2.0, 3.0)}, "ppm": (1.0, 2.0, 3.0)})
-    distance = np.linspace(100.0, 20000.0, len(CLASSES))
-    got = scaled(cov, np.arange(len(CLASSES)), distance, model)
-    for c, name in enumerate(CLASSES):
+    distance = np.linspace(100.0, 20000.0, len(FIX_CLASSES))
+    got = scaled(cov, np.arange(len(FIX_CLASSES)), distance, model)
+    for c, name in enumerate(FIX_CLASSES):
         for i in range(3):
             for j in range(3):
                 expected = model.scale[name][i] * model.scale[name][j] * cov[c, i, j]

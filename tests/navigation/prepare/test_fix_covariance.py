@@ -19,7 +19,7 @@ from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.io.formats.read_options import ReadOptions
 from insgnss.navigation.prepare.fix_covariance.classes import base_distance, calibrate
 from insgnss.navigation.prepare.fix_covariance.decision import (
-    ADVICE,
+    KEEP_SIGMAS,
     CovarianceRules,
     decide,
     with_calibration,
@@ -68,7 +68,7 @@ def test_a_file_that_tells_all_is_calibrated_as_a_run_of_our_own(tmp_path, dated
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     assert np.array_equal(got.quality, expected.quality)
     assert np.sqrt(got.cov_ned[60, 0, 0]) > 0.3
-    assert got.notes[-1].advice.endswith(ADVICE)
+    assert got.notes[-1].advice.endswith(KEEP_SIGMAS)
 
 
 def test_a_base_in_geocentric_coordinates_is_taken_as_such(tmp_path):

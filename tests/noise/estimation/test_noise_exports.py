@@ -14,7 +14,7 @@ from insgnss.navigation.noise_model.model import (
     NoiseModel,
     load_noise_model,
 )
-from insgnss.noise.processes.consumers import FORMS, text_for
+from insgnss.noise.processes.consumers import CONSUMER_FORMS, text_for
 from insgnss.noise.processes.random_walk import gauss_markov_allan, random_walk_of, white_and_walk
 from insgnss.noise.processes.realisation import simulate_noise
 
@@ -145,4 +145,4 @@ def test_what_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     ):
         assert main([*argv, *more]) == 2
         assert says in capsys.readouterr().err
-    assert set(FORMS) == {"kalibr", "openvins", "vins", "gtsam", "ros"}
+    assert set(CONSUMER_FORMS) == {"kalibr", "openvins", "vins", "gtsam", "ros"}

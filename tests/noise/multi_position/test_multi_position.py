@@ -28,7 +28,7 @@ from insgnss.noise.multi_position.calibration import (
     find_turns,
     local_gravity,
 )
-from insgnss.noise.multi_position.result import USUAL, sizes
+from insgnss.noise.multi_position.result import USUAL_SIZES, sizes
 from insgnss.records.states import State
 
 
@@ -261,7 +261,7 @@ def test_what_is_shown(ideal):
     assert sigma < 1.0
     assert rows["accel", "scale_factor z"].verdict == "not observed"  # for want of the latitude
     np.testing.assert_array_equal(
-        sizes(USUAL, [State("bias", "x", "rad/s"), State("scale_factor", "x")]), [2e-4, 1e-3]
+        sizes(USUAL_SIZES, [State("bias", "x", "rad/s"), State("scale_factor", "x")]), [2e-4, 1e-3]
     )
     np.testing.assert_array_equal(got.calibration.accel.bias, got.accel.values[:3])
     assert got.calibration.gyro.response[0, 1] == got.gyro.values[4]

@@ -19,7 +19,7 @@ from insgnss.noise.estimation.estimates import Estimate
 from insgnss.noise.estimation.gmwm import fit
 from insgnss.noise.estimation.inference import infer
 from insgnss.noise.moments.theory import haar_variance
-from insgnss.noise.processes.composition import DRIVING, TIME, NoiseTerm
+from insgnss.noise.processes.composition import CORRELATION_TIME, DRIVING, NoiseTerm
 from insgnss.noise.tuning.products.table import interval, plus_minus, printed, unit_text
 from insgnss.noise.tuning.products.words import with_names
 from insgnss.noise.tuning.recordings import StaticRecording
@@ -224,7 +224,10 @@ def testintervals_without_an_end_are_said_to_have_none():
         (0.0, math.inf, "not bounded"),
     ):
         assert (
-            interval("gyro", Estimate(NoiseTerm(TIME, 1), 1.5, 0.1, low, high, high, False)) == text
+            interval(
+                "gyro", Estimate(NoiseTerm(CORRELATION_TIME, 1), 1.5, 0.1, low, high, high, False)
+            )
+            == text
         )
 
 

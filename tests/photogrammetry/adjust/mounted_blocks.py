@@ -9,9 +9,9 @@ from insgnss.geodesy.rotation import CV_RUB, rotation_from_opk
 from insgnss.photogrammetry.adjust.adjustment import Adjusted
 from insgnss.photogrammetry.adjust.aerial import (
     BORESIGHT,
-    LEVER_ARM,
+    CAMERA_LEVER_ARM,
+    EXPOSURE_DELAY,
     SHIFT,
-    TIME_OFFSET,
     AerialControl,
     ParameterObservation,
 )
@@ -112,15 +112,15 @@ def precision_expected(plan: Plan) -> Precision:
         no_ground(),
     )
     blocks, groups = {}, control_points(control)
-    zero = {LEVER_ARM: np.zeros(3), BORESIGHT: np.eye(3), TIME_OFFSET: np.zeros(1)}
+    zero = {CAMERA_LEVER_ARM: np.zeros(3), BORESIGHT: np.eye(3), EXPOSURE_DELAY: np.zeros(1)}
     zero |= {SHIFT: np.zeros(3)}
-    loose = {LEVER_ARM: 1.0, BORESIGHT: 0.1, TIME_OFFSET: 1.0, SHIFT: 1.0}
+    loose = {CAMERA_LEVER_ARM: 1.0, BORESIGHT: 0.1, EXPOSURE_DELAY: 1.0, SHIFT: 1.0}
     if plan.calibrated_px:
         P = np.eye(2) / plan.calibrated_px**2
         groups.append(InteriorObservation(0, np.array([1, 2]), interior[1:3], P))
     for name in plan.mounting:
         blocks[(name, 0)] = zero[name]
-        P = np.eye(1 if name == TIME_OFFSET else 3) / loose[name] ** 2
+        P = np.eye(1 if name == EXPOSURE_DELAY else 3) / loose[name] ** 2
         groups.append(ParameterObservation((name, 0), zero[name], P))
     P = np.kron(np.eye(n), np.diag([1 / POSITION_M**2] * 3 + [1 / ATTITUDE**2] * 3))
     for k in range(strips if plan.aerial else 0):

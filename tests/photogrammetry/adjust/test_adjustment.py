@@ -21,7 +21,7 @@ from insgnss.photogrammetry.adjust.groups import (
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.photogrammetry.adjust.start import first_values
-from insgnss.records.block import INTERIOR, MODELS
+from insgnss.records.block import INTERIOR, RADIAL_MODELS
 
 SMALL = {"strips": 1, "images": 3, "points": 20, "control": 4}
 
@@ -99,7 +99,7 @@ def covariance(jacobian):
     return cov
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", RADIAL_MODELS)
 @pytest.mark.slow
 def test_against_scipy(model):
     """Oracle: scipy's trust region on all unknowns at once with numeric derivatives: cost, values

@@ -11,13 +11,13 @@ from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.photogrammetry.adjust.adjustment import adjusted
 from insgnss.photogrammetry.adjust.aerial import (
+    AERIAL_PARAMETERS,
     BORESIGHT,
-    COMMON,
-    DRIFT,
-    LEVER_ARM,
-    PARAMETERS,
+    CAMERA_LEVER_ARM,
+    COMMON_OF_TRAJECTORY,
+    EXPOSURE_DELAY,
+    LINE_DRIFT,
     SHIFT,
-    TIME_OFFSET,
     AerialControl,
     ParameterObservation,
     chained_covariance,
@@ -52,7 +52,11 @@ def strip_covariance(n, dt=2.0):
 def observed(made, rng, cov, blocks, strip_of):
     """(J.8) and (J.9) of the true poses, with errors of `cov` for each strip."""
     time, velocity, rate = flight(made, rng)
-    E, lever, d = blocks[(BORESIGHT, 0)], blocks[(LEVER_ARM, 0)], blocks[(TIME_OFFSET, 0)][0]
+    E, lever, d = (
+        blocks[(BORESIGHT, 0)],
+        blocks[(CAMERA_LEVER_ARM, 0)],
+        blocks[(EXPOSURE_DELAY, 0)][0],
+    )
     groups = []
     for strip in range(2):
         rows = np.flatnonzero(strip_of == strip)
@@ -60,10 +64,16 @@ def observed(made, rng, cov, blocks, strip_of):
         X, C = made.truth.position[rows], made.truth.C_mc[rows]
         since = time[rows] - time[rows].mean()
         X = X + C @ lever - d * velocity[rows] + blocks[(SHIFT, strip)]
-        X = X + since[:, None] * blocks[(DRIFT, strip)] - errors[:, :3]
+        X = X + since[:, None] * blocks[(LINE_DRIFT, strip)] - errors[:, :3]
         C = rotation_from_vector(-d * rate[rows]) @ C @ E.T
         C = rotation_from_vector(-errors[:, 3:]) @ C
-        parameters = {LEVER_ARM: 0, BORESIGHT: 0, TIME_OFFSET: 0, SHIFT: strip, DRIFT: strip}
+        parameters = {
+            CAMERA_LEVER_ARM: 0,
+            BORESIGHT: 0,
+            EXPOSURE_DELAY: 0,
+            SHIFT: strip,
+            LINE_DRIFT: strip,
+        }
         groups.append(
             AerialControl(
                 tuple(int(i) for i in rows),
@@ -80,11 +90,11 @@ def observed(made, rng, cov, blocks, strip_of):
 
 
 def true_blocks(rng):
-    blocks = {(LEVER_ARM, 0): LEVER, (BORESIGHT, 0): rotation_from_vector(TURN)}
-    blocks[(TIME_OFFSET, 0)] = OFFSET
+    blocks = {(CAMERA_LEVER_ARM, 0): LEVER, (BORESIGHT, 0): rotation_from_vector(TURN)}
+    blocks[(EXPOSURE_DELAY, 0)] = OFFSET
     for strip in range(2):
         blocks[(SHIFT, strip)] = rng.normal(0.0, 0.1, 3)
-        blocks[(DRIFT, strip)] = rng.normal(0.0, 0.002, 3)
+        blocks[(LINE_DRIFT, strip)] = rng.normal(0.0, 0.002, 3)
     return blocks
 
 
@@ -110,10 +120,10 @@ def with_common(groups, blocks):
     """The same with common errors of the two strips."""
     halves = SHARED.reshape(2, 4, 6, 2)
     groups = [
-        replace(g, parameters={**g.parameters, COMMON: 0}, common=A)
+        replace(g, parameters={**g.parameters, COMMON_OF_TRAJECTORY: 0}, common=A)
         for g, A in zip(groups, halves, strict=True)
     ]
-    return groups, blocks | {(COMMON, 0): np.array([0.7, -1.2])}
+    return groups, blocks | {(COMMON_OF_TRAJECTORY, 0): np.array([0.7, -1.2])}
 
 
 def test_derivatives(small) -> None:
@@ -179,10 +189,12 @@ def test_common_errors_are_the_covariance_between_strips(small) -> None:
         return AerialControl(*place, *motion, parameters, common=common)
 
     one, P_one = solution([strip(n, whole, {BORESIGHT: 0})], mounting)
-    both = {BORESIGHT: 0, COMMON: 0}
+    both = {BORESIGHT: 0, COMMON_OF_TRAJECTORY: 0}
     strips = [strip(rows, rest, both, SHARED[rows]) for rows in (n[:4], n[4:])]
-    prior = ParameterObservation((COMMON, 0), np.zeros(2), np.eye(2), COMMON)
-    two, P_two = solution([*strips, prior], mounting | {(COMMON, 0): np.zeros(2)})
+    prior = ParameterObservation(
+        (COMMON_OF_TRAJECTORY, 0), np.zeros(2), np.eye(2), COMMON_OF_TRAJECTORY
+    )
+    two, P_two = solution([*strips, prior], mounting | {(COMMON_OF_TRAJECTORY, 0): np.zeros(2)})
     sigma = np.sqrt(np.diag(P_one))
     assert np.abs((P_two - P_one) / np.outer(sigma, sigma)).max() < 1e-6
     psi = vector_from_rotation(one.blocks[keys[0]] @ two.blocks[keys[0]].T)
@@ -213,7 +225,13 @@ def test_mounting_is_found_within_its_covariance() -> None:
         blocks = true_blocks(rng)
         cov = strip_covariance(4)
         groups = observed(made, rng, cov, blocks, np.arange(8) // 4)
-        priors = {LEVER_ARM: 0.01, BORESIGHT: 0.01, TIME_OFFSET: 0.002, SHIFT: 0.1, DRIFT: 0.002}
+        priors = {
+            CAMERA_LEVER_ARM: 0.01,
+            BORESIGHT: 0.01,
+            EXPOSURE_DELAY: 0.002,
+            SHIFT: 0.1,
+            LINE_DRIFT: 0.002,
+        }
         first, observations = {}, list(groups)
         for key, value in blocks.items():
             sigma = priors[key[0]]
@@ -256,11 +274,11 @@ def test_a_parameter_that_is_none_is_refused(small) -> None:
         replace(small[2][0], parameters={"tilt": 0})
     with pytest.raises(InputError, match="weight: shape"):
         replace(small[2][0], weight=np.eye(5))
-    assert len(PARAMETERS) == 6
+    assert len(AERIAL_PARAMETERS) == 6
     with pytest.raises(InputError, match="common: shape None"):
-        replace(small[2][0], parameters={COMMON: 0})
+        replace(small[2][0], parameters={COMMON_OF_TRAJECTORY: 0})
     with pytest.raises(InputError, match=r"common: shape \(3, 6\)"):
-        replace(small[2][0], parameters={COMMON: 0}, common=np.zeros((3, 6, 2)))
+        replace(small[2][0], parameters={COMMON_OF_TRAJECTORY: 0}, common=np.zeros((3, 6, 2)))
 
 
 def test_covariance_of_a_chain() -> None:

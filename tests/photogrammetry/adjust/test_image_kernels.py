@@ -11,7 +11,7 @@ from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.io.formats.blocks.colmap_model import brown_of
 from insgnss.io.formats.bundle.camera import camera_of
 from insgnss.photogrammetry.adjust.kernels import collinearity
-from insgnss.records.block import INTERIOR, MODELS, BrownCamera
+from insgnss.records.block import INTERIOR, RADIAL_MODELS, BrownCamera
 from insgnss.records.cameras.camera import (
     distorted,
     equidistant,
@@ -47,7 +47,7 @@ def computed(X0, C, X, cam, interior, uv):
     return np.stack(e, axis=-1)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", RADIAL_MODELS)
 def test_residual_and_derivative(model):
     """Oracle: the equations written out, and their central differences, psi on the left."""
     cam = replace(camera(model == "backward"), fisheye=model == "fisheye")
@@ -59,7 +59,7 @@ def test_residual_and_derivative(model):
         X = X0 + C @ (rng.uniform(-0.3, 0.3, 2).tolist() + [1.0]) * 100.0
         uv = np.array([2590.0, 1972.0]) + rng.uniform(-1500.0, 1500.0, 2)
         work, e, A, K, B = (np.empty(s) for s in (10, 2, (2, 6), (2, 11), (2, 3)))
-        args = (X0, C, X, interior, MODELS.index(model), cam.unit_px)
+        args = (X0, C, X, interior, RADIAL_MODELS.index(model), cam.unit_px)
         assert collinearity.image_residual(*args, np.inf, uv, work, e)
         assert e == pytest.approx(computed(X0, C, X, cam, interior, uv), abs=1e-8)
         collinearity.image_jacobian(*args, uv, work, A, K, B)
@@ -123,7 +123,7 @@ def test_fisheye_cameras_against_colmap(name):
     assert pixels_of(ours, xy) == pytest.approx(want, abs=1e-8)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", RADIAL_MODELS)
 def test_rays_and_pixels_are_inverse(model):
     """Oracle: the definition of an inverse, over the whole image."""
     cam = replace(camera(model == "backward"), fisheye=model == "fisheye")

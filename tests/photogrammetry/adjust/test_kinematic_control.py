@@ -11,13 +11,13 @@ from simulated_blocks import camera, simulated
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_rpy, rotation_from_vector
 from insgnss.photogrammetry.adjust.adjustment import adjusted
-from insgnss.photogrammetry.adjust.aerial import TIME_OFFSET, ParameterObservation
+from insgnss.photogrammetry.adjust.aerial import EXPOSURE_DELAY, ParameterObservation
 from insgnss.photogrammetry.adjust.groups import control_points, weight_of
 from insgnss.photogrammetry.adjust.kinematic import (
-    CLOCK,
-    KINEMATIC,
+    KINEMATIC_CONTROL,
     SIZE,
     TARGET_ARM,
+    VEHICLE_CLOCK,
     VEHICLE_SHIFT,
     KinematicControl,
     TargetSize,
@@ -33,9 +33,9 @@ ARM, DELAY = np.array([0.4, -0.2, -2.1]), 0.012
 SHIFT, OFFSET, SIZE_M = np.array([0.05, -0.04, 0.08]), 0.004, 1.2
 BLOCKS = {
     (TARGET_ARM, 0): ARM,
-    (CLOCK, 0): np.array([DELAY]),
+    (VEHICLE_CLOCK, 0): np.array([DELAY]),
     (VEHICLE_SHIFT, 0): SHIFT,
-    (TIME_OFFSET, 0): np.array([OFFSET]),
+    (EXPOSURE_DELAY, 0): np.array([OFFSET]),
 }
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 SIGMA = np.array([0.02, 0.02, 0.04])
@@ -116,7 +116,12 @@ def test_derivatives_of_places() -> None:
     values = replace(made.truth, blocks=BLOCKS)
     e, J = group.linearised(values)
     assert np.abs(e).max() < 1e-8
-    assert group.keys[10:] == ((TARGET_ARM, 0), (CLOCK, 0), (VEHICLE_SHIFT, 0), (TIME_OFFSET, 0))
+    assert group.keys[10:] == (
+        (TARGET_ARM, 0),
+        (VEHICLE_CLOCK, 0),
+        (VEHICLE_SHIFT, 0),
+        (EXPOSURE_DELAY, 0),
+    )
     assert pytest.approx(numerical(group, values, problem, group.keys), abs=1e-8) == J
 
 
@@ -154,7 +159,7 @@ def test_whole_adjustments_are_as_good_as_they_say() -> None:
         made, points, C, v, size = driven(seed)
         rng = np.random.default_rng(seed + 77)
         group = group_of(made, points, C, v, rng)
-        priors = {TARGET_ARM: 0.02, CLOCK: 0.005, VEHICLE_SHIFT: 0.1, TIME_OFFSET: 0.002}
+        priors = {TARGET_ARM: 0.02, VEHICLE_CLOCK: 0.005, VEHICLE_SHIFT: 0.1, EXPOSURE_DELAY: 0.002}
         groups = [group, *control_points(made.block.control)]
         first = {}
         for key, value in BLOCKS.items():
@@ -209,7 +214,7 @@ def test_what_cannot_be_is_refused() -> None:
     """Oracle: the list of parameters, shapes, signs."""
     made, points, C, v, _ = driven(1)
     group = group_of(made, points, C, v, np.random.default_rng(1))
-    assert group.name == KINEMATIC
+    assert group.name == KINEMATIC_CONTROL
     with pytest.raises(InputError, match="tilt is none of lever arm of the target, delay"):
         replace(group, parameters={"tilt": 0})
     with pytest.raises(InputError, match=r"weight: shape \(5, 5\)"):

@@ -14,7 +14,7 @@ from insgnss.photogrammetry.adjust import envelope, ordering
 from insgnss.photogrammetry.adjust.adjustment import _step, adjusted
 from insgnss.photogrammetry.adjust.aerial import (
     BORESIGHT,
-    LEVER_ARM,
+    CAMERA_LEVER_ARM,
     SHIFT,
     AerialControl,
     ParameterObservation,
@@ -38,8 +38,8 @@ def corridor():
     shuffled = replace(made.block, held=held)
     error = rng.normal(0.0, 0.02, (n, 3))
     groups = control_points(made.block.control)
-    blocks = {(BORESIGHT, 0): np.eye(3), (LEVER_ARM, 0): np.zeros(3)}
-    groups.append(ParameterObservation((LEVER_ARM, 0), np.zeros(3), np.eye(3) / 0.01**2))
+    blocks = {(BORESIGHT, 0): np.eye(3), (CAMERA_LEVER_ARM, 0): np.zeros(3)}
+    groups.append(ParameterObservation((CAMERA_LEVER_ARM, 0), np.zeros(3), np.eye(3) / 0.01**2))
     for k in range(6):
         rows = np.arange(20 * k, 20 * k + 20)
         blocks[(SHIFT, k)] = np.zeros(3)
@@ -53,7 +53,7 @@ def corridor():
                 2.0 * rows,
                 np.zeros((20, 3)),
                 np.zeros((20, 3)),
-                {BORESIGHT: 0, LEVER_ARM: 0, SHIFT: k},
+                {BORESIGHT: 0, CAMERA_LEVER_ARM: 0, SHIFT: k},
             )
         )
     seen = np.flatnonzero(np.bincount(shuffled.observations.point) > 3)

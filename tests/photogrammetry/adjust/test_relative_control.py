@@ -12,11 +12,11 @@ from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.photogrammetry.adjust.adjustment import adjusted
 from insgnss.photogrammetry.adjust.aerial import (
     BORESIGHT,
-    COMMON,
-    DRIFT,
-    LEVER_ARM,
+    CAMERA_LEVER_ARM,
+    COMMON_OF_TRAJECTORY,
+    EXPOSURE_DELAY,
+    LINE_DRIFT,
     SHIFT,
-    TIME_OFFSET,
     AerialControl,
     ParameterObservation,
 )
@@ -90,10 +90,10 @@ def test_derivatives(block, positions) -> None:
     m = sum(observed.sizes(N))
     A = rng.normal(0.0, 0.01, (m, 2))
     blocks = {
-        (LEVER_ARM, 0): np.array([0.5, -0.2, 0.1]),
-        (TIME_OFFSET, 0): np.array([0.03]),
-        (DRIFT, 0): np.array([0.01, 0.02, -0.03]),
-        (COMMON, 0): np.array([0.4, -0.8]),
+        (CAMERA_LEVER_ARM, 0): np.array([0.5, -0.2, 0.1]),
+        (EXPOSURE_DELAY, 0): np.array([0.03]),
+        (LINE_DRIFT, 0): np.array([0.01, 0.02, -0.03]),
+        (COMMON_OF_TRAJECTORY, 0): np.array([0.4, -0.8]),
     }
     own = group(block, observed_poses(block, rng), observed, {k: 0 for k, _ in blocks}, A)
     values = replace(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from mounted_blocks import Plan, precision_expected
 
-from insgnss.photogrammetry.adjust.aerial import BORESIGHT, LEVER_ARM, SHIFT, TIME_OFFSET
-from insgnss.photogrammetry.adjust.separation import REMEDIES, inseparable
+from insgnss.photogrammetry.adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY, SHIFT
+from insgnss.photogrammetry.adjust.separation import REMEDIES_OF_PAIRS, inseparable
 
 OPPOSITE = {"headings_deg": (0.0, 180.0, 0.0, 180.0)}
 OPPOSITE_ACROSS = {"headings_deg": (90.0, 270.0, 90.0, 270.0)}
@@ -17,12 +17,12 @@ SPEEDS = {"speeds_mps": (6.0, 18.0, 6.0, 18.0)}
 TILTED = {"tilts_deg": (0.0, 45.0, 0.0, -45.0)}
 ALL = " of all images"
 CENTRE, DECENTRING = ("f", "cx", "cy"), ("f", "cx", "cy", "p1", "p2")
-LEVER = Plan(mounting=(LEVER_ARM,), control=6)
+LEVER = Plan(mounting=(CAMERA_LEVER_ARM,), control=6)
 SHIFTED = Plan(mounting=(SHIFT,), control=8)
 NARROW = Plan(f_px=12000.0, heights_m=(300.0,) * 4, mounting=(BORESIGHT,), control=8)
 TURNED = Plan(mounting=(BORESIGHT,), free=DECENTRING, **OPPOSITE)
 PORTRAIT = replace(TURNED, portrait=True, f_px=8000.0, heights_m=(200.0, 400.0, 200.0, 400.0))
-CLOCK = Plan(mounting=(TIME_OFFSET, SHIFT), free=("f",), control=6)
+CLOCK = Plan(mounting=(EXPOSURE_DELAY, SHIFT), free=("f",), control=6)
 GROUND = Plan(aerial=False, control=8)
 PLAIN = {"free": CENTRE}
 CASES = [  # two unknowns, a plan in which they are not told apart, and what is done against it
@@ -39,7 +39,12 @@ CASES = [  # two unknowns, a plan in which they are not told apart, and what is 
     ("cy", "shift x", replace(SHIFTED, **ACROSS), OPPOSITE_ACROSS),
     ("time offset", "shift x", CLOCK, OPPOSITE),
     ("time offset", "shift y", replace(CLOCK, **ACROSS), OPPOSITE_ACROSS),
-    ("time offset", "lever arm x", replace(LEVER, mounting=(TIME_OFFSET, LEVER_ARM)), SPEEDS),
+    (
+        "time offset",
+        "lever arm x",
+        replace(LEVER, mounting=(EXPOSURE_DELAY, CAMERA_LEVER_ARM)),
+        SPEEDS,
+    ),
     ("cx", "bore-sight y", NARROW, {"calibrated_px": 1.0}),
     ("cy", "bore-sight x", NARROW, {"calibrated_px": 1.0}),
     ("cx", "rotation about y" + ALL, NARROW, {"free": ("f",)}),
@@ -78,7 +83,7 @@ def test_every_advice_was_tried() -> None:
     across the image's x is along the flight where the camera is mounted so.
     """
     tried = {frozenset(n.replace(ALL, "") for n in case[:2]) for case in CASES}
-    missing = set(REMEDIES) - tried
+    missing = set(REMEDIES_OF_PAIRS) - tried
     assert missing == {frozenset(("k",)), frozenset(("time offset", "lever arm y"))}
 
 

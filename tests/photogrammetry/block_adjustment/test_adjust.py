@@ -15,7 +15,7 @@ from insgnss.flight.config.load import load_flight
 from insgnss.flight.processing.pipeline import process
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.io.formats.blocks.camera_toml import read_camera_toml
-from insgnss.photogrammetry.adjust.aerial import COMMON
+from insgnss.photogrammetry.adjust.aerial import COMMON_OF_TRAJECTORY
 from insgnss.photogrammetry.block_adjustment.products import write_points, write_residuals
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.records.block import INTERIOR
@@ -161,10 +161,14 @@ def test_what_all_lines_share_does_not_make_the_boresight_better(flown, adjusted
     with np.load(path) as archive:
         content = {name: archive[name] for name in archive.files}
     assert content["common"].shape[2] < 30
-    assert sum(name == COMMON for name, _ in adjusted.solved.control.blocks) == 1
+    assert sum(name == COMMON_OF_TRAJECTORY for name, _ in adjusted.solved.control.blocks) == 1
     kinds = {c["name"]: c for c in adjusted.figures["components"]}
-    assert kinds[COMMON]["observations"] == content["common"].shape[2]
-    assert not [d for d in adjusted.figures["correlations"] if COMMON in d["first"] + d["second"]]
+    assert kinds[COMMON_OF_TRAJECTORY]["observations"] == content["common"].shape[2]
+    assert not [
+        d
+        for d in adjusted.figures["correlations"]
+        if COMMON_OF_TRAJECTORY in d["first"] + d["second"]
+    ]
     content = {name: value for name, value in content.items() if name != "common"}
     np.savez(path, **content)
     independent = sigma(adjust(own.block, write=False))

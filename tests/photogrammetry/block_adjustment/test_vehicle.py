@@ -21,10 +21,10 @@ from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv, write_trajectory_csv
 from insgnss.io.formats.vehicle.target_positions import TargetPositions, write_target_positions
 from insgnss.photogrammetry.adjust.kinematic import (
-    CLOCK,
-    KINEMATIC,
-    SIZES,
+    KINEMATIC_CONTROL,
     TARGET_ARM,
+    TARGET_SIZES,
+    VEHICLE_CLOCK,
     VEHICLE_SHIFT,
 )
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
@@ -68,8 +68,8 @@ def test_a_good_vehicle_is_adjusted_and_nothing_is_said_against_it(made, adjuste
     own = adjusted.figures["vehicle"]
     assert (own["exposures"], own["left_out"], own["sizes"]) == (16, 0, 16)
     names = {c["name"]: c for c in adjusted.figures["components"]}
-    assert names[KINEMATIC]["observations"] == 48
-    assert names[SIZES]["observations"] == 16
+    assert names[KINEMATIC_CONTROL]["observations"] == 48
+    assert names[TARGET_SIZES]["observations"] == 16
     result = adjusted.solved.result
     row = {name: k for k, name in enumerate(result.problem.block.points)}
     truth = dict(zip(made.measured.points, made.point, strict=True))
@@ -102,7 +102,7 @@ def test_fast_at_takes_the_vehicle(made, tmp_path) -> None:
         write=False,
     )
     names = {c["name"]: c["observations"] for c in result.figures["components"]}
-    assert names[KINEMATIC] == 48
+    assert names[KINEMATIC_CONTROL] == 48
     assert not any("measured once" in note for note in result.figures["notes"])
     assert all(name[0] != "T" for name in result.solved.result.problem.block.points)
 
@@ -159,7 +159,7 @@ def test_a_clock_off_by_a_second_is_named(made, tmp_path) -> None:
     assert result.refusal is not None
     assert "kinematic ground control" in str(result.refusal)
     best = next(t for t in result.judgement.trials_made if t.explains)
-    assert best.name == CLOCK
+    assert best.name == VEHICLE_CLOCK
     assert best.value == pytest.approx([-0.2], abs=0.015)
     assert "vehicle.time_offset_s = -0.2" in str(result.refusal)
     good = replace(file, vehicle=replace(file.vehicle, time_offset_s=-0.2))
@@ -233,7 +233,7 @@ def test_another_target_size_is_told(made, tmp_path) -> None:
     file = load_block(write(made, tmp_path / "b", VEHICLE + sizes))
     result = adjust(file, write=False)
     assert result.judgement.contradicted
-    assert SIZES in {f.name for f in result.judgement.findings if f.rank >= 1.0}
+    assert TARGET_SIZES in {f.name for f in result.judgement.findings if f.rank >= 1.0}
     scaled = replace(file, vehicle=replace(file.vehicle, size_sigma_m=0.1))
     again = adjust(scaled, write=False)
     own = again.figures["vehicle"]["parameters"]["size of the target"]

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from insgnss.base.errors import DataError, UsageError
 from insgnss.cli.camera import READ, WRITTEN
 from insgnss.cli.main import main
-from insgnss.io.formats.blocks.camera_files import FORMS, write_cameras
+from insgnss.io.formats.blocks.camera_files import CAMERA_FORMS, write_cameras
 from insgnss.io.formats.blocks.camera_toml import write_camera_toml
-from insgnss.io.formats.returned.cameras import READERS, read_camera
+from insgnss.io.formats.returned.cameras import BY_FORMAT, read_camera
 from insgnss.photogrammetry.comparison.cameras import report_cameras
 from insgnss.records.block import INTERIOR, BrownCamera
 
@@ -84,8 +84,8 @@ def test_the_verb(tmp_path: Path, capsys) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document["difference_px"]["largest"] < 1e-9
     assert [file["format"] for file in document["files"]] == ["opensfm", "colmap"]
-    assert tuple(READ.split()) == tuple(READERS)
-    assert set(WRITTEN.split()) == {"toml", *FORMS}
+    assert tuple(READ.split()) == tuple(BY_FORMAT)
+    assert set(WRITTEN.split()) == {"toml", *CAMERA_FORMS}
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from insgnss.navigation.orient.frame import in_frame
 from insgnss.photogrammetry.comparison.compare import compare_files, compare_poses
 from insgnss.photogrammetry.comparison.poses import Poses
 from insgnss.photogrammetry.comparison.position import without
-from insgnss.photogrammetry.comparison.reading import FORMS, read_poses
+from insgnss.photogrammetry.comparison.reading import POSE_FORMS, read_poses
 from insgnss.photogrammetry.comparison.result import Comparison, percent, quantity
 from insgnss.photogrammetry.comparison.tables import LAYOUTS
 
@@ -398,7 +398,7 @@ def test_a_table_of_another_frame_or_layout_is_refused(flight: Written, tmp_path
 
 def test_help_lists_the_forms_without_numpy() -> None:
     """Oracle: the readers' own table."""
-    assert tuple(FORMS) == verb.FORMS
+    assert tuple(POSE_FORMS) == verb.FORMS
     code = (
         "import sys; from insgnss.cli import build_parser; from insgnss.cli.compare import FORMS;"
         " of_verb = build_parser('compare')._subparsers._group_actions[0].choices['compare'];"

@@ -22,7 +22,7 @@ from insgnss.io.formats.bundle.micmac import read_micmac_xml, write_micmac_xml
 from insgnss.io.formats.orientation.mounting_file import read_mounting_file
 from insgnss.navigation.orient.frame import in_frame
 from insgnss.photogrammetry.adjust.adjustment import adjusted
-from insgnss.photogrammetry.adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from insgnss.photogrammetry.adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.photogrammetry.adjust.unknowns import POSE
 from insgnss.photogrammetry.block_adjustment.aerial.control import Control, control_of
@@ -150,8 +150,10 @@ def test_two_steps_are_one(flown) -> None:
     joint = one.result.values.blocks
     apart = vector_from_rotation(joint[BORESIGHT, 0] @ solved.boresight_change.T)
     assert np.degrees(np.abs(apart).max()) < 1e-3
-    assert abs(joint[TIME_OFFSET, 0][0] - solved.values[TIME_OFFSET][0]) < 2e-5
-    np.testing.assert_allclose(solved.values[LEVER_ARM], joint[LEVER_ARM, 0], atol=1e-3)
+    assert abs(joint[EXPOSURE_DELAY, 0][0] - solved.values[EXPOSURE_DELAY][0]) < 2e-5
+    np.testing.assert_allclose(
+        solved.values[CAMERA_LEVER_ARM], joint[CAMERA_LEVER_ARM, 0], atol=1e-3
+    )
     together = np.sqrt(np.diag(one.cov((BORESIGHT, 0))))
     np.testing.assert_allclose(solved.sigma(BORESIGHT), together, rtol=0.05)
 

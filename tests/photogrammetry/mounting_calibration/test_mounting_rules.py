@@ -104,7 +104,7 @@ def test_when_a_block_is_no_block_of_this_flight(changes, message) -> None:
         flight=SimpleNamespace(eo=SimpleNamespace(camera_from_body=np.eye(3))),
         flight_factor=(changes.get("factor", 1.0), changes.get("redundancy", 51.0)),
         assumptions=SimpleNamespace(frame="map"),
-        values={plausibility.SCALE: np.array([changes.get("scale", 1.0)])},
+        values={plausibility.BLOCK_SCALE: np.array([changes.get("scale", 1.0)])},
         sigma=lambda _: np.array([changes.get("sigma", 1e-6)]),
     )
     if message is None:

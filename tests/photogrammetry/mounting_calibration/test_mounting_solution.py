@@ -22,10 +22,10 @@ from insgnss.geodesy.rotation import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from insgnss.photogrammetry.adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from insgnss.photogrammetry.adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY
 from insgnss.photogrammetry.mounting_calibration.block_errors import shared_covariance
 from insgnss.photogrammetry.mounting_calibration.equations import (
-    SCALE,
+    BLOCK_SCALE,
     TRANSLATION,
     Assumptions,
 )
@@ -55,8 +55,8 @@ def errors(of, result):
     J = np.zeros((10, len(result.cov)))
     J[:3, result.place[BORESIGHT]] = np.eye(3)
     J[3:9] = result.lever_arm_derivatives()
-    J[9:, result.place[TIME_OFFSET]] = 1.0
-    delay = DELAY_S - result.values[TIME_OFFSET]
+    J[9:, result.place[EXPOSURE_DELAY]] = 1.0
+    delay = DELAY_S - result.values[EXPOSURE_DELAY]
     e = np.concatenate([beta, ANTENNA - antenna, IMU - imu, delay])
     return e, J @ result.cov @ J.T
 
@@ -326,10 +326,10 @@ def test_the_frame_of_a_block_comes_out() -> None:
     """Oracle: scale and shift of the simulated frame."""
     of = posed(PLAIN, seed=1, georeferenced=False)
     result = solved(of)
-    assert result.values[SCALE][0] * 0.03 == pytest.approx(1.0, abs=5 * 0.03 * 1e-3)
+    assert result.values[BLOCK_SCALE][0] * 0.03 == pytest.approx(1.0, abs=5 * 0.03 * 1e-3)
     near = posed(PLAIN, seed=1)
     moved = replace(near.block, position=near.block.position + [1.0, -2.0, 3.0])
     shift = solved(replace(near, block=moved)).values[TRANSLATION] - moved.position.mean(axis=0)
     before = solved(near).values[TRANSLATION] - near.block.position.mean(axis=0)
     np.testing.assert_allclose(shift - before, [-1.0, 2.0, -3.0], atol=1e-6)
-    assert LEVER_ARM in result.place
+    assert CAMERA_LEVER_ARM in result.place

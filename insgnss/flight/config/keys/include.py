@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from ....base.tables import Source, Table, read_toml
-from ..flight_file import TABLES
+from ..flight_file import FLIGHT_TABLES
 
-KEY = "include"
+INCLUDE = "include"
 MOST_INCLUDED_FILES = 4  # files that a flight file may take keys over from
 ALTERNATIVES: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "mounting": (("boresight", "boresight_deg"),),
@@ -56,16 +56,16 @@ def with_included(
     chain = [root.path]
     last = root
     data, sources = dict(root.data), dict(root.sources)
-    while KEY in last.data:
-        path = last.file(KEY)
+    while INCLUDE in last.data:
+        path = last.file(INCLUDE)
         if any(os.path.samefile(path, other) for other in chain):
             names = " -> ".join(file.name for file in (*chain, path))
-            raise last.error(KEY, f"a circle of files, {names}; take one of them out")
+            raise last.error(INCLUDE, f"a circle of files, {names}; take one of them out")
         if len(chain) > MOST_INCLUDED_FILES:
             problem = (
                 f"more than {MOST_INCLUDED_FILES} files that include each other; put two into one"
             )
-            raise last.error(KEY, problem)
+            raise last.error(INCLUDE, problem)
         chain.append(path)
         last = read_toml(path, keys)
         for key in OF_A_FLIGHT:
@@ -89,9 +89,9 @@ def _take_over(
     given = other.data
     for key, value in given.items():
         name = f"{table}.{key}" if table else key
-        if key == KEY and not table:
+        if key == INCLUDE and not table:
             continue
-        if name in TABLES and isinstance(value, dict):
+        if name in FLIGHT_TABLES and isinstance(value, dict):
             inner = own.get(key, {})
             if not isinstance(inner, dict):
                 continue  # what is no table is refused where the file is read

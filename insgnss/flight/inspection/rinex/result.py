@@ -15,9 +15,9 @@ from ....report.document import Document, Section, Table
 from ....report.notebook import Shown
 from ....report.verdict import worst_of
 from ..draft import Draft, write_draft
-from .survey import SYSTEMS, Receiver, Survey
+from .survey import FULL_SYSTEM_NAMES, Receiver, Survey
 
-REMARKS = (
+RINEX_DRAFT_REMARKS = (
     "Drafted by insgnss inspect from RINEX: table [gnss] is for `insgnss process` once an IMU is"
     " there; `insgnss ppk` solves the positions, and those of the camera, without one.",
 )
@@ -47,7 +47,7 @@ class RinexInspection(Shown):
 
     def write(self, path: Path, force: bool = False) -> "RinexInspection":
         """Write the draft; return the inspection with the files written."""
-        draft = Draft(remarks=REMARKS)
+        draft = Draft(remarks=RINEX_DRAFT_REMARKS)
         draft.add("", "name", self.name)
         draft.add("imu", "file", "imu.csv", "no samples of an IMU are among the files", False)
         draft_raw_gnss(draft, self.survey)
@@ -72,7 +72,7 @@ class RinexInspection(Shown):
             marker = r.header.marker or "no marker"
             files.append((_role(r, s), f"{names} ({marker}): {r.words}"))
         if s.navigation:
-            named = ", ".join(f"{SYSTEMS.get(k, k)} {n}" for k, n in s.messages.items())
+            named = ", ".join(f"{FULL_SYSTEM_NAMES.get(k, k)} {n}" for k, n in s.messages.items())
             of = ", ".join(file.name for file in s.navigation)
             files.append(("navigation", f"{of}: satellites {named}"))
         return Document(

@@ -25,11 +25,18 @@ from ....gnss.rinex.observation_record import Observations
 from ....gnss.rinex.observations import read_observations
 from ....navigation.prepare.gaps import LEAST_GAP_INTERVALS
 
-NAME = re.compile(r"\.(obs|rnx|crx|nav|\d\d[odnghplq])(\.(gz|z|bz2|zip))?$", re.IGNORECASE)
+RINEX_NAME = re.compile(r"\.(obs|rnx|crx|nav|\d\d[odnghplq])(\.(gz|z|bz2|zip))?$", re.IGNORECASE)
 DEEPEST, MOST_RINEX_FILES = 6, 500  # folders below the one given; files that are read (chosen)
 OFTENER = 1.5  # times the rate of another receiver, to be the one that flew
 WITHIN = 0.9  # share of another's time
-SYSTEMS = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "S": "SBAS"}
+FULL_SYSTEM_NAMES = {
+    "G": "GPS",
+    "R": "GLONASS",
+    "E": "Galileo",
+    "C": "BeiDou",
+    "J": "QZSS",
+    "S": "SBAS",
+}
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,7 @@ class Receiver:
     def words(self) -> str:
         """What it holds, in one line."""
         systems = ", ".join(
-            f"{SYSTEMS.get(k, k)} {count} (bands {' '.join(self.bands[k]) or 'none'})"
+            f"{FULL_SYSTEM_NAMES.get(k, k)} {count} (bands {' '.join(self.bands[k]) or 'none'})"
             for k, count in self.satellites.items()
         )
         antenna = " ".join(self.header.antenna.split()) or "not named"
@@ -170,7 +177,7 @@ def _candidates(paths: Sequence[Path]) -> list[Path]:
             for file in path.rglob("*")
             if len(file.relative_to(path).parts) <= DEEPEST and file.is_file()
         )
-    return [file for file in files if NAME.search(file.name)][:MOST_RINEX_FILES]
+    return [file for file in files if RINEX_NAME.search(file.name)][:MOST_RINEX_FILES]
 
 
 def kind_of(path: Path) -> str:

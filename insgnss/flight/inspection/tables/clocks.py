@@ -23,7 +23,7 @@ FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
 )
-SECONDS, NANOSECONDS = (
+SECONDS_SUFFIX, NANOSECONDS = (
     re.compile(r"(.*?)(?:secs?|seconds?)"),
     re.compile(r"(.*?)n(?:ano)?(?:secs?|seconds?)"),
 )
@@ -124,7 +124,9 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
         whole = [
             k
             for k, other in enumerate(names)
-            if k != fine and (m := SECONDS.fullmatch(squashed(other or ""))) and m[1] == match[1]
+            if k != fine
+            and (m := SECONDS_SUFFIX.fullmatch(squashed(other or "")))
+            and m[1] == match[1]
         ]
         if len(whole) == 1:
             pairs[whole[0]] = fine

@@ -15,7 +15,7 @@ import numpy as np
 from ....base.errors import InsgnssError
 from ....geodesy.gpstime import WEEK_S
 from ....io.formats import read_events, sniff_events
-from ....io.formats.events.dated import DAY, QUOTES, STAMP, table_of_dates
+from ....io.formats.events.dated import DATED_QUOTES, DATED_STAMP, DAY, table_of_dates
 from ....io.formats.events.events import SPEC, UNNAMED
 from ....io.formats.names import IMAGE_ENDINGS
 from ....io.formats.text.text import TextTable, read_text_table
@@ -28,10 +28,10 @@ TIME_WORDS = "time zeit date datum stamp clock tow sec sek utc gps"
 # of the instant of exposure, which no other time of a file is
 EXPOSURE_WORDS = "exposure shutter shot taken trigger capture event mid aufnahme"
 OTHER_TIMES = "created modified upload download duration length"
-CLOCK = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", re.ASCII)
+CLOCK_TEXT = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", re.ASCII)
 LAST_TOW_S = 2.0 * WEEK_S  # largest time of week (s): flights run past the week's end by hours
 LARGEST_LIST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 characters each
-BY_VALUES = "by the values of its columns, and where several could be meant by their names"
+NAMES_BY_VALUES = "by the values of its columns, and where several could be meant by their names"
 
 
 def exposures_of(path: Path) -> tuple[list[Source], str]:
@@ -70,7 +70,7 @@ def _source(path: Path, columns: dict[str, str] | None) -> Source | None:
     if any(check.name == UNNAMED for check in events.notes):
         return None
     keys: dict[str, Any] = {} if columns is None else {"columns": columns}
-    why = dict.fromkeys(keys, BY_VALUES)
+    why = dict.fromkeys(keys, NAMES_BY_VALUES)
     if events.time_scale:
         keys["time_scale"], why["time_scale"] = events.time_scale, SCALE_OPEN
     count = f"exposures{' with their dates' if dated else ''}, {len(events.images)} of them"
@@ -80,7 +80,9 @@ def _source(path: Path, columns: dict[str, str] | None) -> Source | None:
 def _columns(table: TextTable) -> tuple[dict[str, str], str]:
     """Image and time in the keys of `camera.columns`, or what is missing."""
     fields = table.layout.header_fields or ("",) * table.layout.n_fields
-    texts = [[cell.strip(QUOTES) for cell in column] for column in zip(*table.rows, strict=True)]
+    texts = [
+        [cell.strip(DATED_QUOTES) for cell in column] for column in zip(*table.rows, strict=True)
+    ]
     if len(table.rows) < 2:
         return {}, ""
     scores: dict[str, list[int]] = {}
@@ -96,7 +98,7 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
     ]
     days, clocks = (
         [k for k, column in enumerate(texts) if all(map(form.fullmatch, column))]
-        for form in (DAY, CLOCK)
+        for form in (DAY, CLOCK_TEXT)
     )
     if len(days) == len(clocks) == 1:
         return {
@@ -128,7 +130,7 @@ def _count(name: str, terms: str) -> int:
 
 def _image(name: str, texts: Sequence[str]) -> int:
     """Score of a column as names of images; 0 for one that cannot hold them."""
-    if len(set(texts)) < len(texts) or any(map(STAMP.fullmatch, texts)):
+    if len(set(texts)) < len(texts) or any(map(DATED_STAMP.fullmatch, texts)):
         return 0
     score = _count(name, IMAGE_WORDS)
     if all(text.lower().endswith(tuple(IMAGE_ENDINGS.split())) for text in texts):
@@ -139,7 +141,7 @@ def _image(name: str, texts: Sequence[str]) -> int:
 
 def _date(name: str, texts: Sequence[str]) -> int:
     """Score of a column as dates with a time of day; 0 for one that cannot hold them."""
-    return _time_words(name) if all(map(STAMP.fullmatch, texts)) else 0
+    return _time_words(name) if all(map(DATED_STAMP.fullmatch, texts)) else 0
 
 
 def _seconds(name: str, texts: Sequence[str]) -> int:

@@ -20,12 +20,12 @@ from .clocks import clocks, week_column
 from .grids import Table
 from .names import ACCEL, GYRO, Grid, Roles, squashed
 
-TRIADS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
+TRIAD_COLUMNS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
 IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
 OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
 # scatter of the size of a force, in its median: of gravity, of an estimate
-HALF_SCATTER, EXACT = 0.5, 1e-5
+HALF_SCATTER, EXACT_SHARE = 0.5, 1e-5
 
 
 def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) -> list[Source]:
@@ -67,14 +67,14 @@ def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) 
 
 def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
     """Role and columns of the one triad of a table; None where there is none, or two."""
-    triads = [(role, columns) for role in TRIADS if (columns := grid.triad(role))]
+    triads = [(role, columns) for role in TRIAD_COLUMNS if (columns := grid.triad(role))]
     if triads:
         return triads[0] if len(triads) == 1 else None
     named = grid.named
     if not all(letter in named for letter in "xyz"):
         return None
     places = [named[letter] for letter in "xyz"]
-    for role, canonical in TRIADS.items():
+    for role, canonical in TRIAD_COLUMNS.items():
         units = [unit_in(grid.names[k] or "", kinds_like(role)) for k in places]
         if all(unit and factor_of(unit, (role,)) is not None for unit in units):
             return role, dict(zip(canonical, places, strict=True))
@@ -84,7 +84,7 @@ def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
     by_name = [role for role, word in IN_NAME.items() if word in stem]
     if len(by_name) != 1:
         return None
-    return by_name[0], dict(zip(TRIADS[by_name[0]], places, strict=True))
+    return by_name[0], dict(zip(TRIAD_COLUMNS[by_name[0]], places, strict=True))
 
 
 def _refuse_without_gravity(path: Path, force: Any) -> None:
@@ -92,7 +92,7 @@ def _refuse_without_gravity(path: Path, force: Any) -> None:
     size = np.linalg.norm(force, axis=1)
     spread = float(np.std(size) / max(float(np.median(size)), 1e-12))
     steadiness = float(np.linalg.norm(np.mean(force, axis=0)) / max(float(np.median(size)), 1e-12))
-    if spread < EXACT:
+    if spread < EXACT_SHARE:
         raise InputError.in_file(
             path, f"{size[0]:g} in every row: gravity as the device estimates it, no sensor"
         )

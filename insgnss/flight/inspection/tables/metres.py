@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from ....geodesy.frames import TangentPlane, ecef_to_geodetic
-from ....io.formats.gnss.cartesian import GEOCENTRIC, GEODETIC, on_earth, position_columns
+from ....io.formats.gnss.cartesian import GEOCENTRIC, GEODETIC_FIELDS, on_earth, position_columns
 from .clocks import clocks_by_values
 from .names import Grid, Roles
 
 # where local metres are put to look at them: their own point is not known here
 ANYWHERE = TangentPlane(np.radians(45.0), np.radians(10.0), 0.0)
 LONGEST_STEP_S = 30.0  # of a clock of fixes: longer ones are no recording of a flight
-SIGMAS = dict(zip(("sd_n", "sd_e", "sd_u"), ("sd_x", "sd_y", "sd_z"), strict=True))
+SIGMAS_OF_METRES = dict(zip(("sd_n", "sd_e", "sd_u"), ("sd_x", "sd_y", "sd_z"), strict=True))
 
 
 def as_geodetic(grid: Grid) -> tuple[Grid, dict[str, str]] | None:
@@ -24,11 +24,11 @@ def as_geodetic(grid: Grid) -> tuple[Grid, dict[str, str]] | None:
         The table, and by the names of its columns those of the columns of metres; None where the
         position is not in metres. By values alone it is geocentric or none.
     """
-    columns = {name: k for name, k in grid.of_fixes().items() if name not in SIGMAS}
+    columns = {name: k for name, k in grid.of_fixes().items() if name not in SIGMAS_OF_METRES}
     names = position_columns(columns)
-    if names == GEODETIC and any(name is not None for name in grid.names):
+    if names == GEODETIC_FIELDS and any(name is not None for name in grid.names):
         return None
-    if names == GEODETIC:
+    if names == GEODETIC_FIELDS:
         first = _geocentric_triple(grid)
         if first is None:
             return None
@@ -47,9 +47,9 @@ def as_geodetic(grid: Grid) -> tuple[Grid, dict[str, str]] | None:
         lat, lon, height = ANYWHERE.geodetic_from_position(local)
     values = grid.values.copy()
     values[:, of_position] = np.column_stack([np.degrees(lat), np.degrees(lon), height])
-    renamed = dict(zip(GEODETIC, names, strict=True))
-    if names == GEOCENTRIC and set(SIGMAS.values()) <= columns.keys():
-        renamed |= SIGMAS
+    renamed = dict(zip(GEODETIC_FIELDS, names, strict=True))
+    if names == GEOCENTRIC and set(SIGMAS_OF_METRES.values()) <= columns.keys():
+        renamed |= SIGMAS_OF_METRES
     spelled = {columns[name]: geodetic for geodetic, name in renamed.items() if name in columns}
     titles = grid.names
     if any(title is not None for title in titles):
@@ -61,7 +61,7 @@ def in_metres(roles: Roles, renamed: dict[str, str]) -> Roles:
     """Return the roles of a table of `as_geodetic` for the table that it was made of."""
     columns = {renamed.get(name, name): k for name, k in roles.columns.items()}
     units = {key: unit for key, unit in roles.units.items() if key != "angle"}
-    names = [renamed[name] for name in GEODETIC]
+    names = [renamed[name] for name in GEODETIC_FIELDS]
     how = f"{roles.how}; {' '.join(names)} are metres about a point of their own"
     if tuple(names) == GEOCENTRIC:
         how = f"by their distance from the Earth's centre; {' '.join(names)} are geocentric"

@@ -4,14 +4,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ....io.formats import UNITS
+from ....io.formats import SENSOR_SCALES
 from ....io.formats.names import GNSS, TIME, TRIADS, taken_by_inspect
 from ....io.formats.text.headers import LONGEST_COLUMN_NAME, factor_of, unit_in, without_unit
 from ....io.formats.text.units import usual_unit
 from ....records import Array
 
 # kinds of the units of what is no clock
-OF_VALUES = tuple(kind for kind in UNITS if kind != "time")
+OF_VALUES = tuple(kind for kind in SENSOR_SCALES if kind != "time")
 
 
 def squashed(name: str) -> str:

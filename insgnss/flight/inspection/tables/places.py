@@ -38,7 +38,7 @@ LAG, TRAVELLED, SMALL_M = 20, 4.0, 100.0
 FOLLOWS, SLOPE, KEPT_VELOCITIES = 0.8, (0.75, 1.3), 0.75
 RISES = 0.3  # correlation that tells a vertical velocity beside a speed and a course
 MOST_ROWS_LOOKED_AT = 20000  # looked at
-BY_VALUES = "by their values: a position on Earth that moves as its velocity says"
+PLACES_BY_VALUES = "by their values: a position on Earth that moves as its velocity says"
 ORDER_ASSUMED = (
     "by their values: a position on Earth; no velocity shows which of the two angles is the"
     " latitude, the first that can be one is taken: check it"
@@ -80,7 +80,7 @@ def gnss_by_values(grid: Grid) -> Roles | None:
                 {clock: unit} | others,
                 week_column(grid),
                 units,
-                how=BY_VALUES if moving else ORDER_ASSUMED,
+                how=PLACES_BY_VALUES if moving else ORDER_ASSUMED,
             )
     return None
 

@@ -27,13 +27,15 @@ from .names import ACCEL, GYRO, Grid, Roles, squashed
 from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
 from .quality import codes_of, quality_by_values
 
-SENSORS = {"gyro": "gyros", "accel": "accelerometers"}
+PLURAL_OF_SENSOR = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
-STATED = 0.1  # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
+STATED_SCORE = (
+    0.1  # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
+)
 # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
 MEAN_OVER_SCATTER = 0.8
 RATIO_OF_SENSORS = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
@@ -80,7 +82,7 @@ def has_gravity(grid: Grid, roles: Roles) -> bool:
 
 def triads_named(grid: Grid) -> list[str]:
     """Return which of gyros and accelerometers the names of the columns show."""
-    return [name for key, name in SENSORS.items() if grid.triad(key)]
+    return [name for key, name in PLURAL_OF_SENSOR.items() if grid.triad(key)]
 
 
 def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
@@ -244,7 +246,7 @@ def _not_finite(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
         for role, k in columns.items()
         if role not in ("lat", "lon", "h")
         and (count := int((~np.isfinite(grid.values[:, k])).sum()))
-        and not (role in POSITION_SIGMAS and count < (1.0 - STATED) * len(grid.values))
+        and not (role in POSITION_SIGMAS and count < (1.0 - STATED_SCORE) * len(grid.values))
     }
 
 
@@ -260,7 +262,7 @@ def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
         column = np.nan_to_num(grid.values[:, k])
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
             continue
-        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED:
+        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED_SCORE:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
             bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"

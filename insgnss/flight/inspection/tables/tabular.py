@@ -14,7 +14,7 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ....io.formats import GNSS_OPTIONS, UNITS
+from ....io.formats import GNSS_OPTIONS, SENSOR_SCALES
 from ....io.formats.gnss import gnss_text
 from ....io.formats.gnss.cartesian import reference_in
 from ....io.formats.gnss.heights import refused_heights
@@ -54,10 +54,10 @@ NMEA_CODES = (
 NO_CLOCK = (
     f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities with it"
 )
-HELD = "the rows between hold the last fix; this changes with each new one"
+HELD_FIXES = "the rows between hold the last fix; this changes with each new one"
 NO_VELOCITY_SIGMA = "no standard deviations of the velocity in the file: those of a usual receiver"
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
-VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
+ARRAY_ENDINGS = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
 GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
 
@@ -202,7 +202,7 @@ def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str,
     for key in header_units.keys() - rates:
         problem = "is that of an increment" if key in increments else "is not known"
         reason = f"the header's unit {header_units[key]!r} {problem}"
-        entry.set_unit(key, next(iter(UNITS[key])), reason)
+        entry.set_unit(key, next(iter(SENSOR_SCALES[key])), reason)
     return {key: unit for key, unit in header_units.items() if key in rates}
 
 
@@ -210,7 +210,7 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
     """Fixes by their first clock; by the others in `other_clocks`."""
     if (
         roles.repeat_column is not None
-        and path.suffix.lower() not in VARIABLES
+        and path.suffix.lower() not in ARRAY_ENDINGS
         and "repeat_column" not in GNSS_OPTIONS["gnss_text"]
     ):
         message = (
@@ -237,7 +237,7 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
                 usual = f"no value exceeds what {quantity} in rad can be"
                 entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
         if roles.repeat_column is not None:
-            entry.set("repeat_column", table.fields[roles.repeat_column], HELD)
+            entry.set("repeat_column", table.fields[roles.repeat_column], HELD_FIXES)
         if not POSITION_SIGMAS & columns.keys():
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
         elif unstated := _unstated(table.grid, columns):
@@ -278,7 +278,7 @@ def _unstated(grid: Grid, columns: dict[str, int]) -> int:
 def _events(path: Path, table: Table) -> list[Source]:
     """Exposures of a table without names, whose last column is a clock."""
     named = any(name is not None for name in table.grid.names)
-    if path.suffix.lower() in VARIABLES or named or not 1 <= len(table.grid.names) <= 2:
+    if path.suffix.lower() in ARRAY_ENDINGS or named or not 1 <= len(table.grid.names) <= 2:
         return []
     count = f"exposures, {len(table.grid.values)} of them"
     last = table.grid.values[:, -1]
@@ -300,7 +300,7 @@ def _named(table: Table) -> Keys:
 
 
 def _is_text(path: Path) -> bool:
-    return path.is_file() and path.suffix.lower() not in VARIABLES
+    return path.is_file() and path.suffix.lower() not in ARRAY_ENDINGS
 
 
 def _time_unit(entry: Keys, grid: Grid, clock: int, unit: str) -> None:
@@ -344,4 +344,6 @@ def _spell_out(
 
 def _spec(role: Role, columns: Collection[str]) -> TableSpec:
     """What the reader of text tables takes."""
-    return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.spec_of(columns)
+    return (
+        imu_csv.with_required(imu_csv.IMU_COLUMNS) if role == "imu" else gnss_text.spec_of(columns)
+    )

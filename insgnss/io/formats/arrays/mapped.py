@@ -14,7 +14,7 @@ from ....records import Array, GnssFixes, ImuSamples
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
 from ..gnss.cartesian import position_columns
-from ..gnss.fixes import OF_POSITION, SIGMA, VELOCITY_SIGMA, fixes_from_columns
+from ..gnss.fixes import FIX_SIGMAS, OF_POSITION, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
 from ..imu import imu_csv
@@ -24,7 +24,7 @@ from ..text.headers import Settled, settled_units
 from ..text.order import Lines, NumberedRows, Picked, refuse_rows
 from .content import Content, take_columns
 
-OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *SIGMA, *VELOCITY_SIGMA, "sd_ne")
+OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *FIX_SIGMAS, *VELOCITY_SIGMA, "sd_ne")
 
 
 def _taken(

@@ -23,12 +23,12 @@ Bytes = memoryview
 # of the file's header and of an element's tag, in version 5 to 7
 MAT_HEADER_BYTES, TAG_BYTES = 128, 8
 INT8, INT32, UINT32, MAT_MATRIX, COMPRESSED = 1, 5, 6, 14, 15
-"""Types of elements; those of `WIDTHS` hold numbers or text."""
-WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
+"""Types of elements; those of `TYPE_WIDTHS` hold numbers or text."""
+TYPE_WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
 """Bytes of a number, or of a letter at least, by the type of its element."""
 CELL, STRUCT, OBJECT, CHAR, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 """Classes of variables; those between `SPARSE` and `FUNCTION` are numbers."""
-HEADS = {
+MATRIX_HEADS = {
     STRUCT: [INT32, INT8, INT32, INT8],
     OBJECT: [INT32, INT8, INT8, INT32, INT8],
     OPAQUE: [INT8, INT8, INT8],
@@ -189,7 +189,7 @@ def _check_matrix(body: Bytes, order: str, depth: int) -> None:
         raise Damaged("a variable without flags")
     flags = int(np.frombuffer(elements[0][1], order + "u4", 1)[0])
     form = flags & 0xFF
-    head = HEADS.get(form, [INT32, INT8])
+    head = MATRIX_HEADS.get(form, [INT32, INT8])
     content = elements[1 + len(head) :]
     if [kind for kind, _ in elements[1 : 1 + len(head)]] != head or not 0 < form <= OPAQUE:
         raise Damaged("a variable without dimensions and name")
@@ -204,7 +204,9 @@ def _check_matrix(body: Bytes, order: str, depth: int) -> None:
         raise Damaged(f"a variable holds {len(content)} parts, expected {expected}")
     for kind, inner in content:
         if CHAR <= form < FUNCTION:
-            if kind not in WIDTHS or (form > SPARSE and len(inner) != count * WIDTHS[kind]):
+            if kind not in TYPE_WIDTHS or (
+                form > SPARSE and len(inner) != count * TYPE_WIDTHS[kind]
+            ):
                 raise Damaged(f"{count} values in {len(inner)} bytes of type {kind}")
         elif kind != MAT_MATRIX:
             raise Damaged(f"an element of type {kind} instead of a cell or a field")

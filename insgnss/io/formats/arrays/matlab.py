@@ -21,7 +21,7 @@ from ..text.text import Source, load_bytes
 from .content import Content, Matrix, matrix_of
 from .matfile import Damaged, read_mat
 
-LABEL = "_label"
+LABEL_SUFFIX = "_label"
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST_STRUCT = 8  # structs within structs
 
@@ -56,7 +56,7 @@ def _labelled(content: dict[str, Any]) -> dict[str, Any]:
     """Content with the labels at their matrices."""
     out = dict(content)
     for name, node in content.items():
-        if isinstance(node, Matrix) and (labels := content.get(name + LABEL)) is not None:
+        if isinstance(node, Matrix) and (labels := content.get(name + LABEL_SUFFIX)) is not None:
             texts = tuple(printable(str(text)) for text in np.asarray(labels, object).reshape(-1))
             if len(texts) == node.values.shape[1]:
                 out[name] = Matrix(node.values, texts)

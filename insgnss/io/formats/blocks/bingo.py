@@ -22,8 +22,8 @@ from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
 
-END = "-99"
-UNITS = {"mm": 1e3, "um": 1.0, "px": 0.0}  # micrometres
+END_MARK = "-99"
+MICROMETRES = {"mm": 1e3, "um": 1.0, "px": 0.0}  # micrometres
 
 
 def read_bingo(
@@ -64,8 +64,8 @@ def read_bingo(
         A unit that is unknown, a size that is missing, a standard deviation that is not positive.
     """
     positive_sigma(sigma_px, "BINGO")
-    if unit not in UNITS:
-        raise DataError(f"BINGO: unit {unit!r}; {near(unit, UNITS)}")
+    if unit not in MICROMETRES:
+        raise DataError(f"BINGO: unit {unit!r}; {near(unit, MICROMETRES)}")
     if unit != "px" and not (pixel_um and width and height and min(pixel_um, width, height) > 0):
         raise DataError(
             f"BINGO: coordinates in {unit} need pixel_um, width and height of the camera; name them"
@@ -75,7 +75,7 @@ def read_bingo(
     inside, ended, line, within = False, False, 0, 0
     for line, row in numbered_lines(decoded(path)):
         words = row.split()
-        if words[0] == END:
+        if words[0] == END_MARK:
             inside, ended = False, True
         elif len(words) <= 2:
             if words[0] in images:
@@ -95,16 +95,16 @@ def read_bingo(
                 path, line, f"{shown(row)}: no image before; a block begins with image and camera"
             )
     if ended and (within or inside):
-        problem = f"an image begins before the {END} of another, or a number is missing"
+        problem = f"an image begins before the {END_MARK} of another, or a number is missing"
         if inside:
-            problem = f"truncated: the file ends before the {END} of image {shown(images[-1])}"
+            problem = f"truncated: the file ends before the {END_MARK} of image {shown(images[-1])}"
         raise InputError.at_line(path, line if inside else within, problem)
     if not image_row:
         raise InputError.in_file(path, "no observation; image, then point x y, then -99")
     check_once(path, lines, [images[k] for k in image_row], point)
     uv = np.array(xy)
     if unit != "px":
-        scale = UNITS[unit] / float(pixel_um or 1.0)
+        scale = MICROMETRES[unit] / float(pixel_um or 1.0)
         uv = 0.5 * np.array([width, height], dtype=np.float64) + scale * uv * (1.0, -1.0)
     names = file_names(images, path)
     measured, _ = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))

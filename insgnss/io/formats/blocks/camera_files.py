@@ -29,10 +29,10 @@ LOST_PX = 0.1  # of what a program has no place for, which is said
 GRID = 25  # points to a side of the image, at which two cameras are compared (chosen)
 MOST_CAMERA_STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
 # parameters that a program has no place for, by its format and whether the camera is a fisheye
-LACKING: dict[tuple[str, bool], tuple[str, ...]]
-LACKING = {(form, False): ("b2", "k4") for form in ("colmap", "opencv", "opensfm")}
-LACKING |= {(form, True): ("b2", "p1", "p2") for form in ("opencv", "opensfm")}
-LACKING |= {("colmap", True): ("b2",)}
+NOT_HELD: dict[tuple[str, bool], tuple[str, ...]]
+NOT_HELD = {(form, False): ("b2", "k4") for form in ("colmap", "opencv", "opensfm")}
+NOT_HELD |= {(form, True): ("b2", "p1", "p2") for form in ("opencv", "opensfm")}
+NOT_HELD |= {("colmap", True): ("b2",)}
 Covariances = Sequence[InteriorCovariance | None]
 Text = Callable[[Sequence[BrownCamera], Covariances], str]
 
@@ -52,7 +52,7 @@ def write_cameras(
     path : path
         The file, written whole or not at all.
     form : str
-        A key of `FORMS`.
+        A key of `CAMERA_FORMS`.
     covariances : sequence of InteriorCovariance or None, optional
         Of each camera; those of backward cameras, which another polynomial stands for, are not
         written.
@@ -70,21 +70,21 @@ def write_cameras(
     InputError
         A camera that the program cannot express to `EXACT_PX`.
     """
-    if form not in FORMS:
-        raise UsageError(f"cameras as {form!r}; {near(form, FORMS)}")
+    if form not in CAMERA_FORMS:
+        raise UsageError(f"cameras as {form!r}; {near(form, CAMERA_FORMS)}")
     if not cameras or (len(cameras) > 1 and form != "colmap"):
         raise UsageError(f"{path}: {len(cameras)} cameras; a file of {form} takes one: write each")
     notes: list[str] = []
     ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
     given = covariances or [None] * len(cameras)
     written = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
-    atomic_write(path, FORMS[form](ready, written))
+    atomic_write(path, CAMERA_FORMS[form](ready, written))
     return tuple(notes)
 
 
 def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     """Return a camera without the parameters that a program lacks, if they are next to nothing."""
-    lacking = [k for k in LACKING.get((form, camera.fisheye), ()) if camera.of(k) != 0.0]
+    lacking = [k for k in NOT_HELD.get((form, camera.fisheye), ()) if camera.of(k) != 0.0]
     if not lacking:
         return camera
     without = camera.with_([0.0 if k in lacking else camera.of(k) for k in INTERIOR])
@@ -144,7 +144,7 @@ def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     if not camera.backward:
         return camera
     uv, xy = _grid(camera)
-    mine = [k not in LACKING.get((form, False), ()) for k in INTERIOR]
+    mine = [k not in NOT_HELD.get((form, False), ()) for k in INTERIOR]
     fitted = replace(camera, interior=_start(camera) * mine, backward=False, unit_px=1.0)
     with np.errstate(all="ignore"):
         for _ in range(MOST_CAMERA_STEPS):
@@ -334,7 +334,7 @@ def _opensfm(cameras: Sequence[BrownCamera], _: Covariances) -> str:
     return json.dumps({camera.name: entry}, indent=2) + "\n"
 
 
-FORMS: Mapping[str, Text] = {
+CAMERA_FORMS: Mapping[str, Text] = {
     "metashape": _metashape,
     "colmap": _colmap,
     "opencv": _opencv,

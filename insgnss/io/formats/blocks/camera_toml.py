@@ -10,13 +10,16 @@ from ....base.files import atomic_write
 from ....base.inputs import is_file
 from ....base.tables import Table, read_toml
 from ....base.wording import toml
-from ....records.block import INTERIOR, MODELS, BrownCamera, InteriorCovariance
+from ....records.block import INTERIOR, RADIAL_MODELS, BrownCamera, InteriorCovariance
 from ..text.numbers import array_of
 from ..text.text import Source
 
 PIXEL_ORIGINS = ("corner", "centre")
 _OWN = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
-KEYS: Mapping[str, tuple[str, ...]] = {"": (*_OWN, "sigma", "correlations"), "sigma": INTERIOR}
+CAMERA_KEYS: Mapping[str, tuple[str, ...]] = {
+    "": (*_OWN, "sigma", "correlations"),
+    "sigma": INTERIOR,
+}
 LARGEST_PX = 1e6  # of a value in pixels: no camera has so many
 
 
@@ -41,11 +44,13 @@ def read_camera_toml(path: Source) -> BrownCamera:
     path = Path(path)
     if not is_file(path):
         raise InputError.in_file(path, "no such file; check the path of the camera")
-    table = read_toml(path, KEYS)
+    table = read_toml(path, CAMERA_KEYS)
     table.check_keys()
     if "model" not in table.data:
-        raise table.error("model", f"is missing; it is {' or '.join(MODELS)}, and has no default")
-    model = table.choice("model", MODELS, "")
+        raise table.error(
+            "model", f"is missing; it is {' or '.join(RADIAL_MODELS)}, and has no default"
+        )
+    model = table.choice("model", RADIAL_MODELS, "")
     backward = model == "backward"
     width, height = _whole(table, "width"), _whole(table, "height")
     f = _positive(table, "f")
@@ -92,7 +97,7 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
     """
     if Path(path).suffix.lower() != ".toml":
         return None
-    table = read_toml(Path(path), KEYS)
+    table = read_toml(Path(path), CAMERA_KEYS)
     if "sigma" not in table.data:
         return None
     given = table.table("sigma")

@@ -29,14 +29,19 @@ from ..text.text import Source, Table, TextTable, read_table, read_text_table
 from ..text.xml import read_xml, text_of
 from .measured_block import minimal_datum
 
-IMAGES, IMAGE_POINTS, POSITION, OPK = "id path", "im id x y", "x y z", "omega phi kappa"
-SIGMAS = {"sxyz": (0, 1, 2), "sxy": (0, 1), "sx": (0,), "sy": (1,), "sz": (2,)}
+IMAGE_FIELDS, IMAGE_POINT_FIELDS, POSITION, OPK_WORDS = (
+    "id path",
+    "im id x y",
+    "x y z",
+    "omega phi kappa",
+)
+SIGMA_FIELDS = {"sxyz": (0, 1, 2), "sxy": (0, 1), "sx": (0,), "sy": (1,), "sz": (2,)}
 """Columns and attributes of standard deviations with the coordinates that they are of."""
 FIXED_M = 1e-6  # standard deviation of a ground point without one, which DBAT holds
 MOST_OF_ONE_KIND = 5  # zeros that stand for a missing K or P: one more than can be, to be refused
-USUAL = {"cc": "", "pp": "default", "aspect": "1", "skew": "0", "K": "", "P": ""}
+DEFAULT_SETTINGS = {"cc": "", "pp": "default", "aspect": "1", "skew": "0", "K": "", "P": ""}
 """Elements of <camera> that may lack, or be 'default'; cc is <focal> then, K and P are zeros."""
-ANGLES = {"degrees": np.pi / 180.0, "radians": 1.0, "gon": np.pi / 200.0}
+RADIANS_OF = {"degrees": np.pi / 180.0, "radians": 1.0, "gon": np.pi / 200.0}
 BACKWARD_MODEL = "3"
 ESTIMATED = {  # elements of <io>, and the parameters that they switch
     "cc": ("f",),
@@ -174,7 +179,7 @@ def _tables(
 def _images(path: Path, base: Path, inputs: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
-    for table, _, _ in _tables(path, base, inputs, "images", IMAGES, read_text_table):
+    for table, _, _ in _tables(path, base, inputs, "images", IMAGE_FIELDS, read_text_table):
         ids.append(whole_rows(table, table.floats("id"), "image"))
         names += [Path(name).name for name in table.strings("path")]
     if not ids:
@@ -197,13 +202,15 @@ def _row_of(table: NamedTable, ids: NDArray[np.int64], order: dict[int, int]) ->
 def _prior(path: Path, base: Path, inputs: Element, order: dict[int, int]) -> tuple[Array, Array]:
     """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
     position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
-    for table, element, _ in _tables(path, base, inputs, "prior_eo", f"id {POSITION} {OPK}"):
+    for table, element, _ in _tables(path, base, inputs, "prior_eo", f"id {POSITION} {OPK_WORDS}"):
         unit = element.get("units", "degrees")
-        if unit not in ANGLES:
-            raise InputError.in_file(path, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}")
+        if unit not in RADIANS_OF:
+            raise InputError.in_file(
+                path, f"prior_eo: angles in {unit!r}; {near(unit, RADIANS_OF)}"
+            )
         rows = _row_of(table, whole_rows(table, table.floats("id"), "image"), order)
         position[rows] = table.block(POSITION)
-        C_mc[rows] = rotation_from_opk(ANGLES[unit] * table.block(OPK)) @ CV_RUB
+        C_mc[rows] = rotation_from_opk(RADIANS_OF[unit] * table.block(OPK_WORDS)) @ CV_RUB
     return position, C_mc
 
 
@@ -212,7 +219,7 @@ def _image_points(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
     """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
     empty = True
-    for table, element, _ in _tables(path, base, inputs, "image_pts", IMAGE_POINTS):
+    for table, element, _ in _tables(path, base, inputs, "image_pts", IMAGE_POINT_FIELDS):
         empty = False
         images = _row_of(table, whole_rows(table, table.floats("im"), "image"), order)
         points = whole_rows(table, table.floats("id"), "point")
@@ -227,7 +234,7 @@ def _image_points(
             if np.isnan(number := finite(text)):
                 problem = f"{name}={text!r} is no number of pixels; {PLAIN}"
                 raise InputError.in_file(path, problem)
-            sigma[:, SIGMAS[name]] = number
+            sigma[:, SIGMA_FIELDS[name]] = number
         yield images, points, table.block("x y"), sigma
     if empty:
         raise InputError.in_file(path, "no <image_pts> with a <file>; name the measurements")
@@ -235,7 +242,7 @@ def _image_points(
 
 def _sigma(table: NamedTable, sigma: Array) -> Array:
     """Return `sigma` (n, k) with the standard deviations of a table's columns."""
-    for name, coordinates in SIGMAS.items():
+    for name, coordinates in SIGMA_FIELDS.items():
         if name in table:
             sigma[:, coordinates] = table.floats(name)[:, None]
     return sigma
@@ -293,14 +300,14 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
 
     InputError for other words.
     """
-    usual = USUAL | {"cc": text_of(camera.find("focal"))}
+    usual = DEFAULT_SETTINGS | {"cc": text_of(camera.find("focal"))}
     for key in "KP":
         listed = text_of(camera.find(key))
         count = whole(camera.findtext(f"n{key}") or "0") if not listed else listed.count(",") + 1
         usual[key] = ",".join("0" * min(max(count, 0), MOST_OF_ONE_KIND))
     if "default" in (values.get("all"), values.get("io")):
         single = {key: text for key, text in values.items() if key not in ("all", "io")}
-        values = dict.fromkeys(USUAL, "default") | single
+        values = dict.fromkeys(DEFAULT_SETTINGS, "default") | single
     for key, text in usual.items():
         element = camera.find(key)
         if text and element is None:

@@ -27,8 +27,8 @@ from .measured_block import MeasuredBlock, check_once, file_names, image_points,
 SIGMA_M = (0.02, 0.02, 0.04)
 """Standard deviations of x, y, z (easting, northing, height), m; the file has none."""
 ORIGIN_PX = 0.5  # of the file: the middle of the upper left pixel is its origin
-HEAD = ("EPSG:", "+PROJ", "WGS84")
-MISSING = "the first line names the CRS, such as EPSG:32632, WGS84 UTM 32N or a +proj text"
+CRS_WORDS = ("EPSG:", "+PROJ", "WGS84")
+CRS_MISSING = "the first line names the CRS, such as EPSG:32632, WGS84 UTM 32N or a +proj text"
 
 
 def read_gcp_list(
@@ -66,7 +66,7 @@ def read_gcp_list(
     rows = numbered_lines(text)
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
-        raise InputError.in_file(path, f"no ground point; {MISSING}, then come the points")
+        raise InputError.in_file(path, f"no ground point; {CRS_MISSING}, then come the points")
     if not text.endswith("\n"):
         _refuse_cut(path, rows)
     lines, uv, image, names = [], [], [], []
@@ -153,8 +153,8 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
 
     line, text = row[0], row[1].strip()
     words = text.upper().split()
-    if not text.upper().startswith(HEAD):
-        raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {MISSING}")
+    if not text.upper().startswith(CRS_WORDS):
+        raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {CRS_MISSING}")
     if words == ["WGS84"]:
         return "EPSG:4326"
     if words[:2] == ["WGS84", "UTM"] and len(words) == 3:
@@ -164,7 +164,9 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
     try:
         CRS.from_user_input(text)
     except CRSError:
-        raise InputError.at_line(path, line, f"CRS {shown(text)} is unknown; {MISSING}") from None
+        raise InputError.at_line(
+            path, line, f"CRS {shown(text)} is unknown; {CRS_MISSING}"
+        ) from None
     return text
 
 

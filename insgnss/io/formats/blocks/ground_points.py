@@ -23,11 +23,11 @@ from ..text.text import Source
 Array = NDArray[np.float64]
 
 SIGMAS = "sigma_x sigma_y sigma_z"
-POINTS = f"point x y z {SIGMAS}"
+POINT_COLUMNS = f"point x y z {SIGMAS}"
 SPEC = TableSpec(
     {"point": "point point_id point_name id name label marker", **PLACES, **ROLE},
-    required=POINTS,
-    layouts=(f"{POINTS} role", POINTS),
+    required=POINT_COLUMNS,
+    layouts=(f"{POINT_COLUMNS} role", POINT_COLUMNS),
     text=True,
     strict=METRES,
 )

@@ -12,7 +12,7 @@ from ..text.columns import Columns, TableOut, TableSpec
 from ..text.layout import shown
 from ..text.text import Source
 
-PIXELS = "px pixel pixels pix"
+PIXEL_UNITS = "px pixel pixels pix"
 SPEC = TableSpec(
     {
         **IN_IMAGE,
@@ -25,7 +25,7 @@ SPEC = TableSpec(
     required="image point x y",
     layouts=("image point x y", "image point x y sigma", "image point x y sigma_x sigma_y"),
     text=True,
-    strict=PIXELS,
+    strict=PIXEL_UNITS,
 )
 OUT = TableOut("image point x=%.4f y=%.4f")
 PIXEL_ORIGIN = (

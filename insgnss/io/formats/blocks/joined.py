@@ -20,7 +20,7 @@ BESIDE_PX = 1.0
 MANY = 200
 """Of so many observations the part of the format says something in which they lie."""
 # shares of the image's sides: points of a block lie neither in so small a corner nor in a quarter
-CORNER, QUARTER = 0.05, 0.52
+CORNER, QUARTER_TURN_SHARE = 0.05, 0.52
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +289,7 @@ def _spread(uv: Array, size: Array) -> None:
     )
     if (high - low < CORNER * size.min(axis=0)).all():
         raise InputError(f"{words}; they look like millimetres or normalised: give pixels")
-    if (high < QUARTER * size.min(axis=0)).all():
+    if (high < QUARTER_TURN_SHARE * size.min(axis=0)).all():
         raise InputError(
             f"{words}, its upper left quarter; the camera file is of other images (of twice the"
             " size, or of another camera): give f, cx, cy, width and height in pixels of these"

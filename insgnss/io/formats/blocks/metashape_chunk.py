@@ -23,7 +23,7 @@ from .measured_block import file_names, no_poses
 from .metashape_project import Element, ProjectFile, opened_project
 
 CAMERA_M = 10.0  # accuracy of reference coordinates of images where the project states none (m)
-FLAGS = {"true": True, "1": True, "false": False, "0": False}
+BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +286,7 @@ def positive(source: ProjectFile, text: str | None, description: str) -> float:
 def flag(source: ProjectFile, element: Element, key: str) -> bool:
     """Return an attribute that is true or false; true where it is missing."""
     text = element.get(key, "true")
-    if (value := FLAGS.get(text.lower())) is None:
+    if (value := BOOLEANS.get(text.lower())) is None:
         raise source.error(f"<{element.tag}> {key}={shown(text)}; it is true or false")
     return value
 

@@ -28,7 +28,7 @@ from ..text.xml import parse_xml, read_xml
 
 Made = TypeVar("Made")
 
-DOCUMENT = "doc.xml"
+PROJECT_DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
 # numpy's names of PLY's types, which has them as well
 _TYPES = {
@@ -117,7 +117,9 @@ class ProjectFile:
         """
         if not self.zipped:
             return read_xml(self.path)
-        return self._unpacked(DOCUMENT, lambda stream, size: parse_xml(self.path, stream, size))
+        return self._unpacked(
+            PROJECT_DOCUMENT, lambda stream, size: parse_xml(self.path, stream, size)
+        )
 
     def opened(self, element: Element) -> "tuple[Element, ProjectFile]":
         """Return what an element stands for: itself, or the document of the zip that it names.

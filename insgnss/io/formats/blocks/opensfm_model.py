@@ -30,10 +30,10 @@ from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
-VERSION = "OPENSFM_TRACKS_VERSION_v"
-FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
+TRACKS_VERSION = "OPENSFM_TRACKS_VERSION_v"
+TRACK_FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
 FISHEYE = ("fisheye", "fisheye_opencv")
-MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
+OPENSFM_MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
 
 
 def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
@@ -230,7 +230,7 @@ def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
 def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
     """Return a camera in pixels."""
     model = entry.get("projection_type", "perspective")
-    if model not in MODELS:
+    if model not in OPENSFM_MODELS:
         raise InputError.in_file(
             file,
             f"camera {shown(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
@@ -284,17 +284,19 @@ def _tracks(
         )
     lines = lines_of(decoded(file))
     version, first = 0, 0
-    if lines[0].startswith(VERSION):
-        text, first = lines[0][len(VERSION) :].strip(), 1
+    if lines[0].startswith(TRACKS_VERSION):
+        text, first = lines[0][len(TRACKS_VERSION) :].strip(), 1
         version = whole(text)
-    if version not in FIELDS:
-        raise InputError.at_line(file, 1, f"version {shown(lines[0])}; read are 0 to {max(FIELDS)}")
+    if version not in TRACK_FIELDS:
+        raise InputError.at_line(
+            file, 1, f"version {shown(lines[0])}; read are 0 to {max(TRACK_FIELDS)}"
+        )
     image_row, point, xy, scale = [], [], [], []
     for line, text in enumerate(lines[first:], start=first + 1):
         if not text.strip():
             continue
         words = text.split("\t")
-        check_fields(file, line, words, FIELDS[version], text)
+        check_fields(file, line, words, TRACK_FIELDS[version], text)
         row = row_by_image.get(words[0])
         if row is None or (wanted and words[1] not in wanted):
             continue

@@ -18,9 +18,9 @@ from ..text.text import Source, TextTable, read_text_table
 
 Array = NDArray[np.float64]
 
-ANGLES, SIGMAS = "omega phi kappa", "sigma_x sigma_y sigma_z"
+OPK_NAMES, SIGMAS = "omega phi kappa", "sigma_x sigma_y sigma_z"
 TURNED = "sigma_omega sigma_phi sigma_kappa"
-UNITS = f"{METRES} deg degree degrees s"
+POSE_UNITS = f"{METRES} deg degree degrees s"
 BY_NAME: Names = {
     "name": "name image setup point label id target photo image_name point_id point_name marker"
     " station",
@@ -33,17 +33,17 @@ BY_NAME: Names = {
 
 def _spec(names: Names, required: str, sigmas: str) -> TableSpec:
     layouts = (required, f"{required} {sigmas}")
-    return TableSpec(names, required, layouts, text=True, strict=UNITS)
+    return TableSpec(names, required, layouts, text=True, strict=POSE_UNITS)
 
 
-GEODETIC: Names = {"lat": "lat latitude", "lon": "lon longitude"}
-CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC, "name x y z", SIGMAS)
-GEODETIC_POSITIONS = _spec(BY_NAME | GEODETIC, "name lat lon z", SIGMAS)
-POSES = _spec(
+GEODETIC_COLUMNS: Names = {"lat": "lat latitude", "lon": "lon longitude"}
+CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name x y z", SIGMAS)
+GEODETIC_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
+POSE_SPEC = _spec(
     BY_NAME
-    | {angle: angle for angle in ANGLES.split()}
-    | {f"sigma_{angle}": sigma_names(angle) for angle in ANGLES.split()},
-    f"name x y z {ANGLES}",
+    | {angle: angle for angle in OPK_NAMES.split()}
+    | {f"sigma_{angle}": sigma_names(angle) for angle in OPK_NAMES.split()},
+    f"name x y z {OPK_NAMES}",
     f"{SIGMAS} {TURNED}",
 )
 FULL_TURN_DEG = 360.0  # of an angle: a larger one is in gon, or no angle
@@ -155,9 +155,9 @@ def read_pose_table(path: Source) -> NamedPoses:
     InputError
         As `read_position_table`; angles beyond a full turn.
     """
-    table = POSES.read(path)
-    names, position, degrees = _names(table), table.block("x y z"), table.block(ANGLES)
-    for angle, values in zip(ANGLES.split(), degrees.T, strict=True):
+    table = POSE_SPEC.read(path)
+    names, position, degrees = _names(table), table.block("x y z"), table.block(OPK_NAMES)
+    for angle, values in zip(OPK_NAMES.split(), degrees.T, strict=True):
         problem = (
             f"{angle} {{:g}} deg (limit {FULL_TURN_DEG:g}); are columns exchanged, or is it in"
         )
@@ -194,7 +194,7 @@ def is_pose_table(path: Source) -> bool:
         fields = _header(read_text_table(path))
     except InputError:
         return False
-    own = {"x", *ANGLES.split()} <= {POSES.aliases.get(field) for field in fields}
+    own = {"x", *OPK_NAMES.split()} <= {POSE_SPEC.aliases.get(field) for field in fields}
     named = any(name in fields for name in ("image", "setup", "name"))
     return own and named and "somega" not in fields
 

@@ -15,7 +15,7 @@ from ..text.layout import decode, is_comment
 from ..text.text import Source
 from .colmap_model import PARTS
 from .dbat import read_dbat
-from .gcp_list import HEAD
+from .gcp_list import CRS_WORDS
 from .ground_points import GroundTable
 from .image_points import SPEC, ImagePoints, read_image_points
 from .measured_block import MeasuredBlock, of_table
@@ -172,7 +172,7 @@ def recognised(path: Source) -> str:
     if text.startswith(("[", "{")) and '"' in text:
         return "opensfm"
     rows = [row for row in lines_of(text) if row.strip() and not is_comment(row)]
-    if rows and rows[0].strip().upper().startswith(HEAD):
+    if rows and rows[0].strip().upper().startswith(CRS_WORDS):
         return "gcp_list"
     if any(row.split()[0] == "-99" for row in rows):
         return "bingo"

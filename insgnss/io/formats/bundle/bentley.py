@@ -34,7 +34,7 @@ from ..orientation.exported import (
 )
 from ..text.text import Source
 
-HEAD = """<?xml version="1.0" encoding="utf-8"?>
+BENTLEY_HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <!--
 {comment}-->
 <BlocksExchange version="2.1">
@@ -42,9 +42,9 @@ HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <Definition>{definition}</Definition></SRS></SpatialReferenceSystems>
  <Block><Name>insgnss</Name><Type>Nadir</Type><SRSId>0</SRSId>
   <Photogroups>"""
-GROUP = "<Photogroup><Name>{name}</Name>\n{camera}"
+PHOTOGROUP = "<Photogroup><Name>{name}</Name>\n{camera}"
 FOOT = "</Photogroups>\n </Block>\n</BlocksExchange>\n"
-CAMERA = """   <ImageDimensions><Width>{width}</Width><Height>{height}</Height></ImageDimensions>
+LENS = """   <ImageDimensions><Width>{width}</Width><Height>{height}</Height></ImageDimensions>
    <CameraModelType>Perspective</CameraModelType><FocalLengthPixels>{focal:.6f}</FocalLengthPixels>
    <CameraOrientation>XRightYDown</CameraOrientation>
 """
@@ -93,13 +93,13 @@ def write_bentley(
             raise UsageError(
                 f"bentley: width_px, height_px and focal_px belong together and are positive; {how}"
             )
-        camera = CAMERA.format(width=width_px, height=height_px, focal=focal_px)
+        camera = LENS.format(width=width_px, height=height_px, focal=focal_px)
     eo = on_ellipsoid(eo)
     definition, coordinates = _reference(eo)
     words = comment_lines(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
-    head = HEAD.format(
+    head = BENTLEY_HEAD.format(
         comment=words,
         name=xml_text(frame_words(eo)),
         definition=xml_text(definition),
@@ -157,7 +157,7 @@ def _text(
     names, number = eo.cameras
     for k, name in enumerate(names):
         rows = np.flatnonzero(number == k)
-        yield GROUP.format(name=xml_text(name or "camera"), camera=camera)
+        yield PHOTOGROUP.format(name=xml_text(name or "camera"), camera=camera)
         for row, values in zip(rows.tolist(), table[rows].tolist(), strict=True):
             yield photo % (row, xml_text(eo.images[row]), *values)
         yield "  </Photogroup>"

@@ -31,7 +31,7 @@ FISHEYE_NAMES = {
 }
 """The same of fisheye models, whose polynomial takes equidistant points."""
 NAMES = BROWN_NAMES | FISHEYE_NAMES | {"FOV": ("fx", "fy", "cx", "cy", "omega")}
-HOW = (
+GIVE_CAMERA = (
     "give MODEL WIDTH HEIGHT PARAMETERS as in COLMAP's cameras.txt, such as --set camera='PINHOLE"
     " 5120 3840 5607 5607 2560 1920' (fx fy cx cy)"
 )
@@ -149,19 +149,21 @@ def camera_of(text: str | None, who: str) -> Camera:
         A camera that is missing, of another model, or with another number of parameters.
     """
     if not text:
-        raise UsageError(f"{who} holds a calibrated camera; {HOW}")
+        raise UsageError(f"{who} holds a calibrated camera; {GIVE_CAMERA}")
     words = str(text).replace(",", " ").split()
     if words[0] not in NAMES:
-        raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {HOW}")
+        raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {GIVE_CAMERA}")
     if len(words) < 3:
-        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
+        raise UsageError(f"camera {text!r} is not a model and numbers; {GIVE_CAMERA}")
     width, height = map(whole, words[1:3])
     parameters = tuple(map(finite, words[3:]))
     if min(width, height) < 0 or any(map(math.isnan, parameters)):
-        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
+        raise UsageError(f"camera {text!r} is not a model and numbers; {GIVE_CAMERA}")
     if len(parameters) != (count := len(NAMES[words[0]])):
-        raise UsageError(f"camera {words[0]}: {len(parameters)} parameters, it has {count}; {HOW}")
+        raise UsageError(
+            f"camera {words[0]}: {len(parameters)} parameters, it has {count}; {GIVE_CAMERA}"
+        )
     camera = Camera(words[0], width, height, parameters)
     if min(width, height) <= 0 or min(camera.focal) <= 0.0:
-        raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {HOW}")
+        raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {GIVE_CAMERA}")
     return camera

@@ -40,8 +40,8 @@ from ..text.database import opened_database
 from ..text.text import Source
 from .camera import Camera, camera_of, cameras_of
 from .colmap_database import (
-    KIND,
-    TABLES,
+    DATABASE_KIND,
+    DATABASE_TABLES,
     DatabaseImage,
     names_in_database,
     read_colmap_database,
@@ -53,11 +53,13 @@ SHIFTED_FROM_M = 1e5
 LEAST_SHIFT_M = 1e4
 # step of the shift (m): whole kilometres are read and typed without error (chosen)
 SHIFT_STEP_M = 1e3
-POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)  # quaternion to 1e-12, T to 1e-6 m: below any sigma
+POSE_FORMAT = " ".join(
+    ["%.12f"] * 4 + ["%.6f"] * 3
+)  # quaternion to 1e-12, T to 1e-6 m: below any sigma
 # COLMAP takes a binary model before a text
-PARTS = ("cameras", "images", "points3D", "frames", "rigs")
+MODEL_FILES = ("cameras", "images", "points3D", "frames", "rigs")
 Missing = Literal["refuse", "skip"]
-ROWS = ("time", "coordinates", "C_fc", "C_fE", "cov", "geodetic")  # arrays of a row an image
+NOT_ROWS = ("time", "coordinates", "C_fc", "C_fE", "cov", "geodetic")  # arrays of a row an image
 
 
 def write_colmap(
@@ -125,7 +127,7 @@ def write_colmap(
     with new_directory(
         directory,
         tuple(texts),
-        lambda file: PurePath(file).stem in PARTS and file.endswith((".txt", ".bin")),
+        lambda file: PurePath(file).stem in MODEL_FILES and file.endswith((".txt", ".bin")),
         "a model",
     ) as into:
         for name, text in texts.items():
@@ -147,7 +149,7 @@ def _of_rows(
         images=tuple(eo.images[row] for row in k),
         cross=None,
         rig=None if eo.rig is None else eo.rig.taken(np.array(k)),
-        **{name: getattr(eo, name)[k] for name in ROWS},
+        **{name: getattr(eo, name)[k] for name in NOT_ROWS},
     )
     return chosen, (
         f"{len(left_out)} of {len(eo.images)} images are not in the database and were left out,"
@@ -197,7 +199,7 @@ def _model_texts(
     R = eo.C_fc.swapaxes(1, 2)
     T = -(R @ (eo.coordinates - offset)[:, :, None])[:, :, 0]
     table = np.column_stack([quaternion_from_rotation(R), T])
-    poses = [POSE % tuple(row) for row in table.tolist()]
+    poses = [POSE_FORMAT % tuple(row) for row in table.tolist()]
     subtracted = (
         f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
         " positions"
@@ -317,7 +319,7 @@ def _pycolmap() -> Any:
 
 def _copy(database: Source, work: Path) -> None:
     """Copy a database whose tables are tables, which pycolmap does not ask for."""
-    with opened_database(database, (*TABLES, "pose_priors"), KIND):
+    with opened_database(database, (*DATABASE_TABLES, "pose_priors"), DATABASE_KIND):
         pass
     with readable(database):
         shutil.copyfile(database, work)

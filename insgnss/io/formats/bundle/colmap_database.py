@@ -18,7 +18,7 @@ from ..text.layout import shown
 from ..text.text import Source
 from .camera import NAMES, Camera
 
-MODELS = (
+COLMAP_MODELS = (
     *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
     *("FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"),
     *("RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION", "SIMPLE_FISHEYE", "FISHEYE"),
@@ -26,8 +26,8 @@ MODELS = (
 )
 """Camera models of COLMAP by their number."""
 WITH_RIGS = ("rigs", "rig_sensors", "frames", "frame_data")
-TABLES = ("images", "cameras", *WITH_RIGS)
-KIND = "database of COLMAP; give its database.db"
+DATABASE_TABLES = ("images", "cameras", *WITH_RIGS)
+DATABASE_KIND = "database of COLMAP; give its database.db"
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
     UsageError
         Images in a rig of several cameras.
     """
-    with opened_database(path, TABLES, KIND) as connection:
+    with opened_database(path, DATABASE_TABLES, DATABASE_KIND) as connection:
         stored = {
             _text(path, name): (_whole(path, number), _whole(path, camera))
             for number, name, camera in connection.execute(
@@ -218,11 +218,11 @@ def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
     if row is None:
         raise InputError.in_file(path, f"has no camera {number}; extract features again")
     model, width, height, blob = row
-    if type(model) is not int or not 0 <= model < len(MODELS):
+    if type(model) is not int or not 0 <= model < len(COLMAP_MODELS):
         raise InputError.in_file(
             path, f"camera {number}: model {model!r:.60} is none of COLMAP's known here"
         )
-    name, parameters = MODELS[model], np.full(1, np.nan)
+    name, parameters = COLMAP_MODELS[model], np.full(1, np.nan)
     if isinstance(blob, bytes):
         count = len(NAMES[name]) if name in NAMES else len(blob) // 8
         parameters = np.frombuffer(blob, dtype="<f8") if len(blob) == 8 * count else parameters

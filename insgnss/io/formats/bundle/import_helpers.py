@@ -21,12 +21,12 @@ from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, TANGENT
 from ..orientation.exported import Placed, frame_words
 
-LOCAL = (
+LOCAL_WKT = (
     'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],'
     'UNIT["metre",1,AUTHORITY["EPSG","9001"]]]'
 )
 # of a reference csv: label, position, angles, accuracies of both, and the same without angles
-COLUMNS, WITHOUT_ANGLES = "nxyzabcXYZABC", "nxyzXYZ"
+HELPER_COLUMNS, WITHOUT_ANGLES = "nxyzabcXYZABC", "nxyzXYZ"
 SCRIPT = '''"""Import {file} into the active chunk of Metashape: Tools, Run Script.
 
 Written by insgnss {version}. Frame: {frame}.
@@ -63,7 +63,9 @@ if not given:
 '''
 APPLIED = "Lever arm and bore-sight are applied: leave the GPS/INS offset of the camera at zero."
 NO_ANGLES = "There are no angles: of these Metashape keeps what the images say."
-OFFSET = "Set the GPS/INS offset beside as well: the angles are those of the nominal camera."
+GPS_INS_OFFSET = (
+    "Set the GPS/INS offset beside as well: the angles are those of the nominal camera."
+)
 FLIGHT_LOG = """<!-- {comment} -->
 <FlightLogs>
   <format id="{{{guid}}}" desc={words} reader="RealityScan.Import.CSVFlightLog">
@@ -72,7 +74,7 @@ FLIGHT_LOG = """<!-- {comment} -->
   </format>
 </FlightLogs>
 """
-HOW = (
+COPY_FORMAT = (
     "Copy the format element into FlightLogs of flightlogs.xml in the directory of RealityScan"
     " (RealityCapture: with the reader of the other formats there), then choose it when importing"
     " {file}."
@@ -108,7 +110,7 @@ def metashape_script(eo: Placed, path: Path) -> dict[Path, str]:
     """
     first = _header(path, "#Label").split(",")[4]
     frame = eo.frame
-    note = {"Nominal_yaw": OFFSET, "X_acc": NO_ANGLES}.get(first, APPLIED)
+    note = {"Nominal_yaw": GPS_INS_OFFSET, "X_acc": NO_ANGLES}.get(first, APPLIED)
     if "geoid" in frame.heights:  # a file here, which no CRS names
         note += f"\nHeights are {frame.heights}: choose the CRS with these heights in its place."
     angles = {"Omega": "EulerAnglesOPK", "X_acc": ""}.get(first, "EulerAnglesYPR")
@@ -118,9 +120,9 @@ def metashape_script(eo: Placed, path: Path) -> dict[Path, str]:
         version=__version__,
         frame=frame_words(eo).replace("\\", "/").replace('"', "'"),
         note=note,
-        crs=LOCAL if frame.kind == TANGENT else metashape_crs(frame.crs, frame.wkt),
+        crs=LOCAL_WKT if frame.kind == TANGENT else metashape_crs(frame.crs, frame.wkt),
         angles=f"chunk.euler_angles = Metashape.{angles}\n" if angles else "",
-        columns=COLUMNS if angles else WITHOUT_ANGLES,
+        columns=HELPER_COLUMNS if angles else WITHOUT_ANGLES,
         what="rotation" if angles else "location",
     )
     return {path.with_name(f"{path.stem}_import.py"): text}
@@ -174,13 +176,15 @@ def flight_log_format(eo: Placed, path: Path) -> dict[Path, str]:
     from xml.sax.saxutils import escape, quoteattr
 
     fields = _header(path, "#name").lstrip("#").split(",")
-    variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
+    variables = FLIGHTLOG_VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
     columns = "".join(
         f'      <{variables[name][0]} index="{k}" format="{variables[name][1]}"/>\n'
         for k, name in enumerate(fields)
     )
     words = "insgnss: " + ", ".join(fields)
-    comment = f"insgnss {__version__}: {HOW.format(file=path.name)} Frame: {frame_words(eo)}"
+    comment = (
+        f"insgnss {__version__}: {COPY_FORMAT.format(file=path.name)} Frame: {frame_words(eo)}"
+    )
     guid = str(uuid.uuid5(uuid.NAMESPACE_OID, words)).upper()
     text = FLIGHT_LOG.format(
         comment=escape(comment).replace("--", "- -"),
@@ -191,7 +195,7 @@ def flight_log_format(eo: Placed, path: Path) -> dict[Path, str]:
     return {path.with_name(f"{path.stem}_format.xml"): text}
 
 
-VARIABLES = {
+FLIGHTLOG_VARIABLES = {
     "name": ("Image", "name.ext"),
     "x": ("X", "value"),
     "y": ("Y", "value"),

@@ -17,11 +17,11 @@ from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....records import FramedOrientation
-from ..orientation.ascii_columns import DIRECTIONS, Conventions, numbers_of, write_columns
+from ..orientation.ascii_columns import ROTATION_SENSES, Conventions, numbers_of, write_columns
 from ..orientation.exported import check_frame, check_names, comment_lines
 from ..text.text import Source
 
-GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "ms")
+GPS_EPOCH_MS = np.datetime64("1980-01-06T00:00:00", "ms")
 PHOTO = """$PHOTO
   $PHOTO_NUM : %s
   $PHOTO_FILE : %s
@@ -86,7 +86,7 @@ def write_inpho_prj(
     form = PHOTO.format(
         camera=camera.replace("%", "%%"), ground=ground_m / eo.frame.units[1].metres, focal=focal_mm
     )
-    table = numbers_of(eo, "xyz matrix", Conventions(attitude=DIRECTIONS[1]))
+    table = numbers_of(eo, "xyz matrix", Conventions(attitude=ROTATION_SENSES[1]))
     atomic_write(path, _blocks(eo, photo_ids(eo.images), form, table))
 
 
@@ -142,6 +142,6 @@ def _blocks(
     eo: FramedOrientation, ids: Sequence[str], form: str, table: np.ndarray
 ) -> Iterable[str]:
     since = (1000.0 * (WEEK_S * eo.gps_week + eo.time)).round().astype("timedelta64[ms]")
-    when = np.datetime_as_string(GPS_EPOCH + since, unit="s")
+    when = np.datetime_as_string(GPS_EPOCH_MS + since, unit="s")
     for photo, name, t, row in zip(ids, eo.images, when.tolist(), table.tolist(), strict=True):
         yield form % (photo, name, f"{t[11:]} {t[8:10]}/{t[5:7]}/{t[:4]}", *row)

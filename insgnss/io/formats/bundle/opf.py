@@ -40,16 +40,24 @@ from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
 from .camera import Camera, cameras_of
 
-FORMAT = "application/opf-{}+json"
+OPF_MIME = "application/opf-{}+json"
 ITEMS = ("scene_reference_frame", "camera_list", "input_cameras", "projected_input_cameras")
 OPF_FILES = (".opf", "_cameras.json", *(f"{name}.json" for name in ITEMS))
 SOURCES = {
     "input_cameras": ("camera_list",),
     "projected_input_cameras": ("input_cameras", "scene_reference_frame"),
 }
-MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV", "FULL_OPENCV")  # of COLMAP, that OPF has as well
-PIXELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
-BANDS = {"rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)), "gray": (("Gray", 1.0),)}
+OPF_MODELS = (
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "OPENCV",
+    "FULL_OPENCV",
+)  # of COLMAP, that OPF has as well
+WHITE_LEVELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
+OPF_BANDS = {
+    "rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)),
+    "gray": (("Gray", 1.0),),
+}
 # step of the scene's shift (m): a short number that leaves small coordinates (chosen)
 SCENE_SHIFT_STEP_M = 100.0
 SENSOR = 1  # number of the first sensor; further ones count on from it
@@ -186,15 +194,16 @@ def _uid(kind: str, name: str) -> int:
 def _sensor(
     camera: Camera, pixel_size_um: float | None, pixel_type: str, bands: str
 ) -> dict[str, Any]:
-    if pixel_type not in PIXELS or bands not in BANDS:
+    if pixel_type not in WHITE_LEVELS or bands not in OPF_BANDS:
         raise UsageError(
-            f"opf: pixel_type {pixel_type!r} or bands {bands!r}; give one of {', '.join(PIXELS)}"
-            f" and of {', '.join(BANDS)}"
+            f"opf: pixel_type {pixel_type!r} or bands {bands!r}; give one of "
+            f"{', '.join(WHITE_LEVELS)}"
+            f" and of {', '.join(OPF_BANDS)}"
         )
     fx, fy = camera.focal
     distortion = camera.values
     rational = any(distortion.get(key, 0.0) for key in ("k4", "k5", "k6"))
-    if camera.model not in MODELS or fx != fy or rational:
+    if camera.model not in OPF_MODELS or fx != fy or rational:
         raise UsageError(
             f"opf: camera {camera.model} with focal lengths {fx:g} and {fy:g}; give PINHOLE, OPENCV"
             " or FULL_OPENCV (k4 to k6 zero) with one focal length"
@@ -209,7 +218,7 @@ def _sensor(
     )
     k1, k2, k3, p1, p2 = (distortion.get(key, 0.0) for key in ("k1", "k2", "k3", "p1", "p2"))
     return {
-        "bands": [{"name": name, "weight": weight} for name, weight in BANDS[bands]],
+        "bands": [{"name": name, "weight": weight} for name, weight in OPF_BANDS[bands]],
         "image_size_px": [camera.width, camera.height],
         "internals": {
             "type": "perspective",
@@ -225,7 +234,7 @@ def _sensor(
 
 def _json(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> Iterator[str]:
     """A core item; its long lists line by line, since only json's plain encoder is compiled."""
-    start = {"format": FORMAT.format(name.replace("_", "-")), "version": "1.0", **head}
+    start = {"format": OPF_MIME.format(name.replace("_", "-")), "version": "1.0", **head}
     yield json.dumps(start, indent=1).removesuffix("\n}")
     for key, items in lists.items():
         yield from listed_rows(f',\n "{key}": [\n  ', items, ",\n  ", "\n ]")
@@ -239,7 +248,9 @@ def _captures(
     crs: str,
     pixel_type: str,
 ) -> Iterator[str]:
-    pixels = f'"pixel_range":{{"min":0,"max":{PIXELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
+    pixels = (
+        f'"pixel_range":{{"min":0,"max":{WHITE_LEVELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
+    )
     camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":%d}}'
     geolocation = (
         f'"geolocation":{{"crs":{{"definition":"{eo.frame.datum}"}},'
@@ -278,7 +289,7 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
     more = "projected cameras are left out, since OPF would take these heights to be above another"
     left_out = () if len(names) == len(ITEMS) else (f"{more} surface",)
     return {
-        "format": FORMAT.format("project"),
+        "format": OPF_MIME.format("project"),
         "version": "1.0",
         "id": str(space),
         "name": "exterior orientation",
@@ -290,7 +301,7 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
                 "name": name,
                 "type": name,
                 "resources": [
-                    {"format": FORMAT.format(name.replace("_", "-")), "uri": f"{name}.json"}
+                    {"format": OPF_MIME.format(name.replace("_", "-")), "uri": f"{name}.json"}
                 ],
                 "sources": [
                     {"id": ids[source], "type": source} for source in SOURCES.get(name, ())

@@ -16,7 +16,7 @@ from ..orientation.ascii_columns import write_columns
 from ..orientation.exported import check_frame, comment_lines
 from ..text.text import Source
 
-ANGLES = (
+ANGLES_REMARK = (
     "angles: yaw pitch roll, deg; R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (x right, y up,"
     " z back) to east north up, true north"
 )
@@ -63,4 +63,4 @@ def _write(eo: FramedOrientation, path: Source, name: str, accuracies: bool) -> 
     if accuracies:
         columns += " s_xyz s_ypr"
         head += ",accX,accY,accZ,accYaw,accPitch,accRoll"
-    write_columns(eo, path, columns, ",", f"{comment_lines(eo, ANGLES)}{head}\n")
+    write_columns(eo, path, columns, ",", f"{comment_lines(eo, ANGLES_REMARK)}{head}\n")

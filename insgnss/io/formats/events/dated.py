@@ -36,19 +36,19 @@ from ..text.order import Lines, note
 from ..text.text import FileLine, Source, TextTable, data_lines, load
 from .events import events_in_order
 
-STAMP = re.compile(
+DATED_STAMP = re.compile(
     r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})[ T_]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,](\d{1,9}))?"
     r"\s*(Z|UTC|GPST|[+-]\d{2}:?\d{2})?",
     re.ASCII,
 )
 DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})", re.ASCII)
 SPEC = TableSpec(DATED, "time", ("time", "image time", "image date time"), text=True)
-QUOTES = " \"'"
+DATED_QUOTES = " \"'"
 FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
 TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
-OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
+UTC_OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
 MATTERS_S = 5e-3  # a last digit from which on the standard deviation of a stamp is carried along
-SCALES = 'time_scale "utc", "gpst", or of a camera in local time "utc+02:00"'
+GIVE_SCALE = 'time_scale "utc", "gpst", or of a camera in local time "utc+02:00"'
 
 
 def is_dated(head: bytes) -> bool:
@@ -60,7 +60,7 @@ def is_dated(head: bytes) -> bool:
     ]
     if any(re.search(TIME_OF_WEEK, line.lower()) for line in lines[:1]):
         return False
-    return any(STAMP.search(line) or _date_and_time(line) for line in lines)
+    return any(DATED_STAMP.search(line) or _date_and_time(line) for line in lines)
 
 
 def _date_and_time(line: str) -> bool:
@@ -81,9 +81,9 @@ def offset_of(time_scale: str) -> float | None:
     text = time_scale.strip().lower()
     if text in ("gpst", "gps"):
         return None
-    match = OFFSET.fullmatch(text)
+    match = UTC_OFFSET.fullmatch(text)
     if match is None:
-        raise UsageError(f"time_scale {time_scale!r} is none; give {SCALES}")
+        raise UsageError(f"time_scale {time_scale!r} is none; give {GIVE_SCALE}")
     sign, hours, minutes = match.groups()
     seconds = 3600.0 * int(hours or 0) + 60.0 * int(minutes or 0)
     return -seconds if sign == "-" else seconds
@@ -115,7 +115,7 @@ def read_dated_events(path: Source, options: ReadOptions = STATED_NOTHING) -> Ca
     table = table_of_dates(path)
     named_table = SPEC.of(table, _evident(table) if options.columns is None else options.columns)
     index, texts = named_table.index, named_table.strings("time")
-    if "date" in index and not STAMP.search(texts[0]):
+    if "date" in index and not DATED_STAMP.search(texts[0]):
         days = named_table.strings("date")
         texts = tuple(f"{day} {clock}" for day, clock in zip(days, texts, strict=True))
     header = table.layout.header_fields or ()
@@ -135,7 +135,7 @@ def table_of_dates(path: Source) -> TextTable:
         raise InputError.in_file(path, "holds no line; check that the file was copied whole")
     delimiter = max(",;\t", key=lines[-1][1].count)
     rows = [(line, _fields(line, text, delimiter)) for line, text in lines]
-    header = None if STAMP.search(lines[0][1]) or _date_and_time(lines[0][1]) else rows.pop(0)
+    header = None if DATED_STAMP.search(lines[0][1]) or _date_and_time(lines[0][1]) else rows.pop(0)
     if not rows:
         raise InputError.in_file(path, "holds a header and no exposure; copy it again")
     count = len(rows[0][1])
@@ -199,7 +199,7 @@ def dated_events(
         raise lines.error_at(
             0,
             "dates do not say whether they are UTC or GPS time, which are 18 s apart; give"
-            f" {named('camera.time_scale')}: {SCALES}",
+            f" {named('camera.time_scale')}: {GIVE_SCALE}",
         )
     times = [_gpst(stamp, scale, lines, row) for row, stamp in enumerate(stamps)]
     week = times[0][0] if options.gps_week is None else options.gps_week
@@ -226,7 +226,11 @@ def _evident(table: TextTable) -> Columns:
     times = [header.index(name) for name in FINEST if name in header]
     images = [k for k, name in enumerate(names) if name == "image"]
     if header and not times and "time" not in names:
-        times = [k for k, text in enumerate(table.rows[0]) if STAMP.fullmatch(text.strip(QUOTES))]
+        times = [
+            k
+            for k, text in enumerate(table.rows[0])
+            if DATED_STAMP.fullmatch(text.strip(DATED_QUOTES))
+        ]
         endings = tuple(IMAGE_ENDINGS.split())
         files = [k for k, text in enumerate(table.rows[0]) if text.lower().endswith(endings)]
         images = images or files
@@ -240,7 +244,7 @@ def _evident(table: TextTable) -> Columns:
 
 def _stamp(text: str, lines: Lines, row: int) -> re.Match[str]:
     """Return the parts of a stamp; InputError for a text that is none."""
-    if match := STAMP.fullmatch(text.strip(QUOTES)):
+    if match := DATED_STAMP.fullmatch(text.strip(DATED_QUOTES)):
         return match
     problem = f"{shown(text)} where date and time must stand, such as 2021-03-18 12:19:04.623"
     raise lines.error_at(row, f"{problem}; correct the line or name the columns")

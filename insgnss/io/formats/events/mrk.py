@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import Array, CameraEvents
-from ..gnss.fixes import SIGMA
+from ..gnss.fixes import FIX_SIGMAS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
 from ..text.layout import BINARY, decode, is_binary, shown
@@ -28,11 +28,11 @@ from ..text.text import TRUNCATED, FileLine, Source, data_lines, load
 from .events import events_in_order
 
 _WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
-_TOKEN = re.compile(r"[^\s,;]+")
+_MRK_TOKEN = re.compile(r"[^\s,;]+")
 NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
-OFFSET = ("n", "e", "v")
+MRK_OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
-CAMERA = ("lat", "lon", "ellh")
+MRK_PLACE = ("lat", "lon", "ellh")
 # largest number, week or quality: six digits, more than any drone counts (chosen)
 LARGEST_NUMBER = 999999
 LEAST_MRK_VALUES = 2  # number and time of week
@@ -117,7 +117,7 @@ def read_mrk(path: Source) -> MrkFile:
         np.array([[row[name] for name in names] for row in rows])
         if all(name in rows[0] for name in names)
         else None
-        for names in (OFFSET, CAMERA, SIGMA)
+        for names in (MRK_OFFSET, MRK_PLACE, FIX_SIGMAS)
     )
     numbers = tuple(line.number for line in lines)
     return MrkFile(
@@ -137,7 +137,7 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
     if week := _WEEK.search(text):
         row["week"] = line.value(week[1])
         text = text[: week.start()] + " " + text[week.end() :]
-    tokens, unnamed, i = _TOKEN.findall(text), [], 0
+    tokens, unnamed, i = _MRK_TOKEN.findall(text), [], 0
     while i < len(tokens):
         value = line.value(tokens[i])
         name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
@@ -154,7 +154,7 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
             " standard deviations, or the first two"
         )
         raise line.error(f"{message}: {shown(text.strip())}; copy the file again")
-    row |= dict(zip(("number", "tow", *SIGMA), unnamed, strict=False))
+    row |= dict(zip(("number", "tow", *FIX_SIGMAS), unnamed, strict=False))
     for name in ("number", "week", "q"):
         value = row.get(name, 0.0)
         if not (value.is_integer() and 0.0 <= value <= LARGEST_NUMBER):

@@ -84,7 +84,7 @@ def _lon_lat_height(eo: FramedOrientation) -> Array:
     return np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), eo.geodetic[:, 2]])
 
 
-POINT = '"geometry": {"type": "Point", "coordinates": [%.10f, %.10f, %.4f]}'
+AT_POINT = '"geometry": {"type": "Point", "coordinates": [%.10f, %.10f, %.4f]}'
 
 
 def _features(eo: FramedOrientation) -> Iterator[str]:
@@ -94,7 +94,7 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         for name in ("ypr_deg", "ypr_sigma_deg", "opk_deg", "opk_sigma_deg")
     ]
     form = (
-        f'{{"type": "Feature", {POINT}, "properties": {{"image": %s, "time_utc": "%s", "gps_week":'
+        f'{{"type": "Feature", {AT_POINT}, "properties": {{"image": %s, "time_utc": "%s", "gps_week":'
         f' {eo.gps_week}, "tow_s": %.6f, '
     )
     form += (
@@ -172,7 +172,7 @@ def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
     opk = numbers_of(eo, "opk", Conventions(unit="rad"))
     own = json.dumps(camera).replace("%", "%%")
     form = (
-        f'{{"type": "Feature", {POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'
+        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'
         " [%.4f, %.4f, %.4f], "
     )
     form += '"opk": [%.9f, %.9f, %.9f]}}'

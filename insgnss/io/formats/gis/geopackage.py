@@ -35,7 +35,7 @@ REALS = (
     *("omega_deg", "phi_deg", "kappa_deg", "sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"),
     *("sigma_x_m", "sigma_y_m", "sigma_z_m", "qw", "qx", "qy", "qz", "ellipsoidal_height_m"),
 )
-TABLES = f"""
+GEOPACKAGE_TABLES = f"""
 CREATE TABLE gpkg_spatial_ref_sys (
   srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL, \
 organization_coordsys_id INTEGER NOT NULL,
@@ -81,7 +81,7 @@ class _Srs:
 UNDEFINED_CARTESIAN = _Srs(
     "Undefined Cartesian", UNDEFINED_CARTESIAN_ID, "NONE", "undefined Cartesian"
 )
-GPS_EPOCH = "1980-01-06T00:00:00.000Z"  # of a file without images
+GPS_EPOCH_ISO = "1980-01-06T00:00:00.000Z"  # of a file without images
 
 
 def write_geopackage(eo: FramedOrientation, path: Source) -> None:
@@ -106,7 +106,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
             db.execute(f"PRAGMA user_version = {USER_VERSION}")
             db.execute("PRAGMA foreign_keys = ON")
             db.execute("BEGIN")
-            for statement in TABLES.split(";\n"):
+            for statement in GEOPACKAGE_TABLES.split(";\n"):
                 db.execute(statement)
             _describe(db, eo, coordinates, srs)
             marks = ", ".join("?" * (6 + len(REALS)))
@@ -149,7 +149,7 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y,"
         " max_x, max_y, srs_id, last_change)"
     )
-    last = (utc(eo, "ms") or [GPS_EPOCH])[-1]  # not now: the same content, the same file
+    last = (utc(eo, "ms") or [GPS_EPOCH_ISO])[-1]  # not now: the same content, the same file
     for table, kind in (("images", "POINT"), ("track", "LINESTRING")):
         db.execute(
             f"{contents} VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?, ?)",

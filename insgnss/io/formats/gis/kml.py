@@ -12,7 +12,8 @@ about Z again:
     R = Rz(-heading) Rx(tilt) Rz(roll)                                                         (K.1)
 
 so that heading is the azimuth of the viewing direction and tilt its angle from the nadir. In the
-nadir (tilt below `NADIR`) the two turns about Z are one: heading is the azimuth of the image's top
+nadir (tilt below `NADIR_COSINE`) the two turns about Z are one: heading is the azimuth of the
+image's top
 there, roll 0. Near it heading and roll are large and nearly opposite, which is exact all the same;
 yaw, pitch, roll of the image's top stand beside them as data.
 """
@@ -31,11 +32,11 @@ from ..orientation.poses import local_sigma, sea_level, sentences, true_north_yp
 from ..text.text import Source
 
 # sine of the tilt below which a view counts as vertical: rounding of the attitude's matrix
-NADIR = 1e-9
+NADIR_COSINE = 1e-9
 CLAMPED = "clampToGround"
 
 
-MODES = {  # KML's name of what altitudes count from, and ours
+ALTITUDE_MODES = {  # KML's name of what altitudes count from, and ours
     "absolute": ("absolute", "above mean sea level"),
     "relative": ("relativeToGround", "above the ground"),
     "clamped": (CLAMPED, "none, the track lies on the ground"),
@@ -84,7 +85,7 @@ def write_kml(
     InputError
         `undulation_m` is no height of a geoid, or the ground is not below the images.
     """
-    check_choice("kml: altitude", altitude, MODES)
+    check_choice("kml: altitude", altitude, ALTITUDE_MODES)
     if altitude != "absolute" and undulation_m is not None:
         raise UsageError(f"kml: {altitude} altitudes need no geoid; leave it out")
     if (ground_m is not None) != (altitude == "relative"):
@@ -101,7 +102,7 @@ def write_kml(
         height = np.zeros(len(eo.images))
     position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
     check_characters(eo.images)
-    atomic_write(path, _document(eo, position, *MODES[altitude]))
+    atomic_write(path, _document(eo, position, *ALTITUDE_MODES[altitude]))
 
 
 def _above_ground(height: Array, ground_m: float) -> Array:
@@ -125,7 +126,7 @@ def camera_angles(R: Array) -> Array:
         (n, 3, 3) rotations of right, up, back into east, north, up.
     """
     across = np.hypot(R[:, 0, 2], R[:, 1, 2])
-    flat = across < NADIR
+    flat = across < NADIR_COSINE
     heading = np.where(
         flat, np.arctan2(R[:, 0, 1], R[:, 1, 1]), np.arctan2(-R[:, 0, 2], -R[:, 1, 2])
     )

@@ -16,12 +16,12 @@ from .heights import comments_in
 
 Position = tuple[float, float, float]
 
-GEODETIC, GEOCENTRIC = ("lat", "lon", "h"), ("x", "y", "z")
+GEODETIC_FIELDS, GEOCENTRIC = ("lat", "lon", "h"), ("x", "y", "z")
 # m from the Earth's centre: poles less 10 km, equator and an aircraft above it
 NEAREST_M, FARTHEST_M = 6.346e6, 6.399e6
 HIGHEST_M = 1e4  # of a reference point's height (m): no ground is higher
-_REFERENCE = re.compile(r"(?i)\b(ref|reference|origin|home|base)\b")
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
+_REFERENCE_WORD = re.compile(r"(?i)\b(ref|reference|origin|home|base)\b")
+_CARTESIAN_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 
 
 def position_columns(names: Collection[str | None]) -> tuple[str, ...]:
@@ -31,7 +31,7 @@ def position_columns(names: Collection[str | None]) -> tuple[str, ...]:
             return GEOCENTRIC
         if {"north", "east"} <= set(names):
             return ("north", "east", "up" if "up" in names else "down")
-    return GEODETIC
+    return GEODETIC_FIELDS
 
 
 def on_earth(xyz: Array) -> bool:
@@ -46,8 +46,8 @@ def reference_in(path: object) -> Position | None:
     None where none does.
     """
     for _, text in comments_in(path):
-        numbers = _NUMBER.findall(text)
-        if _REFERENCE.search(text) and len(numbers) == 3:
+        numbers = _CARTESIAN_NUMBER.findall(text)
+        if _REFERENCE_WORD.search(text) and len(numbers) == 3:
             lat, lon, height = map(float, numbers)
             if abs(lat) <= 90.0 and abs(lon) <= 180.0 and abs(height) < HIGHEST_M:
                 return lat, lon, height
@@ -80,7 +80,7 @@ def geodetic_columns(
         Geocentric positions that are none, local ones without a reference.
     """
     names = position_columns(cols)
-    if names == GEODETIC:
+    if names == GEODETIC_FIELDS:
         return dict(cols)
     position = length * np.column_stack([cols[name] for name in names])
     cols = {name: column for name, column in cols.items() if name not in names}

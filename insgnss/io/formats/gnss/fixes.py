@@ -22,17 +22,17 @@ from ..text.stamps import on_one_clock
 from .cartesian import geodetic_columns
 from .rounding import floor_of_zeros
 
-SIGMA, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
-VELOCITY = ("vn", "ve", "vd", "vu")
+FIX_SIGMAS, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
+FIX_VELOCITIES = ("vn", "ve", "vd", "vu")
 ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = ("var_n", "var_e", "var_u")
 # columns that state standard deviations north, east, down, the best first
 STATED_BY: dict[tuple[str, ...], tuple[tuple[str, ...], ...]] = {
-    SIGMA: (SIGMA, ("sd_ne", "sd_ne", "sd_u"), VARIANCE),
+    FIX_SIGMAS: (FIX_SIGMAS, ("sd_ne", "sd_ne", "sd_u"), VARIANCE),
     VELOCITY_SIGMA: (VELOCITY_SIGMA, ("sd_v", "sd_v", "sd_v")),
 }
-OF_POSITION = {*SIGMA, "sd_ne", *VARIANCE}
+OF_POSITION = {*FIX_SIGMAS, "sd_ne", *VARIANCE}
 MOST_QUALITY = 7  # of RTKLIB
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
@@ -119,7 +119,7 @@ def fixes_from_columns(
     cols, floor_notes = with_floors_of_zeros(cols)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
-    cov, assumed = _covariance(cols, SIGMA, scales.length, lines, options.sigma_m, "sigma_m")
+    cov, assumed = _covariance(cols, FIX_SIGMAS, scales.length, lines, options.sigma_m, "sigma_m")
     unstated = int((assumed & (cols.get(ASSUMED, 0.0) == 0.0)).sum())
     if 0 < unstated < time.size:
         finding = f"{unstated} of {time.size} fixes state no standard deviation, or 0"
@@ -186,7 +186,7 @@ def with_floors_of_zeros(
     (`rounding`).
     """
     floored, findings = dict(cols), []
-    for name in (*SIGMA, "sd_ne", *VELOCITY_SIGMA, "sd_v"):
+    for name in (*FIX_SIGMAS, "sd_ne", *VELOCITY_SIGMA, "sd_v"):
         if name in cols and (floor := floor_of_zeros(cols[name])) is not None:
             zero = cols[name] == 0.0
             floored[name] = np.where(zero, floor, cols[name])

@@ -21,26 +21,33 @@ from ..text.headers import Settled, factor_of, normalised, unit_in
 from ..text.order import note
 from ..text.text import Source, Table, read_table
 from .cartesian import position_columns, reference_in
-from .fixes import OF_POSITION, SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from .fixes import (
+    FIX_SIGMAS,
+    FIX_VELOCITIES,
+    OF_POSITION,
+    VELOCITY_SIGMA,
+    FixScales,
+    fixes_from_columns,
+)
 from .heights import settled_undulation
 
-SIGMAS, SPEED_SIGMAS = " ".join(SIGMA), " ".join(VELOCITY_SIGMA)
+SIGMA_NAMES, SPEED_SIGMAS = " ".join(FIX_SIGMAS), " ".join(VELOCITY_SIGMA)
 REQUIRED = "tow lat lon h"
 SPEC = TableSpec(
     GNSS | dict.fromkeys(OF_THE_SOLUTION, ""),  # the last are of a header: `_described`
     required=REQUIRED,
     layouts=(
         REQUIRED,
-        f"{REQUIRED} {SIGMAS}",
-        f"{REQUIRED} {SIGMAS} q",
-        f"{REQUIRED} {SIGMAS} vn ve vd {SPEED_SIGMAS}",  # KF-GINS, positions and velocities
+        f"{REQUIRED} {SIGMA_NAMES}",
+        f"{REQUIRED} {SIGMA_NAMES} q",
+        f"{REQUIRED} {SIGMA_NAMES} vn ve vd {SPEED_SIGMAS}",  # KF-GINS, positions and velocities
         f"week {REQUIRED} vn ve vd roll pitch yaw",  # KF-GINS, navigation result (.nav)
     ),
     units={
         "angle": "lat lon",
         "time": "tow",
-        "length": f"h {SIGMAS} sd_ne x y z sd_x sd_y sd_z north east down up",
-        "velocity": f"{' '.join(VELOCITY)} {SPEED_SIGMAS} sd_v speed",
+        "length": f"h {SIGMA_NAMES} sd_ne x y z sd_x sd_y sd_z north east down up",
+        "velocity": f"{' '.join(FIX_VELOCITIES)} {SPEED_SIGMAS} sd_v speed",
         "course": "course",
     },
     record="GNSS",

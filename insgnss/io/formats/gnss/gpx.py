@@ -12,15 +12,15 @@ import numpy as np
 from ....base.errors import InputError
 from ....records import Array, Finding, GnssFixes
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.dates import UNIT, seconds_of_dates
+from ..text.dates import UNIX, seconds_of_dates
 from ..text.numbers import finite
 from ..text.order import NumberedRows, note, refuse_rows
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml
 from .fixes import FixScales, fixes_from_columns
 
-DESCRIBED = {"sat": "satellites", "hdop": "hdop", "pdop": "pdop", "ageofdgpsdata": "age_s"}
-POINT = "trkpt"
+GPX_ELEMENTS = {"sat": "satellites", "hdop": "hdop", "pdop": "pdop", "ageofdgpsdata": "age_s"}
+TRACK_POINT = "trkpt"
 
 
 def is_gpx(head: bytes) -> bool:
@@ -49,10 +49,10 @@ def read_gpx(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
         What cannot be read, with the number of the point.
     """
     root = parse_xml(path, load_bytes(path).tobytes())
-    points = [element for element in root.iter() if _name(element.tag) == POINT]
+    points = [element for element in root.iter() if _name(element.tag) == TRACK_POINT]
     if not points:
         raise InputError.in_file(path, "holds no point of a track (trkpt); export the track")
-    lines = NumberedRows(str(path), POINT)
+    lines = NumberedRows(str(path), TRACK_POINT)
     texts = [{_name(child.tag): (child.text or "").strip() for child in p} for p in points]
     stamps = seconds_of_dates([text.get("time", "") for text in texts])
     if stamps is None:
@@ -71,9 +71,9 @@ def read_gpx(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
         finding = "elevations of GPX are above the sea as a rule; taken as above the ellipsoid"
         advice = "set undulation_m: 0 where they are, else the geoid's height above it"
         notes = (note("GNSS position", finding, "heights above the ellipsoid", advice),)
-    described = {role: _column(texts, name) for name, role in DESCRIBED.items()}
+    described = {role: _column(texts, name) for name, role in GPX_ELEMENTS.items()}
     cols = {"tow": stamps, **columns, "h": columns["h"] + above, **described}
-    scales = FixScales(angle=np.pi / 180.0, time=UNIT)
+    scales = FixScales(angle=np.pi / 180.0, time=UNIX)
     return fixes_from_columns(cols, lines, scales, options, notes=notes)
 
 

@@ -30,19 +30,19 @@ from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sen
 from ..text.stamps import undated_rows
 from ..text.text import FileLine, Source
 from ..text.units import DEG
-from .fixes import ASSUMED, NMEA_QUALITY, SIGMA, FixScales, fixes_from_columns
+from .fixes import ASSUMED, FIX_SIGMAS, NMEA_QUALITY, FixScales, fixes_from_columns
 
 Epoch = tuple[int, float]
 
 CORRECT = "correct or delete the sentence"
 KNOT = 1852.0 / 3600.0  # m/s: an international nautical mile an hour
-LEAST_FIELDS = {"GGA": 10, "RMC": 10, "GST": 9, "VTG": 6, "ZDA": 5, "GSA": 16}
-KINDS = tuple(kind.encode() for kind in LEAST_FIELDS)
+LEAST_SENTENCE_FIELDS = {"GGA": 10, "RMC": 10, "GST": 9, "VTG": 6, "ZDA": 5, "GSA": 16}
+SENTENCE_KINDS = tuple(kind.encode() for kind in LEAST_SENTENCE_FIELDS)
 OF_HEADING = (b"HDT", b"THS")  # true headings of two antennas, at the time of the GGA before
 # s: receivers that do not know the date say 1980-01-06 or that of a week's rollover, years ago
 LEAST_UNDATED_S = 365.0 * DAY_S
-CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss
-DATE = re.compile(r"[0-9]{6}(?:[0-9]{2})?")  # ddmmyy, of ZDA ddmmyyyy
+NMEA_CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss
+NMEA_DATE = re.compile(r"[0-9]{6}(?:[0-9]{2})?")  # ddmmyy, of ZDA ddmmyyyy
 
 
 class _Fix(NamedTuple):
@@ -168,7 +168,7 @@ def read_nmea(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     spread = np.array([log.sigma.get(row.epoch, stand_in) for row in fixes])
     table = np.array([row[2:] for row in fixes])
     cols = {"tow": time, **dict(zip(_Fix._fields[2:], table.T, strict=True))}
-    cols |= dict(zip(SIGMA, spread.T, strict=True))
+    cols |= dict(zip(FIX_SIGMAS, spread.T, strict=True))
     cols[ASSUMED] = np.array([row.epoch not in log.sigma for row in fixes], dtype=np.float64)
     cols["pdop"] = np.array([log.pdop.get(row.epoch, np.nan) for row in fixes])
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
@@ -207,7 +207,7 @@ def read_headings(path: Source) -> tuple[int, Array, Array, SentenceLines]:
     InputError
         What cannot be read, with file and line; a log without such a sentence or without a date.
     """
-    log = _collect(read_sentences(path), 0.0, (*KINDS, *OF_HEADING))
+    log = _collect(read_sentences(path), 0.0, (*SENTENCE_KINDS, *OF_HEADING))
     if not log.headings:
         advice = "let the receiver write HDT or THS beside GGA and RMC"
         raise InputError.in_file(path, f"no HDT or THS sentence with a heading; {advice}")
@@ -249,7 +249,7 @@ def _velocity(fixes: list[_Fix], log: _Log, sigma_velocity: ArrayLike) -> dict[s
 
 
 def _collect(
-    sentences: Sentences, undulation_m: float | None, kinds: tuple[bytes, ...] = KINDS
+    sentences: Sentences, undulation_m: float | None, kinds: tuple[bytes, ...] = SENTENCE_KINDS
 ) -> _Log:
     log, days, before, epoch = _Log(), 0, 0.0, None
     for line, fields in sentences.fields(*kinds):
@@ -259,8 +259,8 @@ def _collect(
             if epoch is not None and valid:
                 log.headings.append(_Heading(epoch, line.number, line.value(fields[1])))
             continue
-        if len(fields) < LEAST_FIELDS[kind]:
-            message = f"{kind} of {len(fields)} fields, {LEAST_FIELDS[kind]} are the least"
+        if len(fields) < LEAST_SENTENCE_FIELDS[kind]:
+            message = f"{kind} of {len(fields)} fields, {LEAST_SENTENCE_FIELDS[kind]} are the least"
             raise line.error(f"{message}; {CORRECT}")
         if kind == "GSA":
             if epoch is not None:
@@ -332,7 +332,7 @@ def _degrees(field: str, side: str, sides: str, line: FileLine) -> float:
 
 
 def _time_of_day(field: str, line: FileLine) -> float:
-    is_clock = CLOCK.fullmatch(field) is not None
+    is_clock = NMEA_CLOCK.fullmatch(field) is not None
     hour, minute, second = (
         map(float, (field[:2], field[2:4], field[4:])) if is_clock else [np.inf] * 3
     )
@@ -344,7 +344,7 @@ def _time_of_day(field: str, line: FileLine) -> float:
 def _date(text: str, line: FileLine) -> datetime:
     """Midnight of ddmmyy or ddmmyyyy."""
     try:
-        if not DATE.fullmatch(text):
+        if not NMEA_DATE.fullmatch(text):
             raise ValueError
         year = int(text[4:])
         full = year if len(text) == 8 else year + (2000 if year < 80 else 1900)

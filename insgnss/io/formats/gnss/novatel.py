@@ -24,9 +24,9 @@ from .fixes import FixScales, fixes_from_columns
 
 LOGS = ("BESTGNSSPOSA", "BESTPOSA", "RTKPOSA", "PSRPOSA")  # the first that there is
 LEAST_POSITION_FIELDS = 10, 15  # before the semicolon, and behind it up to the number of satellites
-WEEK, SECONDS = 5, 6  # fields of the header
+WEEK, SECONDS_FIELD = 5, 6  # fields of the header
 # type of the position to RTKLIB's codes: the first whose letters it has
-QUALITY = (
+QUALITY_OF_TYPE = (
     *(("FLOAT", 2), ("INT", 1), ("FIXED", 1), ("PPP", 6), ("WAAS", 3), ("SBAS", 3)),
     *(("PSRDIFF", 4), ("SINGLE", 5), ("PSRSP", 5)),
 )
@@ -159,9 +159,9 @@ def _fields(line: FileLine, content: str, least: tuple[int, int]) -> OemLog:
 
 def _row(log: OemLog) -> tuple[float, ...]:
     """Return the numbers of a log; InputError for what is none."""
-    numbers = [log.line.value(log.header[k]) for k in (WEEK, SECONDS)]
+    numbers = [log.line.value(log.header[k]) for k in (WEEK, SECONDS_FIELD)]
     lat, lon, above_sea, undulation = map(log.line.value, log.body[2:6])
     sigmas = map(log.line.value, log.body[7:10])
-    quality = next((code for letters, code in QUALITY if letters in log.body[1]), 0)
+    quality = next((code for letters, code in QUALITY_OF_TYPE if letters in log.body[1]), 0)
     age, satellites = (log.line.value(log.body[k]) for k in (11, 14))
     return (*numbers, lat, lon, above_sea + undulation, *sigmas, float(quality), age, satellites)

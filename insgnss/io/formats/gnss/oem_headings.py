@@ -22,8 +22,8 @@ from .novatel import OemLog, solved_logs
 
 NAMES = ("HEADINGA", "HEADING2A", "DUALANTENNAHEADINGA", "UNIHEADINGA")
 MILLISECONDS = "UNIHEADINGA"  # whose header has its week one field further left, and ms
-FIELDS = 7, 7  # of header and body that are read, at least
-ADVICE = "let the receiver log HEADING2A or UNIHEADINGA, and copy the log whole"
+FIELDS_BEFORE_HEADING = 7, 7  # of header and body that are read, at least
+LOG_HEADINGS = "let the receiver log HEADING2A or UNIHEADINGA, and copy the log whole"
 
 
 def is_oem_log(head: bytes) -> bool:
@@ -55,10 +55,14 @@ def read_oem_headings(
     """
     text = decode(bytes(load(path)[0][:-1]))
     logs, left_out = solved_logs(
-        path, text, NAMES, FIELDS, lambda log: log.header[_week_of(log) - 1].startswith("FINE")
+        path,
+        text,
+        NAMES,
+        FIELDS_BEFORE_HEADING,
+        lambda log: log.header[_week_of(log) - 1].startswith("FINE"),
     )
     if not logs:
-        raise InputError.in_file(path, f"no heading with a solution; {ADVICE}")
+        raise InputError.in_file(path, f"no heading with a solution; {LOG_HEADINGS}")
     rows = [
         [log.line.value(text) for text in (*log.header[_week_of(log) :][:2], *log.body[3:7:3])]
         for log in logs

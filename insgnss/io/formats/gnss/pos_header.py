@@ -18,8 +18,8 @@ from ....records import Array
 from ..text.layout import NUMBER, decode, float_of, is_comment, shown
 from ..text.text import Source
 
-DATE = re.compile(rb"^([ \t]*\d{4})/(\d\d?)/(\d\d?)[ \t]+(\d\d?):(\d\d?):", re.MULTILINE)
-POSITION = {
+POS_DATE = re.compile(rb"^([ \t]*\d{4})/(\d\d?)/(\d\d?)[ \t]+(\d\d?):(\d\d?):", re.MULTILINE)
+POSITION_COLUMNS = {
     "latitude": ("latitude", "longitude", "height"),
     "x-ecef": ("x-ecef", "y-ecef", "z-ecef"),
     "e-baseline": ("e-baseline", "n-baseline", "u-baseline"),
@@ -30,8 +30,14 @@ ROOTS = {
     "e-baseline": ("sde", "sdn", "sdu", "sden", "sdnu", "sdue"),
 }
 # RTKLIB's columns that describe a solution, and those of other programs in its layout
-SOLUTION = {"ns": "satellites", "ratio": "ratio", "age": "age_s", "pdop": "pdop", "hdop": "hdop"}
-VELOCITY = {
+SOLUTION_COLUMNS = {
+    "ns": "satellites",
+    "ratio": "ratio",
+    "age": "age_s",
+    "pdop": "pdop",
+    "hdop": "hdop",
+}
+VELOCITY_COLUMNS = {
     "latitude": ("vn", "ve", "vu"),
     "x-ecef": ("vx", "vy", "vz"),
     "e-baseline": ("ve", "vn", "vu"),
@@ -39,7 +45,7 @@ VELOCITY = {
 VELOCITY_ROOTS = {kind: tuple(f"sdv{name[2:]}" for name in names) for kind, names in ROOTS.items()}
 _OTHER_NAMES = {"latitude": {"sdue": "sdun", "sdvue": "sdvun"}}  # RTKLIB's own older spelling
 _WEEK_TOW = re.compile(r"\s*\d{1,4}[\s,;]+\d{1,6}\.\d*[\s,;]", re.ASCII)
-SCALES = ("GPST", "UTC", "JST")
+POS_SCALES = ("GPST", "UTC", "JST")
 PLAIN_FIELDS = (15, 24)  # fields of RTKLIB's lines without header: of positions; with velocities
 
 
@@ -50,7 +56,7 @@ class Header:
     Attributes
     ----------
     kind : str
-        Kind of coordinates, a key of `POSITION`.
+        Kind of coordinates, a key of `POSITION_COLUMNS`.
     names : tuple of str
         Column names.
     scale : str
@@ -104,12 +110,12 @@ def is_rtklib_pos(head: bytes) -> bool:
 
 
 def _names_position(line: str) -> bool:
-    return any(f"{name}(" in line for name in POSITION)
+    return any(f"{name}(" in line for name in POSITION_COLUMNS)
 
 
 def _plain_layout(line: str) -> bool | None:
     """Tell whether a line of RTKLIB without header begins with a date; None for any other line."""
-    dated = DATE.match(line.encode("utf-8", "replace")) is not None
+    dated = POS_DATE.match(line.encode("utf-8", "replace")) is not None
     if not dated and not _WEEK_TOW.match(line):
         return None
     fields = re.split(r"[\s,;]+", line.strip())
@@ -143,12 +149,12 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
             f"holds {len(column_lines)} headers that differ; was it put together from two files"
         )
         raise InputError.in_file(path, f"{problem}? split it")
-    kind = next(name for name in POSITION if f"{name}(" in column_lines[0])
+    kind = next(name for name in POSITION_COLUMNS if f"{name}(" in column_lines[0])
     tokens = re.findall(r"[^\s,;]+", re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% ")))
     geodetic = any("WGS84/geodetic" in line for line in comments)
-    dated = DATE.match(first.encode("utf-8", "replace")) is not None
-    if tokens[0] not in SCALES:
-        problem = f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}"
+    dated = POS_DATE.match(first.encode("utf-8", "replace")) is not None
+    if tokens[0] not in POS_SCALES:
+        problem = f"time scale {shown(tokens[0])} is none of {', '.join(POS_SCALES)}"
         raise InputError.in_file(path, f"{problem}; let RTKLIB write GPST")
     sexagesimal = "(d'\")" in column_lines[0]
     names, base = tuple(tokens[1:]), _base(path, comments)
@@ -165,9 +171,9 @@ def _without_header(path: Source, first: str) -> Header:
         raise InputError.in_file(path, message)
     fields = re.split(r"[\s,;]+", first.strip())
     kind = "x-ecef" if max(abs(float(v)) for v in fields[2:5]) > 1e5 else "latitude"
-    names = [*POSITION[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]
+    names = [*POSITION_COLUMNS[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]
     if len(fields) == PLAIN_FIELDS[1]:
-        names += [*VELOCITY[kind], *VELOCITY_ROOTS[kind]]
+        names += [*VELOCITY_COLUMNS[kind], *VELOCITY_ROOTS[kind]]
     return Header(kind, tuple(names), "GPST", True, False, dated, None, given=False)
 
 

@@ -31,11 +31,11 @@ from .fixes import of_the_solution
 from .heights import GIVE, above_already
 from .pos_covariance import DOWN_FROM_UP, LARGEST_ROOT, covariances
 from .pos_header import (
-    DATE,
-    POSITION,
+    POS_DATE,
+    POSITION_COLUMNS,
     ROOTS,
-    SOLUTION,
-    VELOCITY,
+    SOLUTION_COLUMNS,
+    VELOCITY_COLUMNS,
     VELOCITY_ROOTS,
     Header,
     degrees_of,
@@ -186,7 +186,9 @@ def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssF
     cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, options.sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
-    described = {SOLUTION[n.lower()]: c for n, c in cols.items() if n.lower() in SOLUTION}
+    described = {
+        SOLUTION_COLUMNS[n.lower()]: c for n, c in cols.items() if n.lower() in SOLUTION_COLUMNS
+    }
     return GnssFixes(
         read.time,
         *(lat, lon, height, cov, velocity, velocity_cov),
@@ -204,11 +206,11 @@ def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssF
 def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the file with its dates and times of day as six fields, separated as the others."""
     data = buf.tobytes()
-    first = DATE.search(data)
+    first = POS_DATE.search(data)
     line = data[first.start() :].partition(b"\n")[0] if first else b""
     sign = next((sign for sign in (b"\t", b";", b",") if sign in line), b" ")
     return np.frombuffer(
-        bytearray(DATE.sub(sign.join([rb"\1", rb"\2", rb"\3", rb"\4", rb"\5", b""]), data)),
+        bytearray(POS_DATE.sub(sign.join([rb"\1", rb"\2", rb"\3", rb"\4", rb"\5", b""]), data)),
         dtype=np.uint8,
     )
 
@@ -227,7 +229,7 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
         raise table.error_at(0, message)
     needed = [
         name if not header.sexagesimal or name == "height" else f"{name}:d"
-        for name in POSITION[header.kind]
+        for name in POSITION_COLUMNS[header.kind]
     ]
     twice = [name for name in names if names.count(name) > 1]
     if missing := [name for name in needed if name not in names] + twice:
@@ -285,7 +287,7 @@ def _position(
     if undulation_m and header.given and (header.ellipsoidal or header.kind != "latitude"):
         message = above_already("heights, by the header,", undulation_m)
         raise InputError.in_file(table.path, message)
-    given = _stack(cols, POSITION[header.kind])
+    given = _stack(cols, POSITION_COLUMNS[header.kind])
     if header.kind == "latitude":
         n = len(given)
         for name, limit in (("latitude", 90.0), ("longitude", 360.0)):
@@ -357,7 +359,7 @@ def _velocity(
     table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Finding]
 ) -> tuple[Array | None, Array | None]:
     """Return velocity and covariances in north, east, down, where the file has estimated them."""
-    names, roots = VELOCITY[header.kind], VELOCITY_ROOTS[header.kind]
+    names, roots = VELOCITY_COLUMNS[header.kind], VELOCITY_ROOTS[header.kind]
     if names[0] not in cols:
         return None, None
     if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():

@@ -27,19 +27,19 @@ from ..orientation.poses import local_covariance, vector
 from ..text.text import Source, format_rows
 from .pos_covariance import DOWN_FROM_UP, signed_roots
 
-POSE = np.r_[0:3, 6:9]
+POSITION_VELOCITY = np.r_[0:3, 6:9]
 CODES = (1, 2, 3, 4, 5, 6)  # of quality, from fix to ppp, as the legend lists them
 LEGEND = (
     "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
     " satellites)\n"
 )
-HEAD = (
+POS_HEAD = (
     "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
     " sdun(m) age(s) ratio"
 )
 # degrees to 1e-10 (0.01 mm), heights to 0.1 mm, roots to 1e-6 m: below any sigma
 FORM = "%4d %{}.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
-OF_VELOCITY = " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
+VELOCITY_HEAD = " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
 FORM_OF_VELOCITY = " %10.5f" * 3 + " %9.6f" * 6  # velocities to 1e-5 m/s, their roots to 1e-6 m/s
 
 
@@ -83,9 +83,9 @@ def write_rtklib_pos(
     position = [np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
     table = [fixes.gps_week + weeks, fixes.time - WEEK_S * weeks, *position, quality, ns]
     table += [signed_roots(fixes.cov_ned), age, ratios]
-    head, form = HEAD, FORM.format(digits)
+    head, form = POS_HEAD, FORM.format(digits)
     if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
-        head, form = head + OF_VELOCITY, form + FORM_OF_VELOCITY
+        head, form = head + VELOCITY_HEAD, form + FORM_OF_VELOCITY
         table += [fixes.velocity_ned @ DOWN_FROM_UP, signed_roots(fixes.velocity_cov_ned)]
     lines = (f"% {line}\n" for line in comments)
     rows = format_rows(form + "\n", np.column_stack(table))
@@ -118,7 +118,7 @@ def antenna_fixes(
     lever = vector(lever_m, "lever_m")
     if isinstance(source, Trajectory):
         lat, lon, h = source.lat, source.lon, source.height
-        C, P = source.C_nb, source.cov[:, POSE[:, None], POSE]
+        C, P = source.C_nb, source.cov[:, POSITION_VELOCITY[:, None], POSITION_VELOCITY]
     else:
         lat, lon, h = source.geodetic.T
         turn = np.kron(np.eye(2), NED_ENU)

@@ -25,8 +25,10 @@ from ....geodesy.rotation import NED_ENU
 from ....records import Array, FramedOrientation
 from ..orientation.ascii_columns import GIMBAL_CV
 
-EXACT = "exact: north east down, Z-Y-X, camera forward at zero"
-NADIR = "nadir: yaw of the image's top, the tilt is left out; Camera:Yaw, Pitch, Roll are exact"
+EXACT_ANGLES = "exact: north east down, Z-Y-X, camera forward at zero"
+NADIR_ANGLES = (
+    "nadir: yaw of the image's top, the tilt is left out; Camera:Yaw, Pitch, Roll are exact"
+)
 # off the nadir (deg): a camera tilted farther looks nearer to the horizon than down
 MOST_TILT_DEG = 45.0
 # off the nadir (deg): a camera tilted less is meant to look down; a gimbal holds it to 1 deg, a
@@ -35,7 +37,7 @@ NADIR_DEG = 5.0
 # horizontal part of a unit viewing direction below which its azimuth is round-off: the azimuth
 # errs by 1e-16 over this part (rad)
 LOCKED = 1e-9
-LEFT_OUT = "left out"
+ANGLES_LEFT_OUT = "left out"
 GIMBALS = ("auto", "none", "nadir", "exact")
 
 
@@ -62,7 +64,7 @@ def gimbal_angles(eo: FramedOrientation, yaw: Array, gimbal: str) -> tuple[Array
         A camera that looks more than 45 deg off the nadir with gimbal "nadir".
     """
     if gimbal == "none":
-        return None, [LEFT_OUT] * len(yaw)
+        return None, [ANGLES_LEFT_OUT] * len(yaw)
     tilt = np.degrees(np.arccos(np.clip(-eo.C_Ec[:, 2, 2], -1.0, 1.0)))
     if gimbal == "nadir" and (far := tilt > MOST_TILT_DEG).any():
         k = int(np.argmax(far))
@@ -79,7 +81,7 @@ def gimbal_angles(eo: FramedOrientation, yaw: Array, gimbal: str) -> tuple[Array
     if gimbal == "auto":
         nadir = _is_nadir(tilt, exact[:, 2])
     turn = np.where(nadir[:, None], down, exact)
-    return turn, [NADIR if looks_down else EXACT for looks_down in nadir]
+    return turn, [NADIR_ANGLES if looks_down else EXACT_ANGLES for looks_down in nadir]
 
 
 def _is_nadir(tilt: Array, roll: Array) -> Array:

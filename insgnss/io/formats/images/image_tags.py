@@ -41,7 +41,7 @@ from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
 from .exif import EXIF_VERSION, camera_maker, exif_version, reader
 from .exiftool import ARGUMENTS, CONFIG, arguments, config
-from .gimbal import GIMBALS, LEFT_OUT, gimbal_angles
+from .gimbal import ANGLES_LEFT_OUT, GIMBALS, gimbal_angles
 from .jpeg import with_tags
 from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, Value
 from .xmp import set_properties
@@ -66,7 +66,7 @@ STALE: dict[str, tuple[str, ...]] = {
     ),
 }
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
-YPR = ("Yaw", "Pitch", "Roll")
+TAG_ANGLES = ("Yaw", "Pitch", "Roll")
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
 # bytes that are copied at a time, so that an image of any size takes 4 MB of memory
 COPIED_BYTES = 1 << 22
@@ -310,7 +310,7 @@ def _of_image(source: Path, tags: Tags, of_dji_only: bool) -> Tags:
     """Return the tags of an image, without angles of a gimbal that its camera does not have."""
     with readable(source), opened(source) as stream:
         if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
-            return replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
+            return replace(tags, gimbal=None, gimbal_words=ANGLES_LEFT_OUT)
     return tags
 
 
@@ -434,9 +434,9 @@ def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
     }
     lat, lon, height = tags.place
     east, north, up = tags.sigma
-    camera = {name: f"{a:.6f}" for name, a in zip(YPR, tags.ypr, strict=True)}
+    camera = {name: f"{a:.6f}" for name, a in zip(TAG_ANGLES, tags.ypr, strict=True)}
     camera |= {
-        f"IMU{name}Accuracy": f"{a:.6f}" for name, a in zip(YPR, tags.sigma_ypr, strict=True)
+        f"IMU{name}Accuracy": f"{a:.6f}" for name, a in zip(TAG_ANGLES, tags.sigma_ypr, strict=True)
     }
     camera |= {
         "GPSXYAccuracy": f"{tags.plan_sigma:.5f}",
@@ -454,7 +454,8 @@ def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
     }
     if tags.gimbal is not None:
         dji |= {
-            f"Gimbal{name}Degree": f"{a:+.6f}" for name, a in zip(YPR, tags.gimbal, strict=True)
+            f"Gimbal{name}Degree": f"{a:+.6f}"
+            for name, a in zip(TAG_ANGLES, tags.gimbal, strict=True)
         }
     if tags.rtk_flag is not None:
         dji["RtkFlag"] = str(tags.rtk_flag)

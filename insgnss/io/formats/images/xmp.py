@@ -12,7 +12,7 @@ from ....base.errors import InputError
 from ..text.xml import parse_xml
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
-EMPTY = (
+EMPTY_PACKET = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n<x:xmpmeta'
     f' xmlns:x="adobe:ns:meta/">\n<rdf:RDF xmlns:rdf="{RDF}">\n</rdf:RDF>\n</x:xmpmeta>\n<?xpacket'
     ' end="w"?>'
@@ -44,7 +44,7 @@ def set_properties(
         A packet that is no UTF-8 or not well formed.
     """
     try:
-        text = EMPTY if packet is None else packet.rstrip(b"\x00").decode("utf-8")
+        text = EMPTY_PACKET if packet is None else packet.rstrip(b"\x00").decode("utf-8")
     except UnicodeDecodeError:
         raise _broken(who, "is no UTF-8") from None
     if "<!DOCTYPE" in text or "<!ENTITY" in text:

@@ -30,10 +30,10 @@ from .apart import joined
 Notes = tuple[Finding, ...]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
-COLUMNS = ("tow", *GYRO, *ACCEL)
-UNITS = {"gyro": " ".join(GYRO), "accel": " ".join(ACCEL), "time": "tow"}
-SPEC = TableSpec(IMU, units=UNITS, record="IMU")
-CLOCK = (*TIME, *FINE)
+IMU_COLUMNS = ("tow", *GYRO, *ACCEL)
+UNITS_OF_COLUMNS = {"gyro": " ".join(GYRO), "accel": " ".join(ACCEL), "time": "tow"}
+SPEC = TableSpec(IMU, units=UNITS_OF_COLUMNS, record="IMU")
+CLOCK_COLUMNS = (*TIME, *FINE)
 USUAL_QUANTITY: Quantity = "mean_rate"
 MAX_RATE_HZ = 1e5  # samples a second: above every IMU's rate, below a rate in other units (chosen)
 
@@ -115,7 +115,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
 
     def named(table: Table | Rows) -> NamedTable:
         index = spec.index(table.path, table.layout, options.columns)
-        clock = CLOCK if rate_hz is None else (*CLOCK, "counter")
+        clock = CLOCK_COLUMNS if rate_hz is None else (*CLOCK_COLUMNS, "counter")
         taken = {name: i for name, i in index.items() if name in (*required, *clock)}
         return NamedTable(spec, table, taken)
 
@@ -218,7 +218,7 @@ def required_columns(rate_hz: float | None) -> tuple[str, ...]:
         raise UsageError(
             f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}; give samples a second"
         )
-    return COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
+    return IMU_COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
 
 
 def imu_from_columns(

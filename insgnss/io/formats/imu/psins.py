@@ -28,7 +28,7 @@ from ..text.text import TRUNCATED, FileLine, Source, load, parse
 from ..text.units import DEG
 
 HEAD_LINES, LINE_VALUES = 3, 6  # lines of the header, and values of a line, as PSINS writes them
-AXES = "right forward up"
+PSINS_AXES = "right forward up"
 # counts of an increment: a larger one is no reading of a sensor (chosen)
 LARGEST_INCREMENT_COUNTS = 1e9
 
@@ -148,7 +148,7 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
     site_values = (site[0] * DEG, site[1] * DEG, site[2], site[3], 1e-3 * site[4], site[5])
     gyro = tuple(DEG / 3600.0 * value for value in scale[:3])
     accel = tuple(1e-6 * site[5] * value for value in scale[3:])
-    header = PsinsHeader(rpy, velocity, *site_values, gyro, accel, axes or AXES)
+    header = PsinsHeader(rpy, velocity, *site_values, gyro, accel, axes or PSINS_AXES)
     return header, offset, count + 1
 
 

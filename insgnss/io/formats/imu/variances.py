@@ -53,15 +53,15 @@ JSON_NAMES = {
         *(("ci_low", "low"), ("ci_high", "high")),
     ),
 }
-KEYS = ("rate_hz", "samples", "axis", "sensor", "unit", "gyro_unit", "accel_unit")
+STATED = ("rate_hz", "samples", "axis", "sensor", "unit", "gyro_unit", "accel_unit")
 _TIMES = ("scale_s", "tau_s")
-_VALUES = ("wavelet_variance", "allan_variance", "allan_deviation")
+_VARIANCE_KINDS = ("wavelet_variance", "allan_variance", "allan_deviation")
 _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
 _ROUNDING = 0.01  # relative, of a published scale
 _AXIS = re.compile(r"(gyro|accel|acc|g|a)[a-z]*[\s._]*([xyz])", re.IGNORECASE)
 # coefficients at a scale: no recording is so long, and a float still counts one by one
 MOST_COEFFICIENTS = 1e15
-_COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:](.*)")
+_COMMENT_LINE = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:](.*)")
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def read_variances(
 
 
 def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
-    """Read a text table; `stated` holds line and value of each of `KEYS`, of comments or caller."""
+    """Read a text table; `stated` holds line and value of each of `STATED`, of comments or caller."""
     table = read_text_table(path)
     layout, at_header = table.layout, partial(InputError.at_line, path, table.layout.header_line)
     if layout.header_fields is None:
@@ -185,9 +185,9 @@ def _meaning(index: dict[str, int], refuse: Refusal) -> tuple[str, str]:
     if "variance" in index:
         how = "name the column wavelet_variance or allan_variance"
         raise refuse(f"'variance' over tau_s may be either; {how}")
-    value = [name for name in _VALUES if name in index]
+    value = [name for name in _VARIANCE_KINDS if name in index]
     if len(time) != 1 or len(value) != 1:
-        needed = f"one column of {', '.join(_TIMES)} and one of {', '.join(_VALUES)}"
+        needed = f"one column of {', '.join(_TIMES)} and one of {', '.join(_VARIANCE_KINDS)}"
         raise refuse(f"{needed} must be named, {_EXAMPLE}")
     if ("low" in index) != ("high" in index):
         raise refuse("of the interval only one end is there; give both, low and high, or none")
@@ -205,11 +205,11 @@ def _wavelet_variance(values: Array, kind: str) -> Array:
 
 
 def _comments(text: str) -> dict[str, tuple[int | None, str]]:
-    """Return line and value of the comments "# key = value" with one of `KEYS`."""
+    """Return line and value of the comments "# key = value" with one of `STATED`."""
     comments: dict[str, tuple[int | None, str]] = {}
     for number_, line in enumerate(lines_of(text), 1):
-        match = _COMMENT.fullmatch(line) if is_comment(line) else None
-        if match and match[1].lower() in KEYS:
+        match = _COMMENT_LINE.fullmatch(line) if is_comment(line) else None
+        if match and match[1].lower() in STATED:
             comments[match[1].lower()] = (number_, match[2].strip())
     return comments
 
@@ -252,7 +252,7 @@ def _curve(
     Without intervals it has those of `stochastic.wavelet` (W.3). Values times `factor` squared are
     in SI.
     """
-    kind = next(name for name in _VALUES if name in columns)
+    kind = next(name for name in _VARIANCE_KINDS if name in columns)
     scale_s = columns["scale_s"] if "scale_s" in columns else 2.0 * columns["tau_s"]
     nu, low, high = (
         factor**2 * _wavelet_variance(columns[name], kind) if name in columns else None

@@ -26,7 +26,7 @@ from .boot_clock import BootClock, fit_clock
 Tables = dict[str, dict[str, Array]]
 
 # GPS.Status and fix_type to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
-QUALITY = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
+QUALITY_OF_FIX = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
 NO_FIX = "give positions of their own, gnss.file"
 
 
@@ -74,7 +74,7 @@ class Message:
 
     def qualities(self, label: str) -> Array:
         """Return RTKLIB's codes of a column of the autopilot's."""
-        codes = [QUALITY.get(int(code), 0) for code in self.columns[label]]
+        codes = [QUALITY_OF_FIX.get(int(code), 0) for code in self.columns[label]]
         return np.array(codes, dtype=np.float64)
 
 

@@ -16,13 +16,13 @@ from ..text.layout import decode, float_of, printable
 from ..text.text import Source, load, load_bytes
 from .autopilot import Array, Log, Tables, as_float
 
-MISSING = (
+NEEDS_PYMAVLINK = (
     "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
 FMT = 128  # number of the kind of message that gives the formats of all others
 LOST_LIMIT = 0.01  # share of bytes or lines that are no message: torn ones are fewer (chosen)
-TEXTS = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
+TEXT_TYPES = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
 
 
 def read_log(path: Source) -> Log:
@@ -40,7 +40,7 @@ def read_log(path: Source) -> Log:
 def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     from ..text import _kernels
 
-    with installed(MISSING, path):
+    with installed(NEEDS_PYMAVLINK, path):
         from pymavlink.DFReader import FORMAT_TO_STRUCT
     lengths = np.zeros(256, dtype=np.int64)
     lengths[FMT] = 89
@@ -130,7 +130,7 @@ def _row(fields: list[str], form: str, count: int) -> list[float] | None:
     The result is None for another count of fields, or where a number cannot be read.
     """
     row = [
-        np.nan if kind in TEXTS or field.lower().lstrip("+-") == "nan" else float_of(field)
+        np.nan if kind in TEXT_TYPES or field.lower().lstrip("+-") == "nan" else float_of(field)
         for field, kind in zip(fields, form.ljust(count), strict=False)
     ]
     numbers = [x for x in row if x is not None]

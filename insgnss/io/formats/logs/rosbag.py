@@ -19,16 +19,16 @@ from ....base.wording import DOCTOR
 from ....records import Array, ImuSamples
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
-from ..imu.imu_csv import COLUMNS
+from ..imu.imu_csv import IMU_COLUMNS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.database import is_database, opened_database
 from ..text.layout import printable
 from ..text.text import Source
 
-MESSAGE = "sensor_msgs/msg/Imu"
-MISSING = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
-KIND = "whole ROS bag; copy it again"
-ENDINGS = (".db3", ".mcap")
+IMU_MESSAGE = "sensor_msgs/msg/Imu"
+NEEDS_ROSBAGS = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
+BAG_KIND = "whole ROS bag; copy it again"
+BAG_ENDINGS = (".db3", ".mcap")
 SHARED = 1000  # messages between two shares that are said
 EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
 
@@ -43,7 +43,7 @@ def bag_file(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
-    files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
+    files = sorted(file for file in path.iterdir() if file.suffix in BAG_ENDINGS)
     if not files:
         problem = "is a directory without a ROS 2 bag (.db3 or .mcap)"
         raise InputError.in_file(path, f"{problem}; give a file")
@@ -53,17 +53,17 @@ def bag_file(path: Path) -> Path:
 @contextmanager
 def _opened(path: Source) -> Iterator[Any]:
     """An open bag, and its failures in one line."""
-    with installed(MISSING, path):
+    with installed(NEEDS_ROSBAGS, path):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     file = Path(path)
-    bag = file.parent if file.suffix in ENDINGS else file
+    bag = file.parent if file.suffix in BAG_ENDINGS else file
     if bag != file and not (bag / "metadata.yaml").is_file():
         problem = "has no metadata.yaml beside it, which a ROS 2 bag needs"
         raise InputError.in_file(path, f"{problem}; ros2 bag reindex makes one")
     for database in sorted(bag.iterdir()) if bag != file else ():
         if database.is_file() and is_database(database):
-            with opened_database(database, ("messages", "topics"), KIND):
+            with opened_database(database, ("messages", "topics"), BAG_KIND):
                 pass  # rosbags would read views and virtual tables
     # the library believes any length that a record states: MemoryError is a damaged file as well
     damaged = "is no whole ROS bag ({}); copy it again, or rosbag reindex"
@@ -78,7 +78,7 @@ def _topics(reader: Any) -> dict[str, list[Any]]:
     """Connections of IMU messages by topic."""
     topics: dict[str, list[Any]] = {}
     for connection in reader.connections:
-        if connection.msgtype == MESSAGE:
+        if connection.msgtype == IMU_MESSAGE:
             topics.setdefault(printable(connection.topic), []).append(connection)
     return topics
 
@@ -87,7 +87,7 @@ def tables_of_bag(path: Source) -> list[TableInfo]:
     """List the topics of IMU messages, with the number of messages of each."""
     with _opened(path) as reader:
         return [
-            TableInfo(name, COLUMNS, sum(connection.msgcount for connection in connections))
+            TableInfo(name, IMU_COLUMNS, sum(connection.msgcount for connection in connections))
             for name, connections in _topics(reader).items()
         ]
 
@@ -122,7 +122,7 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
             raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:
-            problem = f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
+            problem = f"no {IMU_MESSAGE} of {chosen or 'any topic'}; there are {names}"
             raise InputError.in_file(path, problem)
         table = _samples(reader, topics[chosen])
         count = sum(connection.msgcount for connection in topics[chosen])
@@ -134,8 +134,8 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
         raise InputError.in_file(path, f"{problem}; record a driver that stamps them")
     units = {"gyro": "rad/s", "accel": "m/s^2"}
     units |= {"time": "unix"} if table[0, 0] > EPOCH_S else {}
-    content = dict(zip(COLUMNS, table.T, strict=True))
-    same = {name: name for name in COLUMNS}
+    content = dict(zip(IMU_COLUMNS, table.T, strict=True))
+    same = {name: name for name in IMU_COLUMNS}
     options = replace(options, columns=same, variable=None, units=units)
     return imu_of_content(path, content, options)
 

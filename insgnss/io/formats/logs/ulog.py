@@ -26,7 +26,7 @@ from ..text.units import DEG
 from .autopilot import Fixes, Log, Tables, as_float
 from .boot_clock import LONGEST_LOG_S
 
-MISSING = (
+NEEDS_PYULOG = (
     "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
@@ -38,7 +38,7 @@ MICRO = 1e-6  # s of a microsecond, PX4's unit of stamps
 GNSS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 BAROMETER_TOPICS = ("vehicle_air_data",)
 EVENT_TOPICS = ("camera_capture", "camera_trigger")
-_HEADS = {  # place: new names and the factor of the older integers
+_ULOG_FIELDS = {  # place: new names and the factor of the older integers
     "lat": (("latitude_deg", 1.0), ("lat", 1e-7)),
     "lon": (("longitude_deg", 1.0), ("lon", 1e-7)),
     "h": (("altitude_ellipsoid_m", 1.0), ("alt_ellipsoid", 1e-3)),
@@ -68,7 +68,7 @@ def read_log(path: Source) -> Log:
     """Read all topics; further sensors have their number behind: sensor_gps_1."""
     from ..text import _kernels
 
-    with installed(MISSING, path):
+    with installed(NEEDS_PYULOG, path):
         from pyulog import ULog
     buf = load_bytes(path)
     end = int(_kernels.ulog_end(buf, ULOG_HEADER_BYTES)) if buf.size > ULOG_HEADER_BYTES else 0
@@ -188,7 +188,7 @@ def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
     log = read_log(path)
     fixes, cols, notes = log.fixes(_fixes, options, "fix_type")
     message = fixes.message
-    for short, spellings in _HEADS.items():
+    for short, spellings in _ULOG_FIELDS.items():
         label, factor = next((pair for pair in spellings if pair[0] in message), spellings[0])
         cols[short] = factor * message.floats(label)[0]
     if options.sigma_m is None:

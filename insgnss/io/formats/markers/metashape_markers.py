@@ -12,7 +12,7 @@ from ..blocks.image_points import ImagePoints
 from ..orientation.exported import check_characters, xml_text
 from ..text.text import Source
 
-VERSION = "1.5.0"
+MARKERS_VERSION = "1.5.0"
 
 
 def write_metashape_markers(
@@ -51,7 +51,7 @@ def write_metashape_markers(
 
     def lines() -> Iterator[str]:
         yield '<?xml version="1.0" encoding="UTF-8"?>'
-        yield f'<document version="{VERSION}">'
+        yield f'<document version="{MARKERS_VERSION}">'
         yield '  <chunk label="targets" enabled="true">'
         yield '    <sensors next_id="1">'
         resolution = f'<resolution width="{camera.width}" height="{camera.height}"/>'

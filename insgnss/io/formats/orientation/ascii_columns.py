@@ -36,7 +36,7 @@ from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, TANGENT
 from ..text.text import Source
 from .exported import (
-    OPK,
+    OPK_ANGLES,
     POK,
     RPY,
     YPR,
@@ -53,7 +53,7 @@ from .exported import (
 Array = NDArray[np.float64]
 
 CAMERA_AXES = {"RUB": "x right, y up, z back", "CV": "x right, y down, z viewing direction"}
-DIRECTIONS = ("camera to frame", "frame to camera")
+ROTATION_SENSES = ("camera to frame", "frame to camera")
 NORTHS = ("true", "frame")
 ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}  # of a radian
 # of numbers by their kind: below any standard deviation of a survey (chosen)
@@ -73,7 +73,7 @@ class Conventions:
     camera_axes : str
         Axes of the camera, a key of `CAMERA_AXES`.
     attitude : str
-        Direction of the rotation, one of `DIRECTIONS`.
+        Direction of the rotation, one of `ROTATION_SENSES`.
     north : str
         North of yaw, one of `NORTHS`.
     unit : str
@@ -83,7 +83,7 @@ class Conventions:
     """
 
     camera_axes: str = "RUB"
-    attitude: str = DIRECTIONS[0]
+    attitude: str = ROTATION_SENSES[0]
     north: str = NORTHS[0]
     unit: str = "deg"
     lengths: tuple[LengthUnit, LengthUnit] = (METRE, METRE)
@@ -107,7 +107,7 @@ def in_camera_axes(eo: FramedOrientation, how: Conventions) -> tuple[Array, Arra
     Both are (n, 3, 3).
     """
     R, P = eo.C_fc @ (CV_RUB if how.camera_axes == "RUB" else np.eye(3)), eo.cov[:, 3:, 3:]
-    if how.attitude == DIRECTIONS[0]:
+    if how.attitude == ROTATION_SENSES[0]:
         return R, P
     R_t = R.swapaxes(1, 2)
     return R_t, R_t @ P @ R
@@ -157,7 +157,7 @@ def _folded(eo: FramedOrientation) -> Array:
     return np.column_stack([eo.time % WEEK_S, eo.gps_week + eo.time // WEEK_S])
 
 
-GROUPS: dict[str, Group] = {
+COLUMN_GROUPS: dict[str, Group] = {
     "xyz": Group(("x", "y", "z"), "place", lambda eo, _: places(eo)),
     "llh": Group(
         ("lat", "lon", "h"),
@@ -170,7 +170,7 @@ GROUPS: dict[str, Group] = {
     "s_plan": Group(
         ("s_horizontal", "s_vertical"), "sigma", lambda eo, _: plan_and_height_sigma(eo)
     ),
-    **dict(_angle_groups("opk", "omega phi kappa", in_camera_axes, OPK)),
+    **dict(_angle_groups("opk", "omega phi kappa", in_camera_axes, OPK_ANGLES)),
     **dict(_angle_groups("pok", "phi_pok omega_pok kappa_pok", in_camera_axes, POK)),
     **dict(_angle_groups("ypr", "yaw pitch roll", _camera, YPR)),
     **dict(_angle_groups("ned", "roll_ned pitch_ned yaw_ned", _body, RPY)),
@@ -190,7 +190,7 @@ GROUPS: dict[str, Group] = {
         ("number",), "whole", lambda eo, _: np.arange(1.0, len(eo.images) + 1.0)[:, None]
     ),
 }
-GROUP_OF = {column: name for name, group in GROUPS.items() for column in group.columns}
+GROUP_OF = {column: name for name, group in COLUMN_GROUPS.items() for column in group.columns}
 OF_NORTH = ("ypr", "ned", "gimbal")
 
 
@@ -199,7 +199,7 @@ def kind_of(column: str, frame_kind: str) -> str:
 
     It is "degree", "metre", "sigma", "angle", "angle sigma", "matrix", "second" or "whole".
     """
-    kind = GROUPS[GROUP_OF[column]].kind
+    kind = COLUMN_GROUPS[GROUP_OF[column]].kind
     if kind == "time":
         return "second" if column == "tow" else "whole"
     if column in ("lat", "lon") or (column in ("x", "y") and frame_kind == GEOGRAPHIC):
@@ -218,7 +218,7 @@ def column_names(columns: str | Sequence[str]) -> list[str]:
     return [
         name
         for token in tokens
-        for name in (GROUPS[token].columns if token in GROUPS else (token,))
+        for name in (COLUMN_GROUPS[token].columns if token in COLUMN_GROUPS else (token,))
     ]
 
 
@@ -232,12 +232,12 @@ def numbers_of(eo: Placed, columns: str | Sequence[str], how: Conventions | None
     how = how or usual(eo)
     names = column_names(columns)
     blocks = {
-        name: GROUPS[name].compute(eo, how)
+        name: COLUMN_GROUPS[name].compute(eo, how)
         for name in dict.fromkeys(GROUP_OF[column] for column in names)
     }
     out = np.empty((len(eo.images), len(names)))
     for k, column in enumerate(names):
-        group = GROUPS[GROUP_OF[column]]
+        group = COLUMN_GROUPS[GROUP_OF[column]]
         unit = ANGLE_UNITS[how.unit] if group.kind.startswith("angle") else 1.0
         out[:, k] = unit * blocks[GROUP_OF[column]][:, group.columns.index(column)]
     return out

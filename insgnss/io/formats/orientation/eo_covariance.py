@@ -19,11 +19,11 @@ from ....records.strips import CommonErrors, StripCovariance
 from ..text.text import Source
 
 FILE = "eo_covariance.npz"
-FORMAT = "insgnss strip covariance"
+COVARIANCE_FORMAT = "insgnss strip covariance"
 FORMAT_VERSION = 1  # of the arrays in the file; the reader refuses another one
 NONE = -1  # strip of an image that is in none
 AGAIN = "process the flight again"
-SMALL = ("format", "format_version", "images", "segment", "common")
+SMALL_ARRAYS = ("format", "format_version", "images", "segment", "common")
 PART_TOLERANCE = 1e-6  # of a variance, by which a part of it may exceed it
 AGREEMENT = 1e-9  # of the standard deviations, between a block on the diagonal and cov6
 
@@ -51,7 +51,7 @@ def write_eo_covariance(
     for k, strip in enumerate(strips):
         number[strip.rows] = k
     arrays: dict[str, Any] = {
-        "format": np.array(FORMAT),
+        "format": np.array(COVARIANCE_FORMAT),
         "format_version": np.array(FORMAT_VERSION),
         "images": np.array(eo.images),
         "strip": number,
@@ -125,7 +125,7 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
     InputError
         The file cannot be read, is another one, or does not belong to these images.
     """
-    content = _content(path, SMALL)
+    content = _content(path, SMALL_ARRAYS)
     if "common" not in content:
         return None
     with refusing(path, AGAIN):
@@ -209,7 +209,7 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
     with opened_archive(path, f"is no whole numpy archive; is it an {FILE}?") as file:
         wanted = [name for name in file.files if names is None or name in names]
         content = {name: file[name] for name in wanted}
-    if str(content.get("format")) != FORMAT:
+    if str(content.get("format")) != COVARIANCE_FORMAT:
         raise InputError.in_file(
             path, f"is no covariance of strips; give the {FILE} of an output directory"
         )

@@ -35,14 +35,14 @@ from .relative_csv import relative_member
 
 Array = NDArray[np.float64]
 
-FORMAT = "insgnss exterior orientation"
+EO_FORMAT = "insgnss exterior orientation"
 FORMAT_VERSION = 1  # of one camera, its numbers in the text
 PACKED_VERSION = 2  # of one camera, its numbers in the archive beside
 RIG_VERSION = 3  # of several cameras, packed or not: a reader of one camera must not take it
 VERSIONS = (FORMAT_VERSION, PACKED_VERSION, RIG_VERSION)
 WGS84 = "WGS84 (EPSG:4979)"
 AGREEMENT = 1e-9  # rad
-SMALL = re.compile(rb"[eE]-[0-9]{3}|0{300}")  # in each number below 1e-300
+TINY_NUMBERS = re.compile(rb"[eE]-[0-9]{3}|0{300}")  # in each number below 1e-300
 OF_A_RIG = {
     "camera": "which of `cameras` took the image; images stand in the order of time",
     "cross_cov6_next_of_camera": (
@@ -93,7 +93,7 @@ def write_eo_json(
     """
     many = len(eo) >= eo_packed.FROM_IMAGES
     content: dict[str, Any] = {
-        "format": FORMAT,
+        "format": EO_FORMAT,
         "format_version": (
             RIG_VERSION if eo.rig is not None else PACKED_VERSION if many else FORMAT_VERSION
         ),
@@ -436,7 +436,7 @@ def _content(path: Source) -> dict[str, Any]:
         text = read_bytes(path)
     try:
         content = orjson.loads(text)
-        if SMALL.search(text):  # orjson takes 1e-400 for zero
+        if TINY_NUMBERS.search(text):  # orjson takes 1e-400 for zero
             content = parse_json(path, text.decode())
     except orjson.JSONDecodeError as error:
         if "UTF-8" in error.msg:
@@ -447,7 +447,7 @@ def _content(path: Source) -> dict[str, Any]:
         raise InputError.at_line(
             path, error.lineno, f"is no whole JSON: {error.msg}; export it again"
         ) from None
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") != EO_FORMAT:
         raise InputError.in_file(
             path, "is no master EO of insgnss; give the eo.json of an output directory"
         )

@@ -21,7 +21,7 @@ from .exported import check_frame, quoted_names
 
 Array = NDArray[np.float64]
 
-POSE, SIGMA = "E N U omega phi kappa", "sE sN sU sOmega sPhi sKappa"
+POSE_COLUMNS, SIGMA_COLUMNS = "E N U omega phi kappa", "sE sN sU sOmega sPhi sKappa"
 OUT = TableOut(
     "image E=%.4f N=%.4f U=%.4f omega=%.6f phi=%.6f kappa=%.6f sE=%.5f sN=%.5f sU=%.5f"
     " sOmega=%.6f sPhi=%.6f sKappa=%.6f",
@@ -32,11 +32,11 @@ SPEC = TableSpec(
         "image": "image img photo name label filename",
         **{
             name: f"{name.lower()} {name.lower()}_m {name.lower()}_deg"
-            for name in f"{POSE} {SIGMA}".split()
+            for name in f"{POSE_COLUMNS} {SIGMA_COLUMNS}".split()
         },
     },
-    required=f"image {POSE}",
-    layouts=(OUT.names, f"image {POSE}"),
+    required=f"image {POSE_COLUMNS}",
+    layouts=(OUT.names, f"image {POSE_COLUMNS}"),
     text=True,
 )
 
@@ -113,9 +113,9 @@ def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
         What cannot be read, with file and line.
     """
     table = SPEC.read(path, columns)
-    pose, images = table.block(POSE), table.strings("image")
+    pose, images = table.block(POSE_COLUMNS), table.strings("image")
     position_m, opk = pose[:, :3], np.radians(pose[:, 3:])
-    if any(name not in table for name in SIGMA.split()):
+    if any(name not in table for name in SIGMA_COLUMNS.split()):
         return LocalPlaneEo(images, position_m, opk)
-    sigma = table.block(SIGMA)
+    sigma = table.block(SIGMA_COLUMNS)
     return LocalPlaneEo(images, position_m, opk, sigma[:, :3], np.radians(sigma[:, 3:]))

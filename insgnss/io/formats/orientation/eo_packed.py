@@ -24,7 +24,7 @@ from ..text.text import Source
 Array = NDArray[np.float64]
 
 FROM_IMAGES = 10_000  # images from which on the numbers stand here: as text they take 40 MB
-FORMAT = "insgnss images"
+PACKED_FORMAT = "insgnss images"
 UPPER = np.triu_indices(6)  # row and column of each stored entry of a covariance
 ARRAYS = {
     "time_s": ((), "seconds of gps_week, GPST"),
@@ -35,12 +35,12 @@ ARRAYS = {
     "velocity_mps": ((3,), "as in conventions; may be missing"),
     "rate_radps": ((3,), "as in conventions; may be missing"),
 }
-OF_A_RIG = {
+RIG_ARRAYS = {
     "camera": ((), "which of `cameras` took the image, from 0"),
     "cross_cov6_next_of_camera": ((6, 6), "as in conventions, zeros for the last; may be missing"),
 }
 OPTIONAL = ("cross_cov6_next", "velocity_mps", "rate_radps")
-AGAIN = "take both files of one run, or process the flight again"
+TAKE_BOTH = "take both files of one run, or process the flight again"
 
 
 def side_file(path: Source) -> Path:
@@ -61,7 +61,7 @@ class Unpacked:
 
 def meanings(eo: ExteriorOrientation) -> dict[str, str]:
     """Return what the arrays of `packed` are, in words."""
-    arrays = ARRAYS | ({} if eo.rig is None else OF_A_RIG)
+    arrays = ARRAYS | ({} if eo.rig is None else RIG_ARRAYS)
     return {name: words for name, (_, words) in arrays.items()}
 
 
@@ -71,7 +71,7 @@ def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
     The same numbers give the same bytes.
     """
     arrays: dict[str, Any] = {
-        "format": np.array(FORMAT),
+        "format": np.array(PACKED_FORMAT),
         "time_s": eo.time,
         "position_m": eo.position_m,
         "quaternion_wxyz": quaternion_from_rotation(eo.C_mc),
@@ -116,33 +116,33 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
         content = read_bytes(path)
     except OSError as error:
         why = "is missing" if isinstance(error, FileNotFoundError) else f"{error.strerror or error}"
-        message = f"{why}, but the eo.json beside it has its numbers there; {AGAIN}"
+        message = f"{why}, but the eo.json beside it has its numbers there; {TAKE_BOTH}"
         raise InputError.in_file(path, message) from None
     if hashlib.sha256(content).hexdigest() != digest:
-        message = f"does not belong to the eo.json beside it, whose sha256 is another; {AGAIN}"
+        message = f"does not belong to the eo.json beside it, whose sha256 is another; {TAKE_BOTH}"
         raise InputError.in_file(path, message)
     with (
-        legible(path, f"is no whole numpy archive; {AGAIN}"),
+        legible(path, f"is no whole numpy archive; {TAKE_BOTH}"),
         np.load(io.BytesIO(content), allow_pickle=False) as file,
     ):
         check_archive(path, file.zip)
-        if "format" not in file.files or str(file["format"]) != FORMAT:
-            raise InputError.in_file(path, f"holds no numbers of images; {AGAIN}")
-        arrays = {name: file[name] for name in (*ARRAYS, *OF_A_RIG) if name in file.files}
-    for name, (shape, _) in (ARRAYS | OF_A_RIG).items():
+        if "format" not in file.files or str(file["format"]) != PACKED_FORMAT:
+            raise InputError.in_file(path, f"holds no numbers of images; {TAKE_BOTH}")
+        arrays = {name: file[name] for name in (*ARRAYS, *RIG_ARRAYS) if name in file.files}
+    for name, (shape, _) in (ARRAYS | RIG_ARRAYS).items():
         expected = (count - (name == "cross_cov6_next"), *shape)
-        if name not in arrays and name not in (*OPTIONAL, *OF_A_RIG):
-            raise InputError.in_file(path, f"no {name}; {AGAIN}")
+        if name not in arrays and name not in (*OPTIONAL, *RIG_ARRAYS):
+            raise InputError.in_file(path, f"no {name}; {TAKE_BOTH}")
         if name in arrays and (arrays[name].shape != expected or arrays[name].dtype != np.float64):
             actual = f"{name}: {arrays[name].dtype} of shape {arrays[name].shape}"
-            raise InputError.in_file(path, f"{actual}, expected {expected}; {AGAIN}")
+            raise InputError.in_file(path, f"{actual}, expected {expected}; {TAKE_BOTH}")
         if name in arrays and not np.isfinite(arrays[name]).all():
-            raise InputError.in_file(path, f"{name}: a number is not finite; {AGAIN}")
+            raise InputError.in_file(path, f"{name}: a number is not finite; {TAKE_BOTH}")
     cov = np.empty((count, 6, 6))
     cov[:, UPPER[0], UPPER[1]] = cov[:, UPPER[1], UPPER[0]] = arrays["cov6_upper"]
     quaternion = arrays["quaternion_wxyz"]
     if count and not np.abs(np.linalg.norm(quaternion, axis=1) - 1.0).max() < 1e-9:
-        raise InputError.in_file(path, f"a quaternion is not of unit length; {AGAIN}")
+        raise InputError.in_file(path, f"a quaternion is not of unit length; {TAKE_BOTH}")
     pose = {
         "time": arrays["time_s"],
         "position_m": arrays["position_m"],
@@ -152,4 +152,4 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
         "velocity_mps": arrays.get("velocity_mps"),
         "rate_radps": arrays.get("rate_radps"),
     }
-    return Unpacked(pose, {name: arrays.get(name) for name in OF_A_RIG})
+    return Unpacked(pose, {name: arrays.get(name) for name in RIG_ARRAYS})

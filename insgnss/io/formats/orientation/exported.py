@@ -42,8 +42,8 @@ Array = NDArray[np.float64]
 
 # of the middle angle: within 0.2 seconds of arc of 90 deg the outer two are one turn
 LEAST_COSINE = 1e-6
-QUOTES = "\"'"
-COMMENT_SIGNS = (*COMMENTS, *QUOTES)  # a name that begins so would not be read as one
+EXPORT_QUOTES = "\"'"
+COMMENT_SIGNS = (*COMMENTS, *EXPORT_QUOTES)  # a name that begins so would not be read as one
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r\t]")
 """What XML 1.0 does not have, tab, carriage return and delete."""
 SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
@@ -90,7 +90,7 @@ class AngleSet:
     jacobian: Callable[[Array], Array]
 
 
-OPK = AngleSet("omega phi kappa", opk_from_rotation, opk_jacobian)
+OPK_ANGLES = AngleSet("omega phi kappa", opk_from_rotation, opk_jacobian)
 POK = AngleSet("phi omega kappa", pok_from_rotation, pok_jacobian)
 YPR = AngleSet("yaw pitch roll", ypr_from_rotation, ypr_jacobian)
 RPY = AngleSet("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
@@ -159,7 +159,7 @@ def quoted_names(names: Sequence[str], separator: str | None, of: str = "image")
     _refuse_unfit(names, unfit, of, "no table holds")
     return tuple(
         '"' + name.replace('"', '""') + '"'
-        if _unfit(name, separator) or name[0] in QUOTES or name[-1] in QUOTES
+        if _unfit(name, separator) or name[0] in EXPORT_QUOTES or name[-1] in EXPORT_QUOTES
         else name
         for name in names
     )

@@ -27,19 +27,19 @@ from ....geodesy.rotation import (
     rotation_from_ypr,
 )
 from ....records import FramedOrientation
-from ....records.framed import GEOCENTRIC, KINDS
+from ....records.framed import FRAME_KINDS, GEOCENTRIC
 from ..text.numbers import finite, whole_rows
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
     ANGLE_UNITS,
     CAMERA_AXES,
+    COLUMN_GROUPS,
     DECIMALS,
-    DIRECTIONS,
     GIMBAL_CV,
     GROUP_OF,
-    GROUPS,
     NORTHS,
     OF_NORTH,
+    ROTATION_SENSES,
     Conventions,
     column_names,
     kind_of,
@@ -53,15 +53,15 @@ from .exported import comment_lines, quoted_names, table_text
 Array = NDArray[np.float64]
 
 DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
-HEADERS = ("full", "names", "none")
-DEFAULT = "image xyz opk s_xyz s_opk"
+HEADER_FORMS = ("full", "names", "none")
+DEFAULT_COLUMNS = "image xyz opk s_xyz s_opk"
 CHOICES: dict[str, Collection[str]] = {
     "length_unit": LENGTH_UNITS,
     "delimiter": DELIMITERS,
-    "header": HEADERS,
+    "header": HEADER_FORMS,
     "unit": ANGLE_UNITS,
     "camera_axes": CAMERA_AXES,
-    "attitude": DIRECTIONS,
+    "attitude": ROTATION_SENSES,
     "north": NORTHS,
 }
 ROTATIONS: dict[str, Callable[[Any], Array]] = {  # by groups of columns, the best first
@@ -76,12 +76,12 @@ MOST_DECIMALS = 12  # of a number: with three digits before the point all that a
 def write_generic_ascii(
     eo: FramedOrientation,
     path: Source,
-    columns: str | Sequence[str] = DEFAULT,
+    columns: str | Sequence[str] = DEFAULT_COLUMNS,
     delimiter: str = "blank",
     header: str = "full",
     unit: str = "deg",
     camera_axes: str = "RUB",
-    attitude: str = DIRECTIONS[0],
+    attitude: str = ROTATION_SENSES[0],
     north: str | None = None,
     decimals_m: int = 4,
     decimals_angle: int | None = None,
@@ -174,7 +174,8 @@ def _check_columns(eo: FramedOrientation, names: list[str], how: Conventions) ->
     unknown = [name for name in names if name != "image" and name not in GROUP_OF]
     if unknown:
         raise UsageError(
-            f"generic_ascii: column {unknown[0]!r} is unknown; groups are {', '.join(GROUPS)};"
+            f"generic_ascii: column {unknown[0]!r} is unknown; groups are "
+            f"{', '.join(COLUMN_GROUPS)};"
             f" columns image, {', '.join(GROUP_OF)}"
         )
     twice = [name for name in names if names.count(name) > 1]
@@ -184,7 +185,7 @@ def _check_columns(eo: FramedOrientation, names: list[str], how: Conventions) ->
             if twice
             else "generic_ascii: the template has no column image"
         )
-    plan = [name for name in names if name in GROUPS["s_plan"].columns]
+    plan = [name for name in names if name in COLUMN_GROUPS["s_plan"].columns]
     if plan and eo.frame.kind == GEOCENTRIC:
         raise UsageError(
             f"generic_ascii: {plan[0]} has no meaning in a {GEOCENTRIC} frame; take s_xyz"
@@ -263,7 +264,7 @@ class AsciiOrientation:
 
     def block(self, group: str) -> Array | None:
         """Return the columns (n, k) of a group, None where the table lacks any."""
-        names = GROUPS[group].columns
+        names = COLUMN_GROUPS[group].columns
         return (
             np.column_stack([self.columns[name] for name in names])
             if set(names) <= set(self.columns)
@@ -281,7 +282,7 @@ class AsciiOrientation:
         if given is None:
             return None
         R = ROTATIONS[given](groups[given])
-        if self.how.attitude != DIRECTIONS[0]:
+        if self.how.attitude != ROTATION_SENSES[0]:
             R = R.swapaxes(1, 2)
         return R @ CV_RUB if self.how.camera_axes == "RUB" else R
 
@@ -322,7 +323,7 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         message = f"length units {words['length units']!r} are unknown; export the table again"
         raise InputError.in_file(path, message) from None
     stated = {"unit": how.unit, "camera_axes": axes, "attitude": how.attitude, "north": how.north}
-    if kind not in KINDS or any(stated[option] not in CHOICES[option] for option in stated):
+    if kind not in FRAME_KINDS or any(stated[option] not in CHOICES[option] for option in stated):
         raise InputError.in_file(
             path, f"the header's conventions {kind!r}, {how} are unknown; export it again"
         )

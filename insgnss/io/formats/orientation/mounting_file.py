@@ -34,11 +34,11 @@ from ....records.cameras.mounting import (
 )
 
 VECTORS = ("antenna_m", "imu_m")
-VALUES = (*VECTORS, "antenna_sigma_m", "camera_from_body", "boresight", "boresight_deg")
+MOUNTING_VALUES = (*VECTORS, "antenna_sigma_m", "camera_from_body", "boresight", "boresight_deg")
 DELAY = "time_offset_s"
-KEYS: Mapping[str, tuple[str, ...]] = {
+MOUNTING_KEYS: Mapping[str, tuple[str, ...]] = {
     "": ("mounting", "camera", "calibration"),
-    "mounting": VALUES,
+    "mounting": MOUNTING_VALUES,
     "mounting.boresight_deg": ANGLE_SETS,
     "camera": (DELAY,),
     "calibration": (
@@ -370,7 +370,7 @@ def read_mounting_file(
     if not is_file(path):
         problem = "does not exist; give a mounting.toml of insgnss calibrate or insgnss adjust"
         raise InputError.in_file(path, problem)
-    root = read_toml(path, KEYS)
+    root = read_toml(path, MOUNTING_KEYS)
     root.check_keys()
     if not root.data:
         raise InputError.in_file(path, "is empty; a table [mounting] is expected")

@@ -13,7 +13,7 @@ from ....records.rows import covariance_of_rows
 from ..text.text import Source
 from .eo_covariance import opened_archive
 
-FILE = "poses_covariance.npz"
+POSES_COVARIANCE_FILE = "poses_covariance.npz"
 MATCHES = 0.02  # relative difference of a standard deviation from the table's, whose digits are few
 
 

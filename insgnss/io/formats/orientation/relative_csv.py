@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....base import __version__
 from ....geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
-from ....records.relative import FORMS, RelativeControl
+from ....records.relative import RELATIVE_FORMS, RelativeControl
 from ..text.columns import TableOut, TableSpec
 from ..text.numbers import whole_rows
 from ..text.order import refuse_rows
@@ -24,14 +24,16 @@ from .exported import quoted_names
 Array = NDArray[np.float64]
 
 WEIGHTINGS = ("smoothed", "independent", "gyro")
-AXES = ("x", "y", "z", "rx", "ry", "rz")
-OFFSET, QUATERNION = "dx dy dz", "qw qx qy qz"
-SIGMA = " ".join(f"sd_{axis}_{name}" for name in WEIGHTINGS for axis in AXES)
-COVARIANCE = " ".join(f"cov_{a}_{b}" for k, a in enumerate(AXES) for b in AXES[k:])
+POSE_AXES = ("x", "y", "z", "rx", "ry", "rz")
+RELATIVE_OFFSET, QUATERNION = "dx dy dz", "qw qx qy qz"
+RELATIVE_SIGMAS = " ".join(f"sd_{axis}_{name}" for name in WEIGHTINGS for axis in POSE_AXES)
+COVARIANCE = " ".join(f"cov_{a}_{b}" for k, a in enumerate(POSE_AXES) for b in POSE_AXES[k:])
 OUT = TableOut(
     "image_i image_j form line=%d dt_s=%.6f dx=%.5f dy=%.5f dz=%.5f qw=%.12f qx=%.12f qy=%.12f"
     " qz=%.12f "
-    + " ".join(f"{name}=%.{8 if name.startswith('sd_r') else 6}f" for name in SIGMA.split())
+    + " ".join(
+        f"{name}=%.{8 if name.startswith('sd_r') else 6}f" for name in RELATIVE_SIGMAS.split()
+    )
     + f" {COVARIANCE.replace(' ', '=%.9e ')}=%.9e"
 )
 SPEC = TableSpec.exactly(OUT.names, text=True)
@@ -177,9 +179,9 @@ def read_relative_csv(path: Source) -> RelativeTable:
     table = SPEC.read(path)
     forms = table.strings("form")
     for row, form in enumerate(forms):
-        if form not in FORMS or form != forms[0]:
+        if form not in RELATIVE_FORMS or form != forms[0]:
             raise table.error_at(
-                row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows"
+                row, f"form {form!r}; it is {' or '.join(RELATIVE_FORMS)}, the same in all rows"
             )
     q = table.block(QUATERNION)
     length = np.linalg.norm(q, axis=1)
@@ -188,13 +190,13 @@ def read_relative_csv(path: Source) -> RelativeTable:
     P = np.zeros((len(forms), 6, 6))
     row_of, column_of = np.triu_indices(6)
     P[:, row_of, column_of] = P[:, column_of, row_of] = table.block(COVARIANCE)
-    sigma = table.block(SIGMA).reshape(-1, 3, 6) / _DEGREES
+    sigma = table.block(RELATIVE_SIGMAS).reshape(-1, 3, 6) / _DEGREES
     return RelativeTable(
         forms[0],
         tuple(zip(table.strings("image_i"), table.strings("image_j"), strict=True)),
         whole_rows(table, table.floats("line"), "line"),
         table.floats("dt_s"),
-        table.block(OFFSET),
+        table.block(RELATIVE_OFFSET),
         rotation_from_quaternion(q / length[:, None]),
         {name: sigma[:, k] for k, name in enumerate(WEIGHTINGS)},
         P,

@@ -17,7 +17,7 @@ from ..text.text import Source, format_rows
 from .exported import check_choice, check_frame, comment_lines
 from .poses import unix_seconds
 
-SCALES = {
+TUM_STAMPS = {
     "tow": "seconds of the GPS week, GPST, going on past its end",
     "unix": "seconds since 1970, UTC",
 }
@@ -41,13 +41,13 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
         A frame that is not Cartesian, or another scale.
     """
     check_frame(eo, "tum")
-    check_choice("time", time, SCALES)
+    check_choice("time", time, TUM_STAMPS)
     seconds = eo.time if time == "tow" else unix_seconds(eo)
     order = np.argsort(seconds, kind="stable")
     table = np.column_stack([seconds, eo.coordinates, wxyz_last(eo.C_fc)])[order]
     head = comment_lines(
         eo,
-        f"time: {SCALES[time]}",
+        f"time: {TUM_STAMPS[time]}",
         "time tx ty tz qx qy qz qw: camera (x right, y down, z forward) to the frame's axes",
     )
     form = "%.6f %.6f %.6f %.6f %.10f %.10f %.10f %.10f\n"

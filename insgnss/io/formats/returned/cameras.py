@@ -32,9 +32,11 @@ from ..text.xml import read_xml
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
 KALIBR_KEYS = ("camera_model", "distortion_model", "intrinsics", "resolution", "distortion_coeffs")
-CENTRE_PX = 0.5  # of the first pixel from its outer corner, where a program counts from the centre
+CENTRE_SHIFT_PX = (
+    0.5  # of the first pixel from its outer corner, where a program counts from the centre
+)
 PERSPECTIVE = "Perspective"  # the model of a Bentley camera that is no fisheye
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
+CAMERA_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
 Cameras = tuple[BrownCamera, ...]
 
 
@@ -46,7 +48,7 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
     path : path
         The file, or a directory with a model of COLMAP.
     form : str
-        A key of `READERS`; "auto": what the contents show.
+        A key of `BY_FORMAT`; "auto": what the contents show.
 
     Returns
     -------
@@ -62,10 +64,10 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
     """
     path = Path(path) / "cameras.txt" if Path(path).is_dir() else Path(path)
     form = recognised_camera(path) if form == "auto" else form
-    if form not in READERS:
-        raise UsageError(f"cameras as {form!r}; {near(form, READERS)}")
+    if form not in BY_FORMAT:
+        raise UsageError(f"cameras as {form!r}; {near(form, BY_FORMAT)}")
     try:
-        cameras = READERS[form](path)
+        cameras = BY_FORMAT[form](path)
     except InputError as error:  # of the camera itself, which knows no file
         if str(path) in str(error):
             raise
@@ -105,17 +107,17 @@ def read_camera(path: Source) -> BrownCamera:
 
 
 def recognised_camera(path: Path) -> str:
-    """Return the format of a file of cameras, a key of `READERS`; InputError where it is none."""
+    """Return the format of a file of cameras, a key of `BY_FORMAT`; InputError where it is none."""
     if path.suffix.lower() in (".psx", ".psz"):
         return "metashape"
     if path.suffix.lower() == ".toml":
         return "toml"
     text = decode(first_bytes(path, CAMERA_HEAD_BYTES, "check the path of the camera"))
-    for form, pattern in HEADS.items():
+    for form, pattern in CAMERA_FILE_HEADS.items():
         if re.search(pattern, text, re.MULTILINE):
             return form
     raise InputError.in_file(
-        path, f"no calibrated camera is known here; read are {', '.join(READERS)}"
+        path, f"no calibrated camera is known here; read are {', '.join(BY_FORMAT)}"
     )
 
 
@@ -135,7 +137,7 @@ def _opencv_camera(
         raise InputError.in_file(
             path, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
         )
-    parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_PX, CENTRE_PX)).tolist())]
+    parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_SHIFT_PX, CENTRE_SHIFT_PX)).tolist())]
     model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
     parameters += map(repr, rational[:n].tolist())
     return _of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
@@ -151,7 +153,7 @@ def _of_words(path: Path, name: str, text: str) -> BrownCamera:
 
 
 def _numbers(path: Path, text: str, key: str) -> Array:
-    values = np.array([finite(word) for word in re.findall(NUMBER, text)])
+    values = np.array([finite(word) for word in re.findall(CAMERA_NUMBER, text)])
     if not values.size or not np.isfinite(values).all():
         raise InputError.in_file(path, f"{key} {shown(text)} has no numbers; export it again")
     return values
@@ -215,7 +217,7 @@ def _pix4d(path: Path) -> Cameras:
     cameras = []
     for name, body in zip(sections[::2], sections[1::2], strict=True):
         value = {key: finite(word) for key, word in re.findall(r"(?m)^(\w\w?) (\S+)\s*$", body)}
-        sensor = re.search(rf"sensor width of ({NUMBER})x({NUMBER})", body)
+        sensor = re.search(rf"sensor width of ({CAMERA_NUMBER})x({CAMERA_NUMBER})", body)
         if sensor is None or not {"F", "Px", "Py"} <= set(value):
             raise InputError.in_file(path, f"camera {name}: no F, Px, Py or sensor; copy again")
         width, height = _pix4d_size(path)
@@ -279,7 +281,7 @@ def _inpho(path: Path) -> Cameras:
         lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
         name = lines.get("TYPE", lines.get("ID", "")).strip() or f"camera {len(cameras) + 1}"
         distortion = " ".join(lines.get(k, "") for k in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
-        if any(finite(word) for word in re.findall(NUMBER, distortion)):
+        if any(finite(word) for word in re.findall(CAMERA_NUMBER, distortion)):
             raise InputError.in_file(
                 path, f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML"
             )
@@ -289,7 +291,7 @@ def _inpho(path: Path) -> Cameras:
         if A.size != 6 or ppa.size < 2:
             raise InputError.in_file(path, f"camera {shown(name)}: its matrix is not 2 x 3")
         A = A.reshape(2, 3)
-        cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_PX
+        cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_SHIFT_PX
         of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}
         of["b1"] = abs(A[0, 0]) * focal - of["f"]
         size = [whole(lines.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS")]
@@ -297,7 +299,7 @@ def _inpho(path: Path) -> Cameras:
     return tuple(cameras)
 
 
-READERS: Mapping[str, Callable[[Path], Cameras]] = {
+BY_FORMAT: Mapping[str, Callable[[Path], Cameras]] = {
     "toml": lambda path: (read_camera_toml(path),),
     "metashape": read_metashape_cameras,
     "opencv": _opencv,
@@ -310,7 +312,7 @@ READERS: Mapping[str, Callable[[Path], Cameras]] = {
     "dbat": read_dbat_cameras,
 }
 """Readers of calibrated cameras by the names of their formats."""
-HEADS = {
+CAMERA_FILE_HEADS = {
     "pix4d": r"Pix4D camera calibration file",
     "bentley": r"<BlocksExchange\b",
     "opencv": r"(?i)<opencv_storage\b|^camera_matrix:",

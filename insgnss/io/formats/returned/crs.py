@@ -19,8 +19,8 @@ from .poses import Array
 WGS84_A = 6378137.0  # half the longer axis of the ellipsoids of WGS 84 and GRS 80 (m)
 SAME_AXIS_M = 1.0  # difference up to which an ellipsoid is one of them: the nearest other has 2 m
 STEP_DEG = 1e-5  # northward way over which the direction of north in the map is measured: 1 m
-WGS84 = "World Geodetic System 1984"  # name of its datum, an ensemble as well
-LOCAL = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
+WGS84_NAME = "World Geodetic System 1984"  # name of its datum, an ensemble as well
+LOCAL_CRS = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
 
 
 def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
@@ -49,7 +49,7 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
     InputError
         A text that is no CRS.
     """
-    if not text or LOCAL.match(text):
+    if not text or LOCAL_CRS.match(text):
         return "", ""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
@@ -80,7 +80,7 @@ def kind_of_crs(crs: Any) -> tuple[str, str]:
     if parts[0].is_geocentric:
         return GEOCENTRIC, ""
     kind = PROJECTED if is_projected(parts[0]) else GEOGRAPHIC
-    if kind == GEOGRAPHIC and len(parts) == 1 and WGS84 in parts[0].datum.name:
+    if kind == GEOGRAPHIC and len(parts) == 1 and WGS84_NAME in parts[0].datum.name:
         return GEOGRAPHIC, ""
     codes = [piece.to_authority() for piece in parts]
     if all(code is not None and code[0] == "EPSG" for code in codes):

@@ -26,7 +26,7 @@ from ..text.text import Source, decoded
 from .crs import kind_of_wkt
 from .poses import ReturnedPoses, image_names
 
-CALIBRATED = "calibrated_cameras.json"
+CALIBRATED_CAMERAS = "calibrated_cameras.json"
 
 
 def read_odm_shots(path: Source) -> ReturnedPoses:
@@ -86,7 +86,7 @@ def read_opf(path: Source) -> ReturnedPoses:
         A file that is missing or damaged, or a camera that camera_list.json does not have.
     """
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
-    file, scene = folder / CALIBRATED, folder / "scene_reference_frame.json"
+    file, scene = folder / CALIBRATED_CAMERAS, folder / "scene_reference_frame.json"
     uris = {
         camera.get("id"): str(camera.get("uri"))
         for camera in _list(path, _document(folder / "camera_list.json"), "cameras")

@@ -34,7 +34,7 @@ from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
-DIRECTIONS = {
+BENTLEY_DIRECTIONS = {
     "RIGHT": (1.0, 0.0, 0.0),
     "LEFT": (-1.0, 0.0, 0.0),
     "DOWN": (0.0, 1.0, 0.0),
@@ -138,7 +138,7 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
 def _camera_axes(text: str, path: Source) -> Array:
     """Return the rotation (3, 3) of camera axes right, down, viewing direction into the named."""
     to_x, _, to_y = text.upper().removeprefix("X").partition("Y")
-    x, y = (np.array(DIRECTIONS.get(word, (0.0, 0.0, 0.0))) for word in (to_x, to_y))
+    x, y = (np.array(BENTLEY_DIRECTIONS.get(word, (0.0, 0.0, 0.0))) for word in (to_x, to_y))
     z = np.cross(x, y)
     if not z.any():
         raise InputError.in_file(path, f"CameraOrientation {shown(text)} is unknown")

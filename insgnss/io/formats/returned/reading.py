@@ -9,9 +9,9 @@ from ..blocks.colmap_model import PARTS
 from ..blocks.opensfm_model import reconstruction_in
 from ..exports import function_at
 from ..text.text import Source
-from .documents import CALIBRATED
+from .documents import CALIBRATED_CAMERAS
 from .poses import ReturnedPoses
-from .tables import CAMERA, EXTERNAL
+from .tables import EXTERNAL, PIX4D_CAMERA
 
 RETURNED: Mapping[str, str] = {
     "metashape_xml": "returned.projects:read_metashape_xml",
@@ -29,7 +29,7 @@ RETURNED: Mapping[str, str] = {
     "opf": "returned.documents:read_opf",
 }
 """Readers of adjusted poses; each takes a path and returns `ReturnedPoses`."""
-HEADS = {  # first bytes in lower case
+PROJECT_HEADS = {  # first bytes in lower case
     "bentley": r"<blocksexchange\b",
     "metashape_xml": r"\A\s*(<\?xml[^>]*>\s*)?<(document|chunk)\b",
     "metashape_opk_text": r"^#\s*photoid,\s*x,\s*y,\s*z,\s*omega",
@@ -65,16 +65,16 @@ def returned_form(path: Source, head: str) -> str:
             return "micmac_xml"
         if any((path / f"images{kind}").is_file() for kind in (".txt", ".bin")):
             return "colmap"
-        if (path / CALIBRATED).is_file():
+        if (path / CALIBRATED_CAMERAS).is_file():
             return "opf"
         return "" if reconstruction_in(path) is None else "opensfm"
     if path.suffix.lower() in (".psx", ".psz"):
         return "metashape_xml"
-    for form, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", CAMERA)):
+    for form, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", PIX4D_CAMERA)):
         if path.name.endswith(f"{ending}.txt"):
             return form
     text = head.lower()
-    for form, pattern in HEADS.items():
+    for form, pattern in PROJECT_HEADS.items():
         flags = re.MULTILINE | (re.DOTALL if form in ("opensfm", "odm_shots") else 0)
         if re.search(pattern, text, flags):
             return form

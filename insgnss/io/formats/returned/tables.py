@@ -38,7 +38,7 @@ SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
 ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies
 PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
-EXTERNAL, CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
+EXTERNAL, PIX4D_CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
 FAR_M = 1e4  # positions without offset lie nearer to zero than this
 
 
@@ -294,7 +294,7 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
     images = image_names(names, path)
     R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
     position = np.reshape(centre, (-1, 3))
-    offset, kind, crs, notes = _beside_pix4d(path, CAMERA, position)
+    offset, kind, crs, notes = _beside_pix4d(path, PIX4D_CAMERA, position)
     return ReturnedPoses(images, position + offset, R.swapaxes(1, 2), kind, crs, notes=notes)
 
 

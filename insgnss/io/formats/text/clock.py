@@ -9,7 +9,7 @@ from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
 from .order import Lines, refuse_rows
 from .stamps import on_one_clock
-from .units import UNITS, split_unit, unit_factor
+from .units import SENSOR_SCALES, split_unit, unit_factor
 
 
 def check_increasing(lines: Lines, time: Array) -> None:
@@ -63,7 +63,7 @@ def gps_time(
         time = unwrap_week(seconds)
     message = (
         f"time {{:.3f}} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the column and units"
-        f" = {{{{ time = ... }}}} ({', '.join(UNITS['time'])}), or convert the clock"
+        f" = {{{{ time = ... }}}} ({', '.join(SENSOR_SCALES['time'])}), or convert the clock"
     )
     refuse_rows(lines, (seconds < 0.0) | (seconds > 2.0 * WEEK_S), message, seconds)
     return time, gps_week

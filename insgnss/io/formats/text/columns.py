@@ -20,7 +20,7 @@ from ....base.files import atomic_write
 from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
-from .dates import UNIT as DATES_UNIT
+from .dates import UNIX as DATES_UNIT
 from .direct import Rows
 from .headers import KIND_OF, SENSORS, Kinds, Settled, names_of, normalised, settled_units
 from .layout import Layout, shown

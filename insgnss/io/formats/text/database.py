@@ -13,7 +13,7 @@ from ....base.errors import InputError
 from ....base.inputs import opened
 
 FILE_HEAD = b"SQLite format 3\0"
-COLUMNS = (
+COLUMNS_QUERY = (
     "SELECT t.name, t.type, MAX(c.hidden) FROM pragma_table_list AS t, pragma_table_xinfo(t.name)"
     " AS c WHERE t.schema = 'main' GROUP BY t.name"
 )
@@ -80,7 +80,7 @@ def opened_database(
             connection.set_progress_handler(exhausted, INSTRUCTIONS_AT_A_TIME)
             connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(size, LONGEST_VALUE_BYTES))
             connection.execute("PRAGMA trusted_schema = OFF")
-            for name, sort, hidden in connection.execute(COLUMNS).fetchall():
+            for name, sort, hidden in connection.execute(COLUMNS_QUERY).fetchall():
                 if str(name).lower() in tables and (sort != "table" or hidden):
                     fault = "a table with columns that are computed" if hidden > 1 else f"a {sort}"
                     raise ValueError(f"{name} is {fault}, not a plain table")

@@ -18,7 +18,7 @@ _DATE = re.compile(
     r"(?:([-_/.:,])(\d{1,9}))?Z?\"?",
     re.ASCII,
 )
-UNIT = "unix"  # of the clock that dates become
+UNIX = "unix"  # of the clock that dates become
 PARTS_S = {3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the number of digits, at most
 
 

@@ -18,12 +18,12 @@ from typing import NamedTuple
 from ....base.errors import InputError, UsageError
 from ....records import Finding
 from .order import note
-from .units import UNITS, factor_of, unit_factor, unit_name
+from .units import SENSOR_SCALES, factor_of, unit_factor, unit_name
 
 Kinds = Mapping[str, tuple[str, ...]]
 
 TIME_UNITS = ("s", "ms", "us", "ns")
-TIME_FACTORS = {unit: UNITS["time"][unit] for unit in TIME_UNITS}
+TIME_FACTORS = {unit: SENSOR_SCALES["time"][unit] for unit in TIME_UNITS}
 SENSORS = ("gyro", "accel")
 KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
 _OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3]))_?([a-z°µ].*)")
@@ -90,7 +90,7 @@ def without_unit(field: str, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
         normalised(text)[0] for text in (field, re.sub(r"(?<=[a-z\d])(?=[A-Z])", "_", field))
     )
     for kind in kinds:
-        units = TIME_UNITS if kind == "time" else UNITS[kind]
+        units = TIME_UNITS if kind == "time" else SENSOR_SCALES[kind]
         for head in dict.fromkeys((plain, humped)):
             for stem, tail in _cuts(head, kind):
                 spelled = unit_name(re.sub(r"_(per_)?", "/", re.sub(r"_(\d)$", r"\1", tail)))
@@ -163,7 +163,7 @@ def agreed_unit(
         units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
         message = (
             f"the header gives the unit {units} for {names}, which is none of"
-            f" {', '.join(UNITS[kind])} for them all; set units"
+            f" {', '.join(SENSOR_SCALES[kind])} for them all; set units"
         )
         raise InputError.at_line(path, line, message)
     return stated[0] if stated else None
@@ -217,7 +217,7 @@ def settled_units(
     for key, names in columns.items():
         kind, unit = (kinds or KIND_OF).get(key, key), requested.get(key)
         stated = unit or agreed_unit(path, line, names, fields[key], kind)
-        units[key] = stated or next(iter(UNITS[kind]))
+        units[key] = stated or next(iter(SENSOR_SCALES[kind]))
         try:
             factors[key] = unit_factor(units[key], kind)
         except UsageError as refusal:

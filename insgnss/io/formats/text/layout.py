@@ -48,7 +48,7 @@ SMALLEST_PRECISE = 1e-280  # of a number with all its digits, as in tables; thos
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
-_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
+_COLUMN_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 _DELIMITERS = ("\t", ";", ",", None)
 
 
@@ -236,7 +236,7 @@ def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str
     if len(text) > LONGEST_HEADER:
         return None
     for sign in dict.fromkeys((delimiter, ",", ";", "\t", None)):
-        fields = _NAME.findall(text) if sign is None else split_fields(text, sign)
+        fields = _COLUMN_NAME.findall(text) if sign is None else split_fields(text, sign)
         if len(fields) == n_fields:
             return tuple(fields)
     return None

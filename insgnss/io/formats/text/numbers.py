@@ -17,7 +17,7 @@ from .layout import float_of, shown
 from .order import Lines, refuse_rows
 from .text import Array
 
-LARGEST_COORDINATE = 1e12  # of a place (m) or a turn (rad): far beyond any that is real
+LARGEST_NUMBER_READ = 1e12  # of a place (m) or a turn (rad): far beyond any that is real
 PLAIN = "write a plain decimal number, such as -1.5e-4"
 LARGEST_EXACT_INTEGER = 2**53  # whole numbers beyond it are not exact as a float
 
@@ -58,8 +58,8 @@ def array_of(value: Any, shape: tuple[int, ...]) -> Array | None:
 def vector_of(path: object, document: Mapping[str, Any], key: str, who: str = "") -> Array:
     """Return the three numbers of a member of JSON; InputError says `who` has others."""
     vector = array_of(document.get(key), (3,))
-    if vector is None or not (np.abs(vector) < LARGEST_COORDINATE).all():
-        problem = f"{who}{key} is not three numbers below {LARGEST_COORDINATE:g}"
+    if vector is None or not (np.abs(vector) < LARGEST_NUMBER_READ).all():
+        problem = f"{who}{key} is not three numbers below {LARGEST_NUMBER_READ:g}"
         text = shown(str(document.get(key)))
         raise InputError.in_file(path, f"{problem}: {text}; export it again")
     return vector

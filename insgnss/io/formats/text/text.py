@@ -38,7 +38,7 @@ from .pieces import FileBytes, shrunk
 
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
-_PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
+_PLAIN_FORMAT = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
 AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault in which its line is looked for
 TRUNCATED = "truncated: the file ends within this line; copy it again or delete the line"
 PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
@@ -422,7 +422,7 @@ def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
     Large tables of plain numbers, such as "%d,%.6f,%.3f", are printed by a kernel, to the same
     bytes.
     """
-    plain = _PLAIN.fullmatch(form)
+    plain = _PLAIN_FORMAT.fullmatch(form)
     if plain is None or table.size < PRINT_FROM or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         for first in range(0, len(table), chunk):
             block = table[first : first + chunk]

@@ -15,7 +15,7 @@ from ....base.errors import UsageError
 from ....base.units import DEG, STANDARD_GRAVITY
 from .layout import shown
 
-UNITS: dict[str, dict[str, float]] = {
+SENSOR_SCALES: dict[str, dict[str, float]] = {
     "gyro": {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0},
     "accel": {
         "m/s^2": 1.0,
@@ -40,11 +40,11 @@ UNITS: dict[str, dict[str, float]] = {
         **{"unix": 1.0, "unix_ms": 1e-3, "unix_us": 1e-6, "unix_ns": 1e-9, "gps": 1.0},
     },
 }
-_NUMBER = re.compile(
+_NUMBER_AND_UNIT = re.compile(
     r"(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?(?:\s*[*])?(.*)",
     re.DOTALL | re.ASCII,
 )
-_SPELLED = {
+_SPELLED_UNITS = {
     "deg/s": "degs-1 degps degpers degpersec deg/sec deg/second degrees/s degrees/sec"
     " degrees/second dps °/s",
     "rad/s": "rads-1 radps radpers radpersec rad/sec rad/second radians/s radians/sec"
@@ -63,7 +63,7 @@ _SPELLED = {
     "us": "usec µs microsecond microseconds",
     "ns": "nsec nsecs nanosecond nanoseconds",
 }
-_SPELLINGS = {name: unit for unit, names in _SPELLED.items() for name in names.split()}
+_SPELLINGS = {name: unit for unit, names in _SPELLED_UNITS.items() for name in names.split()}
 _RAISED = str.maketrans("⁻¹²", "-12")
 
 
@@ -75,7 +75,7 @@ def unit_name(unit: str) -> str:
 
 def split_unit(text: str) -> tuple[float, str]:
     """Return the number before a unit (1 without one), and the unit in one spelling."""
-    match = _NUMBER.fullmatch(text.strip())
+    match = _NUMBER_AND_UNIT.fullmatch(text.strip())
     number, unit = match.groups() if match else (None, text)
     return (1.0 if number is None else float(number)), unit_name(unit)
 
@@ -88,7 +88,7 @@ def unit_factor(text: str, kind: str) -> float:
     text : str
         The unit, which a number may precede.
     kind : str
-        One of the keys of `UNITS`.
+        One of the keys of `SENSOR_SCALES`.
 
     Raises
     ------
@@ -96,10 +96,13 @@ def unit_factor(text: str, kind: str) -> float:
         What is no such unit, or a number that is not positive.
     """
     number, unit = split_unit(text)
-    factor = next((factor for name, factor in UNITS[kind].items() if unit_name(name) == unit), None)
+    factor = next(
+        (factor for name, factor in SENSOR_SCALES[kind].items() if unit_name(name) == unit), None
+    )
     if factor is None:
         raise UsageError(
-            f"{shown(text)} is none of {', '.join(UNITS[kind])}, with or without a number before it"
+            f"{shown(text)} is none of {', '.join(SENSOR_SCALES[kind])}, with or without a "
+            "number before it"
             " (of one count: 0.05 deg/s)"
         )
     if not 0.0 < number * factor < math.inf:
@@ -123,12 +126,14 @@ def factor_of(unit: str, kinds: Sequence[str]) -> float | None:
 
 
 def usual_unit(text: str, kind: str) -> str:
-    """Return the unit `text` as `UNITS` spells it.
+    """Return the unit `text` as `SENSOR_SCALES` spells it.
 
     It stays as it stands with a number before it, and where it is none of the kind.
     """
     number, unit = split_unit(text)
-    return next((name for name in UNITS[kind] if number == 1.0 and unit_name(name) == unit), text)
+    return next(
+        (name for name in SENSOR_SCALES[kind] if number == 1.0 and unit_name(name) == unit), text
+    )
 
 
 def imu_kinds(quantity: str) -> tuple[str, str]:

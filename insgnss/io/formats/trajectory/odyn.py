@@ -20,8 +20,10 @@ from ..text.columns import TableSpec
 from ..text.order import refuse_rows
 from ..text.text import Source
 
-POSE = "tow lat lon h qw qx qy qz"
-SPEC = TableSpec({name: name for name in POSE.split()} | TIME, POSE, (POSE,))
+ODYN_COLUMNS = "tow lat lon h qw qx qy qz"
+SPEC = TableSpec(
+    {name: name for name in ODYN_COLUMNS.split()} | TIME, ODYN_COLUMNS, (ODYN_COLUMNS,)
+)
 NORM_LIMIT = 1e-3  # by which a quaternion's length may differ from 1: rounding to three decimals
 
 

@@ -23,7 +23,7 @@ from ....base.files import atomic_write
 from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
 from ....records import Array, GnssFixes, Trajectory
 from ....records.interpolation import columns_at
-from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from ..gnss.fixes import FIX_SIGMAS, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ..orientation.exported import angle_sigma
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import check_increasing
@@ -179,7 +179,7 @@ def read_gnss_sbet(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
     cols |= dict(zip(("vn", "ve", "vd"), sbet.velocity_ned.T, strict=True))
     if (beside := smrmsg_beside(path)) is not None:
         sigma = _sigma_at(beside, sbet.time)
-        cols |= dict(zip((*SIGMA, *VELOCITY_SIGMA), sigma[:, :6].T, strict=True))
+        cols |= dict(zip((*FIX_SIGMAS, *VELOCITY_SIGMA), sigma[:, :6].T, strict=True))
     elif options.sigma_m is not None and options.sigma_velocity is None:
         cols = {name: column for name, column in cols.items() if name not in ("vn", "ve", "vd")}
     return fixes_from_columns(cols, NumberedRows(str(path), "record"), FixScales(), options)

@@ -14,7 +14,7 @@ from ..text.layout import shown
 from ..text.text import Source
 
 SIGMAS, CORRELATIONS = "sigma_x sigma_y sigma_z", ("corr_xy", "corr_xz", "corr_yz")
-POSITION = f"x y z {SIGMAS}"
+TARGET_COLUMNS = f"x y z {SIGMAS}"
 SPEC = TableSpec(
     {
         "image": IN_IMAGE["image"],
@@ -22,8 +22,8 @@ SPEC = TableSpec(
         **PLACES,
         **{name: f"{name} {name.replace('corr', 'rho')}" for name in CORRELATIONS},
     },
-    required=POSITION,
-    layouts=(f"image {POSITION}", f"week tow {POSITION}"),
+    required=TARGET_COLUMNS,
+    layouts=(f"image {TARGET_COLUMNS}", f"week tow {TARGET_COLUMNS}"),
     text=True,
     strict=f"{METRES} s 1",
 )

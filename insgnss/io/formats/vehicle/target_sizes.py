@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....records import Array
-from ..blocks.image_points import PIXELS
+from ..blocks.image_points import PIXEL_UNITS
 from ..names import IN_IMAGE
 from ..orientation.exported import quoted_names
 from ..text.columns import Columns, TableOut, TableSpec
@@ -24,7 +24,7 @@ SPEC = TableSpec(
     required=OUT.names,
     layouts=(OUT.names,),
     text=True,
-    strict=PIXELS,
+    strict=PIXEL_UNITS,
 )
 
 

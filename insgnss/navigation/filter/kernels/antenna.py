@@ -6,15 +6,15 @@ from ..codes import (
     ACCEL0,
     AIDING_ERROR,
     BIAS,
-    DRIFT,
+    DRIFT_CODE,
     IMU0,
-    OF_VELOCITY,
     PSI0,
     PX,
     PY,
     PZ,
     QUAT,
     VEL0,
+    VELOCITY_CODE,
     VX,
     VY,
     VZ,
@@ -121,7 +121,7 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
             u = 0.0
         elif f == BIAS:
             u = 1.0
-        elif f == DRIFT:
+        elif f == DRIFT_CODE:
             u = elapsed
         else:
             u = rate[f]
@@ -268,7 +268,7 @@ def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
             H[r, IMU0 + model.offset] = acceleration[r]
             if model.rate >= 0:
                 H[r, IMU0 + model.rate] = elapsed * acceleration[r]
-    first = model.gm[OF_VELOCITY]
+    first = model.gm[VELOCITY_CODE]
     if first >= 0:
         for r in range(3):
             nu[r, 0] -= x[first + r]

@@ -22,7 +22,7 @@ import numpy as np
 
 from ....base.compilation import njit
 
-PACKAGE, MODULE = "scipy.linalg", "scipy.linalg.cython_blas"
+BLAS_PACKAGE, BLAS_MODULE = "scipy.linalg", "scipy.linalg.cython_blas"
 
 
 @njit(cache=True)
@@ -59,23 +59,23 @@ def link_blas() -> bool:
     bool
         Whether that was done; not where the package is imported already, or not to be found.
     """
-    if PACKAGE in sys.modules:
+    if BLAS_PACKAGE in sys.modules:
         return False
     with suppress(Exception):
         scipy = find_spec("scipy")
         if scipy is None or not scipy.submodule_search_locations:
             return False
         folders = [str(Path(each) / "linalg") for each in scipy.submodule_search_locations]
-        spec = PathFinder.find_spec(MODULE, folders)
+        spec = PathFinder.find_spec(BLAS_MODULE, folders)
         if spec is None or spec.loader is None:
             return False
         module = module_from_spec(spec)
-        sys.modules[MODULE] = module
+        sys.modules[BLAS_MODULE] = module
         try:
             spec.loader.exec_module(module)
             _multiply()
         finally:
-            del sys.modules[MODULE]
+            del sys.modules[BLAS_MODULE]
         return True
     return False
 

@@ -51,7 +51,7 @@ from ..codes import (
     AY,
     AZ,
     BIAS,
-    DRIFT,
+    DRIFT_CODE,
     IMU0,
     N_CHANNELS,
     N_NAV,
@@ -363,7 +363,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
             work.weight[s] = 1.0
             work.bias[0, c] += x[s]
             work.bias[1, c] += x[s] * work.decay[s]
-        elif f == DRIFT:
+        elif f == DRIFT_CODE:
             work.weight[s] = elapsed + 0.5 * B
             work.bias[0, c] += x[s] * elapsed
             work.bias[1, c] += x[s] * (elapsed + B)

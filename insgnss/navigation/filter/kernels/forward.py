@@ -4,15 +4,15 @@ import numpy as np
 
 from ....base.compilation import njit
 from ..codes import (
-    ABSENT,
     AX,
     AY,
     AZ,
     COVARIANCE_RESET,
     IMU0,
     N_NAV,
+    NO_SENSOR,
     NOT_MEASURED,
-    POSITION,
+    POSITION_ROW,
     REJECTED,
     USED,
     VEL0,
@@ -110,7 +110,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
                 add_gap_noise(W[0], work.column, work.last_block[0], epochs.gap[e])
             if epochs.bias_step[e, 0] > 0.0:
                 add_bias_step(Qbb[0], model, epochs.bias_step[e])
-            if history.outage[e] != ABSENT:
+            if history.outage[e] != NO_SENSOR:
                 copy_matrix(W[0], history.W[history.outage[e]])
                 copy_vector(Qbb[0], history.Qbb[history.outage[e]])
             predict_covariance(P, F, D, W[0], Qbb[0], X, nine)
@@ -135,7 +135,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
         for kind in range(history.slot.size):
             history.verdict[e, kind] = NOT_MEASURED
             b = history.slot[kind]
-            if b == ABSENT:
+            if b == NO_SENSOR:
                 continue
             if not measured_triple(
                 kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple
@@ -149,10 +149,10 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
             for i in range(3):
                 history.innovation[e, b + i] = innovation[0, i]
                 history.innovation_sigma[e, b + i] = innovation[1, i]
-            withheld = kind == POSITION and epochs.withheld[e]
+            withheld = kind == POSITION_ROW and epochs.withheld[e]
             if nis > options.gate[kind] or withheld:
                 history.verdict[e, kind] = REJECTED
-                if kind != POSITION or withheld:
+                if kind != POSITION_ROW or withheld:
                     continue
                 if np.isnan(rejected_since):
                     rejected_since = epochs.time[e]
@@ -165,7 +165,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
                 history.verdict[e, kind] = USED
                 if nis > options.huber_threshold:
                     R *= nis / options.huber_threshold
-            if kind == POSITION:
+            if kind == POSITION_ROW:
                 rejected_since = np.nan
             cholesky(R, L)
             forward_solve3(L, H)
@@ -184,7 +184,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
         copy_matrix(P, history.P[row])
         for k in range(N_NAV):
             history.sigma[e, k] = np.sqrt(P[k, k])
-        if epochs.event[e] != ABSENT:
+        if epochs.event[e] != NO_SENSOR:
             copy_matrix(cross, history.cross[epochs.event[e]])
             copy_matrix(P[:N_NAV], cross)
             track_cross = True

@@ -8,22 +8,22 @@ from ..codes import (
     AX,
     AY,
     AZ,
-    BAROMETER,
+    BAROMETER_ROW,
     IMU0,
     N_KINDS,
     N_NAV,
     NO_CONSTRAINT,
     OF_BIAS,
     OF_STATES,
-    OF_VELOCITY,
-    POSITION,
+    POSITION_ROW,
     PX,
     PY,
     PZ,
     QUAT,
     VEL0,
-    VELOCITY,
+    VELOCITY_CODE,
     VELOCITY_CONSTRAINT,
+    VELOCITY_ROW,
     VX,
     VY,
     VZ,
@@ -247,7 +247,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         Whether the epoch measures this kind.
     """
     R = triple.R
-    if kind == POSITION:
+    if kind == POSITION_ROW:
         if not epochs.has_position[e]:
             return False
         if model.offset >= 0:
@@ -256,14 +256,14 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         z, sigma = epochs.position[e], epochs.sigma[e]
         position_rows(nav, x, epochs.time[e], lever_b, model, acceleration, z, sigma, group, triple)
         take_scaled(epochs.position_cov[e], model.white_scale[group], R)
-    elif kind == VELOCITY:
+    elif kind == VELOCITY_ROW:
         if not epochs.has_velocity[e]:
             return False
         body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
         velocity_rows(
             nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple
         )
-        take_scaled(epochs.velocity_cov[e], model.white_scale[OF_VELOCITY], R)
+        take_scaled(epochs.velocity_cov[e], model.white_scale[VELOCITY_CODE], R)
     elif kind == VELOCITY_CONSTRAINT:
         if epochs.constraint[e] == NO_CONSTRAINT:
             return False
@@ -280,7 +280,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         R[:] = 0.0
         for i in range(3):
             R[i, i] = epochs.zaru_variance[e]
-    elif kind == BAROMETER:
+    elif kind == BAROMETER_ROW:
         if epochs.barometer_variance[e] == 0.0:
             return False
         barometer_rows(nav, x, model, earth, epochs.barometer_height[e], triple)

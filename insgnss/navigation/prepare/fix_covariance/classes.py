@@ -108,12 +108,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ....geodesy.frames import geodetic_to_ecef, rotation_en
 from ....records import Array, Finding, GnssFixes, Question
-from .numbers import CLASSES, MEASURED, CalibrationNumbers
+from .numbers import FIX_CLASSES, MEASURED, CalibrationNumbers
 
 Index = NDArray[np.int64]
 
-# indices of `CLASSES`
-FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
+# indices of `FIX_CLASSES`
+FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(len(FIX_CLASSES))
 VALIDATED = (FIXED, DEGRADED)
 # RTKLIB's 0 to 7; of what is unknown the largest
 CLASS_OF_QUALITY = SINGLE, FIXED, FLOAT, SBAS, DGPS, SINGLE, PPP, SINGLE
@@ -183,7 +183,7 @@ def calibrate(
         The fixes with calibrated covariances, those that are not validated with quality 2 (float),
         and a note of how many these are.
     kind : ndarray of int, shape (n,)
-        The class of each fix, as its index in `CLASSES`.
+        The class of each fix, as its index in `FIX_CLASSES`.
     """
     quality = np.zeros(fixes.time.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     fixed = quality == 1
@@ -272,7 +272,7 @@ def outliers(
 def classes(
     time: Array, quality: Index, satellites: ArrayLike | None, model: CalibrationNumbers = MEASURED
 ) -> Index:
-    """Return the class (n,) of each epoch by (V.2), as its index in `CLASSES`.
+    """Return the class (n,) of each epoch by (V.2), as its index in `FIX_CLASSES`.
 
     Parameters
     ----------
@@ -374,8 +374,8 @@ def scaled(
 
     None is smaller than what the engine can write.
     """
-    k = np.array([model.scale[name] for name in CLASSES])[kind]
-    floor = np.array([model.floor_m[name] for name in CLASSES])[kind]
+    k = np.array([model.scale[name] for name in FIX_CLASSES])[kind]
+    floor = np.array([model.floor_m[name] for name in FIX_CLASSES])[kind]
     added = (
         floor**2
         + (1e-6 * np.asarray(distance_m, dtype=np.float64)[:, None] * np.array(model.ppm)) ** 2

@@ -9,11 +9,13 @@ from ....base.errors import InputError
 from ....base.findings.remedies import joined
 from ....records import GnssFixes
 from .classes import base_distance, calibrate
-from .numbers import CALIBRATED, CLASSES, MEASURED, CalibrationNumbers, Triple
+from .numbers import CALIBRATED_ORIGIN, FIX_CLASSES, MEASURED, CalibrationNumbers, Triple
 from .quality import with_floors, without_worthless
 from .rounding import with_rounding
 
-ADVICE = "gnss.calibrate_covariance = false leaves the standard deviations as the file has them"
+KEEP_SIGMAS = (
+    "gnss.calibrate_covariance = false leaves the standard deviations as the file has them"
+)
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def decide(fixes: GnssFixes, rules: CovarianceRules) -> tuple[GnssFixes, str]:
         fixes, counts = with_calibration(fixes, rules.numbers, rules.required)
         acted += [f"calibrated by class ({_classes(counts, rules.numbers)})"] if counts else []
     if len(acted) > 1 or rules.ppk is not None:
-        fixes = replace(fixes, source_format=CALIBRATED)
+        fixes = replace(fixes, source_format=CALIBRATED_ORIGIN)
     floored = with_floors(fixes, rules.floors)
     raised = _enlarged(fixes, floored)
     kept = without_worthless(floored)
@@ -119,8 +121,8 @@ def with_calibration(
     distance = base_distance(fixes, fixes.base_ecef)
     calibrated, kind = calibrate(fixes, satellites, distance, None, numbers)
     *before, last = calibrated.notes
-    last = replace(last, remedy=joined((last.remedy, ADVICE), "; ") if last.remedy else "")
-    counts = {name: int((kind == k).sum()) for k, name in enumerate(CLASSES)}
+    last = replace(last, remedy=joined((last.remedy, KEEP_SIGMAS), "; ") if last.remedy else "")
+    counts = {name: int((kind == k).sum()) for k, name in enumerate(FIX_CLASSES)}
     return replace(calibrated, notes=(*before, last)), counts
 
 

@@ -21,7 +21,7 @@ _OF_CLASS: dict[str, tuple[Triple, Triple]] = {
     "single": ((5.0, 5.0, 5.0), (2.0, 2.0, 4.0)),
     "ppp": ((3.0, 3.0, 3.0), (0.05, 0.05, 0.1)),
 }
-CLASSES = tuple(_OF_CLASS)
+FIX_CLASSES = tuple(_OF_CLASS)
 QUALITY_SIGMA_M: dict[str, Triple] = {
     "float": (0.3, 0.3, 0.6),
     "sbas": (0.3, 0.3, 0.6),
@@ -34,11 +34,11 @@ STATIONARY_SIGMA_M: Triple = (0.1, 0.1, 0.1)
 UNKNOWN_SIGMA_M: Triple = (10.0, 10.0, 20.0)
 """m, of an epoch of PPK whose covariance the engine did not estimate."""
 
-CALIBRATED = "calibrated"
+CALIBRATED_ORIGIN = "calibrated"
 """`GnssFixes.source_format` of fixes whose covariances are calibrated by class."""
 CLAIMED_SCALE: Mapping[str, tuple[float, float]] = {
     # squares of 0.17 to 1.5 in the table of `classes`; right sigmas times 0.75 have 1.33
-    CALIBRATED: (-0.15, 0.35),
+    CALIBRATED_ORIGIN: (-0.15, 0.35),
     # squares of 0.36 to 0.53 with the engine's own sigmas there; also of Emlid, whose engine it is
     "rtklib_pos": (-0.4, 0.35),
     # of a u-blox as a rule, whose estimate is one number for open sky and for town; chosen
@@ -50,7 +50,7 @@ CLAIMED_SCALE: Mapping[str, tuple[float, float]] = {
     "": (0.0, 0.2),
 }
 """Prior of log k, k the factor that makes claimed sigmas right: mean and width by format."""
-WIDTHS = 2.0  # of the prior, within which 95 % of flights are: nothing to say
+WIDE_FACTOR = 2.0  # of the prior, within which 95 % of flights are: nothing to say
 
 
 def largest_usual_scale(source_format: str) -> float:
@@ -67,11 +67,11 @@ def largest_usual_scale(source_format: str) -> float:
     Returns
     -------
     float
-        The factor that lies `WIDTHS` widths above the mean of the prior of its logarithm, at least
-        1: sigmas that are right are nothing to say.
+        The factor that lies `WIDE_FACTOR` widths above the mean of the prior of its logarithm, at
+        least 1: sigmas that are right are nothing to say.
     """
     mean, width = CLAIMED_SCALE.get(source_format, CLAIMED_SCALE[""])
-    return max(1.0, math.exp(mean + WIDTHS * width))
+    return max(1.0, math.exp(mean + WIDE_FACTOR * width))
 
 
 def _by_class(column: int) -> dict[str, Triple]:

@@ -101,13 +101,15 @@ def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
     UsageError
         For an unknown parameter, and for one given twice.
     """
-    from ....navigation.innovations.innovation_noise import DEFAULT
-    from ....navigation.innovations.likelihood import IMU, one_factor_each
+    from ....navigation.innovations.innovation_noise import ESTIMATED_BY_DEFAULT
+    from ....navigation.innovations.likelihood import IMU_PARAMETERS, one_factor_each
 
-    chosen = tuple(dict.fromkeys(parameters or DEFAULT))
+    chosen = tuple(dict.fromkeys(parameters or ESTIMATED_BY_DEFAULT))
     for name in chosen:
-        if name not in IMU:
-            raise UsageError(f"noise parameter {name!r} is unknown; use some of {', '.join(IMU)}")
+        if name not in IMU_PARAMETERS:
+            raise UsageError(
+                f"noise parameter {name!r} is unknown; use some of {', '.join(IMU_PARAMETERS)}"
+            )
     one_factor_each(chosen)
     return chosen
 
@@ -224,9 +226,9 @@ def _estimated(
 
 def _rejections(solved: "list[Segment]") -> tuple[int, int]:
     """Fixes offered, and those rejected or used only after a covariance reset."""
-    from ....navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
+    from ....navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION_ROW, REJECTED
 
-    verdict = np.concatenate([segment.solution.verdict[:, POSITION] for segment in solved])
+    verdict = np.concatenate([segment.solution.verdict[:, POSITION_ROW] for segment in solved])
     return int(np.count_nonzero(verdict != NOT_MEASURED)), int(
         np.isin(verdict, (REJECTED, COVARIANCE_RESET)).sum()
     )

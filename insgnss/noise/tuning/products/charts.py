@@ -8,7 +8,7 @@ from ....report.figures.noise import NoisePanel, Sensor, noise_chart, process_la
 from ...estimation.goodness import p_text
 from ...moments.theory import haar_variance, haar_variance_parts
 from ...processes.composition import GAUSS_MARKOV, NoiseTerm
-from ..recordings import AXES, StaticRecording
+from ..recordings import SENSOR_AXES, StaticRecording
 from .words import goodness_p
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
 def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     curves = [r.curves[t.sensor, k] for k in t.axes for r in recordings]
     labels = [
-        f"{r.name} {AXES[k]}" if len(t.axes) > 1 else r.name for k in t.axes for r in recordings
+        f"{r.name} {SENSOR_AXES[k]}" if len(t.axes) > 1 else r.name
+        for k in t.axes
+        for r in recordings
     ]
     longest = max(curves, key=lambda curve: float(curve.scale_s[-1]))
     axis, rate, sampling = t.kept.axis, longest.rate_hz, t.kept.sampling

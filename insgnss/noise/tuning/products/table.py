@@ -4,10 +4,10 @@ import math
 
 from ....base.units import parse_unit
 from ...estimation.estimates import Estimate
-from ...processes.composition import TIME, NoiseTerm
+from ...processes.composition import CORRELATION_TIME, NoiseTerm
 
 # unit and power of ten of each parameter, as people print them
-PRINTED = {
+PRINTED_UNITS = {
     "gyro": {
         "white_noise": ("deg/h/sqrt(Hz)", 0),
         "correlation_time": ("s", 0),
@@ -39,13 +39,13 @@ SYMBOL = {
 
 def printed(sensor: str, kind: str, value: float) -> float:
     """`value`, SI, in the printed unit of a kind of parameter."""
-    unit, power = PRINTED[sensor][kind]
+    unit, power = PRINTED_UNITS[sensor][kind]
     return value / parse_unit(unit).scale / 10.0**power
 
 
 def unit_text(sensor: str, kind: str) -> str:
     """The printed unit, with its power of ten."""
-    unit, power = PRINTED[sensor][kind]
+    unit, power = PRINTED_UNITS[sensor][kind]
     return f"1e{power} {unit}" if power else unit
 
 
@@ -62,7 +62,7 @@ def symbol(term: NoiseTerm) -> str:
 def value_text(sensor: str, e: Estimate) -> str:
     """An estimate with its standard error in the printed unit."""
     value, error = (printed(sensor, e.term.kind, x) for x in (e.value, e.standard_error))
-    if e.at_bound and (e.value == 0.0 or e.term.kind == TIME):
+    if e.at_bound and (e.value == 0.0 or e.term.kind == CORRELATION_TIME):
         return "0" if e.value == 0.0 else "at the limit"
     return plus_minus(value, error)
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ....base.units import parse_unit
-from ....report.figures.noise import SENSOR_NAMES, UNIT
+from ....report.figures.noise import AXIS_UNITS, SENSOR_NAMES
 from ...estimation.goodness import p_text
 from ..options import TuneOptions
-from ..recordings import AXES, StaticRecording
+from ..recordings import SENSOR_AXES, StaticRecording
 from .table import duration
 
 if TYPE_CHECKING:
@@ -53,12 +53,13 @@ def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str
     yield from ranked(t)
     yield from verdict(t, recordings)
     sigmas = [
-        f"{process.sigma / parse_unit(UNIT[t.sensor]).scale:.4g}"
+        f"{process.sigma / parse_unit(AXIS_UNITS[t.sensor]).scale:.4g}"
         for process in t.noise.gauss_markov
     ]
     if sigmas:
         yield (
-            f"stationary sigma of the Gauss-Markov processes: {', '.join(sigmas)} {UNIT[t.sensor]}"
+            f"stationary sigma of the Gauss-Markov processes: {', '.join(sigmas)} "
+            f"{AXIS_UNITS[t.sensor]}"
         )
 
 
@@ -153,7 +154,7 @@ def span_text(scales: Sequence[float]) -> str:
 def curve_name(t: "Tuned", recordings: Sequence[StaticRecording], i: int) -> str:
     """Name of the recording of a curve, with its axis where there are several."""
     k, r = divmod(i, len(recordings))
-    return recordings[r].name + (f" {AXES[t.axes[k]]}" if len(t.axes) > 1 else "")
+    return recordings[r].name + (f" {SENSOR_AXES[t.axes[k]]}" if len(t.axes) > 1 else "")
 
 
 def with_names(text: str, t: "Tuned", recordings: Sequence[StaticRecording]) -> str:
@@ -214,14 +215,17 @@ def trends(
     settling = [
         (name, k, trend) for name, k, trend in items if trend.time_s < SETTLES * length[name]
     ]
-    scale = parse_unit(UNIT[sensor]).scale
+    scale = parse_unit(AXIS_UNITS[sensor]).scale
     if settling:
         name, k, trend = max(settling, key=lambda item: abs(item[2].amplitude))
         minutes = math.ceil(WARM * float(np.median([item[2].time_s for item in settling])) / 60.0)
-        size = f"{abs(trend.amplitude) / scale:.3g} +- {trend.sigma / scale:.2g} {UNIT[sensor]}"
+        size = (
+            f"{abs(trend.amplitude) / scale:.3g} +- {trend.sigma / scale:.2g} {AXIS_UNITS[sensor]}"
+        )
         yield (
             f"warm-up: {_where(settling, recordings)} settle after the start by more than the noise"
-            f" found explains; most {name} {AXES[k]}, {size} in {trend.time_s / 60.0:.2g} min (time"
+            f" found explains; most {name} {SENSOR_AXES[k]}, {size} in "
+            f"{trend.time_s / 60.0:.2g} min (time"
             f" constant); --skip {minutes} leaves that out"
         )
     slow = [item for item in items if item not in settling]
@@ -238,9 +242,11 @@ def _where(
 ) -> str:
     """Which axes of which recordings."""
     if len(recordings) == 1:
-        return f"axis {' '.join(AXES[k] for _, k, _ in settling)}"
+        return f"axis {' '.join(SENSOR_AXES[k] for _, k, _ in settling)}"
     parts = []
     for k in sorted({k for _, k, _ in settling}):
         names = [name for name, axis, _ in settling if axis == k]
-        parts.append(f"{AXES[k]} of {names[0] if len(names) == 1 else f'{len(names)} recordings'}")
+        parts.append(
+            f"{SENSOR_AXES[k]} of {names[0] if len(names) == 1 else f'{len(names)} recordings'}"
+        )
     return ", ".join(parts)

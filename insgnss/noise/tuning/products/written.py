@@ -12,7 +12,7 @@ from ....navigation.noise_model.model import (
     model_of_text,
     text_of_model,
 )
-from ..recordings import AXES, SENSORS, StaticRecording
+from ..recordings import SENSOR_AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
 from ..targets import beside, check_target, refuse_others, write_tuning
 from ..usable import envelope, rounded_axis
@@ -89,7 +89,7 @@ def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneRes
 def _why_no_model(tuned: Sequence[Tuned], table: Path) -> str:
     """Say which axes are missing of a noise model, and where those are that were tuned."""
     tuned_axes = {(t.sensor, k) for t in tuned for k in t.axes}
-    lacking = {s: [AXES[k] for k in range(3) if (s, k) not in tuned_axes] for s in SENSORS}
+    lacking = {s: [SENSOR_AXES[k] for k in range(3) if (s, k) not in tuned_axes] for s in SENSORS}
     names = ", ".join(f"{sensor} {' '.join(axes)}" for sensor, axes in lacking.items() if axes)
     return (
         f"no noise model was written: one of a flight has all six axes, and {names} were not tuned;"
@@ -106,7 +106,7 @@ def _read_back(result: TuneResult, target: Path) -> None:
             try:
                 envelope(getattr(back, t.sensor)[k], t.kept)
             except DataError as error:
-                raise DataError(f"{target}: {t.sensor} {AXES[k]}: {error}") from None
+                raise DataError(f"{target}: {t.sensor} {SENSOR_AXES[k]}: {error}") from None
 
 
 def _remarks(result: TuneResult) -> tuple[str, ...]:

@@ -25,8 +25,8 @@ from ....records.block import Array
 from ....records.relative import GAP_S
 from ....records.rows import covariance_of_rows
 from ...adjust.aerial import (
-    COMMON,
-    DRIFT,
+    COMMON_OF_TRAJECTORY,
+    LINE_DRIFT,
     SHIFT,
     ParameterObservation,
     chained_covariance,
@@ -114,13 +114,17 @@ def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None
         printed = control in RELATIVE and options.relative_weights != "smoothed"
         if common is not None and common.factor[rows].any() and not printed:
             segment, factor = int(common.segment[rows[0]]), common.factor[rows]
-            parameters[COMMON], cov = segment, common.rest(rows, cov)
-            if (COMMON, segment) not in blocks:
-                blocks[COMMON, segment] = np.zeros(factor.shape[2])
+            parameters[COMMON_OF_TRAJECTORY], cov = segment, common.rest(rows, cov)
+            if (COMMON_OF_TRAJECTORY, segment) not in blocks:
+                blocks[COMMON_OF_TRAJECTORY, segment] = np.zeros(factor.shape[2])
                 one = np.eye(factor.shape[2])
-                groups.append(ParameterObservation((COMMON, segment), 0.0 * one[0], one, COMMON))
-        for name, sigma in ((SHIFT, options.shift_sigma_m), (DRIFT, options.drift_sigma_mps)):
-            if sigma is not None and not (name == DRIFT and rows.size < 2):
+                groups.append(
+                    ParameterObservation(
+                        (COMMON_OF_TRAJECTORY, segment), 0.0 * one[0], one, COMMON_OF_TRAJECTORY
+                    )
+                )
+        for name, sigma in ((SHIFT, options.shift_sigma_m), (LINE_DRIFT, options.drift_sigma_mps)):
+            if sigma is not None and not (name == LINE_DRIFT and rows.size < 2):
                 key = (name, len(lines))
                 parameters[name] = key[1]
                 blocks[key] = np.zeros(3)

@@ -17,7 +17,7 @@ from ....navigation.orient.relative import line_pairs
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ....records.rows import covariance_of_rows
-from ...adjust.aerial import BORESIGHT, COMMON, SHIFT, AerialControl
+from ...adjust.aerial import BORESIGHT, COMMON_OF_TRAJECTORY, SHIFT, AerialControl
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.precision import GroupTest
 from ...adjust.relative import (
@@ -31,7 +31,7 @@ from ...adjust.relative import (
 )
 
 Rows = NDArray[np.int64]
-DATUM = "weak datum"
+WEAK_DATUM = "weak datum"
 HELD_BY_NOTHING = 0.99
 """Redundancy number of a weak datum below which the rest knows it no ten times better than it does
 itself: several data of lines that tie points join are redundant of each other."""
@@ -191,7 +191,7 @@ def relative_groups(
                 )
             cov = as_printed(strip.cov, C, observed, eo.time[rows], gyro)
         if factor is None:
-            parameters.pop(COMMON, None)
+            parameters.pop(COMMON_OF_TRAJECTORY, None)
         who = f"{options.file}: relative control from image {eo.images[rows[0]]}"
         poses = strip.poses(eo, motion, weight_of(cov, who))
         groups.append(RelativeAerialControl(*poses, parameters, common=factor, observed=observed))
@@ -202,7 +202,7 @@ def relative_groups(
     for chain in np.split(np.arange(rows.size), np.flatnonzero(~follows) + 1):
         middle = int(chain[chain.size // 2])
         i, size = int(strip.images[middle]), int(chain.size)
-        groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, DATUM))
+        groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, WEAK_DATUM))
     return groups
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ....records.block import Array
-from ...adjust.aerial import TIME_OFFSET
+from ...adjust.aerial import EXPOSURE_DELAY
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.kinematic import SIZE, KinematicControl, TargetSize
 from ...adjust.unknowns import Key
@@ -36,8 +36,8 @@ def vehicle_control(
     shared = priors(inputs.file, VEHICLE_PARAMETERS)
     first = {one.key: one.value for one in shared}
     parameters = {name: row for name, row in first if name != SIZE}
-    if (TIME_OFFSET, 0) in blocks:
-        parameters[TIME_OFFSET] = 0
+    if (EXPOSURE_DELAY, 0) in blocks:
+        parameters[EXPOSURE_DELAY] = 0
     image, point, _ = (rows.tolist() for rows in vehicle.rows_in(block))
     places = KinematicControl(
         tuple(point),

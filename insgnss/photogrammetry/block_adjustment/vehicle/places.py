@@ -20,7 +20,7 @@ from ....records.rows import covariance_of_rows, rows_of
 from .observed import observed, without
 from .track import Track, read_track, rows_by_name, week_shift
 
-CLOCKS = "two clocks that do not agree"  # of stamps of no other time scale
+TWO_CLOCKS = "two clocks that do not agree"  # of stamps of no other time scale
 EVENT_S = 0.02
 """Stamps of one exposure by two recorders, of the vehicle and of the drone, differ by less."""
 OTHER_EVENT_S = 0.5  # beyond it stamps are of other time scales or of the next exposure (chosen)
@@ -297,7 +297,7 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
         raise InputError.in_file(
             options.file,
             f"its stamps lie {middle:+.3f} s from those of the same images"
-            f" ({time_scale(middle) or CLOCKS}); give both in one time scale, or"
+            f" ({time_scale(middle) or TWO_CLOCKS}); give both in one time scale, or"
             " vehicle.time_offset_s",
         )
     if np.nanmax(np.abs(difference_s - middle)) > EVENT_S:
@@ -331,7 +331,7 @@ def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
         if seconds and a - seconds <= last and first <= b - seconds:
             raise InputError.in_file(
                 options.file,
-                f"{text}, as if off by {time_scale(seconds) or CLOCKS}; correct its stamps",
+                f"{text}, as if off by {time_scale(seconds) or TWO_CLOCKS}; correct its stamps",
             )
     raise InputError.in_file(
         options.file,

@@ -21,7 +21,7 @@ from ....records.block import Array, ImageBlock
 from ...adjust.start import directions
 from ...adjust.unknowns import Unknowns
 from ..readings import median_length
-from .places import CLOCKS, Vehicle
+from .places import TWO_CLOCKS, Vehicle
 from .track import along_course
 
 Rows = NDArray[np.int64]
@@ -147,7 +147,7 @@ def _readings(vehicle: Vehicle, met: Array, miss_m: Array) -> Iterator[Candidate
     offset = vehicle.options.time_offset_s - seconds
     yield Candidate(
         f"where it was {abs(seconds):.2f} s {'later' if seconds > 0 else 'before'}: its stamps are"
-        f" off ({scale or CLOCKS}); correct them, vehicle.time_offset_s = {offset:+.2f}",
+        f" off ({scale or TWO_CLOCKS}); correct them, vehicle.time_offset_s = {offset:+.2f}",
         lambda _: (met - moved.position_m)[within, :2],
         same=lambda d: d[within],
     )

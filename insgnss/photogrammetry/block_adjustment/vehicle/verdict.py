@@ -11,10 +11,10 @@ from ....base.wording import some
 from ....records.block import Array
 from ....report.rules.wording import lengths
 from ...adjust.kinematic import (
-    CLOCK,
-    KINEMATIC,
+    KINEMATIC_CONTROL,
     SIZE,
-    SIZES,
+    TARGET_SIZES,
+    VEHICLE_CLOCK,
     VEHICLE_SHIFT,
 )
 from ...adjust.unknowns import Key
@@ -60,10 +60,10 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
     share = k / n
     text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {named}"
     if k > 1 and share > MANY_LEFT_OUT:
-        yield ranked(KINEMATIC, DISCONNECTED_VEHICLE * share + 1.0, text)
+        yield ranked(KINEMATIC_CONTROL, DISCONNECTED_VEHICLE * share + 1.0, text)
     else:
         yield ranked(
-            KINEMATIC, 0.6, text, "see these images: another target, a shadow, a wrong name"
+            KINEMATIC_CONTROL, 0.6, text, "see these images: another target, a shadow, a wrong name"
         )
 
 
@@ -89,7 +89,7 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
         return
     middle = float(np.median(share))
     yield ranked(
-        SIZES,
+        TARGET_SIZES,
         float(abs(np.median(size_w))) / 3.0,
         f"the target looks {100 * middle:+.1f} % larger than vehicle.size_m in the middle of"
         f" {len(share)} images",
@@ -116,7 +116,7 @@ def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str
     """
     if vehicle is None or key not in [one.key for one in VEHICLE_PARAMETERS]:
         return ""
-    if key[0] == CLOCK:
+    if key[0] == VEHICLE_CLOCK:
         offset = vehicle.options.time_offset_s + float(value[0])
         return (
             f"correct the vehicle's clock (vehicle.time_offset_s = {offset:+.3f}), or estimate its"
