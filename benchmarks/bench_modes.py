@@ -35,14 +35,14 @@ from insgnss.photogrammetry.adjust.normals import problem_of  # noqa: E402
 from insgnss.photogrammetry.adjust.precision import precision_of  # noqa: E402
 from insgnss.photogrammetry.adjust.relative import (  # noqa: E402
     Datum,
-    Observed,
+    ObservedStrip,
     RelativeAerialControl,
     operator,
     smoothed,
 )
 from insgnss.photogrammetry.adjust.start import first_values  # noqa: E402
 from insgnss.photogrammetry.block_adjustment.aerial.control import control_of  # noqa: E402
-from insgnss.photogrammetry.block_adjustment.inputs import Inputs, inputs_of  # noqa: E402
+from insgnss.photogrammetry.block_adjustment.inputs import BlockInputs, inputs_of  # noqa: E402
 from insgnss.photogrammetry.block_adjustment.solve import set_up  # noqa: E402
 
 REPEATS = 5
@@ -85,7 +85,7 @@ def fast_at() -> float:
     return worst
 
 
-def solution(inputs: Inputs) -> None:
+def solution(inputs: BlockInputs) -> None:
     """Adjust, with covariances and tests."""
     precision_of(adjusted(*set_up(inputs, control_of(inputs))), 1.0)
 
@@ -120,7 +120,7 @@ def of_strips(case: Case, relative: bool) -> list[ObservationGroup]:
         if not relative:
             groups.append(AerialControl(rows, X, C, weight_of(P, ""), time_s, zeros, zeros))
             continue
-        observed = Observed("relative", True, pairs)
+        observed = ObservedStrip("relative", True, pairs)
         weight = weight_of(smoothed(operator(C, observed), P), "")
         poses = (rows, X, C, weight, time_s, zeros, zeros)
         groups.append(RelativeAerialControl(*poses, observed=observed))

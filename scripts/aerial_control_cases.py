@@ -15,7 +15,7 @@ from insgnss.photogrammetry.adjust.normals import cofactors_of
 from insgnss.photogrammetry.adjust.unknowns import POSE
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.residuals.check_points import check_points
-from insgnss.photogrammetry.block_adjustment.solve import Solved, solved
+from insgnss.photogrammetry.block_adjustment.solve import AdjustedBlock, solved
 from insgnss.records.block import ImageObservations
 from insgnss.simulation.plug import plugged
 
@@ -134,7 +134,7 @@ class Outcome:
     neighbours: float
 
 
-def solution(file: BlockFile) -> Solved:
+def solution(file: BlockFile) -> AdjustedBlock:
     """Adjust a block, without judgement."""
     return solved(inputs_of(file, lambda _: None), lambda _: None)
 
@@ -144,7 +144,7 @@ def outcome(file: BlockFile, made: SimulatedSurvey, poses: bool = True) -> Outco
     return compared(solution(file), made, poses)
 
 
-def compared(done: Solved, made: SimulatedSurvey, poses: bool = True) -> Outcome:
+def compared(done: AdjustedBlock, made: SimulatedSurvey, poses: bool = True) -> Outcome:
     """Hold an adjusted block against the truth."""
     points = check_points(done)
     block = done.result.problem.block
@@ -159,7 +159,7 @@ def compared(done: Solved, made: SimulatedSurvey, poses: bool = True) -> Outcome
     return Outcome(-d, sigma, square, *of_poses(done, made, poses))
 
 
-def of_poses(done: Solved, made: SimulatedSurvey, wanted: bool) -> tuple:
+def of_poses(done: AdjustedBlock, made: SimulatedSurvey, wanted: bool) -> tuple:
     """Return the last four of `Outcome`; nan where poses are held or not wanted."""
     if done.direct or not wanted:
         return np.nan, np.full(2, np.nan), np.full(2, np.nan), np.nan

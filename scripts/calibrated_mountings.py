@@ -76,7 +76,11 @@ def calibrate(
     from insgnss.geodesy.rotation import rotation_from_vector
     from insgnss.photogrammetry.mounting_calibration.judgement import components
     from insgnss.photogrammetry.mounting_calibration.options import Assumptions
-    from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, FlightPoses, Stated
+    from insgnss.photogrammetry.mounting_calibration.records import (
+        CameraPoses,
+        CovariantPoses,
+        Stated,
+    )
     from insgnss.photogrammetry.mounting_calibration.solution import solve
     from insgnss.simulation.dataset import write_dataset
     from insgnss.simulation.sensors import Rig
@@ -113,7 +117,7 @@ def calibrate(
     independent = np.zeros((6, 6))  # errors that images share in camera axes: there are none
     frame = "own" if options.own_frame else "plane"
     block = CameraPoses(result.eo.images, X, C, None, frame, shared=independent)
-    posed = FlightPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
+    posed = CovariantPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
     stated = Stated(flight.mounting, -DELAY_S)
     every = np.arange(len(X))
     solved = solve(block, posed, every, Assumptions())

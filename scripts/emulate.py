@@ -23,8 +23,8 @@ from insgnss.base.errors import InputError, UsageError
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_rpy, rpy_from_rotation
 from insgnss.records import ImuSamples
-from insgnss.simulation.flights import Flight, flight_along
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.flights import FlightMotion, flight_along
+from insgnss.simulation.motion import ExactMotion
 
 Array = NDArray[np.float64]
 
@@ -44,11 +44,11 @@ class Emulation:
         roll, pitch, yaw.
     """
 
-    motion: Motion
+    motion: ExactMotion
     position_rms_m: Array
     attitude_rms_rad: Array
 
-    def flight(self, name: str = "emulated", every_s: float = 2.0) -> Flight:
+    def flight(self, name: str = "emulated", every_s: float = 2.0) -> FlightMotion:
         """The motion as a flight with an exposure every `every_s`."""
         return flight_along(self.motion, name, every_s)
 
@@ -91,7 +91,7 @@ def emulate_motion(
     pieces = int((time[-1] - time[0]) / knot_s + 1e-6)
     inside = time <= time[0] + pieces * knot_s
     control = _control(time[inside] - time[0], poses[inside], knot_s, pieces)
-    motion = Motion(frame, float(time[0]) + ENDS * knot_s, knot_s, control[ENDS:-ENDS])
+    motion = ExactMotion(frame, float(time[0]) + ENDS * knot_s, knot_s, control[ENDS:-ENDS])
     inside = (time >= motion.start) & (time <= motion.end)
     misfit = np.hstack([motion.position(time[inside]), motion.angles(time[inside])]) - poses[inside]
     rms = np.sqrt(np.mean(misfit**2, axis=0))

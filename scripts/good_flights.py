@@ -47,11 +47,11 @@ from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
 from insgnss.navigation.recognise.axes import axes_words
 from insgnss.records.qualities import Quality
-from insgnss.simulation.flights import Flight, fly
+from insgnss.simulation.flights import FlightMotion, fly
 from insgnss.simulation.ground import drive, walk
 from insgnss.simulation.layout import PLANS
 from insgnss.simulation.manoeuvres import circles, multirotor
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.motion import ExactMotion
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import SimulatedFlight, observe
 from insgnss.simulation.sensors import ImuOptions
@@ -158,7 +158,7 @@ def drawn(number: int) -> Draw:
     )
 
 
-def flown(draw: Draw) -> Flight:
+def flown(draw: Draw) -> FlightMotion:
     """The motion, moved to its latitude."""
     seed, minutes = draw.number, draw.minutes
     if draw.motion in ("block", "corridor"):
@@ -172,7 +172,7 @@ def flown(draw: Draw) -> Flight:
         flight = (drive if draw.motion == "car" else walk)(minutes, seed=seed)
     frame = LocalFrame(np.radians(draw.latitude), flight.motion.frame.lon, 300.0)
     motion = flight.motion
-    moved = Motion(frame, motion.start, motion.spacing, motion.control)
+    moved = ExactMotion(frame, motion.start, motion.spacing, motion.control)
     return replace(flight, motion=moved)
 
 

@@ -39,7 +39,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from rendered_targets import Scene, bars, board, camera, plate, ringed  # noqa: E402
 
 from insgnss.photogrammetry.targets.codes import LEAST_CLEAR, Ring, read_ring, smallest  # noqa: E402
-from insgnss.photogrammetry.targets.measurement import Measurement, measure  # noqa: E402
+from insgnss.photogrammetry.targets.measurement import MeasuredTarget, measure  # noqa: E402
 from insgnss.photogrammetry.targets.prediction import predict  # noqa: E402
 from insgnss.photogrammetry.targets.signals import cross, disc, quadrants  # noqa: E402
 
@@ -136,7 +136,7 @@ def taken(kind: str, seed: int) -> Taken:
     return Taken(kind, state, error, np.linalg.solve(np.linalg.cholesky(got.match.cov), error), "")
 
 
-def _misread(image: Array, got: Measurement, number: int) -> str:
+def _misread(image: Array, got: MeasuredTarget, number: int) -> str:
     """Why a ring does not say its number."""
     assert got.match is not None
     code = read_ring(image, Ring(0.2, BITS), got.match.uv, got.match.to_pixel)

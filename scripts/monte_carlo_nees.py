@@ -31,7 +31,7 @@ from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.navigation.prepare.clock import cut_fixes
 from insgnss.navigation.prepare.increments import body_increments, merge_marks
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.motion import ExactMotion
 from insgnss.simulation.scenario import ImuOptions, SimulatedFlight, simulate_flight
 
 COMPONENTS = (
@@ -60,7 +60,7 @@ def problem_of(sim: SimulatedFlight, instant: float) -> tuple[EstimationProblem,
     ), int(at_event[0])
 
 
-def error_of(nav: np.ndarray, motion: Motion, time: float) -> np.ndarray:
+def error_of(nav: np.ndarray, motion: ExactMotion, time: float) -> np.ndarray:
     """(9,) truth minus the state nav (10,)."""
     psi = vector_from_rotation(motion.C_lb(time)[0] @ rotation_from_quaternion(nav[6:]).T)
     return np.concatenate(

@@ -27,7 +27,7 @@ from scipy.stats import binom
 
 from insgnss.navigation.noise_model.model import AxisNoise, load_noise_model
 from insgnss.noise.estimation.estimates import Linearised
-from insgnss.noise.estimation.gmwm import Fit, fit
+from insgnss.noise.estimation.gmwm import NoiseFit, fit
 from insgnss.noise.estimation.inference import (
     Inference,
     covariances,
@@ -57,11 +57,11 @@ class Sensor:
         x = simulate_noise(self.axis, self.samples, 1.0 / self.rate_hz, np.random.default_rng(seed))
         return wavelet_variance(x, self.rate_hz)
 
-    def truth(self, curves: list[WaveletVariance]) -> Fit:
+    def truth(self, curves: list[WaveletVariance]) -> NoiseFit:
         """The true parameters as a fit with efficient weights, for what theory says of them."""
         composition = composition_of(self.axis)
         J = [np.eye(c.level.size) for c in curves]
-        fit_ = Fit(
+        fit_ = NoiseFit(
             composition,
             self.axis,
             composition.values(self.axis),
@@ -149,7 +149,7 @@ def study(
     )  # fmt: skip
 
 
-def judged(curves: list[WaveletVariance], truth: Fit, weights: str) -> Inference:
+def judged(curves: list[WaveletVariance], truth: NoiseFit, weights: str) -> Inference:
     first = fit(curves, truth.composition, sampling="mean")
     return infer(second_step(first)[0] if weights == "efficient" else first)
 

@@ -63,7 +63,7 @@ def export(
     UsageError : the format or an option is unknown, or the format cannot carry the frame.
     InputError : eo.json cannot be read, there are no images, or the CRS does not reach the flight.
     """
-    from ..flight.exporting.export import Target
+    from ..flight.exporting.export import ExportFrame
     from ..flight.exporting.export import export as write
     from .readers import read_eo
 
@@ -71,7 +71,7 @@ def export(
         raise UsageError(
             f"export: frame {frame!r} is unknown; it is one of {', '.join(FRAMES)}, or give a CRS"
         )
-    target = Target(crs, path_of(geoid), frame, ground_m)
+    target = ExportFrame(crs, path_of(geoid), frame, ground_m)
     orientation = eo if isinstance(eo, ExteriorOrientation) else read_eo(eo)
     return write(orientation, format, Path(path), target, rename, **options)
 

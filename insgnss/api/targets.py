@@ -6,7 +6,7 @@ from ..base.advance import heard, logged
 from ..base.inputs import Source, reading
 from ..flight.config.block_file import VehicleTable
 from ..photogrammetry.target_measurement import run
-from ..photogrammetry.target_measurement.request import Request, Target
+from ..photogrammetry.target_measurement.request import Target, TargetRequest
 from .keywords import path_of
 from .verbs import Progress
 
@@ -49,7 +49,7 @@ def predict_targets(
     DataError : no ground point lies in any image.
     UsageError : a file is missing, or the table cannot be written.
     """
-    request = Request(
+    request = TargetRequest(
         Path(eo), Path(ground), Path(camera), None, crs, path_of(geoid), vehicle=vehicle
     )
     return run.predict_targets(request, path_of(out), progress, write)
@@ -103,7 +103,7 @@ def measure_targets(
     DataError : no ground point lies in an image that has a photograph.
     UsageError : a file is missing, or the products cannot be written.
     """
-    request = Request(
+    request = TargetRequest(
         Path(eo),
         Path(ground),
         Path(camera),

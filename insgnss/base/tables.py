@@ -40,7 +40,7 @@ _TYPE_NAMES = {
 
 
 @dataclass(frozen=True)
-class Source:
+class KeySource:
     """The file that a key of a table came from, where that is another one than the table's.
 
     Parameters
@@ -56,7 +56,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Table:
+class OptionTable:
     """A table of the file: its checked values by key, and errors that know the line.
 
     The default ``...`` means required. `sources` has the keys, by dotted name, that came from
@@ -68,7 +68,7 @@ class Table:
     keys: Mapping[str, tuple[str, ...]]
     name: str
     data: Mapping[str, Any]
-    sources: Mapping[str, Source] = field(default_factory=dict)
+    sources: Mapping[str, KeySource] = field(default_factory=dict)
 
     def error(self, key: str, problem: str, value: Any = ABSENT) -> InputError:
         """Return an error at the line of `key`, of its table where the key is absent."""
@@ -92,12 +92,12 @@ class Table:
         key = key.removeprefix(f"{table}.")
         return self.error(key, error.problem, error.value)
 
-    def source(self, key: str) -> Source:
+    def source(self, key: str) -> KeySource:
         """Return the file that `key`, or the value around it, came from."""
         prefix = self.full(key)
         while prefix and prefix not in self.sources:
             prefix = prefix.rpartition(".")[0]
-        return self.sources[prefix] if prefix else Source(self.path, self.lines)
+        return self.sources[prefix] if prefix else KeySource(self.path, self.lines)
 
     def full(self, key: str) -> str:
         """Return the dotted name of a key."""
@@ -123,14 +123,14 @@ class Table:
                     )
                 raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
 
-    def table(self, key: str) -> "Table":
+    def table(self, key: str) -> "OptionTable":
         """Return a sub-table, its keys checked; it is empty where it is absent."""
         value = self.value(key, dict, {})
-        sub = Table(self.path, self.lines, self.keys, self.full(key), value, self.sources)
+        sub = OptionTable(self.path, self.lines, self.keys, self.full(key), value, self.sources)
         sub.check_keys()
         return sub
 
-    def tables(self, key: str) -> "list[Table]":
+    def tables(self, key: str) -> "list[OptionTable]":
         """Return an array of sub-tables ([[name]]), keys checked, empty where it is absent."""
         items = self.data.get(key, [])
         name = self.full(key)
@@ -138,7 +138,7 @@ class Table:
             raise self.error(key, f"{reprlib.repr(items)}, expected [[{name}]] tables")
         source = self.source(key)
         subs = [
-            Table(source.path, _lines_of_entry(source.lines, name, k), self.keys, name, item)
+            OptionTable(source.path, _lines_of_entry(source.lines, name, k), self.keys, name, item)
             for k, item in enumerate(items)
         ]
         for sub in subs:
@@ -251,7 +251,7 @@ class Table:
         return path
 
 
-def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
+def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> OptionTable:
     """The whole file as a table, with the lines of its keys.
 
     `keys` names those that each table may hold.
@@ -270,9 +270,9 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
     return table_of_text(path, text, keys)
 
 
-def table_of_text(path: Path, text: str, keys: Mapping[str, tuple[str, ...]]) -> Table:
+def table_of_text(path: Path, text: str, keys: Mapping[str, tuple[str, ...]]) -> OptionTable:
     """Return the text of a file as `read_toml` returns the file."""
-    return Table(path, _key_lines(text), keys, "", parse_toml(path, text))
+    return OptionTable(path, _key_lines(text), keys, "", parse_toml(path, text))
 
 
 def parse_toml(path: Path, text: str) -> dict[str, Any]:

@@ -36,7 +36,7 @@ EXAMPLE = """\
 
 
 @dataclass(frozen=True)
-class Request:
+class AdjustRequest:
     """What is adjusted, and where the products go."""
 
     block: Path = argument(
@@ -68,7 +68,7 @@ class Request:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb: those that the tables of the block file declare."""
-    add_options(parser, (Request,))
+    add_options(parser, (AdjustRequest,))
     for table, kinds in BLOCK_TABLES.items():
         add_options(parser, kinds, (), table)
 

@@ -17,7 +17,7 @@ EXAMPLE = """  insgnss camera calibration.xml camera.toml
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class CameraRequest(Checked):
     """Options of the verb."""
 
     file: Path = argument(..., f"calibration of {', '.join(READ.split())}", cli="FILE")
@@ -46,6 +46,6 @@ VERB = Verb(
     "camera",
     "reads calibrated cameras of any program, compares them in pixels, and converts them",
     EXAMPLE,
-    (Request,),
+    (CameraRequest,),
     run,
 )

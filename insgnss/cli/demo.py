@@ -11,7 +11,7 @@ from .verb import Result, Verb
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class DemoRequest(Checked):
     """Options of the verb."""
 
     directory: Path | None = argument(
@@ -32,6 +32,6 @@ VERB = Verb(
     "demo",
     "simulate a short flight, process it, print the errors against truth, leave the report",
     "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7",
-    (Request,),
+    (DemoRequest,),
     run,
 )

@@ -15,7 +15,7 @@ EXAMPLE = """  insgnss doctor
 
 
 @dataclass(frozen=True)
-class Request:
+class DoctorRequest:
     """Options of the verb."""
 
     compile: bool = argument(
@@ -46,6 +46,6 @@ VERB = Verb(
     "versions, what is missing and what to do about it, and a self-test of the compiled core; for"
     " reports of errors",
     EXAMPLE,
-    (Request,),
+    (DoctorRequest,),
     run,
 )

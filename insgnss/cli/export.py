@@ -34,7 +34,7 @@ NOISE_SETTINGS = {"rate": "rate_hz", "cluster": "cluster_s", "topic": "topic"}
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class ExportRequest(Checked):
     """Options of the verb."""
 
     eo: Path = argument(
@@ -211,12 +211,12 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "
     if given.eo.suffix.lower() != ".json":
         return _positions_verb(given, progress)
     _refuse_of_positions(given)
-    from ..flight.exporting.export import Target, export, known_format
+    from ..flight.exporting.export import ExportFrame, export, known_format
     from ..flight.exporting.options import typed_options
 
     form = known_format(given.format)
     options = typed_options(given.format, form, _settings(given.settings))
-    target = Target(given.crs, given.geoid, given.frame, given.ground)
+    target = ExportFrame(given.crs, given.geoid, given.frame, given.ground)
     from ..io.formats.orientation.eo_json import read_eo_json
 
     product = given.eo.parent / form.product
@@ -312,14 +312,14 @@ def _read_positions(request: argparse.Namespace) -> tuple[Any, tuple[str, ...]]:
 
 def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write camera positions without an IMU in a format that takes them without angles."""
-    from ..flight.exporting.export import Target
+    from ..flight.exporting.export import ExportFrame
     from ..flight.exporting.positions import export_positions, position_format
 
     form = position_format(given.format)
     _refuse_camera(given, "for camera positions")
     if given.settings:
         raise UsageError("export: camera positions take no --set; leave it out")
-    target = Target(given.crs, given.geoid, given.frame, given.ground)
+    target = ExportFrame(given.crs, given.geoid, given.frame, given.ground)
     with spoken_as(names_of()):
         positions, notes = _read_positions(given)
     if (moved := _moved_base(given)) is not None:
@@ -392,7 +392,7 @@ VERB = Verb(
     "export",
     "write the master exterior orientation in the format of a bundle adjustment",
     EXAMPLE,
-    (Request, ImageMatch),
+    (ExportRequest, ImageMatch),
     run,
     more_help=_list_formats,
 )

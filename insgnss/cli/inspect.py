@@ -11,7 +11,7 @@ from .verb import Judged, Verb
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class InspectRequest(Checked):
     """Options of the verb."""
 
     source: tuple[Path, ...] = argument(
@@ -49,6 +49,6 @@ VERB = Verb(
     " file",
     "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect"
     " imu.csv gps.pos --write a.toml",
-    (Request,),
+    (InspectRequest,),
     run,
 )

@@ -10,7 +10,7 @@ from .verb import Result, Verb
 
 
 @dataclass(frozen=True)
-class Request:
+class ProcessRequest:
     """Options of the verb."""
 
     flight: Path = argument(
@@ -53,6 +53,6 @@ VERB = Verb(
     "raw data in, exterior orientation, trajectory and report out",
     "  insgnss process ign8/flight.toml --out results\n"
     "  insgnss process ign8/flight.toml --mounting adjusted/mounting.toml --out remounted",
-    (Request,),
+    (ProcessRequest,),
     run,
 )

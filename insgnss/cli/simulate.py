@@ -18,7 +18,7 @@ VIBRATION = 1.0  # factor on a usual drone's vibration
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class SimulateRequest(Checked):
     """Options of the verb; None where nobody gave them, since images alone have no sensors."""
 
     directory: Path = argument(..., "the data set's root", cli="DIR")
@@ -147,6 +147,6 @@ VERB = Verb(
     "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
     " --minutes 15 --raw-gnss\n  insgnss simulate images --flight ign6x1 --block --gross-errors"
     " 0.01\n  insgnss simulate corridor --flight corridor2014 --seed 1",
-    (Request,),
+    (SimulateRequest,),
     run,
 )

@@ -9,7 +9,7 @@ from ..base.errors import UsageError
 from ..flight.config.block_file import VehicleTable
 from ..flight.config.command_line import add_options, made_of
 from ..io.options.schema import Triple, argument
-from ..photogrammetry.target_measurement.request import Request, Target
+from ..photogrammetry.target_measurement.request import Target, TargetRequest
 from .console import Progress
 from .verb import Judged, Result, Verb
 
@@ -57,10 +57,10 @@ class Job:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    add_options(parser, (Job, Request, Target))
+    add_options(parser, (Job, TargetRequest, Target))
 
 
-def request_of(options: argparse.Namespace) -> Request:
+def request_of(options: argparse.Namespace) -> TargetRequest:
     """Return what the command line asks for.
 
     Raises
@@ -76,7 +76,7 @@ def request_of(options: argparse.Namespace) -> Request:
     elif options.target_m is not None or options.number is not None:
         raise UsageError("targets: --target-m and --number belong to --vehicle; give it too")
     target = made_of(Target, options)
-    return made_of(Request, options, target=target, vehicle=vehicle)
+    return made_of(TargetRequest, options, target=target, vehicle=vehicle)
 
 
 def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:

@@ -28,7 +28,7 @@ EXAMPLE = """\
 
 
 @dataclass(frozen=True)
-class Request:
+class TuneRequest:
     """What is tuned, and where the files go."""
 
     static: tuple[Path, ...] = option(
@@ -95,7 +95,7 @@ def tune(
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     _files_anywhere(parser)
-    add_options(parser, (Request, TuneOptions))
+    add_options(parser, (TuneRequest, TuneOptions))
 
 
 def _files_anywhere(parser: argparse.ArgumentParser) -> None:

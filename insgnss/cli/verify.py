@@ -17,7 +17,7 @@ EXAMPLE = """  insgnss verify ign8/flight.toml
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class VerifyRequest(Checked):
     """Options of the verb."""
 
     flight: Path = argument(
@@ -59,6 +59,6 @@ VERB = Verb(
     "a part of a flight by the core and by a textbook implementation, and their largest difference"
     " in sigmas; raw observations by two readers",
     EXAMPLE,
-    (Request,),
+    (VerifyRequest,),
     run,
 )

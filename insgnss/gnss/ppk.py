@@ -54,7 +54,7 @@ from .phase.troposphere import (
 )
 from .ppk_options import all_of
 from .quality.solution_quality import (
-    Solution,
+    EngineSolution,
     coverage_numbers,
     solution_numbers,
     solution_of,
@@ -305,7 +305,7 @@ class _Solved:
     from_base : distance (n,) m and height difference (n,) m.
     """
 
-    combined: Solution
+    combined: EngineSolution
     fixes: GnssFixes
     kind: Index
     separation: Separation

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from ..base.errors import OptionError
 from ..base.units import is_number
 from ..base.wording import named
-from ..io.options.kinds import Kind, accepted, as_number, by_name, check, no_mapping, register
+from ..io.options.kinds import OptionKind, accepted, as_number, by_name, check, no_mapping, register
 from ..io.options.schema import Declared, Triple, declared, option
 
 Point = Literal["apc", "arp", "marker"]
@@ -196,8 +196,8 @@ def _no_air(item: Declared, name: str, value: Any) -> str:
     return ""
 
 
-register("air", Kind(no_mapping, by_name(as_number), _no_air))
-register("rtklib", Kind(_no_rtklib, _as_texts, several=True))
+register("air", OptionKind(no_mapping, by_name(as_number), _no_air))
+register("rtklib", OptionKind(_no_rtklib, _as_texts, several=True))
 
 
 def rtklib_problem(name: str, value: object) -> str:

@@ -20,7 +20,7 @@ from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
 from .rules.hidden import hidden
 from .rules.needs import stated_need
-from .rules.use import Places, use
+from .rules.use import JudgedPlaces, use
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, NED_NAMES, state_unit
 from .statistics import (
@@ -103,14 +103,14 @@ def run_summary(
     return first | figures
 
 
-def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> Places:
+def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> JudgedPlaces:
     """Return what is judged: the images, or without any the epochs of the trajectory."""
     if eo is not None and eo.images:
         position, psi = image_sigmas(eo)
-        return Places(eo.time, position, np.degrees(psi), eo.images)
+        return JudgedPlaces(eo.time, position, np.degrees(psi), eo.images)
     of_enu = [1, 0, 2]
     sigma = d.smoothed_sigma
-    return Places(d.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
+    return JudgedPlaces(d.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
 
 
 def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:

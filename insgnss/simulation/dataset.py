@@ -63,7 +63,7 @@ from .faults import ImuFaults, RowFaults
 from .image_block import BlockOptions, SimulatedBlock, simulate_block
 from .layout import FlightPlan
 from .raw_gnss.rinex_files import ObservationTable, Station, write_navigation, write_observations
-from .raw_gnss.scenario import SIGNALS, RawGnss, RawObservations
+from .raw_gnss.scenario import SIGNALS, RawObservations, SimulatedGnss
 from .scenario import SimulatedFlight, simulate_flight
 from .sensors import ImuOptions, antenna_states
 
@@ -262,7 +262,7 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
         yield from format_rows(row, table[first : first + CHUNK_ROWS])
 
 
-def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
+def _write_raw_gnss(root: Path, names: RinexNames, raw: SimulatedGnss) -> None:
     """Write RINEX of both receivers and the satellites, and true positions, clocks and slips."""
     for file in (names.rover, names.base):
         (root / file).parent.mkdir(parents=True, exist_ok=True)

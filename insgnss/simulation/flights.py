@@ -1,7 +1,8 @@
 """Survey flights of a small fixed wing, from a plan to an exact motion and its exposures.
 
 A flight is laid out over ground (`layout`) at a speed that wind and acceleration allow, sampled at
-the knots of a `Motion`, moved by gusts, and smoothed over 0.7 s, which gives turns and climbs their
+the knots of a `ExactMotion`, moved by gusts, and smoothed over 0.7 s, which gives turns and climbs
+their
 onset. Attitude follows from the motion as in coordinated flight: the nose points along the velocity
 through the air (so the aircraft crabs in wind), and the bank is the one at which no specific force
 is felt sideways,
@@ -20,8 +21,8 @@ from numpy.typing import NDArray
 from ..base.errors import UsageError
 from ..geodesy.frames import LocalFrame
 from .layout import FlightPlan, lay_out
-from .motion import Motion
-from .path import Path
+from .motion import ExactMotion
+from .path import SegmentPath
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ _ROLL, _PITCH, _YAW = (  # deg
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class FlightMotion:
     """An exact motion (of the IMU's navigation centre) and the exposures along it.
 
     `plan` is None where it was not a survey.
@@ -62,7 +63,7 @@ class Flight:
 
     name: str
     plan: FlightPlan | None
-    motion: Motion
+    motion: ExactMotion
     images: tuple[str, ...]
     time: Array
     line: NDArray[np.int64]
@@ -77,7 +78,7 @@ def fly(
     *,
     frame: LocalFrame = SITE,
     start_tow: float = START_TOW,
-) -> Flight:
+) -> FlightMotion:
     """Fly a plan.
 
     Parameters
@@ -103,7 +104,7 @@ def fly(
     control = _control_points(
         layout.path, np.interp(clock + layout.clock_offset_s, layout.time, layout.s), plan, gusts
     )
-    motion = Motion(frame, start_tow, MOTION_KNOT_S, control[reach : reach + pieces + 5])
+    motion = ExactMotion(frame, start_tow, MOTION_KNOT_S, control[reach : reach + pieces + 5])
     time, line, spacing = _exposures(
         layout.path,
         layout.s,
@@ -113,10 +114,12 @@ def fly(
         trigger,
     )
     names = tuple(f"{plan.first_image + i}.tif" for i in range(time.size))
-    return Flight(plan.name, plan, motion, names, start_tow + time, line, spacing, plan.wind_l)
+    return FlightMotion(
+        plan.name, plan, motion, names, start_tow + time, line, spacing, plan.wind_l
+    )
 
 
-def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
+def flight_along(motion: ExactMotion, name: str, every_s: float) -> FlightMotion:
     """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
     if not every_s > 0.0:
         raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
@@ -124,7 +127,7 @@ def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
     time = np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + 0.00317
     spacing = every_s * np.linalg.norm(motion.velocity(time), axis=1)
     images = tuple(f"{1001 + k}.tif" for k in range(time.size))
-    return Flight(
+    return FlightMotion(
         name,
         None,
         motion,
@@ -137,7 +140,9 @@ def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
     )
 
 
-def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Generator) -> Array:
+def _control_points(
+    path: SegmentPath, s: Array, plan: FlightPlan, rng: np.random.Generator
+) -> Array:
     """(n, 6) control points of position and attitude at path lengths `s`, m, one a knot."""
     from scipy.ndimage import gaussian_filter1d
 
@@ -198,7 +203,12 @@ def _smoothstep(x: Array) -> Array:
 
 
 def _exposures(
-    path: Path, s: Array, clock: Array, plan: FlightPlan, duration: float, rng: np.random.Generator
+    path: SegmentPath,
+    s: Array,
+    clock: Array,
+    plan: FlightPlan,
+    duration: float,
+    rng: np.random.Generator,
 ) -> tuple[Array, NDArray[np.int64], Array]:
     """Times (s from the start), line numbers and planned spacings (m) of the record's exposures."""
     where, line, spacing = [], [], []

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
-from .flights import MOTION_KNOT_S, SITE, START_TOW, Flight, flight_along, gusts
-from .motion import Motion
-from .path import Path, Route, times_along
+from .flights import MOTION_KNOT_S, SITE, START_TOW, FlightMotion, flight_along, gusts
+from .motion import ExactMotion
+from .path import Route, SegmentPath, times_along
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def drive(
     rough: float = 1.0,
     gait: Gait = CAR,
     start_tow: float = START_TOW,
-) -> Flight:
+) -> FlightMotion:
     """A car in a town, without side slip, with stops; it stands for `stand_s` first.
 
     Parameters
@@ -95,7 +95,7 @@ def walk(
     stand_s: float = 15.0,
     gait: Gait = WALKER,
     start_tow: float = START_TOW,
-) -> Flight:
+) -> FlightMotion:
     """Return the motion of a person who carries the rig in the hand.
 
     The person takes steps, sways, wanders in heading about the way, and stands for `stand_s` first.
@@ -112,14 +112,14 @@ def walk(
     return _flight("walk", position, np.column_stack([*angles[:2], course + angles[2]]), start_tow)
 
 
-def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flight:
+def _flight(name: str, position: Array, angles: Array, start_tow: float) -> FlightMotion:
     control = np.hstack([position, angles])[:-_KNOTS_BEYOND]
-    return flight_along(Motion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)
+    return flight_along(ExactMotion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)
 
 
 def _journey(
     gait: Gait, minutes: float, stand_s: float, rng: np.random.Generator
-) -> tuple[Path, Array]:
+) -> tuple[SegmentPath, Array]:
     """A path with bends of a quarter turn, and the length travelled at each knot.
 
     About as many bends go to the right as to the left.
@@ -145,7 +145,9 @@ def _journey(
     return path, np.interp((np.arange(knots) - 2.0) * MOTION_KNOT_S - stand_s, time, s)
 
 
-def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tuple[Array, Array]:
+def _timetable(
+    path: SegmentPath, gait: Gait, halts: list[tuple[float, float]]
+) -> tuple[Array, Array]:
     """Times, with the halts as pauses, and path lengths, from a stand."""
     s = np.arange(0.0, path.total, _TIMETABLE_STEP_M)
     k = np.abs(path.curvature[path.segment_at(s)])
@@ -160,7 +162,7 @@ def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tupl
     return time[node] + np.cumsum(wait), s[node]
 
 
-def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
+def _smoothed(path: SegmentPath, s: Array) -> tuple[Array, Array, Array]:
     """Position (n, 3), unwrapped course (n,), and (n,) 0 at rest to 1 on the move, at the knots."""
     from scipy.ndimage import gaussian_filter1d
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..base.advance import share as share_done
 from ..base.advance import through, within
 from ..base.errors import UsageError
-from .path import Path, Pose, Route, advance, times_along
+from .path import Pose, Route, SegmentPath, advance, times_along
 
 Array = NDArray[np.float64]
 Line = tuple[Pose, float, float]  # start, height above ground m, length m
@@ -40,7 +40,7 @@ _FEWEST_LINES, _SHORTEST = 4, 0.25
 
 
 @dataclass(frozen=True)
-class Camera:
+class SimulatedCamera:
     """Frame camera with its long side along the flight; the digiCAM of paper 000 by default."""
 
     along_px: int = 5120
@@ -90,7 +90,7 @@ class FlightPlan:
     forward_overlap: float
     side_overlap: float
     launch: tuple[float, float]
-    camera: Camera = Camera()
+    camera: SimulatedCamera = SimulatedCamera()
     minutes: float | None = None
     start_in_air: bool = False
     airspeed_ms: float = 14.0
@@ -185,20 +185,20 @@ PLANS = {plan.name: plan for plan in (BLOCK, CORRIDOR)}
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class Timetable:
     """A path with its timetable: path length s (n,), m, at `time` (n,), s.
 
     The record begins at `clock_offset_s` of that clock.
     """
 
-    path: Path
+    path: SegmentPath
     s: Array
     time: Array
     duration_s: float
     clock_offset_s: float
 
 
-def lay_out(plan: FlightPlan) -> Layout:
+def lay_out(plan: FlightPlan) -> Timetable:
     """Path and timetable of a plan, as long as it asks for."""
     every = sum(level.lines for level in plan.levels)
     if plan.minutes is None:
@@ -212,7 +212,7 @@ def lay_out(plan: FlightPlan) -> Layout:
     return _fitted(plan, every, wanted)
 
 
-def _fitted(plan: FlightPlan, every: int, wanted: float) -> Layout:
+def _fitted(plan: FlightPlan, every: int, wanted: float) -> Timetable:
     """Take-off to landing in `wanted` s: as many lines as it takes, a little shortened.
 
     Cut in the air where nothing fits.
@@ -236,7 +236,7 @@ def _fitted(plan: FlightPlan, every: int, wanted: float) -> Layout:
     return replace(best, duration_s=wanted)
 
 
-def _grounded(plan: FlightPlan, count: int, scale: float) -> Layout:
+def _grounded(plan: FlightPlan, count: int, scale: float) -> Timetable:
     """Take-off, `count` lines of `scale` times their length, landing."""
     into_wind = np.radians(plan.wind_from_deg)
     launch: Pose = (*plan.launch, float(into_wind))
@@ -255,12 +255,12 @@ def _grounded(plan: FlightPlan, count: int, scale: float) -> Layout:
     route.add(0.0, _GROUND_RUN_M)
     path = route.path()
     s, time = _timetable(path, plan, at_rest=True)
-    return Layout(
+    return Timetable(
         path, s, time, float(time[-1]) + plan.ground_s + plan.ground_after_s, -plan.ground_s
     )
 
 
-def _airborne(plan: FlightPlan, count: int) -> Layout:
+def _airborne(plan: FlightPlan, count: int) -> Timetable:
     """`count` lines and no more, from shortly before the first."""
     lines = _lines(plan, count, 1.0)
     start, height, _ = lines[0]
@@ -270,7 +270,7 @@ def _airborne(plan: FlightPlan, count: int) -> Layout:
     route.add(0.0, _LEAD_IN_M)
     path = route.path()
     s, time = _timetable(path, plan, at_rest=False)
-    return Layout(path, s, time, float(time[-1]) - 2.0 * _MARGIN_S, _MARGIN_S)
+    return Timetable(path, s, time, float(time[-1]) - 2.0 * _MARGIN_S, _MARGIN_S)
 
 
 def _fly_lines(route: Route, plan: FlightPlan, lines: list[Line]) -> None:
@@ -329,7 +329,7 @@ def _level_lines(
     return [(start, level.height_m, length) for start in nearest]
 
 
-def _timetable(path: Path, plan: FlightPlan, at_rest: bool) -> tuple[Array, Array]:
+def _timetable(path: SegmentPath, plan: FlightPlan, at_rest: bool) -> tuple[Array, Array]:
     """Path lengths and times; the path is left and reached at rest or at full speed."""
     s = np.linspace(0.0, path.total, int(np.ceil(path.total / _PROFILE_STEP_M)) + 1)
     square = plan.ground_speed(path.pose_at(s)[1]) ** 2

@@ -24,12 +24,12 @@ from .flights import (
     SETTLE_S,
     SITE,
     START_TOW,
-    Flight,
+    FlightMotion,
     _coordinated,
     flight_along,
     gusts,
 )
-from .motion import Motion
+from .motion import ExactMotion
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def circles(
     speed_ms: float = 16.0,
     wind_ms: float = 2.0,
     start_tow: float = START_TOW,
-) -> Flight:
+) -> FlightMotion:
     """Circle in the air all the time, with gusts (V.1).
 
     Parameters
@@ -85,7 +85,7 @@ def multirotor(
     speed_ms: float = 6.0,
     wind_ms: float = 3.0,
     start_tow: float = START_TOW,
-) -> Flight:
+) -> FlightMotion:
     """Fly legs of a multirotor whose nose does not follow its course (V.2).
 
     Parameters
@@ -163,7 +163,7 @@ def _clock(minutes: float) -> Array:
     return np.asarray((np.arange(n) - 2.0 - reach) * MOTION_KNOT_S, dtype=np.float64)
 
 
-def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flight:
+def _flight(name: str, position: Array, angles: Array, start_tow: float) -> FlightMotion:
     reach = round(SETTLE_S / MOTION_KNOT_S)
     control = np.hstack([position, angles])[reach:-reach]
-    return flight_along(Motion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)
+    return flight_along(ExactMotion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)

@@ -60,7 +60,7 @@ _BASIS = np.array(
 )
 
 
-class Motion:
+class ExactMotion:
     """Motion of a body from `start` to `end`, both s of one GPS week.
 
     Parameters

@@ -125,13 +125,13 @@ class Route:
             done += piece_m
             self.add(curvature, piece_m, start + rise * done)
 
-    def path(self) -> "Path":
+    def path(self) -> "SegmentPath":
         """The finished path."""
-        return Path.of(self.segments)
+        return SegmentPath.of(self.segments)
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class SegmentPath:
     """Segments in order, every field (n,).
 
     Parameters
@@ -157,7 +157,7 @@ class Path:
     @classmethod
     def of(
         cls, segments: Sequence[tuple[float, float, float, float, float, float, float, int]]
-    ) -> "Path":
+    ) -> "SegmentPath":
         """Path of segments as `Route` keeps them."""
         x, y, course, curvature, length, height0, height1, line = np.array(
             segments, dtype=np.float64

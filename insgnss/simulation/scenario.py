@@ -10,13 +10,13 @@ from ..base.advance import within
 from ..base.errors import UsageError, near
 from ..geodesy.frames import TangentPlane
 from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
-from .flights import START_TOW, Flight, fly
+from .flights import START_TOW, FlightMotion, fly
 from .ground import drive, walk
 from .layout import PLANS, FlightPlan
-from .motion import Motion
+from .motion import ExactMotion
 from .raw_gnss.options import RawGnssOptions
 from .raw_gnss.receiver import GnssOptions, simulate_gnss
-from .raw_gnss.scenario import RawGnss, simulate_raw_gnss
+from .raw_gnss.scenario import SimulatedGnss, simulate_raw_gnss
 from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class SimulatedFlight:
     raw_gnss : what the receivers of rover and base measured, or None.
     """
 
-    flight: Flight
+    flight: FlightMotion
     imu: ImuSamples
     gnss: GnssFixes
     events: CameraEvents
@@ -74,7 +74,7 @@ class SimulatedFlight:
     tangent_plane: TangentPlane
     truth: Truth
     second_imu: tuple[SimulatedImu, SecondImu] | None = None
-    raw_gnss: RawGnss | None = None
+    raw_gnss: SimulatedGnss | None = None
 
     @property
     def mounting(self) -> "Mounting":
@@ -135,7 +135,7 @@ def simulate_flight(
 
 
 def observe(
-    flight: Flight,
+    flight: FlightMotion,
     seed: int | np.random.SeedSequence = 0,
     *,
     imu: ImuOptions | None = None,
@@ -193,7 +193,7 @@ def _seeds(seed: int) -> list[np.random.SeedSequence]:
     return np.random.SeedSequence(seed).spawn(2)
 
 
-def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
+def true_eo(flight: FlightMotion, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
     """Return the exterior orientation of every exposure, without error and with zero covariance."""
     motion, n = flight.motion, flight.time.size
     C_ml = plane.C_em.T @ motion.frame.C_el
@@ -221,7 +221,7 @@ def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientatio
     )
 
 
-def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
+def true_trajectory(motion: ExactMotion, time: Array, gps_week: int) -> Trajectory:
     """Return the true state of the IMU's navigation centre at `time` (n,), zero covariance."""
     lat, lon, height = motion.geodetic(time)
     C_nl = motion.C_nl(time)
@@ -238,7 +238,7 @@ def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
     )
 
 
-def _times(motion: Motion, rate_hz: float) -> Array:
+def _times(motion: ExactMotion, rate_hz: float) -> Array:
     if not rate_hz > 0.0:
         raise UsageError(f"true trajectory at {rate_hz} Hz; the rate must be positive")
     n = int(np.floor((motion.end - motion.start) * rate_hz + 1e-6))

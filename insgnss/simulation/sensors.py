@@ -35,8 +35,8 @@ from ..navigation.noise_model.model import AxisNoise, NoiseModel, load_noise_mod
 from ..noise.processes.realisation import simulate_noise
 from ..records import CameraEvents, ImuSamples, Quantity
 from .faults import ImuFaults
-from .flights import Flight
-from .motion import Motion
+from .flights import FlightMotion
+from .motion import ExactMotion
 
 Array = NDArray[np.float64]
 
@@ -177,7 +177,7 @@ def axes_matrix(axes: str) -> Array:
 
 
 def simulate_imu(
-    flight: Flight,
+    flight: FlightMotion,
     options: ImuOptions,
     rng: np.random.Generator,
     lever_b: ArrayLike = (0.0, 0.0, 0.0),
@@ -218,7 +218,7 @@ def simulate_imu(
     return SimulatedImu(options.faults.apply(samples, faults), ideal.time, slow[0], slow[1])
 
 
-def _shaken(motion: Motion, time: Array, vibration: float) -> Array:
+def _shaken(motion: ExactMotion, time: Array, vibration: float) -> Array:
     """What vibration adds to white noise, (n,), in units of the model's.
 
     It is independent, so that the sum is `vibration` times as large.
@@ -262,7 +262,7 @@ def _erroneous(
     return reading, bias
 
 
-def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Array, Array]:
+def antenna_states(motion: ExactMotion, lever_b: ArrayLike, time: Array) -> tuple[Array, Array]:
     """Return position (n, 3) m and velocity (n, 3) m/s in l of a point of the body (S.2).
 
     The point is at `lever_b` (3,) m in body axes.
@@ -275,7 +275,7 @@ def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Arr
 
 
 def simulate_events(
-    flight: Flight, missing_fraction: float, rng: np.random.Generator
+    flight: FlightMotion, missing_fraction: float, rng: np.random.Generator
 ) -> CameraEvents:
     """Mid-exposure events of a flight; a share of them, drawn at random, is missing.
 

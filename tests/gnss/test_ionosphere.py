@@ -15,7 +15,7 @@ from insgnss.gnss.phase.ionosphere import (
     LEAST_FLIGHT_S,
     LOCAL_GRADIENT,
     VERTICAL_M,
-    Ionosphere,
+    KnottedIonosphere,
     engine_models_it,
     expectation,
     fit,
@@ -367,7 +367,7 @@ def test_heights_move_as_far_as_the_flight_shows(left, moves):
         np.array([1.0, *4 * [left]])
         * np.array([1.0, GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT]) ** 2
     )
-    of_one_time = Ionosphere(
+    of_one_time = KnottedIonosphere(
         np.array([0.0]),
         np.array([[3.0, 1e-6, 0.0, 1e-6, 0.0]]),
         np.diag(before),
@@ -407,7 +407,7 @@ def test_covariance_between_knots():
     """Oracle: the closed form of the variance of a linear interpolation."""
     rng = np.random.default_rng(3)
     root = rng.standard_normal((10, 10))
-    iono = Ionosphere(
+    iono = KnottedIonosphere(
         np.array([0.0, 10.0]),
         np.arange(10.0).reshape(2, 5),
         root @ root.T,

@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 from insgnss.records import Check
-from insgnss.report.charts.chart import Axes, Chart, Layer
+from insgnss.report.charts.chart import Chart, Layer, Panel
 from insgnss.report.document import (
     Document,
     Drawing,
@@ -24,7 +24,7 @@ EVIL = "</script><b>&"
 def filled(tmp_path) -> Document:
     (tmp_path / "in put.csv").write_text("1,2\n")
     layer = Layer("points", np.ones(1), np.ones(1), EVIL, texts=[EVIL])
-    chart = Chart("one", EVIL, EVIL, (Axes(EVIL, (layer,)),), EVIL)
+    chart = Chart("one", EVIL, EVIL, (Panel(EVIL, (layer,)),), EVIL)
     document = Document(
         EVIL,
         "3 of 4 fit",

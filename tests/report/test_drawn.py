@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from insgnss.report.charts.artists import CHART_INKS, SHADES, value_range
-from insgnss.report.charts.chart import Axes, Chart, Layer, Shade
+from insgnss.report.charts.chart import Chart, Layer, Panel, Shade
 from insgnss.report.charts.drawn import COLUMN, SCREEN, draw, draw_sheet, figure_of
 
 NONE = np.zeros(0)
@@ -23,7 +23,7 @@ def array(*values: float) -> np.ndarray:
 
 def chart(*layers: Layer, **options) -> Chart:
     """One panel from 0 to 10 both ways."""
-    panel = Axes("height, m", layers, limits=(0.0, 10.0))
+    panel = Panel("height, m", layers, limits=(0.0, 10.0))
     return Chart(*("test", "A title", "How.", (panel,), "time, s"), limits=(0.0, 10.0), **options)
 
 
@@ -171,7 +171,7 @@ def test_shades_lie_behind_with_their_numbers() -> None:
 def test_a_map_has_one_scale() -> None:
     """Oracle: by hand; 100 m are as long upwards as to the right, whatever the data span."""
     for x, y in ((array(0, 1000), array(0, 300)), (array(0, 50), array(0, 900))):
-        of = Chart("map", "", "", (Axes("north, m", (Layer("line", x, y),)),), "east, m", map=True)
+        of = Chart("map", "", "", (Panel("north, m", (Layer("line", x, y),)),), "east, m", map=True)
         ax = figure_of([[of]]).axes[0]
         ax.apply_aspect()
         a, b, c = ax.transData.transform([(0, 0), (100, 0), (0, 100)])
@@ -184,7 +184,7 @@ def test_a_map_has_one_scale() -> None:
 def test_logarithmic_axes_have_plain_numbers() -> None:
     """Oracle: by hand; decades as one writes them, at their places."""
     x = np.logspace(-2, 3, 50)
-    panel = Axes("deviation", (Layer("line", x, x),), "log")
+    panel = Panel("deviation", (Layer("line", x, x),), "log")
     figure = figure_of([[Chart("log", "", "", (panel,), "tau, s", "log")]])
     figure.canvas.draw()
     (ax,) = figure.axes
@@ -196,7 +196,7 @@ def test_logarithmic_axes_have_plain_numbers() -> None:
 
 def three(columns: int) -> Chart:
     x = np.linspace(0, 1, 20)
-    panels = [Axes(f"panel {k}, mm", (Layer("line", x, x**k, "same"),)) for k in range(3)]
+    panels = [Panel(f"panel {k}, mm", (Layer("line", x, x**k, "same"),)) for k in range(3)]
     return Chart("three", "Three", "How.", panels, "time, s", columns=columns)
 
 

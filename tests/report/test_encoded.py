@@ -9,7 +9,7 @@ import pytest
 
 from insgnss.base.errors import InputError
 from insgnss.records import GnssFixes
-from insgnss.report.charts.chart import Axes, Chart, Layer, Shade
+from insgnss.report.charts.chart import Chart, Layer, Panel, Shade
 from insgnss.report.charts.encoded import decoded, encoded, in_page
 from insgnss.report.charts.gnss import fix_series
 from insgnss.report.page import write_report
@@ -26,7 +26,7 @@ def _chart(texts: tuple[str, ...] = ("a", "b", "c")) -> Chart:
         Layer("rules", np.zeros(0), np.array([3.0])),
         Layer("arrows", x, x, x2=x + 1.0, y2=x - 1.0),
     )
-    panel = Axes("north, mm", layers, scale="log", limits=(0.1, 10.0))
+    panel = Panel("north, mm", layers, scale="log", limits=(0.1, 10.0))
     shades = (Shade(0.0, 1.5, "line", "1"), Shade(2.0, 3.0, "outage"))
     return Chart(
         *("motion", "How it <moved>", "Read & see.", (panel,), "minutes"),
@@ -64,7 +64,7 @@ def test_long_arrays_lose_less_than_one_can_see() -> None:
     spiked = np.where(np.arange(1500) == 30, 1e6, rng.standard_normal(1500))
     decades = np.geomspace(1e-4, 1e3, 1500)
     layers = [Layer("line", time, y) for y in (smooth, spiked, decades)]
-    chart = dataclasses.replace(_chart(), panels=(Axes("", layers),))
+    chart = dataclasses.replace(_chart(), panels=(Panel("", layers),))
     text = encoded([chart])
     back = [layer.y for layer in decoded(text)[0].panels[0].layers]
     assert [isinstance(given, dict) for given in json.loads(text)["arrays"]] == [

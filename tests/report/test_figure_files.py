@@ -11,7 +11,7 @@ import pytest
 
 import insgnss
 from insgnss.cli.main import main
-from insgnss.report.charts.chart import Axes, Chart, Layer
+from insgnss.report.charts.chart import Chart, Layer, Panel
 from insgnss.report.charts.encoded import encoded
 from insgnss.report.charts.files import charts_of
 from insgnss.report.document import Document
@@ -24,8 +24,8 @@ def charts() -> list[Chart]:
     line = Layer("line", X, np.sin(X), "north", texts=())
     dots = Layer("points", X, np.cos(X), "image", "second", texts=[f"{k}.tif" for k in range(50)])
     return [
-        Chart("motion", "How it moved", "Read.", (Axes("north, m", (line, dots)),), "minutes"),
-        Chart("map", "Where", "Read.", (Axes("north, m", (dots,)),), "east, m", map=True),
+        Chart("motion", "How it moved", "Read.", (Panel("north, m", (line, dots)),), "minutes"),
+        Chart("map", "Where", "Read.", (Panel("north, m", (dots,)),), "east, m", map=True),
     ]
 
 

@@ -14,7 +14,7 @@ import insgnss.report.page as page_module
 from insgnss.base.errors import UsageError
 from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.states import CLOCK_RATE, OF_LEVER_ARM, TIME_OFFSET
-from insgnss.report.charts.chart import Axes, Chart, Layer
+from insgnss.report.charts.chart import Chart, Layer, Panel
 from insgnss.report.charts.encoded import in_page
 from insgnss.report.image_table import image_table
 from insgnss.report.markup import sentence
@@ -26,7 +26,7 @@ CHART = Chart(
     "map",
     "Where <it> went",
     "Dots & lines.",
-    (Axes("y, m", (Layer("line", np.arange(3.0), np.arange(3.0)),)),),
+    (Panel("y, m", (Layer("line", np.arange(3.0), np.arange(3.0)),)),),
     "x, m",
 )
 

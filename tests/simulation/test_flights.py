@@ -6,19 +6,19 @@ from numpy.testing import assert_allclose
 from surveys import block_flight, corridor_flight
 
 from insgnss.base.errors import UsageError
-from insgnss.simulation.flights import Flight
+from insgnss.simulation.flights import FlightMotion
 from insgnss.simulation.layout import BLOCK
 
 PER_HEIGHT = 6.4e-6 / 0.035  # ground sampling distance per metre of height
 
 
 @pytest.fixture(scope="module")
-def block() -> Flight:
+def block() -> FlightMotion:
     return block_flight(seed=1)
 
 
 @pytest.fixture(scope="module")
-def corridor() -> Flight:
+def corridor() -> FlightMotion:
     return corridor_flight(seed=1)
 
 

@@ -6,14 +6,14 @@ from numpy.testing import assert_allclose
 
 from insgnss.base.errors import UsageError
 from insgnss.simulation.dataset import write_simulated
-from insgnss.simulation.flights import Flight
+from insgnss.simulation.flights import FlightMotion
 from insgnss.simulation.ground import CAR, drive, walk
 from insgnss.simulation.scenario import observe, simulate_flight
 from insgnss.simulation.sensors import ImuOptions
 
 
 @pytest.fixture(scope="module")
-def car() -> Flight:
+def car() -> FlightMotion:
     return drive(5.0, seed=1)
 
 

@@ -13,24 +13,24 @@ from insgnss.base.errors import UsageError
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.simulation import motion as motion_module
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.motion import ExactMotion
 
 START = 205200.0
 FRAME = LocalFrame(float(np.radians(46.57)), float(np.radians(6.54)), 510.0)
 ECEF = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 
 
-def lively(spacing: float = 0.5, pieces: int = 40, start: float = START) -> Motion:
+def lively(spacing: float = 0.5, pieces: int = 40, start: float = START) -> ExactMotion:
     """Tens of metres and tenths of a radian between knots, in all six channels."""
     rng = np.random.default_rng(5)
     control = rng.standard_normal((pieces + 5, 6)) * [3.0, 3.0, 2.0, 0.1, 0.1, 0.1]
     control[:, 0] += 7.0 * np.arange(pieces + 5)
     control[:, 5] += 0.2 * np.arange(pieces + 5)
-    return Motion(FRAME, start, spacing, control)
+    return ExactMotion(FRAME, start, spacing, control)
 
 
 @pytest.fixture(scope="module")
-def motion() -> Motion:
+def motion() -> ExactMotion:
     return lively()
 
 
@@ -78,7 +78,7 @@ def test_control_points_belong_to_their_greville_abscissae():
     """Oracle: a B-spline of control points on a straight line is that line."""
     line = np.outer(np.arange(20) - 2.0, np.arange(1.0, 7.0))
     t = START + np.linspace(0.0, 7.4, 30)
-    m = Motion(FRAME, START, 0.5, line)
+    m = ExactMotion(FRAME, START, 0.5, line)
     assert_allclose(m.position(t), np.outer((t - START) / 0.5, [1.0, 2.0, 3.0]), rtol=0, atol=1e-9)
 
 
@@ -160,7 +160,7 @@ def test_a_body_at_rest_feels_gravity_and_the_turning_earth():
     tilted axes.
     """
     roll, pitch, yaw = 0.3, -0.2, 2.0
-    rest = Motion(FRAME, START, 0.1, np.tile([0.0, 0.0, 0.0, roll, pitch, yaw], (40, 1)))
+    rest = ExactMotion(FRAME, START, 0.1, np.tile([0.0, 0.0, 0.0, roll, pitch, yaw], (40, 1)))
     C_lb = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
     imu = rest.imu(100.0)
     assert_allclose(
@@ -285,8 +285,8 @@ def test_geodetic_state_is_that_of_pyproj(motion):
         (lambda m: m.position(START - 1.0), "outside the motion"),
         (lambda m: m.imu(100.0, "rate"), "none of"),
         (lambda m: m.imu(100.0, phase_s=0.02), "phase"),
-        (lambda m: Motion(FRAME, START, 0.1, np.zeros((5, 6))), "at least 6"),
-        (lambda m: Motion(FRAME, START, 0.0, np.zeros((6, 6))), "spacing"),
+        (lambda m: ExactMotion(FRAME, START, 0.1, np.zeros((5, 6))), "at least 6"),
+        (lambda m: ExactMotion(FRAME, START, 0.0, np.zeros((6, 6))), "spacing"),
     ],
 )
 def test_what_has_no_answer_is_refused(motion, call, words):

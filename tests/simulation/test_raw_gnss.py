@@ -23,7 +23,7 @@ from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.records import CameraEvents
 from insgnss.simulation.raw_gnss.atmosphere import (
     MEAN_EARTH_RADIUS_M,
-    Ionosphere,
+    SimulatedIonosphere,
     Troposphere,
     Weather,
 )
@@ -513,7 +513,7 @@ def test_the_ionosphere_has_its_gradient_and_wave():
     """Oracle: closed form in zenith, where the pierce point is above the receiver's own place, and
     of the zenith angle at the shell.
     """
-    shell = Ionosphere((0.8, 0.1), 2.5, 1e-4, (1e-6, -2e-6), 0.0, (1.0, 0.0), 0.0)
+    shell = SimulatedIonosphere((0.8, 0.1), 2.5, 1e-4, (1e-6, -2e-6), 0.0, (1.0, 0.0), 0.0)
     up, none = np.full((2, 1), 0.5 * np.pi), np.zeros(2)
     away = 3e4 / (SHELL * np.cos(0.8))
     delay = shell.delay(
@@ -529,13 +529,13 @@ def test_the_ionosphere_has_its_gradient_and_wave():
     assert_allclose(
         delay[:, 0], [2.5, 2.5 - 0.06], rtol=0.0, atol=1e-4
     )  # a parallel leaves the tangent plane's east by 69 m
-    level = Ionosphere((0.8, 0.1), 2.5, 0.0, (0.0, 0.0), 0.0, (1.0, 0.0), 0.0)
+    level = SimulatedIonosphere((0.8, 0.1), 2.5, 0.0, (0.0, 0.0), 0.0, (1.0, 0.0), 0.0)
     for height in (0.0, 3000.0):
         place = (np.array([0.8]), np.array([0.1]), np.array([height]))
         slant = level.delay(np.zeros(1), place, np.zeros((1, 1)), np.full((1, 1), np.radians(10.0)))
         expected = 2.5 / np.sqrt(1.0 - ((6371e3 + height) / 6721e3 * np.cos(np.radians(10.0))) ** 2)
         assert slant[0, 0] == pytest.approx(expected, rel=1e-12)
-    wave = Ionosphere((0.8, 0.1), 0.0, 0.0, (0.0, 0.0), 0.01, (0.0, 1.0), 0.0)
+    wave = SimulatedIonosphere((0.8, 0.1), 0.0, 0.0, (0.0, 0.0), 0.01, (0.0, 1.0), 0.0)
     quarter = np.arcsin(37.5e3 / (SHELL * np.cos(0.8)))
     crest = wave.delay(
         np.zeros(1),
@@ -553,7 +553,7 @@ def test_rays_of_two_receivers_meet_the_shell_where_vectors_do():
     A gradient makes the delay a measure of the place: 1e-6 m/m of a micrometre is a metre on the
     shell.
     """
-    shell = Ionosphere((0.8, 0.1), 0.0, 0.0, (1e-6, 2e-6), 0.0, (1.0, 0.0), 0.0)
+    shell = SimulatedIonosphere((0.8, 0.1), 0.0, 0.0, (1e-6, 2e-6), 0.0, (1.0, 0.0), 0.0)
     lat, lon, height = np.array([0.8, 0.8003]), np.array([0.1, 0.1004]), np.array([0.0, 500.0])
     azimuth, elevation = np.radians([[20.0, 140.0, 300.0]]), np.radians([[15.0, 45.0, 70.0]])
     delay = shell.delay(

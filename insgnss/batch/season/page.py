@@ -11,12 +11,12 @@ import numpy as np
 from ...base.wording import some
 from ...records import Array
 from ...records.states import LEVER_ARM
-from ...report.charts.chart import Axes, Chart, Ink, Layer
+from ...report.charts.chart import Chart, Ink, Layer, Panel
 from ...report.document import Document, Marked, Section, Table
 from ...report.markup import sentence
 from ...report.verdict import Verdict, worst_of
 from .row import Row, is_number
-from .trends import Trend
+from .trends import SeasonTrend
 from .work import FAILED, JOB_KEPT, WAITING, is_changed
 
 PAGE_MARK = '<meta name="generator" content="insgnss batch">'
@@ -31,7 +31,7 @@ TREND_CAPTION = (
 
 def season_document(
     rows: Sequence[Row],
-    trends: Sequence[Trend],
+    trends: Sequence[SeasonTrend],
     headline: str,
     settings: Mapping[str, str] = MappingProxyType({}),
     files: Sequence[Path] = (),
@@ -80,7 +80,7 @@ def page_html(document: Document) -> Iterator[str]:
         yield piece.replace("<title>", f"{PAGE_MARK}\n<title>", 1)
 
 
-def _verdict(rows: Sequence[Row], trends: Sequence[Trend]) -> Verdict:
+def _verdict(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Verdict:
     """Return the verdict: flights without results first, then what their reports say."""
     names = {
         kind: [str(row["name"]) for row in rows if row[column] == kind]
@@ -138,7 +138,7 @@ def _numbers(row: Row, columns: Sequence[str], form: str) -> Marked:
     return Marked(" / ".join(format(x, form) for x in values if is_number(x)), "whole")
 
 
-def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
+def charts(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Iterator[Chart]:
     """Yield the charts of a season: constants of each equipment, then sigmas of all flights.
 
     Parameters
@@ -148,12 +148,12 @@ def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
     trends : sequence of Trend
         Of its equipments.
     """
-    groups: dict[tuple[str, str], list[Trend]] = {}
+    groups: dict[tuple[str, str], list[SeasonTrend]] = {}
     for trend in trends:
         groups.setdefault((trend.equipment, trend.quantity.state.group), []).append(trend)
     for number, ((equipment, kind), own) in enumerate(groups.items(), 1):
         panels = [
-            Axes(f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
+            Panel(f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
             for t, ink in zip(own, TREND_INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""
@@ -166,7 +166,7 @@ def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
     yield from _sigmas(rows)
 
 
-def _layers(trend: Trend, ink: Ink) -> Iterator[Layer]:
+def _layers(trend: SeasonTrend, ink: Ink) -> Iterator[Layer]:
     """Values with their sigmas, and the line."""
     x, y, s = trend.days, trend.value, trend.sigma
     nan = np.full(x.size, np.nan)
@@ -209,7 +209,7 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
                     Layer("points", number[there], y[there], word, ink, texts=texts, width=5.0)
                 )
         if layers:
-            panels.append(Axes(label, layers))
+            panels.append(Panel(label, layers))
     if panels:
         reading = (
             "Median standard deviations of the images of each flight, in the order of the table;"

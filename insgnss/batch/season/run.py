@@ -21,7 +21,7 @@ from .pool import run_alone, run_side_by_side
 from .request import SeasonRequest
 from .row import ROW_COLUMNS, Row, with_own_names
 from .tables import SEASON_HEAD, csv_text, parquet_bytes, refuse_without_parquet
-from .trends import Trend, trends
+from .trends import SeasonTrend, trends
 from .work import FAILED, JOB_DONE, JOB_KEPT, WAITING, Outcome, Task, Tell, not_reached
 
 SEASON_TABLE, SEASON_PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
@@ -48,7 +48,7 @@ class SeasonResult:
 
     rows: tuple[Row, ...]
     outcomes: tuple[Outcome, ...]
-    trends: tuple[Trend, ...]
+    trends: tuple[SeasonTrend, ...]
     files: tuple[Path, ...]
     seconds: float
 

@@ -85,7 +85,7 @@ TREND_QUANTITIES = tuple(
 
 
 @dataclass(frozen=True)
-class Trend:
+class SeasonTrend:
     """A constant of an equipment over the season.
 
     Parameters
@@ -186,7 +186,7 @@ def judged(
     value: Array,
     sigma: Array,
     names: Sequence[str],
-) -> Trend:
+) -> SeasonTrend:
     """Return the trend of a constant, with its finding.
 
     Parameters
@@ -201,10 +201,10 @@ def judged(
 
     given = (equipment, quantity, days, value, sigma, tuple(names))
     if days.size < FEWEST_FLIGHTS:
-        return Trend(*given, "too few")
+        return SeasonTrend(*given, "too few")
     span = float(np.ptp(days))
     if span * DAY_S < 1.0:
-        return Trend(*given, "one time")
+        return SeasonTrend(*given, "one time")
     slope, slope_sigma, level, x = fit(days, value, sigma)
     finding: Finding = "steady"
     residual = value - level - slope * days
@@ -213,10 +213,10 @@ def judged(
         finding = "drift"
     elif x > limit and float(np.abs(residual).max()) > quantity.physical:
         finding = "scatter"
-    return Trend(*given, finding, slope, slope_sigma, level, x)
+    return SeasonTrend(*given, finding, slope, slope_sigma, level, x)
 
 
-def trends(rows: Iterable[Row]) -> list[Trend]:
+def trends(rows: Iterable[Row]) -> list[SeasonTrend]:
     """Return the trends of every equipment of a season.
 
     Parameters

@@ -18,7 +18,7 @@ from ..verb import Message, Verb
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class ImuRequest(Checked):
     """Options of the verb."""
 
     imu: Path = argument(
@@ -122,6 +122,6 @@ VERB = Verb(
     "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine positions"
     " and more",
     "  insgnss calibrate imu turned_by_hand.csv --latitude 46.57 --height 420 --out navchip1.toml",
-    (Request,),
+    (ImuRequest,),
     run,
 )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Products(Checked):
+class MountingProducts(Checked):
     """Where the file goes, and what it is compared with."""
 
     compare: Path | None = argument(None, "another mounting.toml, whose lever arm is compared")
@@ -132,7 +132,7 @@ def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: t
         files = [getattr(options, field.name) for field in fields(inputs)]
         return _finished(options, progress, calibrate(*files, options.records[chosen]), *files)
 
-    return Verb(name, meaning, example, (inputs, chosen, Products), run)
+    return Verb(name, meaning, example, (inputs, chosen, MountingProducts), run)
 
 
 def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
@@ -182,7 +182,7 @@ MOUNTING_VERBS = (
         "  insgnss calibrate mounting ign8/flight.toml cameras.xml\n"
         "  insgnss calibrate mounting ign8 ign8/02_Processed/Adjustment/poses.csv --frame shift"
         " --shift-sigma 0.01",
-        (FlightFiles, Assumptions, Products),
+        (FlightFiles, Assumptions, MountingProducts),
         _run_mounting,
     ),
 )

@@ -16,7 +16,7 @@ EXAMPLE = """  insgnss figures results/02_Processed/GPS-INS/report.json --format
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class FiguresRequest(Checked):
     """Options of the verb."""
 
     source: Path = argument(
@@ -54,6 +54,6 @@ VERB = Verb(
     "figures",
     "the charts of a page of insgnss as PDF, SVG or PNG, one file a chart",
     EXAMPLE,
-    (Request,),
+    (FiguresRequest,),
     run,
 )

@@ -14,7 +14,7 @@ EXAMPLE = """  insgnss report results/02_Processed/GPS-INS/report.json
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class ReportRequest(Checked):
     """Options of the verb."""
 
     source: Path = argument(
@@ -41,6 +41,6 @@ VERB = Verb(
     "report",
     "a page of insgnss as PDF: the summary to hand over, with its appendix where asked for",
     EXAMPLE,
-    (Request,),
+    (ReportRequest,),
     run,
 )

@@ -13,7 +13,7 @@ EXAMPLE = """  insgnss archive season
 
 
 @dataclass(frozen=True)
-class Request:
+class ArchiveRequest:
     """Options of the verb."""
 
     directory: Path = argument(..., "the directory of flights and their results", cli="DIR")
@@ -35,6 +35,6 @@ VERB = Verb(
     "check that every result below a directory can be made again from its inputs, by hashes and"
     " versions",
     EXAMPLE,
-    (Request,),
+    (ArchiveRequest,),
     run,
 )

@@ -24,7 +24,7 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     from ...batch.season.run import line_of, run_season
 
     request = options.records[SeasonRequest]
-    lines = _Lines(progress, silent=options.json)
+    lines = _ProgressLines(progress, silent=options.json)
     result = run_season(request, lambda one: lines.show(one, line_of(one)), lines.tick)
     if not result.exit_code:
         return result
@@ -37,7 +37,7 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     return Judged(result, failure)
 
 
-class _Lines:
+class _ProgressLines:
     """Lines of flights on standard output, progress and time left on standard error.
 
     Time is left for the flights that are not done at the pace of those that were processed: those

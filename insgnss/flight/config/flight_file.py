@@ -26,7 +26,7 @@ from ...io.options.camera_options import (
     ImageMatch,
     RoverEvents,
 )
-from ...io.options.kinds import Checked, Kind, accepted, as_tuple, no_texts, register
+from ...io.options.kinds import Checked, OptionKind, accepted, as_tuple, no_texts, register
 from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread, sigmas
 from ...report.rules.needs import NEEDS
 from ..sensors.options import MeasurementInput
@@ -68,13 +68,13 @@ def _no_formats(item: Declared, value: Any) -> str:
     return ""
 
 
-register("formats", Kind(_no_formats, as_tuple))
+register("formats", OptionKind(_no_formats, as_tuple))
 
 ROLLOVER = 1024  # weeks that the signal of GPS can count
 
 
 @dataclass(frozen=True)
-class TangentPlane:
+class TangentPlaneOptions:
     """Origin of the tangent plane, of table [tangent_plane]."""
 
     lat_deg: float
@@ -95,7 +95,7 @@ class TangentPlane:
 
 @dataclass(frozen=True)
 class TangentPlaneTable:
-    """Table [tangent_plane], of which `TangentPlane` is made."""
+    """Table [tangent_plane], of which `TangentPlaneOptions` is made."""
 
     origin: Triple = option(
         ...,
@@ -278,7 +278,7 @@ class Flight(Checked):
     gnss: GnssInput = field(kw_only=True)
     camera: CameraInput | None = field(kw_only=True)
     mounting: "Mounting" = field(kw_only=True)
-    tangent_plane: TangentPlane | None = field(kw_only=True)
+    tangent_plane: TangentPlaneOptions | None = field(kw_only=True)
     output: Output = field(kw_only=True)
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
@@ -290,10 +290,10 @@ class Flight(Checked):
 
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane
-        if plane is not None and not isinstance(plane, TangentPlane):
+        if plane is not None and not isinstance(plane, TangentPlaneOptions):
             item = declared(TangentPlaneTable)["origin"]
             object.__setattr__(
-                self, "tangent_plane", TangentPlane(*accepted(item, plane, "tangent_plane"))
+                self, "tangent_plane", TangentPlaneOptions(*accepted(item, plane, "tangent_plane"))
             )
         super().__post_init__()
         refuse_week(self.gps_week)

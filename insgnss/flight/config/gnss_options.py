@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from ...base.errors import InputError, near
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
-from ...io.options.kinds import Checked, Kind, no_mapping, register
+from ...io.options.kinds import Checked, OptionKind, no_mapping, register
 from ...io.options.schema import Declared, Triple, columns_of_file, option, sigmas, take_record
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
@@ -43,7 +43,7 @@ def _no_unit(item: Declared, quantity: str, unit: object) -> str:
     return f"is no unit for it: {near(str(unit), tuple(SENSOR_SCALES[kind]))}"
 
 
-register("gnss_units", Kind(no_mapping, member=_no_unit))
+register("gnss_units", OptionKind(no_mapping, member=_no_unit))
 
 
 @dataclass(frozen=True)

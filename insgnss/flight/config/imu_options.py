@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, OptionError, near
-from ...io.options.kinds import Checked, Kind, no_mapping, no_text, other_class, register
+from ...io.options.kinds import Checked, OptionKind, no_mapping, no_text, other_class, register
 from ...io.options.schema import Declared, Triple, Words, columns_of_file, option, take_record
 
 if TYPE_CHECKING:
@@ -86,9 +86,9 @@ def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
         raise OptionError(f"imu.units.{sensor}", f"{unit!r} is no unit for it: {advice}")
 
 
-register("axes", Kind(_no_axes))
-register("imu_units", Kind(no_mapping, member=lambda item, name, unit: no_text(item, unit)))
-register("noise", Kind(_no_noise, _name_or_path))
+register("axes", OptionKind(_no_axes))
+register("imu_units", OptionKind(no_mapping, member=lambda item, name, unit: no_text(item, unit)))
+register("noise", OptionKind(_no_noise, _name_or_path))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file, reading
 from ...base.received.trusted import at_home
-from ...base.tables import Table, read_toml
+from ...base.tables import OptionTable, read_toml
 from ...gnss.covariance_model import CovarianceModel
 from ...gnss.ppk_options import OF_POSITIONS, RawGnss
 from ...io.formats.orientation.mounting_file import DELAY, read_mounting_file
@@ -29,7 +29,7 @@ from ...records.cameras.mounting import (
 from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
-from .flight_file import FLIGHT_TABLES, Flight, Output, TangentPlane, TangentPlaneTable
+from .flight_file import FLIGHT_TABLES, Flight, Output, TangentPlaneOptions, TangentPlaneTable
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
@@ -81,7 +81,9 @@ def _loaded(path: Path) -> Flight:
         "gnss": gnss,
         "camera": _camera(camera, gnss.raw is not None) if camera else None,
         "mounting": mounting_of(root.table("mounting")),
-        "tangent_plane": TangentPlane(*take(plane, TangentPlaneTable)["origin"]) if plane else None,
+        "tangent_plane": TangentPlaneOptions(*take(plane, TangentPlaneTable)["origin"])
+        if plane
+        else None,
         "output": _output(root.table("output")),
         "initial": initial and record_of(initial, InitialAttitude),
         "filter": record_of(root.table("filter"), FilterOptions),
@@ -122,12 +124,12 @@ def read_covariance(path: Path) -> CovarianceModel:
     return covariance_of(root)
 
 
-def _imu(table: Table) -> ImuInput:
+def _imu(table: OptionTable) -> ImuInput:
     further = tuple(record_of(other, ImuInput) for other in table.tables("further"))
     return record_of(table, ImuInput, ["further"], further=further)
 
 
-def _gnss(table: Table) -> GnssInput:
+def _gnss(table: OptionTable) -> GnssInput:
     raw = _raw(table)
     stands = "stationary" in table.data
     if stands and "file" in table.data:
@@ -155,7 +157,7 @@ def _gnss(table: Table) -> GnssInput:
     return made(table, GnssInput, {"file": None} | values | {"raw": raw})
 
 
-def _raw(table: Table) -> RawGnss | None:
+def _raw(table: OptionTable) -> RawGnss | None:
     """The raw observations of a table [gnss], None where none are given."""
     raw_options, needed = declared(RawGnss), ("rover", "base", "navigation")
     given = [name for name in raw_options if name in table.data]
@@ -180,7 +182,7 @@ def _raw(table: Table) -> RawGnss | None:
     return made(table, RawGnss, values)
 
 
-def _camera(table: Table, raw: bool) -> CameraInput:
+def _camera(table: OptionTable, raw: bool) -> CameraInput:
     """The exposures; raw : whether there is a rover's RINEX, which may hold the events."""
     of_rover = [name for name in declared(RoverEvents) if name in table.data]
     if of_rover and (not raw or "events" in table.data):
@@ -201,7 +203,7 @@ def _camera(table: Table, raw: bool) -> CameraInput:
     return record_of(table, CameraInput, more, match=match, rover_events=rover_events, **more)
 
 
-def _further_camera(table: Table) -> CameraInput:
+def _further_camera(table: OptionTable) -> CameraInput:
     """A further camera of a rig; without events of its own it has the trigger of the first one."""
     own = "events" in table.data
     for key in () if own else ("columns", "time_scale"):
@@ -213,7 +215,7 @@ def _further_camera(table: Table) -> CameraInput:
     return record_of(table, CameraInput, absent, match=match, **absent)
 
 
-def mounting_of(table: Table) -> Mounting:
+def mounting_of(table: OptionTable) -> Mounting:
     """The mounting of a table [mounting]."""
     of_file = ("file", "max_age_days")
     given = take(table, MountingTable, without=of_file)
@@ -233,7 +235,7 @@ def mounting_of(table: Table) -> Mounting:
         raise table.error(key, problem) from None
 
 
-def _output(table: Table) -> Output:
+def _output(table: OptionTable) -> Output:
     values = take(table, Output)
     directory = directory_of(table, values["directory"])
     rules = ((rule, table.resolve(rule, "rename")) for rule in values["rename"])
@@ -331,7 +333,7 @@ def with_engine(flight: Flight, engine: str) -> Flight:
     return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
 
 
-def _calibrated(flight: Flight, root: Table) -> Flight:
+def _calibrated(flight: Flight, root: OptionTable) -> Flight:
     """The flight with the mounting of `mounting.file`, where there is one."""
     table = root.table("mounting")
     values = take(table, MountingTable)
@@ -341,7 +343,7 @@ def _calibrated(flight: Flight, root: Table) -> Flight:
         return flight
     files = [flight.path, *flight.included]
 
-    def nearer(one: Table, key: str, other: Table, name: str) -> bool:
+    def nearer(one: OptionTable, key: str, other: OptionTable, name: str) -> bool:
         return files.index(one.source(key).path) < files.index(other.source(name).path)
 
     new = remounted(flight, path, values["max_age_days"])

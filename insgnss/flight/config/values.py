@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from ...base.errors import InputError, OptionError
 from ...base.files import expanded, is_pattern
 from ...base.inputs import is_file
-from ...base.tables import Table
+from ...base.tables import OptionTable
 from ...gnss.covariance_model import CovarianceModel
 from ...gnss.ppk_options import ENGINES
 from ...io.options.camera_options import CameraMounting
@@ -36,7 +36,7 @@ def known_keys(tables: Mapping[str, tuple[type, ...]]) -> dict[str, tuple[str, .
     return keys | {"": (*keys[""], *(name for name in tables if name and "." not in name))}
 
 
-def take(table: Table, kind: type, without: Iterable[str] = ()) -> dict[str, Any]:
+def take(table: OptionTable, kind: type, without: Iterable[str] = ()) -> dict[str, Any]:
     """The values of all options of a table by name, with the defaults of those that are absent.
 
     Parameters
@@ -56,7 +56,7 @@ def take(table: Table, kind: type, without: Iterable[str] = ()) -> dict[str, Any
     }
 
 
-def value_of(table: Table, item: Declared) -> Any:
+def value_of(table: OptionTable, item: Declared) -> Any:
     """The value of an option, its default where it is absent."""
     key = item.name
     if key not in table.data and not item.required:
@@ -78,7 +78,7 @@ def value_of(table: Table, item: Declared) -> Any:
         raise table.refusal(refusal) from None
 
 
-def made(table: Table, kind: Callable[..., Any], values: dict[str, Any]) -> Any:
+def made(table: OptionTable, kind: Callable[..., Any], values: dict[str, Any]) -> Any:
     """The dataclass of a table; what it refuses at construction is told at the line of the key."""
     try:
         return kind(**values)
@@ -86,7 +86,9 @@ def made(table: Table, kind: Callable[..., Any], values: dict[str, Any]) -> Any:
         raise table.refusal(refusal) from None
 
 
-def record_of(table: Table, kind: type[Record], without: Iterable[str] = (), **more: Any) -> Record:
+def record_of(
+    table: OptionTable, kind: type[Record], without: Iterable[str] = (), **more: Any
+) -> Record:
     """The dataclass of a table: its options as the table has them, and further fields.
 
     Parameters
@@ -104,7 +106,7 @@ def record_of(table: Table, kind: type[Record], without: Iterable[str] = (), **m
     return record
 
 
-def directory_of(table: Table, directory: Path) -> Path:
+def directory_of(table: OptionTable, directory: Path) -> Path:
     """The directory of products, from that of the file on; a file in its place is refused."""
     resolved = table.resolve(directory)  # of the flight, whatever file says it
     if resolved.exists() and not resolved.is_dir():
@@ -112,25 +114,25 @@ def directory_of(table: Table, directory: Path) -> Path:
     return resolved
 
 
-def covariance_of(table: Table) -> CovarianceModel:
+def covariance_of(table: OptionTable) -> CovarianceModel:
     """The covariance model with the changes of a table."""
     options = declared(CovarianceModel)
     changes = {key: value_of(table, options[key]) for key in table.data}
     return CovarianceModel().with_changes(changes)
 
 
-def _existing(table: Table, key: str, value: Any) -> Any:
+def _existing(table: OptionTable, key: str, value: Any) -> Any:
     """The path of a file or directory that is there."""
     return _present(table, key, [table.resolve(table.text(key), key)], Path.exists)[0]
 
 
-def _file_or_directory(table: Table, key: str, value: Any) -> Any:
+def _file_or_directory(table: OptionTable, key: str, value: Any) -> Any:
     """The path of a directory, or of a file that is there and not empty."""
     path = table.resolve(table.text(key), key)
     return path if path.is_dir() else table.file(key)
 
 
-def _images(table: Table, key: str, value: Any) -> Any:
+def _images(table: OptionTable, key: str, value: Any) -> Any:
     """A directory of images, or a list of their names."""
     path = table.resolve(table.text(key), key)
     if not path.exists():
@@ -139,12 +141,12 @@ def _images(table: Table, key: str, value: Any) -> Any:
     return path
 
 
-def _files(table: Table, key: str, value: Any) -> Any:
+def _files(table: OptionTable, key: str, value: Any) -> Any:
     """The paths of files that are there."""
     return _present(table, key, [table.resolve(name, key) for name in table.texts(key, ())])
 
 
-def _observations(table: Table, key: str, value: Any) -> Any:
+def _observations(table: OptionTable, key: str, value: Any) -> Any:
     """The path of a file, or of several: a list of names and patterns such as base/*.18o."""
     if isinstance(value, str) and not is_pattern(value):
         return table.file(key)
@@ -156,7 +158,7 @@ def _observations(table: Table, key: str, value: Any) -> Any:
 
 
 def _present(
-    table: Table, key: str, paths: list[Path], exists: Callable[[Path], bool] = is_file
+    table: OptionTable, key: str, paths: list[Path], exists: Callable[[Path], bool] = is_file
 ) -> list[Path]:
     """The paths; a refusal names the first of them that does not exist."""
     if missing := [path for path in paths if not exists(path)]:
@@ -165,7 +167,7 @@ def _present(
     return paths
 
 
-def _engine(table: Table, key: str, value: Any) -> Any:
+def _engine(table: OptionTable, key: str, value: Any) -> Any:
     """The name of a known engine: no file names a program that is run."""
     engine = table.text(key)
     if engine not in ENGINES:
@@ -175,7 +177,7 @@ def _engine(table: Table, key: str, value: Any) -> Any:
     return engine
 
 
-def _noise(table: Table, key: str, value: Any) -> Any:
+def _noise(table: OptionTable, key: str, value: Any) -> Any:
     """Name of a shipped noise model, or the path of an existing file."""
     noise: str = table.text(key)
     if noise in shipped_models():
@@ -186,7 +188,7 @@ def _noise(table: Table, key: str, value: Any) -> Any:
     return table.file(key)
 
 
-def _rate(table: Table, key: str, value: Any) -> Any:
+def _rate(table: OptionTable, key: str, value: Any) -> Any:
     """Hz, None for every sample."""
     if value == "imu":
         return None
@@ -195,7 +197,7 @@ def _rate(table: Table, key: str, value: Any) -> Any:
     return value
 
 
-def _angles(table: Table, key: str, value: Any) -> Any:
+def _angles(table: OptionTable, key: str, value: Any) -> Any:
     """Angle set and angles of ``boresight_deg = { angle_set = [..] }``."""
     if "boresight" in table.data:
         raise table.error(key, f"{table.name}.boresight is given as well; keep one of them")
@@ -203,7 +205,7 @@ def _angles(table: Table, key: str, value: Any) -> Any:
     return pairs[0] if len(pairs) == 1 else value
 
 
-def _camera_mounting(table: Table, key: str, value: Any) -> Any:
+def _camera_mounting(table: OptionTable, key: str, value: Any) -> Any:
     """Place and attitude of a further camera; a matrix is a rotation."""
     mounted = table.table(key)
     mounting = record_of(mounted, CameraMounting)
@@ -215,7 +217,7 @@ def _camera_mounting(table: Table, key: str, value: Any) -> Any:
     return mounting
 
 
-VALUE_READERS: dict[str, Callable[[Table, str, Any], Any]] = {
+VALUE_READERS: dict[str, Callable[[OptionTable, str, Any], Any]] = {
     "angles": _angles,
     "camera_mounting": _camera_mounting,
     "covariance": lambda table, key, value: covariance_of(table.table(key)),

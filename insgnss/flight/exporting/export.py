@@ -40,7 +40,7 @@ NULL_M, SAME_M = 1e-3, 1.0
 
 
 @dataclass(frozen=True)
-class Target:
+class ExportFrame:
     """The frame that is asked for.
 
     Parameters
@@ -107,7 +107,7 @@ def export(
     eo: ExteriorOrientation,
     name: str,
     path: Path,
-    target: Target | None = None,
+    target: ExportFrame | None = None,
     rename: Sequence[str | Path] = (),
     **options: Any,
 ) -> Exported:
@@ -128,7 +128,7 @@ def export(
     with together() as staging:
         eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
         with _remedy():
-            done = _export(eo, name, path, target or Target(), options)
+            done = _export(eo, name, path, target or ExportFrame(), options)
         remove_stale(path, staging)
         if not names:
             return done
@@ -171,7 +171,7 @@ def _export(
     eo: ExteriorOrientation,
     name: str,
     path: Path,
-    target: Target,
+    target: ExportFrame,
     options: dict[str, Any],
 ) -> Exported:
     form = EXPORTS[name]
@@ -194,7 +194,7 @@ def _export(
             " eo.of_camera(NAME) in Python)"
         )
     if form.frames == ():
-        if target != Target():
+        if target != ExportFrame():
             raise UsageError(
                 f"export: {name} is the master in its own frame; leave CRS, geoid, frame and"
                 " ground out"
@@ -292,7 +292,7 @@ def relative_of(
     return relative_control(framed, figures, **how)
 
 
-def _kind(name: str, form: Export, target: Target) -> str:
+def _kind(name: str, form: Export, target: ExportFrame) -> str:
     own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED)
     kind = PROJECTED if target.crs is not None else target.frame or own
     if kind not in FRAME_KINDS:
@@ -309,7 +309,7 @@ def _kind(name: str, form: Export, target: Target) -> str:
     return kind
 
 
-def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
+def _undulation(eo: ExteriorOrientation, name: str, target: ExportFrame) -> Any:
     """Height (n,) m of the geoid above the ellipsoid at the images."""
     if target.geoid is None:
         raise UsageError(
@@ -324,7 +324,7 @@ def _notes(
     projection: MapProjection | None,
     framed: FramedOrientation,
     eo: ExteriorOrientation,
-    target: Target,
+    target: ExportFrame,
     units_chosen: bool,
 ) -> Iterator[str]:
     """What to know of the frame, of its units, and of how the datum was reached."""

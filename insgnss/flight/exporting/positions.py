@@ -16,7 +16,7 @@ from ...io.formats.positions.position_references import POSITION_FORMATS, Positi
 from ...records import MapFrame
 from ...records.cameras.camera_positions import CameraPositions
 from ...records.framed import GEOGRAPHIC, PROJECTED
-from .export import Exported, Target, on_area
+from .export import Exported, ExportFrame, on_area
 from .replacing import remove_stale
 
 
@@ -31,7 +31,7 @@ def position_format(name: str) -> PositionFormat:
 
 
 def export_positions(
-    positions: CameraPositions, name: str, path: Path, target: Target | None = None
+    positions: CameraPositions, name: str, path: Path, target: ExportFrame | None = None
 ) -> Exported:
     """Write camera positions as a format without angles.
 
@@ -54,7 +54,7 @@ def export_positions(
     InputError
         Where there are no positions.
     """
-    form, target = position_format(name), target or Target()
+    form, target = position_format(name), target or ExportFrame()
     if not positions.images:
         raise InputError(f"export: {name}: there are no positions")
     if target.frame not in (None, "geographic", "projected") or target.ground_m is not None:
@@ -82,7 +82,7 @@ def export_positions(
 
 
 def _placed(
-    positions: CameraPositions, target: Target, projection: MapProjection | None
+    positions: CameraPositions, target: ExportFrame, projection: MapProjection | None
 ) -> PlacedCameras:
     lat, lon, height = positions.lat, positions.lon, positions.height
     cov = NED_ENU @ positions.cov_ned @ NED_ENU.T

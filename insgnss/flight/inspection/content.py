@@ -16,13 +16,13 @@ from ..config.flight_file import ROLLOVER
 from .alone import Alone
 from .draft import Draft
 from .event_clock import SCALE_OPEN
-from .evidence import SAME_FACTOR, SURE, UNIT_CHECKS, Axes, factor_of_numbers, in_words
+from .evidence import SAME_FACTOR, SURE, UNIT_CHECKS, AxesFound, factor_of_numbers, in_words
 from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
 from .result import Recorded
 from .rinex.result import draft_raw_gnss
 from .sensing import Sensing
-from .sources import Source
+from .sources import InputSource
 
 KNOWN_S = 0.005  # a latency known to this needs no state
 LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
@@ -38,7 +38,7 @@ NEEDS_POSITION = (
 
 
 def draft_flight(
-    recorded: Recorded, sensing: Sensing, axes: Axes, alone: Alone
+    recorded: Recorded, sensing: Sensing, axes: AxesFound, alone: Alone
 ) -> tuple[Draft | None, str]:
     """Draft the flight file.
 
@@ -106,7 +106,7 @@ def draft_flight(
     return draft, ""
 
 
-def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
+def _missing(source: InputSource, sensing: Sensing, alone: Alone) -> str:
     """Name what samples without a position lack to become a flight."""
     open_questions = (
         [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
@@ -117,7 +117,7 @@ def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
 
 
 def _imu(
-    draft: Draft, recorded: Recorded, sensing: Sensing, axes: Axes, units: dict[str, str]
+    draft: Draft, recorded: Recorded, sensing: Sensing, axes: AxesFound, units: dict[str, str]
 ) -> None:
     source, raw = recorded.sources[0], recorded.imu
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
@@ -136,7 +136,7 @@ def _imu(
 
 def _units(
     draft: Draft,
-    source: Source,
+    source: InputSource,
     raw: ImuSamples,
     recognition: Recognition | None,
     alone: dict[str, str],
@@ -179,7 +179,7 @@ def _units(
         draft.add("imu", "accel_sign", -1, f"{in_words(sign)}; {mirrored}", sign.confidence > SURE)
 
 
-def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
+def _header_units_of_kind(source: InputSource, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
     kinds = {key: f"{key} increment" if quantity == "increments" else key for key in UNIT_CHECKS}
     return {
@@ -189,7 +189,7 @@ def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     }
 
 
-def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str | None:
+def _unit_of_numbers(source: InputSource, recognition: Recognition, key: str) -> str | None:
     """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
     factor = factor_of_numbers(recognition, key)
     if source.header_units is None or not recognition.finding(UNIT_CHECKS[key]).confidence > SURE:
@@ -213,7 +213,9 @@ def _unit_of_numbers(source: Source, recognition: Recognition, key: str) -> str 
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(SENSOR_SCALES[kind]))}"
 
 
-def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: Recognition | None) -> None:
+def _gnss(
+    draft: Draft, source: InputSource, gnss: GnssFixes, recognition: Recognition | None
+) -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
     rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
     draft.add("gnss", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
@@ -302,7 +304,7 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
     draft.add("filter", "robust", True, f"{which}: outliers get less weight (Huber)")
 
 
-def left_out(source: Source) -> str:
+def left_out(source: InputSource) -> str:
     """Name the columns of a source's table that nothing takes; empty where all are taken."""
     columns = source.columns_left_out
     return f"; columns left out: {', '.join(columns)}" if columns else ""

@@ -16,7 +16,7 @@ from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
 from ...io.formats import describe, sniff_events, sniff_gnss, sniff_imu
 from ...io.formats.imu.psins import read_psins_header
-from .sources import NO_SIGMA, SINGLE_POINT, Keys, Role, Source
+from .sources import NO_SIGMA, SINGLE_POINT, InputSource, Keys, Role
 from .tables.exposures import exposures_of
 from .tables.grids import tables_of_file
 from .tables.tabular import ARRAY_ENDINGS, sources_of_table
@@ -55,10 +55,10 @@ DEEPEST, MOST_FILES = 6, 3000  # folders below the one given; more is no single 
 class Discovery:
     """All candidates, and the files that are none with the reason."""
 
-    sources: tuple[Source, ...]
+    sources: tuple[InputSource, ...]
     left_out: tuple[tuple[Path, str], ...]
 
-    def of(self, role: Role) -> tuple[Source, ...]:
+    def of(self, role: Role) -> tuple[InputSource, ...]:
         """Return the candidates for a role."""
         return tuple(source for source in self.sources if source.role == role)
 
@@ -71,7 +71,7 @@ def discover(paths: Sequence[Path]) -> Discovery:
     InputError
         Where a path does not exist, or a file that was named cannot be read.
     """
-    sources: list[Source] = []
+    sources: list[InputSource] = []
     left_out: list[tuple[Path, str]] = []
     for path in paths:
         if not path.exists():
@@ -126,7 +126,7 @@ def _why_not(path: Path) -> str:
     return (text and exposures_of(path)[1]) or "neither samples of an IMU nor fixes nor exposures"
 
 
-def sources_of(path: Path) -> list[Source]:
+def sources_of(path: Path) -> list[InputSource]:
     """Return what a file holds.
 
     Raises
@@ -152,7 +152,7 @@ def sources_of(path: Path) -> list[Source]:
     return sources or (exposures_of(path)[0] if text else [])
 
 
-def _known_log(path: Path) -> list[Source] | None:
+def _known_log(path: Path) -> list[InputSource] | None:
     """Sources of a file whose format says what it holds; None for tables."""
     with opened(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
@@ -163,31 +163,33 @@ def _known_log(path: Path) -> list[Source] | None:
     if imu == "psins":
         return [_psins(path)]
     if imu == "aimu":
-        return [Source("imu", path, "IMU log of $AIMU sentences")]
+        return [InputSource("imu", path, "IMU log of $AIMU sentences")]
     if events == "events_pos" and path.stem.lower().endswith("_events"):
-        return [Source("events", path, "exposures at the time marks of a rover, by RTKLIB")]
+        return [InputSource("events", path, "exposures at the time marks of a rover, by RTKLIB")]
     if gnss in FIX_LOGS:
         return [_fix_log(path, gnss)]
     return (
-        [Source("events", path, "exposures of a DJI or Autel drone")] if events == "mrk" else None
+        [InputSource("events", path, "exposures of a DJI or Autel drone")]
+        if events == "mrk"
+        else None
     )
 
 
-def _psins(path: Path) -> Source:
+def _psins(path: Path) -> InputSource:
     """A log of increments whose header gives the site and the axes."""
     header = read_psins_header(path)
     site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
     keys, why = {"quantity": "increments"}, {"quantity": "by the format"}
-    return Source("imu", path, "IMU log of PSINS", keys, why, axes=header.axes, site=site)
+    return InputSource("imu", path, "IMU log of PSINS", keys, why, axes=header.axes, site=site)
 
 
-def _fix_log(path: Path, form: str) -> Source:
+def _fix_log(path: Path, form: str) -> InputSource:
     """A receiver's log; standard deviations stand in where it has none."""
     entry = Keys()
     if form == "gpx":
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
     if form != "nmea":
-        source = Source("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
+        source = InputSource("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
         return replace(source, free_height=form == "gpx")
     velocity = SINGLE_POINT["sigma_velocity_mps"]
     entry.set(
@@ -197,18 +199,18 @@ def _fix_log(path: Path, form: str) -> Source:
     )
     if not any(table.name.endswith("GST") for table in describe(path)):
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
-    return Source("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
+    return InputSource("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
 
 
-def _flight_log(path: Path, form: str) -> list[Source]:
+def _flight_log(path: Path, form: str) -> list[InputSource]:
     """The log of an autopilot: samples and fixes, and exposures where it holds any."""
     names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
     keys = {key: list(value) for key, value in SINGLE_POINT.items()}
     why = {"sigma_m": LOG_SIGMA, "sigma_velocity_mps": LOG_SIGMA}
     sources = [
-        Source("imu", path, f"samples of a log of {FLIGHT_LOGS[form]}"),
-        Source("gnss", path, f"fixes of a log of {FLIGHT_LOGS[form]}", keys, why),
-        Source("events", path, f"exposures of a log of {FLIGHT_LOGS[form]}"),
+        InputSource("imu", path, f"samples of a log of {FLIGHT_LOGS[form]}"),
+        InputSource("gnss", path, f"fixes of a log of {FLIGHT_LOGS[form]}", keys, why),
+        InputSource("events", path, f"exposures of a log of {FLIGHT_LOGS[form]}"),
     ]
     return [
         source

@@ -16,7 +16,7 @@ from ...io.formats import read_events, sniff_events
 from ...navigation.recognise.turns import ENOUGH_IMAGES, exposures_off_lines
 from ...records import CameraEvents, GnssFixes, ImuSamples
 from ...records.observations import in_week
-from .sources import Source
+from .sources import InputSource
 
 SAME_SAMPLE_S = 1e-6  # from a stamp of an event to that of a sample: tables print microseconds
 FEWEST_OF_SAMPLES = 5  # stamps that are those of samples
@@ -35,7 +35,7 @@ CLEARER, FEWEST_OFF = 4.0, 5
 
 
 def clock_of_events(
-    sources: tuple[Source, Source | None, Source | None],
+    sources: tuple[InputSource, InputSource | None, InputSource | None],
     imu: ImuSamples,
     gnss: GnssFixes | None,
     events: CameraEvents | None,
@@ -80,8 +80,8 @@ def clock_of_events(
 
 
 def scale_of_dates(
-    source: Source, events: CameraEvents, gnss: GnssFixes
-) -> tuple[Source, CameraEvents]:
+    source: InputSource, events: CameraEvents, gnss: GnssFixes
+) -> tuple[InputSource, CameraEvents]:
     """Choose the time scale of dates that do not state it: that in which they lie on lines.
 
     UTC, GPST and whole hours ahead of UTC are tried; the source says what was found, and is left

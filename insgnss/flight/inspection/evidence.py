@@ -10,7 +10,7 @@ from ...navigation.prepare.axes import DIRECTIONS
 from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.recognise.recognition import EXCHANGED_ADVICE, Recognition
 from ...records import Finding, ImuSamples, Question
-from .sources import Source
+from .sources import InputSource
 
 SURE = 0.9  # confidence from which on a finding is a live key of the draft
 SAME_FACTOR = 0.02  # of a factor
@@ -19,7 +19,7 @@ UNIT_CHECKS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
 
 
 @dataclass(frozen=True)
-class Axes:
+class AxesFound:
     """Axes in words with the evidence.
 
     `sure` is set where at least the vertical is certain, so that they are better than the default.
@@ -45,7 +45,7 @@ def factor_of_numbers(recognition: Recognition, key: str) -> float:
     return recognition.gyro_factor if key == "gyro" else recognition.accel_factor
 
 
-def unit_contradictions(source: Source, recognition: Recognition) -> Iterator[Finding]:
+def unit_contradictions(source: InputSource, recognition: Recognition) -> Iterator[Finding]:
     """Check the units that the file gives against the data.
 
     A contradiction is a note where the draft can follow the data.
@@ -67,7 +67,7 @@ def unit_contradictions(source: Source, recognition: Recognition) -> Iterator[Fi
             yield Question(f"unit of {key}", expected).note(text, advice)
 
 
-def in_counts(source: Source, recognition: Recognition) -> Iterator[Finding]:
+def in_counts(source: InputSource, recognition: Recognition) -> Iterator[Finding]:
     """Yield a contradiction for each sensor whose numbers are in no known unit.
 
     The flight file must give what one count is worth.
@@ -86,7 +86,7 @@ def in_counts(source: Source, recognition: Recognition) -> Iterator[Finding]:
         )
 
 
-def assumed_rate(source: Source) -> Iterator[Finding]:
+def assumed_rate(source: InputSource) -> Iterator[Finding]:
     """Yield a contradiction where samples without a clock would meet fixes at an assumed rate."""
     if "rate_hz" in source.keys:
         yield Question("IMU rate", "a clock, or the rate of the sensor").contradiction(
@@ -111,7 +111,7 @@ def strangers(recognition: Recognition) -> Iterator[Finding]:
         )
 
 
-def in_units_of_file(source: Source, recognition: Recognition) -> Recognition:
+def in_units_of_file(source: InputSource, recognition: Recognition) -> Recognition:
     """Return the findings with the units of the file's header, where the data agree with it."""
     findings = {finding.name: finding for finding in recognition.findings}
     for key, name in UNIT_CHECKS.items():
@@ -128,7 +128,7 @@ def in_units_of_file(source: Source, recognition: Recognition) -> Recognition:
     return replace(recognition, findings=tuple(findings.values()))
 
 
-def likely_axes(source: Source, imu: ImuSamples, recognition: Recognition | None) -> Axes:
+def likely_axes(source: InputSource, imu: ImuSamples, recognition: Recognition | None) -> AxesFound:
     """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
 
     With the vertical alone forward is chosen freely.
@@ -151,9 +151,9 @@ def likely_axes(source: Source, imu: ImuSamples, recognition: Recognition | None
             if finding.confidence > SURE
             else "; the vertical is certain, forward is the likeliest: check how it was mounted"
         )
-        return Axes(recognition.axes, in_words(finding) + unsure, vertical.confidence > SURE)
+        return AxesFound(recognition.axes, in_words(finding) + unsure, vertical.confidence > SURE)
     if source.axes:
-        return Axes(source.axes, "by the convention of the format", True)
+        return AxesFound(source.axes, "by the convention of the format", True)
     up = np.median(imu.accel, axis=0)
     words, axis = vertical_axes(up)
     steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
@@ -165,7 +165,7 @@ def likely_axes(source: Source, imu: ImuSamples, recognition: Recognition | None
         f" forward, so the body's forward is defined as {forward} here, and"
         " mounting.camera_from_body refers to it"
     )
-    return Axes(words, why, steady)
+    return AxesFound(words, why, steady)
 
 
 def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:

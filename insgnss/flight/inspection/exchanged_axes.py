@@ -7,14 +7,14 @@ from ...navigation.prepare.axes import parse_axes
 from ...navigation.recognise.handedness import exchanged, of_axes
 from ...navigation.recognise.recognition import Recognition
 from ...records import ImuSamples, Question
-from .sources import Source
+from .sources import InputSource
 
 USUAL_AXES = "forward right down"
 
 
 def right_handed(
-    source: Source, imu: ImuSamples, recognition: Recognition
-) -> tuple[Source, ImuSamples, Recognition]:
+    source: InputSource, imu: ImuSamples, recognition: Recognition
+) -> tuple[InputSource, ImuSamples, Recognition]:
     """Exchange the two axes that make left-handed readings right-handed.
 
     Parameters

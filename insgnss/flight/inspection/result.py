@@ -10,7 +10,7 @@ from ...report.notebook import Shown
 from .draft import Draft
 from .rinex.survey import Survey
 from .sensing import Sensing
-from .sources import Source
+from .sources import InputSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class Recorded:
     """
 
     name: str
-    sources: tuple[Source, ...]
+    sources: tuple[InputSource, ...]
     left_out: tuple[tuple[Path, str], ...]
     imu: ImuSamples
     gnss: GnssFixes | None

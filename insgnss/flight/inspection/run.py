@@ -56,7 +56,7 @@ from .result import InspectionData, Recorded
 from .rinex.result import RinexInspection
 from .rinex.survey import survey
 from .sensing import sense
-from .sources import Role, Source, as_long_as, on_one_clock, overlap
+from .sources import InputSource, Role, as_long_as, on_one_clock, overlap
 from .tables.grids import date_in
 from .tables.halves import of_two_halves
 
@@ -185,7 +185,7 @@ def inspect_files(
 
 def _choose(
     discovery: Discovery, paths: Sequence[Path]
-) -> tuple[Source, Source | None, Source | None]:
+) -> tuple[InputSource, InputSource | None, InputSource | None]:
     """The one source of samples, and the one of fixes and exposures that belong to it."""
     where = ", ".join(map(str, paths))
     samples = discovery.of("imu")
@@ -228,7 +228,9 @@ def _listed(discovery: Discovery) -> str:
     return some(names, MOST_LISTED, "; ")
 
 
-def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Source | None:
+def _belonging(
+    discovery: Discovery, role: Role, imu: InputSource, where: str
+) -> InputSource | None:
     """The one source of a role; of several the one in the IMU's file."""
     candidates = discovery.of(role)
     if role == "events":  # any column that increases could be one of exposures, but for its times
@@ -245,7 +247,7 @@ def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Sou
     return candidates[0] if candidates else None
 
 
-def _spec(source: Source) -> dict[str, Any]:
+def _spec(source: InputSource) -> dict[str, Any]:
     """Options of the reader."""
     spec = {key: value for key, value in source.keys.items() if key in DATA_KEYS}
     if "sigma_velocity_mps" in source.keys:
@@ -254,7 +256,7 @@ def _spec(source: Source) -> dict[str, Any]:
 
 
 def _read(
-    imu: Source, gnss: Source | None, events: Source | None
+    imu: InputSource, gnss: InputSource | None, events: InputSource | None
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
     samples = read_imu(imu.path, **_spec(imu))
     fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
@@ -262,7 +264,7 @@ def _read(
 
 
 def _one_week(
-    source: Source, imu: ImuSamples, gnss: GnssFixes | None, events: CameraEvents | None
+    source: InputSource, imu: ImuSamples, gnss: GnssFixes | None, events: CameraEvents | None
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None, tuple[int, str] | None]:
     """The records in seconds of one week; and the week with its origin where no file gives it."""
     weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]

@@ -38,7 +38,7 @@ class Keys:
 
 
 @dataclass(frozen=True)
-class Source:
+class InputSource:
     """One input as the flight file will name it: keys of its table, each with the reason.
 
     Parameters
@@ -73,7 +73,7 @@ class Source:
     keys: dict[str, Any] = field(default_factory=dict)
     why: dict[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
-    other_clocks: tuple["Source", ...] = ()
+    other_clocks: tuple["InputSource", ...] = ()
     header_units: dict[str, str] | None = None
     free_height: bool = False
     axes: str = ""
@@ -89,7 +89,7 @@ class Source:
         )
 
 
-def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
+def on_one_clock(imu: InputSource, gnss: InputSource) -> tuple[InputSource, InputSource]:
     """Choose the clocks of samples and fixes that run together.
 
     Their first clocks are taken where none do, or where it is not known.
@@ -102,7 +102,7 @@ def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
     return best[0], replace(best[1], why=best[1].why | why)
 
 
-def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
+def as_long_as(imu: InputSource, samples: ImuSamples, fixes: GnssFixes) -> InputSource:
     """Correct the unit of the samples' clock where they would run ten or more times off the fixes.
 
     The unit becomes tens, hundreds ... or tenths of that which its steps suggest, where only so it

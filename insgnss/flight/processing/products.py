@@ -36,7 +36,7 @@ from ...records.framed import GEOGRAPHIC, PROJECTED
 from ...records.observations import in_week
 from ...report.page import write_report, write_report_json
 from ..config.flight_file import Flight
-from ..exporting.export import Target, export, refuse_names
+from ..exporting.export import ExportFrame, export, refuse_names
 from .checks import of_flight_file
 from .input_files import input_files, measurements
 from .recording import Recording
@@ -287,9 +287,9 @@ def _export(
     globe = output.crs is not None and is_globe(output.crs)
     named = output.crs is not None and (GEOGRAPHIC if globe else PROJECTED) in form.frames
     geoid = output.geoid if (named and not globe) or form.heights == "sea level" else None
-    target = Target(geoid=geoid)
+    target = ExportFrame(geoid=geoid)
     if named:
-        target = Target(output.crs, geoid, None, None if globe else output.ground_m)
+        target = ExportFrame(output.crs, geoid, None, None if globe else output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
     rename = output.rename if form.frames else ()  # the master keeps the names of the files
     with of_flight_file(flight, "output"):

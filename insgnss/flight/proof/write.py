@@ -19,7 +19,7 @@ from ...io.formats.exports import Export
 from ...navigation.orient.frame import in_frame
 from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
-from ..exporting.export import Target, export, known_format
+from ..exporting.export import ExportFrame, export, known_format
 from .pictures import write_pictures
 from .readme import readme
 from .scene import (
@@ -62,7 +62,8 @@ def write_proof(
 
     Parameters
     ----------
-    crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that
+    crs, geoid, frame, ground_m : as of `ExportFrame`; a format that needs a CRS and gets none has
+    that
         of the UTM zone.
 
     Raises
@@ -79,7 +80,7 @@ def write_proof(
     )
     if crs is None and (frame or own) == PROJECTED:
         crs = f"EPSG:{32601 + int((SITE_DEG[1] + 180.0) // 6.0)}"
-    target = Target(crs, geoid, frame, ground_m)
+    target = ExportFrame(crs, geoid, frame, ground_m)
     projection = None if crs is None else MapProjection(crs, geoid)
     kind = PROJECTED if projection is not None else target.frame or own
     scene = make_scene(projection)

@@ -42,7 +42,7 @@ from ...navigation.filter.codes import BIAS, DRIFT_CODE, POS, PSI, VEL
 from ...navigation.filter.layout import StateLayout
 from ...navigation.filter.problem import EstimationProblem
 from ...records import Array
-from .strapdown import GRAVITY_GRADIENT, State, advance, gravity
+from .strapdown import GRAVITY_GRADIENT, NominalState, advance, gravity
 
 # a longer sample (a bridged gap) is cut into pieces, so that (T.10, T.11) hold
 LONGEST_SAMPLE_S = 0.01
@@ -50,7 +50,7 @@ GYRO_CHANNELS, ACCEL_CHANNELS = slice(0, 3), slice(3, 6)  # channels
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
+class ReferenceInterval:
     """What lies between two epochs.
 
     Parameters
@@ -59,7 +59,7 @@ class Interval:
     Phi, Q : (n, n) transition and process noise of the error.
     """
 
-    state: State
+    state: NominalState
     Phi: Array
     Q: Array
 
@@ -113,7 +113,7 @@ def continuous(
     return A, W, B
 
 
-def propagate(problem: EstimationProblem, epoch: int, state: State) -> Interval:
+def propagate(problem: EstimationProblem, epoch: int, state: NominalState) -> ReferenceInterval:
     """Carry the nominal and its error model from the epoch before to `epoch`.
 
     Parameters
@@ -149,10 +149,10 @@ def propagate(problem: EstimationProblem, epoch: int, state: State) -> Interval:
             F = identity + h * A + 0.5 * h**2 * (A @ A)  # (T.10)
             Q = F @ (Q + 0.5 * h * W) @ F.T + 0.5 * h * W  # (T.11, T.12)
             Phi, M = F @ Phi, F @ M + h * B
-            state = State(after.p, after.v, after.C_lb, half_decay**2 * state.x)
+            state = NominalState(after.p, after.v, after.C_lb, half_decay**2 * state.x)
             elapsed += h
     q = epochs.gap[epoch] / (epochs.time[epoch] - epochs.time[epoch - 1]) ** 2
     Q = Q + (M * q) @ M.T  # (T.13)
     constant = np.flatnonzero((layout.factor == BIAS) & (layout.beta == 0.0))  # (T.14)
     Q[9 + constant, 9 + constant] += epochs.bias_step[epoch, layout.channel[constant]]
-    return Interval(state, Phi, Q)
+    return ReferenceInterval(state, Phi, Q)

@@ -45,16 +45,16 @@ from ...navigation.filter.problem import EstimationProblem, MeasuredRows
 from ...records import Array
 from ...records.measurements import Motion
 from .error_model import GYRO_CHANNELS, earth_rate, influence
-from .strapdown import State, cross
+from .strapdown import NominalState, cross
 
-Residual = Callable[[State], Array]
+Residual = Callable[[NominalState], Array]
 # of the a-priori sigma of an error state: step of the central differences
 DIFFERENCE_STEP_SIGMAS = 0.01
 STEP_NAV = np.repeat([1e-2, 1e-2, 1e-4], 3)  # m, m/s, rad
 
 
 def measurement(
-    problem: EstimationProblem, epoch: int, kind: int, state: State, acceleration: Array
+    problem: EstimationProblem, epoch: int, kind: int, state: NominalState, acceleration: Array
 ) -> tuple[Array, Array, Array] | None:
     """Return H (k, n), z (k,) and R (k, k) of one kind of measurement, None where there is none.
 
@@ -83,7 +83,7 @@ def measurement(
     return -derivative(residual, state, problem.layout.sigma0), residual(state), R
 
 
-def derivative(residual: Residual, state: State, sigma0: Array) -> Array:
+def derivative(residual: Residual, state: NominalState, sigma0: Array) -> Array:
     """Return the derivative (k, n) of a residual with respect to the error, by central differences.
 
     Parameters
@@ -114,7 +114,7 @@ def _position(problem: EstimationProblem, epoch: int, acceleration: Array) -> Re
     correlated = [slice(first, first + 3) for first in firsts if first >= 0]
     body_rate = _body_rate(problem, epoch, ep.rate[epoch])
 
-    def residual(state: State) -> Array:
+    def residual(state: NominalState) -> Array:
         lever, delay, moved = _lever_arm(problem, state), _delay(problem, epoch, state), np.zeros(3)
         if layout.offset >= 0:
             velocity = state.v + state.C_lb @ cross(body_rate(state), lever)
@@ -133,7 +133,7 @@ def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> Re
         return None
     body_rate = _body_rate(problem, epoch, ep.rate[epoch])
 
-    def residual(state: State) -> Array:
+    def residual(state: NominalState) -> Array:
         swing = state.C_lb @ cross(body_rate(state), _lever_arm(problem, state))
         delay = _delay(problem, epoch, state)
         e = state.x[first : first + 3] if first >= 0 else np.zeros(3)
@@ -167,7 +167,7 @@ def _height(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
         return None
     origin = frame.geodetic_from_position(np.zeros(3))[2]
 
-    def residual(state: State) -> Array:
+    def residual(state: NominalState) -> Array:
         bias, scale = state.x[first : first + 2]
         above = frame.geodetic_from_position(state.p)[2] - origin
         return np.array([ep.barometer_height[epoch] - bias - (1.0 + scale) * above])
@@ -184,7 +184,7 @@ def _predicted(problem: EstimationProblem, epoch: int, measured: MeasuredRows) -
     body_rate = _body_rate(problem, epoch, rate)
     first = len(problem.layout.states) - problem.measurements[-1].states.stop
 
-    def residual(state: State) -> Array:
+    def residual(state: NominalState) -> Array:
         omega = body_rate(state)
         motion = Motion(
             problem.inc.marks[[epoch]],
@@ -214,14 +214,14 @@ def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Resid
     return lambda state: measured - U @ state.x - state.C_lb.T @ Omega
 
 
-def _lever_arm(problem: EstimationProblem, state: State) -> Array:
+def _lever_arm(problem: EstimationProblem, state: NominalState) -> Array:
     """Lever arm from the IMU to the antenna with the states of its error, (3,) m in body axes."""
     first = problem.layout.lever
     lever = problem.antenna_lever_b
     return lever + state.x[first : first + 3] if first >= 0 else lever
 
 
-def _delay(problem: EstimationProblem, epoch: int, state: State) -> float:
+def _delay(problem: EstimationProblem, epoch: int, state: NominalState) -> float:
     """By how many seconds the fix was taken later than its stamp says."""
     offset, rate = problem.layout.offset, problem.layout.rate
     delay = state.x[offset] if offset >= 0 else 0.0

@@ -40,7 +40,7 @@ GRAVITY_GRADIENT = np.diag([-1.0, -1.0, 2.0]) * 9.8 / 6.37e6  # 1/s^2: -g/R, -g/
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class NominalState:
     """The nominal at one instant.
 
     Parameters
@@ -56,7 +56,7 @@ class State:
     x: Array
 
     @classmethod
-    def from_arrays(cls, nav: Array, x: Array) -> "State":
+    def from_arrays(cls, nav: Array, x: Array) -> "NominalState":
         """Return the state of the core's arrays nav (10,), which ends with q_lb, and x (ns,)."""
         return cls(nav[:3].copy(), nav[3:6].copy(), rotation_from_quaternion(nav[6:]), x.copy())
 
@@ -64,12 +64,12 @@ class State:
         """Return position, velocity and quaternion q_lb, (10,), as the core holds them."""
         return np.concatenate([self.p, self.v, quaternion_from_rotation(self.C_lb)])
 
-    def plus(self, error: Array) -> "State":
+    def plus(self, error: Array) -> "NominalState":
         """Return the state moved by an error (n,); the attitude turns from the left."""
         C = rotation(error[6:9])[0] @ self.C_lb
-        return State(self.p + error[:3], self.v + error[3:6], C, self.x + error[9:])
+        return NominalState(self.p + error[:3], self.v + error[3:6], C, self.x + error[9:])
 
-    def minus(self, other: "State") -> Array:
+    def minus(self, other: "NominalState") -> Array:
         """Return the error (n,) that moves `other` to this state."""
         psi = vector_from_rotation(self.C_lb @ other.C_lb.T)
         return np.concatenate([self.p - other.p, self.v - other.v, psi, self.x - other.x])
@@ -107,7 +107,9 @@ def rotation(phi: Array) -> tuple[Array, Array]:
     return IDENTITY + V @ J, J
 
 
-def advance(state: State, phi: Array, u: Array, h: float, g: Array, Omega: Array) -> State:
+def advance(
+    state: NominalState, phi: Array, u: Array, h: float, g: Array, Omega: Array
+) -> NominalState:
     """Integrate (T.1 to T.3) over one sample; the error states stay as they are.
 
     Parameters
@@ -129,4 +131,4 @@ def advance(state: State, phi: Array, u: Array, h: float, g: Array, Omega: Array
     g_middle = g + GRAVITY_GRADIENT @ (0.5 * h * state.v)
     v_middle = state.v + 0.5 * (sensed + h * g_middle)
     v = state.v + sensed + h * (g_middle - 2.0 * cross(Omega, v_middle))
-    return State(state.p + 0.5 * h * (state.v + v), v, earth @ state.C_lb @ turn, state.x)
+    return NominalState(state.p + 0.5 * h * (state.v + v), v, earth @ state.C_lb @ turn, state.x)

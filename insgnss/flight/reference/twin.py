@@ -47,7 +47,7 @@ from ...records import Array
 from .error_model import propagate
 from .linear import GaussianStates, LinearProblem, Measurement, new_filter, smoothed
 from .measurements import measurement
-from .strapdown import State
+from .strapdown import NominalState
 
 if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter
@@ -57,7 +57,7 @@ LARGEST_TILT2 = 3e-4  # rad^2, (1 deg)^2
 
 
 @dataclass(frozen=True, eq=False)
-class Forward:
+class ForwardPass:
     """What a forward pass leaves.
 
     Parameters
@@ -70,7 +70,7 @@ class Forward:
         `navigation.filter.codes`.
     """
 
-    states: list[State]
+    states: list[NominalState]
     linear: LinearProblem
     filtered: GaussianStates
     nis: Array
@@ -92,7 +92,7 @@ class TwinSolution:
     nav: Array
     x: Array
     smoothed: GaussianStates
-    forward: Forward
+    forward: ForwardPass
 
 
 def solve_twin(
@@ -114,7 +114,7 @@ def solve_twin(
     TwinSolution
         States, covariances and what the filter decided.
     """
-    nominal: list[State] | None = None
+    nominal: list[NominalState] | None = None
     for number in range(1, passes + 1):
         progress(f"reference twin, pass {number} of {passes}")
         forward = run_forward(problem, start, nominal)
@@ -127,8 +127,8 @@ def solve_twin(
 
 
 def run_forward(
-    problem: EstimationProblem, start: InitialState, nominal: list[State] | None = None
-) -> Forward:
+    problem: EstimationProblem, start: InitialState, nominal: list[NominalState] | None = None
+) -> ForwardPass:
     """Run the extended Kalman filter over all epochs.
 
     Parameters
@@ -138,8 +138,8 @@ def run_forward(
     """
     m, n = problem.epochs.stop.size, problem.layout.size
     kf, update = new_filter(start.mean, start.P), _Update(problem)
-    state, fed_back, acceleration = State.from_arrays(start.nav, start.x), False, np.zeros(3)
-    states: list[State] = []
+    state, fed_back, acceleration = NominalState.from_arrays(start.nav, start.x), False, np.zeros(3)
+    states: list[NominalState] = []
     Phi, Q, gap = np.tile(np.eye(n), (m, 1, 1)), np.zeros((m, n, n)), np.zeros((m, n))
     means, covariances, measured = np.zeros((m, n)), np.zeros((m, n, n)), []
     for k in through(range(m)):
@@ -162,9 +162,11 @@ def run_forward(
         states.append(state)
         means[k], covariances[k] = kf.x[:, 0], kf.P
         measured.append(used)
-    first = State.from_arrays(start.nav, start.x).minus(states[0]) + start.mean
+    first = NominalState.from_arrays(start.nav, start.x).minus(states[0]) + start.mean
     linear = LinearProblem(first, start.P + Q[0], Phi, Q, gap, measured)
-    return Forward(states, linear, GaussianStates(means, covariances), update.nis, update.decision)
+    return ForwardPass(
+        states, linear, GaussianStates(means, covariances), update.nis, update.decision
+    )
 
 
 class _Update:
@@ -179,7 +181,7 @@ class _Update:
         self.rejected_since: float | None = None
 
     def __call__(
-        self, kf: "KalmanFilter", epoch: int, state: State, acceleration: Array
+        self, kf: "KalmanFilter", epoch: int, state: NominalState, acceleration: Array
     ) -> tuple[list[Measurement], Array]:
         """Update `kf` in place; the measurements used, and what a reset added to the covariance."""
         used: list[Measurement] = []

@@ -1,7 +1,7 @@
 """The kinds of tables [[measurement]], and the reading of their files.
 
-A kind is a `Kind`. Those that are shipped stand in `shipped.KINDS`; a package installed beside
-adds its own by an entry point of the group `insgnss.measurements`, whose name is the kind's.
+A kind is a `SensorKind`. Those that are shipped stand in `shipped.KINDS`; a package installed
+beside adds its own by an entry point of the group `insgnss.measurements`, whose name is the kind's.
 """
 
 from collections.abc import Callable, Mapping
@@ -36,7 +36,7 @@ TURN = 2.0 * np.pi  # rad, by which values of an angle are the same
 
 
 @dataclass(frozen=True)
-class Kind:
+class SensorKind:
     """What a kind of [[measurement]] reads, and how its values follow from the motion.
 
     Parameters
@@ -67,7 +67,7 @@ class Kind:
 
 
 def table_of(names: Names, unit: str, alone: str = "") -> tuple[TableSpec, str, str]:
-    """Return the table of values that have each a standard deviation, as `Kind` takes it.
+    """Return the table of values that have each a standard deviation, as `SensorKind` takes it.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def table_of(names: Names, unit: str, alone: str = "") -> tuple[TableSpec, str, 
 
 
 @cache
-def kinds() -> Mapping[str, Kind]:
+def kinds() -> Mapping[str, SensorKind]:
     """Return the kinds by name, the shipped ones first.
 
     Returns
@@ -181,7 +181,9 @@ def read_measurement(
     )
 
 
-def _of_table(options: MeasurementInput, kind: Kind, week: int) -> tuple[tuple[str, ...], LogRows]:
+def _of_table(
+    options: MeasurementInput, kind: SensorKind, week: int
+) -> tuple[tuple[str, ...], LogRows]:
     """Return the columns that a table has of the values, and its rows in SI."""
     table = kind.spec.read(options.file, options.columns)
     settled = table.settled(kind.spec.checked_units(options.units))
@@ -201,7 +203,9 @@ def _of_table(options: MeasurementInput, kind: Kind, week: int) -> tuple[tuple[s
     return columns, (own_week or week, time, values, table, sigma, (*settled.notes, *notes))
 
 
-def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> tuple[tuple[str, ...], LogRows]:
+def _of_log(
+    options: MeasurementInput, kind: SensorKind, log: LogRows
+) -> tuple[tuple[str, ...], LogRows]:
     """Return the columns of the values, and the rows of a log of another format in SI."""
     if options.columns is not None or options.units is not None:
         key = "units" if options.columns is None else "columns"
@@ -214,7 +218,7 @@ def _of_log(options: MeasurementInput, kind: Kind, log: LogRows) -> tuple[tuple[
     return tuple(kind.values.split()), (week, time, values, lines, sigma, notes)
 
 
-def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
+def _refuse_options(options: MeasurementInput, kind: SensorKind) -> None:
     """Refuse options that the kind does not read, and those that it needs and that are missing."""
     known_options = declared(MeasurementInput)
     for name in dict.fromkeys(name for one in SHIPPED for name in kinds()[one].reads):
@@ -229,7 +233,7 @@ def _refuse_options(options: MeasurementInput, kind: Kind) -> None:
 
 
 def _stated_sigma(
-    options: MeasurementInput, kind: Kind, shape: tuple[int, ...], reason: str
+    options: MeasurementInput, kind: SensorKind, shape: tuple[int, ...], reason: str
 ) -> Array:
     """Return the standard deviation of the table for all values, in SI."""
     if options.sigma is None:

@@ -33,7 +33,7 @@ from ...records import Array
 from ...records.measurements import Motion, OwnState
 from ...records.qualities import Quality
 from ...records.states import AXES
-from .kinds import EXACT_SCALE, Kind, LogRows, Modelled, table_of, turned_angles
+from .kinds import EXACT_SCALE, LogRows, Modelled, SensorKind, table_of, turned_angles
 from .options import MeasurementInput
 
 WIND_SIGMA = 10.0  # m/s, north and east: a mapping drone does not take off in more
@@ -180,8 +180,8 @@ def _airspeed(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
     return predict, (_scale(options), *winds)
 
 
-KINDS: dict[str, Kind] = {
-    "heading": Kind(
+KINDS: dict[str, SensorKind] = {
+    "heading": SensorKind(
         *table_of(
             {
                 "heading": "heading hdg yaw azimuth true_heading hdt",
@@ -193,7 +193,7 @@ KINDS: dict[str, Kind] = {
         _heading,
         other_format=_headings_of_receiver,
     ),
-    "attitude": Kind(
+    "attitude": SensorKind(
         *table_of(
             {
                 "roll": "roll",
@@ -207,7 +207,7 @@ KINDS: dict[str, Kind] = {
         ),
         _attitude,
     ),
-    "body_velocity": Kind(
+    "body_velocity": SensorKind(
         *table_of(
             {
                 "forward": "forward v_forward forward_speed speed vx v_x odometer wheel_speed",
@@ -223,7 +223,7 @@ KINDS: dict[str, Kind] = {
         _body_velocity,
         reads=("offset_sigma_deg", "scale_sigma", "lever_m"),
     ),
-    "baseline": Kind(
+    "baseline": SensorKind(
         *table_of(
             {
                 "n": "n north relposn rel_n rel_pos_n baseline_n dn",
@@ -242,7 +242,7 @@ KINDS: dict[str, Kind] = {
         needs=("lever_m",),
         other_format=_baselines_of_moving_base,
     ),
-    "magnetometer": Kind(
+    "magnetometer": SensorKind(
         *table_of(
             {
                 **{axis: f"{axis} {spelled(MAGNETOMETER_STEMS, axis)}" for axis in "xyz"},
@@ -257,7 +257,7 @@ KINDS: dict[str, Kind] = {
         ),
         needs=("declination_deg",),
     ),
-    "airspeed": Kind(
+    "airspeed": SensorKind(
         *table_of(
             {
                 "airspeed": "airspeed air_speed tas true_airspeed true_airspeed_m_s airspeed_true",

@@ -145,7 +145,7 @@ MODELLED = {"3", "dual-freq", "4", "est-stec"}
 
 
 @dataclass(frozen=True, eq=False)
-class Ionosphere:
+class KnottedIonosphere:
     """Ionosphere between base and rover, linear between knots.
 
     Parameters
@@ -202,7 +202,7 @@ class IonosphereCorrection:
 
     correction_ned: Array
     cov_ned: Array
-    ionosphere: Ionosphere
+    ionosphere: KnottedIonosphere
     gain: float
 
 
@@ -260,7 +260,7 @@ def ionosphere_correction(
 
 
 def moved_by(
-    each: Array, ionosphere: Ionosphere, time: Array, corrected: NDArray[np.bool_]
+    each: Array, ionosphere: KnottedIonosphere, time: Array, corrected: NDArray[np.bool_]
 ) -> tuple[Array, Array, float]:
     """Return what an ionosphere moves positions by, no farther down or up than the flight shows.
 
@@ -304,7 +304,7 @@ def engine_models_it(options: EngineOptions) -> bool:
     return str(options.rtklib_options.get("pos1-ionoopt", "")) in MODELLED
 
 
-def fit(d: DoubleDifferences) -> Ionosphere | None:
+def fit(d: DoubleDifferences) -> KnottedIonosphere | None:
     """Estimate V, G, L, h, t, z and p from both kinds of observations.
 
     None where epochs are fewer than `LEAST_EPOCHS` or within less than `LEAST_FLIGHT_S`.
@@ -330,7 +330,7 @@ def fit(d: DoubleDifferences) -> Ionosphere | None:
     other = LAYER_VALUES * knots.size
     (h, t), (sd_h, sd_t) = x[other : other + 2].tolist(), np.sqrt(np.diag(cov)[other : other + 2])
     value, of_value = x[:other].reshape(-1, LAYER_VALUES), cov[:other, :other]
-    return Ionosphere(
+    return KnottedIonosphere(
         knots,
         value,
         of_value,

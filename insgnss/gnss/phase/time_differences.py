@@ -81,7 +81,7 @@ class VelocityOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Antenna:
+class AntennaPath:
     """The antenna at each epoch; NaN where unknown.
 
     Parameters
@@ -149,7 +149,7 @@ def antenna_states(
     positions: GnssFixes,
     code: Array,
     options: VelocityOptions,
-) -> tuple[Antenna, SatelliteStates]:
+) -> tuple[AntennaPath, SatelliteStates]:
     """Return the antenna at each epoch, and the satellites of each row at emission."""
     stamp, epoch = observations.time, observations.epoch
     week = observations.gps_week if positions.gps_week is None else positions.gps_week
@@ -171,7 +171,7 @@ def antenna_states(
         & (time <= given[-1] + options.reach_s)
         & (sd <= options.position_sd)
     )
-    return Antenna(time, np.where(inside[:, None], position, np.nan), sd, clock), states
+    return AntennaPath(time, np.where(inside[:, None], position, np.nan), sd, clock), states
 
 
 def _interpolate(time: Array, given: Array, values: Array) -> Array:
@@ -193,7 +193,7 @@ def medians(values: Array, group: Index, n: int) -> Array:
 
 
 def neighbours(
-    observations: Observations, antenna: Antenna, options: VelocityOptions
+    observations: Observations, antenna: AntennaPath, options: VelocityOptions
 ) -> tuple[Index, Index]:
     """Return the rows of one satellite in an epoch and the next, by epoch and satellite."""
     epoch = observations.epoch
@@ -236,7 +236,7 @@ class Modelled:
 def modelled_pairs(
     observations: Observations,
     navigation: Navigation,
-    antenna: Antenna,
+    antenna: AntennaPath,
     code: Array,
     states: SatelliteStates,
     first: Index,
@@ -263,7 +263,7 @@ def modelled_pairs(
 
 
 def _range(
-    antenna: Antenna, epoch: Index, satellite: Array, clock: Array
+    antenna: AntennaPath, epoch: Index, satellite: Array, clock: Array
 ) -> tuple[Array, Array, Array]:
     """rho - c dt_s + T, m, direction to the satellite and elevation, rad."""
     receiver = antenna.position[epoch]

@@ -80,7 +80,7 @@ from ..rinex.navigation_message import Navigation
 from ..rinex.observation_record import Observations
 from ..satellites.orbits import LIGHT
 from .time_differences import (
-    Antenna,
+    AntennaPath,
     Pairs,
     VelocityOptions,
     antenna_states,
@@ -188,7 +188,7 @@ def time_differenced_velocity(
 
 
 def _solve(
-    observations: Observations, antenna: Antenna, pairs: Pairs, options: VelocityOptions
+    observations: Observations, antenna: AntennaPath, pairs: Pairs, options: VelocityOptions
 ) -> AntennaVelocity:
     """Least squares of all intervals, and their velocities."""
     ends, start = np.unique(pairs.epoch, return_index=True)

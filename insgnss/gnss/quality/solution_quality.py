@@ -51,7 +51,7 @@ BESIDE = ("ns", "age", "ratio")  # columns of a solution
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class EngineSolution:
     """A `.pos` of an engine, as it gives it.
 
     Parameters
@@ -68,7 +68,7 @@ class Solution:
     ratio: Array
 
 
-def solution_of(rows: PosRows) -> Solution:
+def solution_of(rows: PosRows) -> EngineSolution:
     """Return the solution that the rows of a `.pos` hold.
 
     Engines that lose their numbers (dynamics at rare epochs) write standard deviations of zero, and
@@ -90,7 +90,7 @@ def solution_of(rows: PosRows) -> Solution:
     fixes = _without_roots(rows, odd) if odd.any() else fixes_of_rows(rows)
     if fixes.quality is not None:
         fixes = replace(fixes, quality=np.where(odd, Quality.SINGLE, fixes.quality))
-    return Solution(fixes, *(columns[name] for name in BESIDE))
+    return EngineSolution(fixes, *(columns[name] for name in BESIDE))
 
 
 def _without_covariance(roots: Array) -> NDArray[np.bool_]:
@@ -122,7 +122,7 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
 
 
 def solution_series(
-    solution: Solution,
+    solution: EngineSolution,
     kind: Index,
     distance_m: Array,
     height_difference_m: Array,
@@ -144,7 +144,7 @@ def solution_series(
 
 
 def solution_numbers(
-    solution: Solution,
+    solution: EngineSolution,
     calibrated: GnssFixes,
     kind: Index,
     distance_m: Array,

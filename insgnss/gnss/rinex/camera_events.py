@@ -30,7 +30,7 @@ ALL_VALID = RoverEvents()
 
 
 @dataclass(frozen=True)
-class _Lines:
+class _EventLines:
     """Where the events stand, for refusals."""
 
     path: str
@@ -51,7 +51,7 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
     path = observations.header.path
     records, left_out_notes = _taken(observations, wanted)
     time = np.array([record.time for record in records], dtype=np.float64)
-    rows, odd = put_in_order(_Lines(path, records), time, lambda i, k: True, "camera events")
+    rows, odd = put_in_order(_EventLines(path, records), time, lambda i, k: True, "camera events")
     time = time if rows is None else time[rows]
     notes = (*left_out_notes, *odd)
     span = observations.time

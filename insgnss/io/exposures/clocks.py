@@ -61,7 +61,7 @@ class ClockMatch:
 
 
 @dataclass(frozen=True)
-class Misfit:
+class OrderMisfit:
     """Evidence against the order of as many events as images.
 
     Parameters
@@ -116,7 +116,7 @@ def match_clocks(time: Array, taken: Array, near: float | None = None) -> ClockM
     )
 
 
-def misfit(time: Array, taken: Array) -> Misfit | None:
+def misfit(time: Array, taken: Array) -> OrderMisfit | None:
     """Return what the times (n,) and (n,), s, show against the order; None where they fit.
 
     There must be three events and images at least.
@@ -132,8 +132,8 @@ def misfit(time: Array, taken: Array) -> Misfit | None:
         pairs = n - len(match.images)
         fits = pairs >= max(FEWEST_PAIRS, n - max(1.0, MOST_LONELY * n)) and pairs > n - len(beyond)
         if fits and match.events != match.images and near <= MOST_SHARE * interval:
-            return Misfit(near, beyond, match)
-        result = Misfit(near, beyond)
+            return OrderMisfit(near, beyond, match)
+        result = OrderMisfit(near, beyond)
     return result
 
 

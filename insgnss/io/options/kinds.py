@@ -27,7 +27,7 @@ HOW_MANY = ("", "a number", "two numbers", "three numbers")
 
 
 @dataclass(frozen=True)
-class Kind:
+class OptionKind:
     """What the values of a kind of option are.
 
     Parameters
@@ -137,7 +137,7 @@ class Checked:
         check(self, self._table)
 
 
-def register(name: str, kind: Kind) -> None:
+def register(name: str, kind: OptionKind) -> None:
     """Add a kind of option whose values only a wing above this module can judge."""
     OPTION_KINDS[name] = kind
 
@@ -437,53 +437,53 @@ def no_record(item: Declared, value: Any) -> str:
     return other_class(item.type, value)
 
 
-_FILE = Kind(_no_path, _as_path, word=Path)
-_FILES = Kind(_no_paths, _as_paths, word=Path, several=True)
-_NUMBER_KIND = Kind(_no_number, as_number, word=float)
-_NUMBERS = Kind(_no_numbers, _as_numbers, word=float)
-_POSITION = Kind(_no_place, _as_numbers, word=comma_numbers)
-_TEXT = Kind(no_text)
-_TEXTS = Kind(no_texts, as_tuple, several=True)
-OPTION_KINDS: dict[str, Kind] = {
-    "angles": Kind(_no_angles, _as_angles),
-    "camera_mounting": Kind(no_record),
-    "choice": Kind(_no_choice),
-    "columns": Kind(_no_columns, as_tuple, word=comma_columns),
-    "covariance": Kind(no_record, word=Path),
-    "date": Kind(_no_date),
+_FILE = OptionKind(_no_path, _as_path, word=Path)
+_FILES = OptionKind(_no_paths, _as_paths, word=Path, several=True)
+_NUMBER_KIND = OptionKind(_no_number, as_number, word=float)
+_NUMBERS = OptionKind(_no_numbers, _as_numbers, word=float)
+_POSITION = OptionKind(_no_place, _as_numbers, word=comma_numbers)
+_TEXT = OptionKind(no_text)
+_TEXTS = OptionKind(no_texts, as_tuple, several=True)
+OPTION_KINDS: dict[str, OptionKind] = {
+    "angles": OptionKind(_no_angles, _as_angles),
+    "camera_mounting": OptionKind(no_record),
+    "choice": OptionKind(_no_choice),
+    "columns": OptionKind(_no_columns, as_tuple, word=comma_columns),
+    "covariance": OptionKind(no_record, word=Path),
+    "date": OptionKind(_no_date),
     "directory": _FILE,
     "engine": _TEXT,
-    "event_numbers": Kind(_no_event_numbers, as_tuple, word=int, several=True),
+    "event_numbers": OptionKind(_no_event_numbers, as_tuple, word=int, several=True),
     "existing": _FILE,
     "file": _FILE,
     "file_or_directory": _FILE,
     "files": _FILES,
-    "flag": Kind(
+    "flag": OptionKind(
         lambda item, value: "" if isinstance(value, bool) else "must be true or false",
         word=lambda text: {"true": True, "false": False}.get(text.lower(), text),
     ),
-    "gm_sigma": Kind(_no_gm_sigma, as_number),
+    "gm_sigma": OptionKind(_no_gm_sigma, as_number),
     "images": _FILE,
-    "letters": Kind(_no_letters),
-    "lever": Kind(_no_lever, _as_numbers, word=float),
-    "matrix": Kind(_no_matrix, _as_rows),
+    "letters": OptionKind(_no_letters),
+    "lever": OptionKind(_no_lever, _as_numbers, word=float),
+    "matrix": OptionKind(_no_matrix, _as_rows),
     "name": _TEXT,
     "number": _NUMBER_KIND,
     "numbers": _NUMBERS,
     "observations": _FILES,
     "origin": _POSITION,
-    "moved": Kind(_no_moved, _as_rows, word=comma_numbers),
-    "pair": Kind(_no_numbers, _as_numbers, word=comma_numbers),
+    "moved": OptionKind(_no_moved, _as_rows, word=comma_numbers),
+    "pair": OptionKind(_no_numbers, _as_numbers, word=comma_numbers),
     "place": _POSITION,
-    "quality_sigmas": Kind(no_mapping, by_name(_as_numbers), _no_sigmas),
-    "rate": Kind(_no_number, as_number),
+    "quality_sigmas": OptionKind(no_mapping, by_name(_as_numbers), _no_sigmas),
+    "rate": OptionKind(_no_number, as_number),
     "sigmas": _NUMBERS,
-    "sign": Kind(_no_sign, as_number),
-    "tables": Kind(_no_tables, as_tuple),
+    "sign": OptionKind(_no_sign, as_number),
+    "tables": OptionKind(_no_tables, as_tuple),
     "text": _TEXT,
     "texts": _TEXTS,
-    "triple": Kind(_no_triple, _as_triple),
-    "triples": Kind(no_mapping, by_name(_as_triple), lambda item, _, v: _no_triple(item, v)),
-    "whole": Kind(_no_number, as_number, word=int),
-    "zone": Kind(_no_zone),
+    "triple": OptionKind(_no_triple, _as_triple),
+    "triples": OptionKind(no_mapping, by_name(_as_triple), lambda item, _, v: _no_triple(item, v)),
+    "whole": OptionKind(_no_number, as_number, word=int),
+    "zone": OptionKind(_no_zone),
 }

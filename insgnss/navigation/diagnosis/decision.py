@@ -110,7 +110,7 @@ def diagnose(
     if fix_counts(solution.verdict)[0] < FEWEST_FIXES:
         return Diagnosis(solution)
     posed = solution.problem, start
-    state = _State(solution, search.requested_model)
+    state = _Search(solution, search.requested_model)
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
@@ -132,7 +132,7 @@ def diagnose(
 
 
 @dataclass(frozen=True)
-class _State:
+class _Search:
     """Where the search stands: what is adopted, what it says, and what has been tried in vain.
 
     `posed` is the problem with another start, where what is adopted has aligned it anew;
@@ -155,20 +155,20 @@ class _State:
         adopted: tuple[Solution, ErrorModel] | None = None,
         posed: Posed | None = None,
         variances: VarianceSearch | None = None,
-    ) -> "_State":
+    ) -> "_Search":
         """Return the state after something was tried: what it says, and what is adopted with it."""
         sentence = sentence or "; ".join(f"{check.name}: {check.found}" for check in checks)
         if adopted is None:
             adopted, posed, variances = (self.solution, self.model), self.posed, self.variances
         every, history = (*self.checks, *checks), (*self.history, sentence)
-        return _State(*adopted, every, history, self.attempted | set(names), posed, variances)
+        return _Search(*adopted, every, history, self.attempted | set(names), posed, variances)
 
 
-Candidate = tuple[float, Callable[[], _State | None]]
+Candidate = tuple[float, Callable[[], _Search | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
 
 
-def _clock_step(search: ErrorModelSearch, posed: Posed, state: _State) -> Finding | None:
+def _clock_step(search: ErrorModelSearch, posed: Posed, state: _Search) -> Finding | None:
     """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
@@ -209,8 +209,8 @@ def step_under(
 
 
 def _next(
-    search: ErrorModelSearch, posed: Posed, state: _State, constants: ConstantsEvidence | None
-) -> _State | None:
+    search: ErrorModelSearch, posed: Posed, state: _Search, constants: ConstantsEvidence | None
+) -> _Search | None:
     """Return the state after the winner has been adopted; None where nothing gains."""
     suspected = None if constants is None else constants.strongest()
     suspicious: Beside[bool] | None = None
@@ -253,7 +253,7 @@ def _next(
 
 
 def _of_lost_fixes(
-    search: ErrorModelSearch, posed: Posed, state: _State, suspected: Hypothesis
+    search: ErrorModelSearch, posed: Posed, state: _Search, suspected: Hypothesis
 ) -> float:
     """Return the evidence of a hypothesis; by the misfit, where that has lost fixes, if smaller."""
     if _resets(state.solution) == 0:
@@ -264,7 +264,7 @@ def _of_lost_fixes(
 
 
 def _delays(
-    search: ErrorModelSearch, posed: Posed, state: _State, least: float
+    search: ErrorModelSearch, posed: Posed, state: _Search, least: float
 ) -> list[DynamicsTrial]:
     """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
     trials = [
@@ -276,7 +276,7 @@ def _delays(
     return sorted(rivals, key=lambda one: -one.evidence)
 
 
-def _corrected(state: _State, delay: DynamicsTrial) -> _State:
+def _corrected(state: _Search, delay: DynamicsTrial) -> _Search:
     """Return the state without the delay of a sensor."""
     adopted = delay.solution, state.model
     return state.after_trial(
@@ -287,11 +287,11 @@ def _corrected(state: _State, delay: DynamicsTrial) -> _State:
 def _with_constants(
     search: ErrorModelSearch,
     posed: Posed,
-    state: _State,
+    state: _Search,
     constants: ConstantsEvidence,
     suspected: Hypothesis,
     delays: Sequence[DynamicsTrial],
-) -> _State | None:
+) -> _Search | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
     rivals = constants.rivals(suspected)
@@ -313,8 +313,8 @@ def _with_constants(
 
 
 def _as_allowed(
-    state: _State, remedied: _State, constants: ConstantsEvidence, suspected: Hypothesis
-) -> _State:
+    state: _Search, remedied: _Search, constants: ConstantsEvidence, suspected: Hypothesis
+) -> _Search:
     """Return a remedied state, or what it says alone where it estimates what is stated as exact."""
     if not constants.denied(suspected):
         return remedied
@@ -329,7 +329,7 @@ def _as_allowed(
 
 
 def _variance(
-    search: ErrorModelSearch, posed: Posed, state: _State, variances: VarianceSearch
+    search: ErrorModelSearch, posed: Posed, state: _Search, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the strongest family of variances; None where there is none."""
     winner = variances.strongest()
@@ -339,7 +339,7 @@ def _variance(
     if model is None:
         return None
 
-    def adopt() -> _State | None:
+    def adopt() -> _Search | None:
         search.progress(f"filter, with larger {winner.family}")
         solution = search.solved(posed, model)
         if solution is None:
@@ -355,7 +355,7 @@ def _variance(
 
 
 def _slow_bias(
-    search: ErrorModelSearch, posed: Posed, state: _State, variances: VarianceSearch
+    search: ErrorModelSearch, posed: Posed, state: _Search, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the slow bias of the IMU, or the step of it, that explains more; None without."""
     slow = step = None
@@ -371,7 +371,7 @@ def _slow_bias(
     if not suspects:
         return None
 
-    def adopt() -> _State | None:
+    def adopt() -> _Search | None:
         beside: list[SlowBiasCandidate] = []
         if step is not None and slow is None and SLOW_STATE not in state.attempted:
             beside = courses_beside(search, state.model, posed[0], step)
@@ -393,7 +393,7 @@ def _slow_bias(
 def _time_correlated(
     search: ErrorModelSearch,
     posed: Posed,
-    state: _State,
+    state: _Search,
     variances: VarianceSearch,
     suspicious: "Beside[bool]",
 ) -> Candidate | None:
@@ -465,7 +465,7 @@ def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
-def _adopted(search: ErrorModelSearch, posed: Posed, state: _State, model: ErrorModel) -> _State:
+def _adopted(search: ErrorModelSearch, posed: Posed, state: _Search, model: ErrorModel) -> _Search:
     """Solve again with a time-correlated GNSS error.
 
     As long as that loses fixes, it is tried with a larger white share. Where the one that loses

@@ -47,7 +47,7 @@ PASSES = 4  # of the filter, each of which may show further steps
 
 
 @dataclass(frozen=True)
-class Spell:
+class FixSpell:
     """Consecutive epochs whose fixes stand apart from the rest.
 
     Parameters
@@ -71,7 +71,7 @@ class Spell:
 
 def withhold_incorrect_fixes(
     problem: EstimationProblem, start: InitialState
-) -> tuple[EstimationProblem, tuple[Spell, ...]]:
+) -> tuple[EstimationProblem, tuple[FixSpell, ...]]:
     """Withhold the fixes of spells that stand apart from the rest of a flight.
 
     Parameters
@@ -86,7 +86,7 @@ def withhold_incorrect_fixes(
         that is no remedy.
     """
     for spells_of, longest_s in ((_closing_spells, LONGEST_SPELL_S), (rejected_spells, np.inf)):
-        candidate, spells = problem, tuple[Spell, ...]()
+        candidate, spells = problem, tuple[FixSpell, ...]()
         for _ in range(PASSES):
             history = _filtered(candidate, start)
             if history is None:
@@ -111,7 +111,7 @@ def _follows(problem: EstimationProblem, history: FilterHistory) -> bool:
 
 
 def _withheld(
-    problem: EstimationProblem, spells: list[Spell], longest_s: float
+    problem: EstimationProblem, spells: list[FixSpell], longest_s: float
 ) -> EstimationProblem | None:
     """Withhold the fixes of spells; None where these are too long or too many."""
     ep = problem.epochs
@@ -128,20 +128,22 @@ def _withheld(
     return replace(problem, epochs=ep._replace(withheld=withheld))
 
 
-def _within_claims(epochs: Epochs, spell: Spell) -> bool:
+def _within_claims(epochs: Epochs, spell: FixSpell) -> bool:
     """Tell whether a step is one that fixes with such standard deviations make."""
     sigma = np.sqrt(np.diag(epochs.position_cov[spell.first]))
     return bool((np.abs(spell.step) < STEP_SIGMAS * sigma).all())
 
 
-def _closing_spells(problem: EstimationProblem, history: FilterHistory) -> list[Spell]:
+def _closing_spells(problem: EstimationProblem, history: FilterHistory) -> list[FixSpell]:
     """Return the spells whose steps take each other back, none where one does not."""
     spells = spells_apart(problem, history)
     closes = all(spell.misclosure < TAKEN_BACK for spell in spells)
     return spells if closes else []
 
 
-def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solution) -> list[Spell]:
+def rejected_spells(
+    problem: EstimationProblem, history: FilterHistory | Solution
+) -> list[FixSpell]:
     """Return the spells of fixes that are rejected one after the other, wherever they stand.
 
     Parameters
@@ -168,11 +170,11 @@ def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solutio
         size = np.linalg.norm(history.innovation[rows, :3], axis=1)
         largest = int(np.argmax(size))
         step, sigma = _step(history, rows[largest : largest + 1])
-        spells.append(Spell(int(rows[0]), int(rows[-1]), step, sigma))
+        spells.append(FixSpell(int(rows[0]), int(rows[-1]), step, sigma))
     return spells
 
 
-def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) -> list[Spell]:
+def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) -> list[FixSpell]:
     """Return the spells that stand apart from the greater part of a flight.
 
     Parameters
@@ -212,7 +214,7 @@ def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) 
             largest = max(float(np.linalg.norm(step)) for step in (into, out))
             closure = float(np.linalg.norm(into + out)) / largest
             sigma = sigmas[max(k - 1, 0)]
-            spells.append(Spell(int(fixes[first]), int(fixes[last - 1]), into, sigma, closure))
+            spells.append(FixSpell(int(fixes[first]), int(fixes[last - 1]), into, sigma, closure))
     return spells
 
 
@@ -225,7 +227,7 @@ def _step(history: FilterHistory | Solution, rows: np.ndarray) -> tuple[Array, A
     return step, np.array(history.innovation_sigma[rows[0], :3])
 
 
-def undecided_spells(solution: Solution) -> list[Spell]:
+def undecided_spells(solution: Solution) -> list[FixSpell]:
     """Return the spells of a solution that are used, though their steps take each other back.
 
     Parameters
@@ -242,7 +244,7 @@ def undecided_spells(solution: Solution) -> list[Spell]:
     return [spell for spell in spells if spell.misclosure < TAKEN_BACK]
 
 
-def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
+def with_steps(solution: Solution, spells: list[FixSpell]) -> Solution:
     """Enlarge the covariance of the positions of spells by the step itself (S.1).
 
     Parameters
@@ -269,7 +271,7 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
 
 
 def incorrect_check(
-    problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool
+    problem: EstimationProblem, spells: tuple[FixSpell, ...], withheld: bool
 ) -> Finding:
     """Say which fixes stand apart, and what was done.
 

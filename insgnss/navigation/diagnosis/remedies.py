@@ -30,7 +30,7 @@ from .estimated import constant, fix_counts
 from .evidence import ErrorModelSearch
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
-    Spell,
+    FixSpell,
     incorrect_check,
     undecided_spells,
     with_steps,
@@ -104,7 +104,7 @@ class Case:
     failure: DataError | None = None
     refused: tuple[Finding, str, tuple[str, ...]] | None = None
     followed: Sensitivity | None = None
-    spells: tuple[Spell, ...] = ()
+    spells: tuple[FixSpell, ...] = ()
     other_imu: bool = False
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()

@@ -92,8 +92,8 @@ from .kernels.records import (
     Earth,
     Epochs,
     FilterHistory,
-    FilterOptions,
     FilterState,
+    ForwardOptions,
     IntegrationIntervals,
     StateModel,
 )
@@ -325,7 +325,7 @@ def run_filter(
 
 def forward_inputs(
     problem: EstimationProblem, closed_loop: bool
-) -> tuple[IntegrationIntervals, StateModel, Earth, Array, FilterOptions]:
+) -> tuple[IntegrationIntervals, StateModel, Earth, Array, ForwardOptions]:
     """Return what the kernel takes besides epochs, state and history.
 
     Parameters
@@ -345,7 +345,7 @@ def forward_inputs(
         problem.layout.kernel_model(INCREMENT_BLOCK_S, problem.aiding_interval_s),
         kernel_earth(problem.frame, problem.backward),
         np.array(problem.antenna_lever_b, dtype=np.float64),
-        FilterOptions(
+        ForwardOptions(
             closed_loop,
             float(FEEDBACK_RAD),
             problem.gates,

@@ -49,7 +49,7 @@ ROUNDS = 3  # after each of which own states no longer follow the spells
 MOST_SPELLS_NAMED = 5  # spells that the note names
 
 
-class Spell(NamedTuple):
+class ValueSpell(NamedTuple):
     """Values of a sensor that stand apart from the flight without it.
 
     Parameters
@@ -115,7 +115,7 @@ def withhold_incorrect_values(
     tuple of Solution and Finding, or None
         The solution without these values and the note; None where none stand apart, or too many.
     """
-    spells: list[Spell] = []
+    spells: list[ValueSpell] = []
     offered = sum(measured.rows.size for measured in solution.problem.measurements)
     for _ in range(ROUNDS):
         kept, incorrect = _without_spells(solution, alone)
@@ -133,7 +133,7 @@ def withhold_incorrect_values(
 
 def _without_spells(
     solution: Solution, alone: Solution
-) -> tuple[tuple[MeasuredRows, ...], list[Spell]]:
+) -> tuple[tuple[MeasuredRows, ...], list[ValueSpell]]:
     """Return the rows of all measurements without their spells, and the spells."""
     about = about_solution(alone.problem, alone.nav, alone.x)
     of_sensors = about_solution(solution.problem, solution.nav, solution.x)[:, ABOUT_STATES:]
@@ -162,7 +162,9 @@ def _without_spells(
             furthest, spread = (float(each[first + worst, axis]) for each in means[number])
             angle = measured.measurement.period is not None
             name = measured.measurement.name
-            spells.append(Spell(name, float(time[low]), float(time[high]), furthest, spread, angle))
+            spells.append(
+                ValueSpell(name, float(time[low]), float(time[high]), furthest, spread, angle)
+            )
         kept.append(replace(measured, rows=measured.rows[keep], at_epoch=measured.at_epoch[keep]))
     return tuple(kept), spells
 
@@ -231,7 +233,7 @@ def _runs(flagged: np.ndarray) -> list[tuple[int, int]]:
     return list(pairwise(edges.tolist()))[::2]
 
 
-def _check(spells: list[Spell]) -> Finding:
+def _check(spells: list[ValueSpell]) -> Finding:
     """Say which values stand apart."""
     texts = []
     for spell in spells[:MOST_SPELLS_NAMED]:

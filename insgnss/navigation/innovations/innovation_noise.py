@@ -81,7 +81,7 @@ class Whiteness:
 
 
 @dataclass(frozen=True)
-class Innovations:
+class WhitenedInnovations:
     """What a noise makes of the innovations of the positions.
 
     Parameters
@@ -146,10 +146,10 @@ class InFlightNoise:
     gain: float
     free: int
     chance: float
-    before: Innovations
-    after: Innovations
-    at_best: Innovations
-    static_at_best: Innovations
+    before: WhitenedInnovations
+    after: WhitenedInnovations
+    at_best: WhitenedInnovations
+    static_at_best: WhitenedInnovations
     duration_s: float
     loss: float = 0.0
 
@@ -205,7 +205,7 @@ class InFlightNoise:
         return np.asarray(of_fixes & (np.abs(np.log(self.factor)) > OFF_SIGMAS * self.log_sigma))
 
     @property
-    def compared(self) -> tuple[Innovations, Innovations]:
+    def compared(self) -> tuple[WhitenedInnovations, WhitenedInnovations]:
         """The innovations before and after as they describe the IMU.
 
         The fixes are as they claim or, where their errors are of another size, as estimated.
@@ -336,7 +336,7 @@ def _chance(gain: float, free: int) -> float:
     return float(chdtrc(free, gain)) if free else 1.0
 
 
-def innovations(evaluated: Evaluated) -> Innovations:
+def innovations(evaluated: Evaluated) -> WhitenedInnovations:
     """Summarise the innovations of the positions.
 
     Parameters
@@ -349,7 +349,7 @@ def innovations(evaluated: Evaluated) -> Innovations:
     Innovations
         Its figures.
     """
-    return Innovations(
+    return WhitenedInnovations(
         float(np.mean(evaluated.white**2)),
         evaluated.offered,
         evaluated.rejected,

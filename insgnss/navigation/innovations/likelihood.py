@@ -56,7 +56,7 @@ from ..filter.codes import (
     VELOCITY_ROW,
 )
 from ..filter.filter import forward_inputs, measured_kinds
-from ..filter.kernels.records import FilterOptions
+from ..filter.kernels.records import ForwardOptions
 from ..filter.layout import StateLayout
 from ..filter.solution import Solution
 from ._kernels import Linear, linearise_segment, run_linear
@@ -252,7 +252,7 @@ def _start(solution: Solution) -> Array:
     return P
 
 
-def _linear(solution: Solution, parts: int, P0: Array, decided_by: FilterOptions) -> Linear:
+def _linear(solution: Solution, parts: int, P0: Array, decided_by: ForwardOptions) -> Linear:
     """Allocate a segment that is to be linearised."""
     ep, layout = solution.problem.epochs, solution.problem.layout
     present, columns = measured_kinds(ep, layout)

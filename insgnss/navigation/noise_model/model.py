@@ -31,7 +31,7 @@ from typing import Any
 from ...base.errors import InputError
 from ...base.files import atomic_write
 from ...base.inputs import read_text
-from ...base.tables import Table, table_of_text
+from ...base.tables import OptionTable, table_of_text
 from ...base.units import format_quantity
 from ...base.wording import toml
 from .noise_model import (
@@ -224,7 +224,7 @@ def model_of_text(path: Path, text: str) -> NoiseModel:
     return NoiseModel(name, source, gyro, accel, recordings, top.texts("misfit", ()))
 
 
-def _sensor(top: Table, sensor: str) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
+def _sensor(top: OptionTable, sensor: str) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
     if sensor not in top.data:
         raise top.error(sensor, f"table [{sensor}] is missing; it needs at least white_noise")
     table = top.table(sensor)
@@ -233,7 +233,7 @@ def _sensor(top: Table, sensor: str) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
     return x, y, z
 
 
-def _axis(table: Table, common: Mapping[str, Any], units: Mapping[str, str]) -> AxisNoise:
+def _axis(table: OptionTable, common: Mapping[str, Any], units: Mapping[str, str]) -> AxisNoise:
     """Return the noise of one axis, which has the quantities of its sensor but for its own."""
     replaced = _quantities(table, units)
     inherited = {
@@ -252,7 +252,7 @@ def _axis(table: Table, common: Mapping[str, Any], units: Mapping[str, str]) -> 
         raise table.error("", str(error)) from None
 
 
-def _quantities(table: Table, units: Mapping[str, str]) -> dict[str, Any]:
+def _quantities(table: OptionTable, units: Mapping[str, str]) -> dict[str, Any]:
     """Return the keyword arguments of `AxisNoise` that a table holds."""
     out: dict[str, Any] = _amounts(table, NOISE_QUANTITIES, units)
     errors = _amounts(table.table(_ERROR), NOISE_QUANTITIES, units)
@@ -265,7 +265,7 @@ def _quantities(table: Table, units: Mapping[str, str]) -> dict[str, Any]:
     return out | {_ERROR: errors}
 
 
-def _gauss_markov(entry: Table, units: Mapping[str, str]) -> GaussMarkov:
+def _gauss_markov(entry: OptionTable, units: Mapping[str, str]) -> GaussMarkov:
     amounts = _amounts(entry, (*GM_KEYS, "sigma"), units)
     time_s = amounts.get("correlation_time")
     if time_s is None or ("driving_noise" in amounts) == ("sigma" in amounts):
@@ -279,7 +279,7 @@ def _gauss_markov(entry: Table, units: Mapping[str, str]) -> GaussMarkov:
     return GaussMarkov(time_s, amounts["driving_noise"])
 
 
-def _amounts(table: Table, keys: Sequence[str], units: Mapping[str, str]) -> dict[str, float]:
+def _amounts(table: OptionTable, keys: Sequence[str], units: Mapping[str, str]) -> dict[str, float]:
     """Return those of the keys that a table holds, in SI; none may be negative."""
     amounts = {key: table.quantity(key, units[key]) for key in keys if key in table.data}
     for key, value in amounts.items():

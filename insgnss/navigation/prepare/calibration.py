@@ -25,7 +25,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.files import atomic_write
-from ...base.tables import Table, read_toml
+from ...base.tables import OptionTable, read_toml
 from ...base.units import format_quantity, parse_quantity
 from ...base.wording import toml
 from ...records import Array, ImuSamples, Question
@@ -198,7 +198,7 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
     return ImuCalibration(triads["gyro"], triads["accel"], name, source)
 
 
-def _triad(table: Table, sensor: str) -> TriadCalibration:
+def _triad(table: OptionTable, sensor: str) -> TriadCalibration:
     bias = _quantities(table, "bias", BIAS_UNIT[sensor], (3,))
     scale = _quantities(table, "scale_factor", "ppm", (3,))
     off = _quantities(table, "misalignment", "mrad", (3, 6))
@@ -226,7 +226,7 @@ def _triad(table: Table, sensor: str) -> TriadCalibration:
     )
 
 
-def _quantities(table: Table, key: str, unit: str, sizes: tuple[int, ...]) -> Array | None:
+def _quantities(table: OptionTable, key: str, unit: str, sizes: tuple[int, ...]) -> Array | None:
     """Quantities of `key` in SI, None where it is absent."""
     values = table.value(key, list, None)
     if values is None:

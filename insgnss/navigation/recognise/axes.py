@@ -162,7 +162,7 @@ def down(pose: Pose) -> Direction:
 
 
 @dataclass(frozen=True, eq=False)
-class Forward:
+class ForwardAxis:
     """Forward in the IMU's axes, with airspeed and wind (R.9).
 
     Parameters
@@ -181,7 +181,7 @@ class Forward:
     wind: Array
 
 
-def forward(pose: Pose, vertical: Direction) -> Forward:
+def forward(pose: Pose, vertical: Direction) -> ForwardAxis:
     """Find forward by regression (R.9) of the velocity on the heading of a level axis."""
     d = vertical.axis
     e = np.roll(np.abs(d), 1)
@@ -209,4 +209,6 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
     along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)
-    return Forward(_direction(along, angle), float(abs(c)), sigma, np.array([wind.real, wind.imag]))
+    return ForwardAxis(
+        _direction(along, angle), float(abs(c)), sigma, np.array([wind.real, wind.imag])
+    )

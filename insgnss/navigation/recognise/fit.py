@@ -163,7 +163,7 @@ def _singular_values(M: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class RecognitionFit:
     """Least squares at the end (R.6): m rows in w windows.
 
     Parameters
@@ -268,7 +268,9 @@ def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows
     return U @ Vt
 
 
-def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) -> Fit | None:
+def fit(
+    propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int
+) -> RecognitionFit | None:
     """Fit by least squares (R.6) from a lag of the scan on.
 
     Parameters
@@ -318,7 +320,9 @@ def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) 
     simple = np.linalg.inv(H / overlap + prior)
     cov = np.maximum(1.0, np.sqrt(np.diag(cluster) / np.diag(simple)))
     cov = cov[:, None] * simple * cov
-    return Fit(theta, cov, C, np.sqrt(overlap) * yaw, use, z, felt, middle, turned, sigma, sign)
+    return RecognitionFit(
+        theta, cov, C, np.sqrt(overlap) * yaw, use, z, felt, middle, turned, sigma, sign
+    )
 
 
 def _solve(

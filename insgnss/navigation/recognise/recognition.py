@@ -14,7 +14,7 @@ from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
 from ..prepare.axes import axes_words
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
-from .axes import Direction, Forward, Pose, down, forward, poses, scores
+from .axes import Direction, ForwardAxis, Pose, down, forward, poses, scores
 from .findings import MOST_CONFIDENCE, answer, unknown
 from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, relate
@@ -313,7 +313,7 @@ def _scores(relation: Relation) -> dict[str, Array]:
     }
 
 
-def _orientations(vertical: Direction, ahead: Forward) -> dict[str, Array]:
+def _orientations(vertical: Direction, ahead: ForwardAxis) -> dict[str, Array]:
     return {
         "orientation": right_angle_rotations(),
         "orientation_score": scores(vertical.vector, ahead.direction.vector),

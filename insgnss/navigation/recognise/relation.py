@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, GnssFixes
-from .fit import Fit, Scan, fit, scan_lags
+from .fit import RecognitionFit, Scan, fit, scan_lags
 from .signal import Accelerations, ImuGrid, PropagatedForce, accelerations, propagate_force
 from .units import ForceUnit, gyro_factors
 
@@ -66,7 +66,7 @@ class Relation:
     triads: Array
     rival: float
     propagated: PropagatedForce
-    fit: Fit | None
+    fit: RecognitionFit | None
     acc: Accelerations
     lag_sigma: float
 
@@ -214,7 +214,7 @@ def _scan(
 
 def _refine(
     grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], moved: PropagatedForce, scan: Scan
-) -> tuple[Fit | None, Accelerations, float]:
+) -> tuple[RecognitionFit | None, Accelerations, float]:
     """Fit all differences near the best lag; take the one that knows the lag best (R.7).
 
     Only fits that explain enough take part.

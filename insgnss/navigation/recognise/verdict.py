@@ -10,7 +10,7 @@ import numpy as np
 
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, LEAP_NOW_S, WEEK_S, leap_seconds
 from ...records import Array, Finding
-from .axes import Direction, Forward, imu_word
+from .axes import Direction, ForwardAxis, imu_word
 from .findings import MOST_CONFIDENCE, answer, unknown
 from .fit import CAUTION
 from .propulsion import Propulsion
@@ -132,7 +132,7 @@ def of_vertical(vertical: Direction, also: float) -> Finding:
     return answer("vertical axis", f"{vertical.word} down", _likely(sure), evidence)
 
 
-def of_forward(ahead: Forward, moved: Propulsion, also: float) -> Finding:
+def of_forward(ahead: ForwardAxis, moved: Propulsion, also: float) -> Finding:
     """Return the finding which axis points forward; `also` is the confidence of its basis.
 
     The axis of motion of who leans to change its speed (`propulsion`) need not be that of its nose.

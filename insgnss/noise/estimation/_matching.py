@@ -44,7 +44,7 @@ _DIFFERENCE = 1e-4  # of log T, for d''
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class PooledCurves:
     """Curves of the same levels and rate, pooled.
 
     level (J,).
@@ -59,7 +59,7 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class MatchingSolution:
     """Times (K,) s, ascending, unit-column variances x (L + K,), and the objective over |y|^2."""
 
     times: Array
@@ -67,7 +67,7 @@ class Solution:
     value: float
 
 
-def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[Group]:
+def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[PooledCurves]:
     """Curves of the same levels and rate as one, exactly (M.1). Raises UsageError for weights that
     are not positive definite.
     """
@@ -87,7 +87,7 @@ def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[
             ) from None
         scaled = sum((weights[i] @ curves[i].variance for i in members), np.zeros(size.size)) / size
         mean = np.linalg.solve(L.T, np.linalg.solve(L, scaled)) / size
-        groups.append(Group(curves[members[0]].level, rate_hz, L.T * size, mean))
+        groups.append(PooledCurves(curves[members[0]].level, rate_hz, L.T * size, mean))
     return groups
 
 
@@ -101,7 +101,7 @@ class Moments:
 
     def __init__(
         self,
-        groups: Sequence[Group],
+        groups: Sequence[PooledCurves],
         composition: Composition,
         sampling: Sampling,
         bounds: tuple[float, float],
@@ -164,13 +164,13 @@ class Moments:
             x[used] += correction
         return x, self.y - x @ D
 
-    def solution(self, times: Array) -> Solution:
+    def solution(self, times: Array) -> MatchingSolution:
         """Best variances for these times."""
         times = np.sort(times)
         x, r = self.variances(np.concatenate([self.linear, self.columns(times)[0]]))
-        return Solution(times, x, float(r @ r))
+        return MatchingSolution(times, x, float(r @ r))
 
-    def curvature(self, solution: Solution) -> tuple[Array, Array]:
+    def curvature(self, solution: MatchingSolution) -> tuple[Array, Array]:
         """Gradient (K,) and Hessian (K, K) of the minimum over the variances with respect to log T
         (M.2, M.3).
         """

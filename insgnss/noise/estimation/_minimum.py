@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...records import Array
-from ._matching import EDGE, Moments, Solution
+from ._matching import EDGE, MatchingSolution, Moments
 from ._search import profile, settle
 
 _PER_DECADE = 12  # candidate times
@@ -36,7 +36,7 @@ _FLOOR = 1e-30  # of |y|^2, rounding of Q where the fit is exact
 _EQUAL = 1e-12  # of Q, within which two solutions are equal
 
 
-def minimum(moments: Moments) -> Solution:
+def minimum(moments: Moments) -> MatchingSolution:
     """The minimum over times and variances, of as few processes as it takes."""
     if moments.K == 0:
         return moments.solution(np.empty(0))
@@ -47,7 +47,7 @@ def minimum(moments: Moments) -> Solution:
 
 def search(moments: Moments) -> list[Array]:
     """Starting times (K,), s, for the descent, best first: stages 1 and 2."""
-    grid, K = Grid(moments), moments.K
+    grid, K = TimeGrid(moments), moments.K
     beam = [np.empty(0)]
     for _ in range(K):
         beam = grid.settled(
@@ -69,7 +69,7 @@ def search(moments: Moments) -> list[Array]:
     return [grid.times(positions) for positions in [best, *beam[1:_DESCENTS]]]
 
 
-def descend(moments: Moments, times: Array) -> Solution:
+def descend(moments: Moments, times: Array) -> MatchingSolution:
     """Newton's method from `times` (K,) to the minimum in its basin, between the bounds."""
     now, reach, last = moments.solution(moments.on_bounds(times)), _LARGEST_STEP, 5
     g, G = moments.curvature(now)
@@ -114,7 +114,7 @@ def newton_step(t: Array, g: Array, G: Array, bounds: Array) -> Array:
     return step
 
 
-def without_idle(moments: Moments, solution: Solution) -> Solution:
+def without_idle(moments: Moments, solution: MatchingSolution) -> MatchingSolution:
     """The same minimum with as few processes as it takes.
 
     Processes that change nothing get variance zero and the longest time; a time that may as well
@@ -136,10 +136,12 @@ def without_idle(moments: Moments, solution: Solution) -> Solution:
     used = active.x[L:] > 0.0
     idle = moments.K - int(used.sum())
     x = np.concatenate([active.x[:L], active.x[L:][used], np.zeros(idle)])
-    return Solution(np.append(times[used], np.full(idle, moments.bounds[1])), x, active.value)
+    return MatchingSolution(
+        np.append(times[used], np.full(idle, moments.bounds[1])), x, active.value
+    )
 
 
-class Grid:
+class TimeGrid:
     """Columns of the candidate times, evenly spaced in log T, and the search among and between
     them; a position is an index with fraction.
     """

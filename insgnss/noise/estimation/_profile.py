@@ -33,8 +33,8 @@ import numpy as np
 from ...navigation.noise_model.model import AxisNoise
 from ...records import Array
 from ..moments.theory import gauss_markov_haar, haar_variance
-from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, Group, pooled
-from .gmwm import Fit, objective
+from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, PooledCurves, pooled
+from .gmwm import NoiseFit, objective
 
 RISE_95, RISE_99 = 3.841459, 6.634897  # 95 and 99 % of chi-square of one degree of freedom
 _NO_END = 100.0  # w of (L.1) beyond which a density has no end: 1e43 times the scatter
@@ -51,7 +51,7 @@ class Local:
     `composition.parameters`.
     """
 
-    def __init__(self, fitted: Fit) -> None:
+    def __init__(self, fitted: NoiseFit) -> None:
         self.sampling, self.composition = fitted.sampling, fitted.composition
         self.groups = pooled(fitted.curves, fitted.weights)
         kinds = [(g.rate_hz, *g.level.tolist()) for g in self.groups]
@@ -78,7 +78,7 @@ class Local:
         self.high = np.where(self.time, -math.log(1.0 / longest + self.b), _NO_END)
         self.s = np.ones(len(names))
 
-    def _unit(self, name: str, curve: Group) -> Array:
+    def _unit(self, name: str, curve: PooledCurves) -> Array:
         """Wavelet variance of a process of density one."""
         density: dict[str, Any] = {name: 1.0}
         return haar_variance(AxisNoise(**density), curve.level, curve.rate_hz, self.sampling)
@@ -268,7 +268,7 @@ class Local:
         return float(self.parameters(x)[i])
 
 
-def polished(fitted: Fit, weights: Sequence[Array]) -> Fit:
+def polished(fitted: NoiseFit, weights: Sequence[Array]) -> NoiseFit:
     """The minimum with other weights in the basin of a fit."""
     local = Local(replace(fitted, weights=tuple(weights)))
     x, _ = local.minimise(local.coordinates(fitted.parameters), enough=1e-9)

@@ -36,7 +36,7 @@ from ..moments.haar_covariance import haar_covariance
 from ..moments.theory import Sampling, haar_variance
 from ..moments.wavelet import in_threads, wavelet_variance
 from ..processes.realisation import simulate_noise
-from .gmwm import Fit, fit_alike, interval_weights
+from .gmwm import NoiseFit, fit_alike, interval_weights
 
 _BLOCKS = 15  # binary logarithm of the least number of blocks of "reduced"
 _FIRST = 4  # level, counted in blocks, from which the block means serve
@@ -50,7 +50,7 @@ class Bootstrap:
     objective : (B,).
     """
 
-    fit: Fit
+    fit: NoiseFit
     parameters: Array
     objective: Array
 
@@ -82,7 +82,7 @@ def simulate_axis(
     return out
 
 
-def draw_variances(fitted: Fit, draws: int, *, seed: int = 0) -> tuple[Array, ...]:
+def draw_variances(fitted: NoiseFit, draws: int, *, seed: int = 0) -> tuple[Array, ...]:
     """Wavelet variances (draws, J_i) of each curve, X^2, at the levels of the fit, from recordings
     of the fitted processes; "reduced" for plain maximal-overlap curves of more than 2^17 samples.
 
@@ -98,7 +98,7 @@ def draw_variances(fitted: Fit, draws: int, *, seed: int = 0) -> tuple[Array, ..
     return tuple(out)
 
 
-def _series(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, int]) -> Array:
+def _series(fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[int, int]) -> Array:
     highest = int(curve.level[-1])
     options: dict[str, Any] = {"decomposition": curve.decomposition}
     if curve.robust:
@@ -114,7 +114,7 @@ def _series(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, in
     return np.array(in_threads(one, draws))
 
 
-def _reduced(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, int]) -> Array:
+def _reduced(fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[int, int]) -> Array:
     k = curve.samples.bit_length() - 1 - _BLOCKS
     blocks, block_s = curve.samples >> k, 2**k / curve.rate_hz
     expected = haar_variance(fitted.axis, curve.level, curve.rate_hz, fitted.sampling)
@@ -165,7 +165,9 @@ def robust_efficiency(curve: WaveletVariance) -> float:
     )
 
 
-def redrawn(fitted: Fit, variances: tuple[Array, ...]) -> Iterator[tuple[WaveletVariance, ...]]:
+def redrawn(
+    fitted: NoiseFit, variances: tuple[Array, ...]
+) -> Iterator[tuple[WaveletVariance, ...]]:
     """The fit's curves with each row of `variances` in place of theirs, intervals in proportion."""
     for rows in zip(*variances, strict=True):
         yield tuple(
@@ -179,7 +181,7 @@ def redrawn(fitted: Fit, variances: tuple[Array, ...]) -> Iterator[tuple[Wavelet
         )
 
 
-def has_interval_weights(fitted: Fit) -> bool:
+def has_interval_weights(fitted: NoiseFit) -> bool:
     """Whether the fit's weights are those of the intervals of its curves."""
     return all(
         np.allclose(omega, interval_weights(curve), rtol=1e-9)
@@ -187,7 +189,7 @@ def has_interval_weights(fitted: Fit) -> bool:
     )
 
 
-def refit(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
+def refit(fitted: NoiseFit, curves: tuple[WaveletVariance, ...]) -> NoiseFit:
     """Fit of other curves in the manner of `fitted`: interval weights are those of the new curves,
     other weights stay.
     """
@@ -195,7 +197,7 @@ def refit(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
     return fit_alike(fitted, curves, weights)
 
 
-def bootstrap(fitted: Fit, draws: int = 100, *, seed: int = 0) -> Bootstrap:
+def bootstrap(fitted: NoiseFit, draws: int = 100, *, seed: int = 0) -> Bootstrap:
     """Draw wavelet variances of the fitted processes and re-fit each draw, in the manner of the
     fit.
 

@@ -27,14 +27,14 @@ from ...records import Array
 from ..processes.composition import NoiseTerm
 from ._profile import Local
 from .bootstrap import Bootstrap
-from .gmwm import Fit
+from .gmwm import NoiseFit
 
 _Z_95, _Z_99 = 1.959964, 2.575829  # 97.5 and 99.5 % of the normal distribution
 _UNBOUNDED = 1e3  # times the value: an interval that reaches so far has no end
 
 
 @dataclass(frozen=True)
-class Estimate:
+class NoiseEstimate:
     """One parameter: value in SI, standard error of its logarithm, 95 % interval, and upper limit
     of the 99 % interval.
 
@@ -64,7 +64,7 @@ class Estimate:
 class Linearised:
     """The fit linearised (E.1), stacked over the curves, in the coordinates of `Local`."""
 
-    def __init__(self, fitted: Fit, V: Sequence[Array]) -> None:
+    def __init__(self, fitted: NoiseFit, V: Sequence[Array]) -> None:
         self.local = Local(fitted)
         self.x = self.local.coordinates(fitted.parameters)
         idle = fitted.composition.is_time
@@ -109,8 +109,8 @@ class Linearised:
 
 
 def estimates(
-    fitted: Fit, linear: Linearised, kind: str, resampled: Bootstrap | None = None
-) -> tuple[tuple[Estimate, ...], Array]:
+    fitted: NoiseFit, linear: Linearised, kind: str, resampled: Bootstrap | None = None
+) -> tuple[tuple[NoiseEstimate, ...], Array]:
     """All parameters with intervals of a kind, and the covariance (p, p) of their logarithms.
 
     kind : "sandwich", "profile", for efficient weights, or "bootstrap", for which the re-fits
@@ -134,7 +134,7 @@ def estimates(
     results = []
     for i, (row, term, value, error) in enumerate(zip(ends.tolist(), *columns, strict=True)):
         limits = _bounded(linear, i, row, kind == "sandwich")
-        results.append(Estimate(term, value, error, *limits, str(term) in fitted.at_bound))
+        results.append(NoiseEstimate(term, value, error, *limits, str(term) in fitted.at_bound))
     return tuple(results), log_covariance
 
 

@@ -13,7 +13,7 @@ How the minimum is found: `_matching`, `_minimum`.
 
 A minimum may lie on the edge of what is admissible: a density of zero, or a correlation time so
 short that the process is white from sample to sample, or so long that it is a random walk within
-the recording. `Fit.at_bound` names such parameters.
+the recording. `NoiseFit.at_bound` names such parameters.
 """
 
 from collections.abc import Sequence
@@ -27,12 +27,12 @@ from ...navigation.noise_model.model import AxisNoise
 from ...records import Array, WaveletVariance
 from ..moments.theory import Sampling, haar_variance
 from ..processes.composition import CORRELATION_TIME, Composition
-from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, Moments, Solution, pooled
+from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, MatchingSolution, Moments, pooled
 from ._minimum import minimum
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class NoiseFit:
     """Processes fitted to wavelet variances.
 
     Parameters
@@ -116,7 +116,7 @@ def fit(
     sampling: Sampling = "point",
     levels: Sequence[int] | None = None,
     times_s: tuple[float, float] | None = None,
-) -> Fit:
+) -> NoiseFit:
     """Fit the processes of a composition to all curves by minimising Q (G.1).
 
     Parameters
@@ -164,7 +164,7 @@ def fit(
     values.flags.writeable = False
     axis = composition.axis(values)
     value = objective(axis, chosen, omegas, sampling)
-    return Fit(
+    return NoiseFit(
         composition,
         axis,
         values,
@@ -178,11 +178,11 @@ def fit(
 
 
 def fit_alike(
-    fitted: Fit,
+    fitted: NoiseFit,
     curves: Sequence[WaveletVariance],
     weights: Sequence[Array] | None,
     composition: Composition | None = None,
-) -> Fit:
+) -> NoiseFit:
     """Return the fit of other curves, weights or another composition in the manner of `fitted`."""
     composition = composition or fitted.composition
     options: dict[str, Any] = {"sampling": fitted.sampling, "times_s": fitted.times_s}
@@ -253,7 +253,7 @@ def _checked(weights: Sequence[Array], curves: tuple[WaveletVariance, ...]) -> t
     return tuple(checked)
 
 
-def _parameters(moments: Moments, composition: Composition, solution: Solution) -> Array:
+def _parameters(moments: Moments, composition: Composition, solution: MatchingSolution) -> Array:
     """Parameters (p,), SI, in the order of the composition."""
     L = len(composition.linear)
     variance = solution.x * moments.length

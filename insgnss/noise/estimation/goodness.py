@@ -21,7 +21,7 @@ import numpy as np
 from ...records import Array
 from .bootstrap import Bootstrap
 from .estimates import Linearised
-from .gmwm import Fit
+from .gmwm import NoiseFit
 
 _ODD = 3.0  # standard deviations of a scale that misfits
 
@@ -55,7 +55,7 @@ def p_text(p: float) -> str:
 
 
 def goodness_of_fit(
-    fitted: Fit, linear: Linearised, resampled: Bootstrap | None = None
+    fitted: NoiseFit, linear: Linearised, resampled: Bootstrap | None = None
 ) -> GoodnessOfFit:
     """The J test of a fit, bootstrapped where there are re-fits."""
     from scipy.special import chdtrc
@@ -87,7 +87,7 @@ def goodness_of_fit(
 
 
 def _misfit_sentence(
-    fitted: Fit,
+    fitted: NoiseFit,
     J: float,
     degrees: float,
     p: float,

@@ -33,8 +33,8 @@ import numpy as np
 from ...records import Array
 from ..moments.theory import haar_variance_parts
 from ..processes.composition import GAUSS_MARKOV, NoiseTerm
-from .estimates import Estimate, Linearised, estimates
-from .gmwm import Fit, fit_alike
+from .estimates import Linearised, NoiseEstimate, estimates
+from .gmwm import NoiseFit, fit_alike
 
 LONGEST_SHARE = 1.0 / 3.0  # of the recording's length, for a correlation time
 SHORTEST_SHARE = 0.2  # of the sampling interval
@@ -59,7 +59,7 @@ class ProcessVerdict:
 
 
 def verdicts(
-    fitted: Fit, results: Sequence[Estimate], inverses: Sequence[Array]
+    fitted: NoiseFit, results: Sequence[NoiseEstimate], inverses: Sequence[Array]
 ) -> tuple[ProcessVerdict, ...]:
     """One verdict a process, in the order of the composition.
 
@@ -80,7 +80,7 @@ def verdicts(
     return tuple(out)
 
 
-def _smaller(fitted: Fit, inverses: Sequence[Array]) -> Fit | None:
+def _smaller(fitted: NoiseFit, inverses: Sequence[Array]) -> NoiseFit | None:
     """The fit with one Gauss-Markov process less, where that is as good."""
     composition = fitted.composition
     if not composition.gauss_markov or composition.size == 2:
@@ -103,7 +103,7 @@ def _renumbered(verdict: ProcessVerdict, process: NoiseTerm, least: NoiseTerm) -
     return replace(verdict, process=str(new), sentence=sentence, parameters=parameters)
 
 
-def _superfluous(fitted: Fit, smaller: Fit, process: NoiseTerm) -> ProcessVerdict:
+def _superfluous(fitted: NoiseFit, smaller: NoiseFit, process: NoiseTerm) -> ProcessVerdict:
     times = ", ".join(f"{gm.correlation_time_s:.3g}" for gm in smaller.axis.gauss_markov)
     with_times = f" with {times} s" if times else ""
     about = _time_words(fitted, fitted.axis.gauss_markov[process.number - 1].correlation_time_s)
@@ -115,7 +115,7 @@ def _superfluous(fitted: Fit, smaller: Fit, process: NoiseTerm) -> ProcessVerdic
     return ProcessVerdict(str(process), False, "superfluous", sentence, ())
 
 
-def _time_words(fitted: Fit, time: float) -> str:
+def _time_words(fitted: NoiseFit, time: float) -> str:
     limit = LONGEST_SHARE * _length(fitted)
     return f"correlation time of {time:.3g} s" + (
         f", beyond a third of the recording, {limit:.3g} s," if time > limit else ""
@@ -123,7 +123,7 @@ def _time_words(fitted: Fit, time: float) -> str:
 
 
 def _each(
-    fitted: Fit, results: Sequence[Estimate], inverses: Sequence[Array]
+    fitted: NoiseFit, results: Sequence[NoiseEstimate], inverses: Sequence[Array]
 ) -> tuple[ProcessVerdict, ...]:
     """Verdicts on processes that all are needed."""
     named = {e.name: e for e in results}
@@ -149,7 +149,11 @@ def _not_identifiable(process: NoiseTerm, name: str, why: str) -> ProcessVerdict
 
 
 def _gauss_markov(
-    fitted: Fit, term: NoiseTerm, time: Estimate, strength: Estimate, inverses: Sequence[Array]
+    fitted: NoiseFit,
+    term: NoiseTerm,
+    time: NoiseEstimate,
+    strength: NoiseEstimate,
+    inverses: Sequence[Array],
 ) -> ProcessVerdict:
     process, name = str(term), f"Gauss-Markov {term.number}"
     limit, interval_s = LONGEST_SHARE * _length(fitted), 1.0 / max(c.rate_hz for c in fitted.curves)
@@ -186,7 +190,7 @@ def _gauss_markov(
 
 
 def _too_weak(
-    fitted: Fit, process: NoiseTerm, strength: Estimate, inverses: Sequence[Array]
+    fitted: NoiseFit, process: NoiseTerm, strength: NoiseEstimate, inverses: Sequence[Array]
 ) -> str:
     """Why the strength of a process cannot be distinguished from zero, or nothing."""
     kind = "driving noise" if process.kind == GAUSS_MARKOV else "density"
@@ -204,7 +208,7 @@ def _too_weak(
     return ""
 
 
-def _clearness(fitted: Fit, process: NoiseTerm, inverses: Sequence[Array]) -> float:
+def _clearness(fitted: NoiseFit, process: NoiseTerm, inverses: Sequence[Array]) -> float:
     """sqrt(p' V^-1 p) over all curves, p the wavelet variance of the process: its size in standard
     deviations if the rest were known.
     """
@@ -216,12 +220,12 @@ def _clearness(fitted: Fit, process: NoiseTerm, inverses: Sequence[Array]) -> fl
     return math.sqrt(total)
 
 
-def _length(fitted: Fit) -> float:
+def _length(fitted: NoiseFit) -> float:
     """Of the longest recording, s."""
     return max(c.samples / c.rate_hz for c in fitted.curves)
 
 
-def _percent(estimate: Estimate) -> str:
+def _percent(estimate: NoiseEstimate) -> str:
     error = estimate.log_error
     if not math.isfinite(error):
         return "no digit"

@@ -28,8 +28,8 @@ from ...records import Array
 from ..moments.haar_covariance import haar_covariance
 from ._profile import polished
 from .bootstrap import bootstrap, robust_efficiency
-from .estimates import Estimate, Linearised, estimates
-from .gmwm import Fit, fit_alike
+from .estimates import Linearised, NoiseEstimate, estimates
+from .gmwm import NoiseFit, fit_alike
 from .goodness import GoodnessOfFit, goodness_of_fit
 from .identifiability import ProcessVerdict, verdicts
 
@@ -46,19 +46,19 @@ class Inference:
     intervals : "sandwich", "profile" or "bootstrap".
     """
 
-    fit: Fit
-    estimates: tuple[Estimate, ...]
+    fit: NoiseFit
+    estimates: tuple[NoiseEstimate, ...]
     covariance: Array
     goodness: GoodnessOfFit
     verdicts: tuple[ProcessVerdict, ...]
     intervals: str
 
-    def __getitem__(self, name: str) -> Estimate:
+    def __getitem__(self, name: str) -> NoiseEstimate:
         """The estimate of a parameter by its name."""
         return next(e for e in self.estimates if e.name == name)
 
 
-def covariances(fitted: Fit) -> tuple[Array, ...]:
+def covariances(fitted: NoiseFit) -> tuple[Array, ...]:
     """V (J_i, J_i), X^4, of the wavelet variances of each curve at the fitted processes.
 
     Raises UsageError for a "dwt" curve.
@@ -95,7 +95,7 @@ def inverse(V: Array) -> Array:
     return np.asarray(0.5 * (W + W.T))
 
 
-def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
+def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str]:
     """Fit with the weights V^-1 of the fit before, repeated until it moves by less than 0.03
     standard errors.
 
@@ -105,7 +105,7 @@ def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
     and why.
     """
     fitted = first
-    scored_fits: list[tuple[float, Fit]] = []
+    scored_fits: list[tuple[float, NoiseFit]] = []
     for step in range(1, 2 * iterations + 1):
         if step == iterations + 1:
             fitted = min(scored_fits, key=lambda scored: scored[0])[1]
@@ -126,26 +126,26 @@ def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
     return fitted, f"efficient weights, not settled after {2 * iterations} steps"
 
 
-def _pseudo_likelihood(fitted: Fit, V: Sequence[Array], weights: Sequence[Array]) -> float:
+def _pseudo_likelihood(fitted: NoiseFit, V: Sequence[Array], weights: Sequence[Array]) -> float:
     """(I.1) of a fit with V and V^-1 at the fit itself."""
     rows = zip(fitted.residuals, V, weights, strict=True)
     return sum(float(np.linalg.slogdet(block)[1] + d @ W @ d) for d, block, W in rows)
 
 
-def efficient(first: Fit, *, iterations: int = 8) -> Fit:
+def efficient(first: NoiseFit, *, iterations: int = 8) -> NoiseFit:
     """The fit of `second_step`: weights are the inverse covariance of the wavelet variance at the
     fit; `first` where that is singular.
     """
     return second_step(first, iterations=iterations)[0]
 
 
-def _distance(before: Fit, after: Fit) -> float:
+def _distance(before: NoiseFit, after: NoiseFit) -> float:
     """Distance of the modelled wavelet variances in standard deviations of all moments together."""
     pairs = zip(before.modelled, after.modelled, after.weights, strict=True)
     return math.sqrt(max(sum(float((a - b) @ W @ (a - b)) for a, b, W in pairs), 0.0))
 
 
-def infer(fitted: Fit, *, intervals: str = "auto", draws: int = 0, seed: int = 0) -> Inference:
+def infer(fitted: NoiseFit, *, intervals: str = "auto", draws: int = 0, seed: int = 0) -> Inference:
     """Standard errors, 95 % intervals, J test and a verdict on each process.
 
     intervals : "sandwich" (E.1); "profile" of Q, for efficient weights; "bootstrap", basic, of
@@ -182,7 +182,7 @@ def infer(fitted: Fit, *, intervals: str = "auto", draws: int = 0, seed: int = 0
     )
 
 
-def is_efficient(fitted: Fit, V: Sequence[Array]) -> bool:
+def is_efficient(fitted: NoiseFit, V: Sequence[Array]) -> bool:
     """Whether the weights are the inverse of V to a factor of two in every direction."""
     for omega, block in zip(fitted.weights, V, strict=True):
         size = np.sqrt(np.diag(block))

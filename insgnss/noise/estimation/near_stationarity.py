@@ -20,7 +20,7 @@ from ...base.errors import UsageError
 from ...records import Array
 from .bootstrap import draw_variances, redrawn
 from .estimates import Linearised
-from .gmwm import Fit, fit_alike, objective
+from .gmwm import NoiseFit, fit_alike, objective
 from .goodness import p_text
 from .inference import covariances, efficient
 from .selection import recording_numbers
@@ -58,14 +58,14 @@ class NearStationarity:
     bootstrapped_error: float
     draws: int
     shares: Array
-    joint: Fit
-    single: tuple[Fit, ...]
+    joint: NoiseFit
+    single: tuple[NoiseFit, ...]
     spread: tuple[tuple[str, float, float], ...]
     sentence: str
 
 
 def near_stationarity(
-    joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
+    joint: NoiseFit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
 ) -> NearStationarity:
     """Test whether one parameter set serves all recordings (S.3).
 
@@ -114,7 +114,7 @@ def near_stationarity(
     )
 
 
-def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ...]]:
+def _excess(joint: NoiseFit, groups: np.ndarray) -> tuple[float, Array, tuple[NoiseFit, ...]]:
     """Return S (S.3), its share (R,) by recording, and the single fits.
 
     These have the weights of the joint fit.
@@ -130,7 +130,7 @@ def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ..
 
 
 def _spread(
-    joint: Fit, single: tuple[Fit, ...], groups: np.ndarray
+    joint: NoiseFit, single: tuple[NoiseFit, ...], groups: np.ndarray
 ) -> tuple[tuple[str, float, float], ...]:
     out = []
     V = covariances(joint)

@@ -46,7 +46,7 @@ from ..moments.theory import Sampling
 from ..processes.composition import Composition, families
 from .bootstrap import draw_variances, redrawn
 from .estimates import Linearised
-from .gmwm import Fit, fit, fit_alike, interval_weights, objective
+from .gmwm import NoiseFit, fit, fit_alike, interval_weights, objective
 from .goodness import goodness_of_fit
 from .inference import covariances, efficient, inverse
 
@@ -59,7 +59,7 @@ _FACTOR_E = 1.0  # standard error of a logarithm
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class CandidateModel:
     """One model of a family.
 
     Parameters
@@ -82,7 +82,7 @@ class Candidate:
         What is odd about the fit.
     """
 
-    fit: Fit
+    fit: NoiseFit
     wic: float
     optimism: float
     difference: float
@@ -110,9 +110,9 @@ class Ranking:
     chosen : of those equivalent to the best, the smallest that is determined, else the smallest.
     """
 
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[CandidateModel, ...]
     criterion: str
-    chosen: Candidate
+    chosen: CandidateModel
 
     def table(self) -> str:
         """One line a model, best first."""
@@ -208,7 +208,7 @@ def rank(
     return _ranked(candidates, criterion)
 
 
-def _below_a_sample(fitted: Fit) -> bool:
+def _below_a_sample(fitted: NoiseFit) -> bool:
     """Tell whether a Gauss-Markov process of the fit is shorter than a sampling interval.
 
     It is white noise by another name, and the model without it competes by itself.
@@ -250,7 +250,7 @@ def _candidate(
     groups: np.ndarray,
     sampling: Sampling,
     drawn: tuple[tuple[WaveletVariance, ...], ...],
-) -> Candidate:
+) -> CandidateModel:
     fitted = fit(curves, composition, weights=Omega, sampling=sampling)
     linear = Linearised(fitted, V)
     optimism = _drawn_optimism(fitted, drawn) if drawn else closed_optimism(fitted, linear)
@@ -266,7 +266,7 @@ def _candidate(
         )
     errors = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     determined = not fitted.at_bound and bool((errors < _FACTOR_E).all())
-    return Candidate(
+    return CandidateModel(
         fitted,
         fitted.objective + optimism,
         optimism,
@@ -279,7 +279,7 @@ def _candidate(
     )
 
 
-def closed_optimism(fitted: Fit, linear: Linearised) -> float:
+def closed_optimism(fitted: NoiseFit, linear: Linearised) -> float:
     """Penalty of (S.2); second derivatives by central differences of the analytic first ones."""
     inside = np.flatnonzero(~np.isin(fitted.composition.parameters, fitted.at_bound))
     gap = linear.Omega @ np.concatenate(fitted.residuals)
@@ -301,7 +301,7 @@ def closed_optimism(fitted: Fit, linear: Linearised) -> float:
     )
 
 
-def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...]) -> float:
+def _drawn_optimism(fitted: NoiseFit, drawn: tuple[tuple[WaveletVariance, ...], ...]) -> float:
     """Penalty (S.1) over re-fits with the same weights."""
     fits = [fit_alike(fitted, curves, fitted.weights) for curves in drawn]
     total = 0.0
@@ -312,7 +312,7 @@ def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...])
     return 2.0 * total
 
 
-def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
+def _held_out(fitted: NoiseFit, groups: np.ndarray) -> Array:
     """(R,) objective on each recording of the fit to all others."""
     out = []
     for recording in np.unique(groups):
@@ -325,8 +325,8 @@ def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
     return np.array(out)
 
 
-def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
-    def key(c: Candidate) -> tuple[float, int]:
+def _ranked(candidates: list[CandidateModel], criterion: str) -> Ranking:
+    def key(c: CandidateModel) -> tuple[float, int]:
         value = c.cross_validated if criterion == "CVWVIC" else c.wic
         return float(f"{value:.9g}"), c.composition.size  # equal to rounding: the smaller first
 
@@ -343,11 +343,11 @@ def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
     return Ranking(tuple(marked), criterion, chosen)
 
 
-def _within(candidate: Candidate, best: Candidate) -> bool:
+def _within(candidate: CandidateModel, best: CandidateModel) -> bool:
     return candidate.wic - best.wic < _WITHIN
 
 
-def _indistinguishable(candidate: Candidate, best: Candidate) -> bool:
+def _indistinguishable(candidate: CandidateModel, best: CandidateModel) -> bool:
     """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a
     model is as good as the best.
     """

@@ -51,7 +51,7 @@ from ...navigation.prepare.gaps import LEAST_GAP_INTERVALS, nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, ImuSamples
 from ...records.states import State
-from .groups import Group, solve_groups
+from .groups import ResidualGroup, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
 
 FEWEST_POSITIONS = 9  # as many equations (P.1) as unknowns
@@ -221,7 +221,7 @@ def calibrate_accelerometers(
         return norm[:, None] - gravity, jacobian[:, None]
 
     fit = solve_groups(
-        {"gravity": Group(gravity_norm, np.square(sigma)[:, None, None], 9)},
+        {"gravity": ResidualGroup(gravity_norm, np.square(sigma)[:, None, None], 9)},
         np.zeros(9),
         sizes(POSSIBLE, ACCEL_STATES),
     )
@@ -297,10 +297,10 @@ def calibrate_gyroscopes(
             jacobian[row, :, 12:] = -length * basis[i + 1] @ Rt @ skew(up[i]) @ C[i].T
         return residual.reshape(1, -1), jacobian.reshape(1, -1, 15)
 
-    groups = {"rest": Group(at_rest, np.square(sigma)[:, None, None] * np.eye(3), 3)}
+    groups = {"rest": ResidualGroup(at_rest, np.square(sigma)[:, None, None] * np.eye(3), 3)}
     if turns:
         cov = _turn_covariance(periods, turns, accel, up, basis)
-        groups["turns"] = Group(turned, cov[None], 9)
+        groups["turns"] = ResidualGroup(turned, cov[None], 9)
     rate, rate_sigma = _earth_prior(latitude)
     fit = solve_groups(
         groups,

@@ -20,7 +20,7 @@ FACTOR_ROUNDS = 6  # most solutions with new factors (chosen)
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class ResidualGroup:
     """One group of residuals.
 
     Parameters
@@ -39,7 +39,7 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class GroupFit:
     """A solution of all groups.
 
     Parameters
@@ -60,7 +60,7 @@ class Fit:
     factor: dict[str, float]
 
 
-def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) -> Fit:
+def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma: Array) -> GroupFit:
     """Fit parameters to all groups.
 
     Parameters
@@ -124,4 +124,4 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
             break
     covariance = normals.cov * np.outer(prior_sigma, prior_sigma)
     residual = -white(q, inflate, 0)[: -prior.size]
-    return Fit(prior + prior_sigma * q, covariance, residual, factor)
+    return GroupFit(prior + prior_sigma * q, covariance, residual, factor)

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...navigation.noise_model.model import AxisNoise
-from ..estimation.gmwm import Fit
+from ..estimation.gmwm import NoiseFit
 from ..estimation.goodness import GoodnessOfFit
 from ..estimation.inference import Inference
 from .recordings import SENSOR_AXES
-from .trend import Trend
+from .trend import AxisTrend
 
 if TYPE_CHECKING:
     from ..estimation.near_stationarity import NearStationarity
@@ -29,8 +29,8 @@ class Tuned:
 
     sensor: str
     axes: tuple[int, ...]
-    first: Fit
-    kept: Fit
+    first: NoiseFit
+    kept: NoiseFit
     inference: Inference
     goodness: GoodnessOfFit
     how: str
@@ -38,7 +38,7 @@ class Tuned:
     remarks: tuple[str, ...] = ()
     ranking: "Ranking | None" = None
     stationarity: "NearStationarity | None" = None
-    trends: tuple[tuple[str, int, Trend], ...] = ()
+    trends: tuple[tuple[str, int, AxisTrend], ...] = ()
 
     @property
     def name(self) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from ...base.errors import DataError, UsageError
 from ...records import WaveletVariance
 from ..estimation.estimates import Linearised
-from ..estimation.gmwm import Fit, fit
+from ..estimation.gmwm import NoiseFit, fit
 from ..estimation.goodness import GoodnessOfFit, goodness_of_fit
 from ..estimation.inference import covariances, infer, second_step
 from ..moments.theory import haar_variance, haar_variance_parts
@@ -202,7 +202,7 @@ def _ranking(
         return ranked(curves, candidates, weights="interval"), notes
 
 
-def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | None]:
+def _kept(first: NoiseFit, options: TuneOptions) -> tuple[NoiseFit, str, GoodnessOfFit | None]:
     """Return the fit that is worth more, a sentence that says which, and a test.
 
     The test is that of the efficient fit where that was not kept.
@@ -222,7 +222,7 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
 
 
 def _finer_scales(
-    first: Fit,
+    first: NoiseFit,
     goodness: GoodnessOfFit,
     misfits: Sequence[tuple[int, int]],
     model_option: str,
@@ -280,7 +280,7 @@ def _fine_misfit(composition: Composition) -> str:
     )
 
 
-def _white_is_seen(coarser: Fit, curves: Sequence[WaveletVariance]) -> bool:
+def _white_is_seen(coarser: NoiseFit, curves: Sequence[WaveletVariance]) -> bool:
     """Tell whether a fit without its finest scales still knows the white noise.
 
     That is so where white noise (and rounding) is most of the wavelet variance at `WHITE_SCALES` of
@@ -304,7 +304,7 @@ def _white_is_seen(coarser: Fit, curves: Sequence[WaveletVariance]) -> bool:
     return True
 
 
-def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
+def _slow_misfit(fitted: NoiseFit, misfits: Sequence[tuple[int, int]]) -> str:
     """Advise what to try where all scales that stand out are long ones; else return nothing.
 
     Long ones lie in the upper half of the levels.
@@ -331,7 +331,7 @@ def _larger(composition: Composition, process: str) -> str:
     return " or ".join(map(str, more))
 
 
-def _tested_p(fitted: Fit, options: TuneOptions) -> float:
+def _tested_p(fitted: NoiseFit, options: TuneOptions) -> float:
     """Return the p-value that tuning on these levels would report.
 
     It is NaN without a test, and that of the weights of the intervals where it is small.
@@ -345,7 +345,7 @@ def _tested_p(fitted: Fit, options: TuneOptions) -> float:
     return test.p_value if _tested(test) else float("nan")
 
 
-def _farthest(fitted: Fit) -> float:
+def _farthest(fitted: NoiseFit) -> float:
     """Return the largest relative error of the modelled deviation.
 
     It is taken over the scales of which a recording holds many.
@@ -357,7 +357,7 @@ def _farthest(fitted: Fit) -> float:
     return max(deviations)
 
 
-def _j_test(fitted: Fit) -> GoodnessOfFit:
+def _j_test(fitted: NoiseFit) -> GoodnessOfFit:
     """Return the J test alone of all that `infer` gives."""
     return goodness_of_fit(fitted, Linearised(fitted, covariances(fitted)))
 

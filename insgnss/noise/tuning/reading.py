@@ -16,7 +16,7 @@ from typing import Any
 
 from ...base.errors import InputError, UsageError
 from ...flight.inspection.discovery import sources_of
-from ...flight.inspection.sources import Source
+from ...flight.inspection.sources import InputSource
 from ...io.formats import TableInfo, describe, read_imu, sniff_imu
 from ...io.formats.detect import LOADERS
 from ...io.formats.imu.imu_csv import ACCEL, GYRO
@@ -115,7 +115,7 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
 
     So it is where the file's own header gives no time, or one that no IMU has.
     """
-    how, sources = _how(path, options), list[Source]()
+    how, sources = _how(path, options), list[InputSource]()
     try:
         imu = read_imu(path, **how)
         is_given = options.time_unit or "sampling" in options.accept

@@ -12,7 +12,7 @@ from ...report.charts.chart import Chart
 from ...report.document import Document, Section, Table, checked
 from ...report.notebook import Shown
 from ...report.verdict import Verdict, worst_of
-from ..estimation.gmwm import Fit
+from ..estimation.gmwm import NoiseFit
 from ..estimation.goodness import p_text
 from ..moments.theory import haar_variance_parts
 from .fits import Tuned
@@ -169,7 +169,7 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
     }
 
 
-def _objective(fit: Fit) -> dict[str, Any]:
+def _objective(fit: NoiseFit) -> dict[str, Any]:
     return {
         "objective": fit.objective,
         "parameters": dict(zip(fit.composition.parameters, fit.parameters.tolist(), strict=True)),

@@ -33,7 +33,7 @@ WHITE_RIDGE = 1e-9  # of the mean variance: a model without white noise makes V 
 
 
 @dataclass(frozen=True)
-class Trend:
+class AxisTrend:
     """The strongest trend of one axis.
 
     Parameters
@@ -58,7 +58,9 @@ class Trend:
         return self.by_chance < WARM_UP_CHANCE
 
 
-def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Generator) -> Trend:
+def warm_up(
+    blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Generator
+) -> AxisTrend:
     """Find the trend of a recording against the fitted noise.
 
     Parameters
@@ -93,7 +95,7 @@ def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Gen
     z -= np.outer(z @ one, one)
     reached = (1 + int(np.sum(_shares(z, s).max(axis=1) >= share[best]))) / (REPLICATES + 1)
     high = float(np.ptp(shapes[best]))
-    return Trend(
+    return AxisTrend(
         reached,
         float(s[:, best] @ x / size[best]) * high,
         float(high / size[best]),

@@ -26,7 +26,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.units import rounded
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
-from ..estimation.gmwm import Fit
+from ..estimation.gmwm import NoiseFit
 from ..estimation.inference import Inference
 from ..moments.theory import haar_variance
 from ..processes.composition import CORRELATION_TIME, DRIVING, NoiseTerm, composition_of
@@ -137,7 +137,7 @@ class Departure:
     ratio: float
 
 
-def departures(axis: AxisNoise, fit: Fit) -> tuple[Departure, ...]:
+def departures(axis: AxisNoise, fit: NoiseFit) -> tuple[Departure, ...]:
     """Return the scales at which the wavelet variance of a model leaves the fit's confidence.
 
     That is the relative width of the 95 % interval of the wavelet variance at the scale, and never
@@ -169,7 +169,7 @@ def departures(axis: AxisNoise, fit: Fit) -> tuple[Departure, ...]:
     return tuple(out[scale] for scale in sorted(out))
 
 
-def envelope(axis: AxisNoise, fit: Fit) -> tuple[str, ...]:
+def envelope(axis: AxisNoise, fit: NoiseFit) -> tuple[str, ...]:
     """Return a sentence where a model is an upper envelope of what was fitted, else nothing.
 
     Raises

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import UsageError
 from ...records.block import Array
-from .kernels.elimination import Places, add_between, take_between
+from .kernels.elimination import EntryPlaces, add_between, take_between
 
 Rows = NDArray[np.int64]
 
@@ -72,14 +72,14 @@ class Envelope:
         return np.concatenate([[0], np.cumsum(width * height)]).astype(np.int64)
 
     @cached_property
-    def places(self) -> Places:
+    def places(self) -> EntryPlaces:
         """Where entries stand, as the kernels take it."""
         first, stop, last = self.panels.T
         panel = np.repeat(np.arange(len(self.panels)), stop - first)
         column = np.arange(self.size) - first[panel]
         height = (last - first)[panel] + self.size - self.window
         inner = self.starts[panel] + column * height - first[panel]
-        return Places(self.window, inner, inner + last[panel] - self.window)
+        return EntryPlaces(self.window, inner, inner + last[panel] - self.window)
 
     @cached_property
     def end(self) -> Rows:

@@ -12,7 +12,7 @@ from .envelope import Factor
 from .envelope import factorised as envelope_factorised
 from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity, elimination, points
-from .unknowns import CAMERA, POINT, POSE, Key, Layout, Unknowns, layout_of
+from .unknowns import CAMERA, POINT, POSE, Key, UnknownLayout, Unknowns, layout_of
 
 SMALLEST_EIGENVALUE = 1e-14
 """Of the normal matrix with unit diagonal. Without datum, or without scale, rounding leaves some
@@ -43,7 +43,7 @@ class Problem:
 
     block: ImageBlock
     groups: tuple[ObservationGroup, ...]
-    layout: Layout
+    layout: UnknownLayout
     rays: collinearity.Rays
     order: NDArray[np.int64]
 
@@ -296,7 +296,7 @@ def _normal(P: Array, J: Array, e: Array) -> tuple[Array, Array]:
 
 
 def columns_of(
-    layout: Layout, keys: tuple[Key, ...]
+    layout: UnknownLayout, keys: tuple[Key, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where the blocks of a group stand.
 

@@ -51,7 +51,7 @@ class GroupTest:
 
 
 @dataclass(frozen=True)
-class Component:
+class VarianceComponent:
     """Variance component of the observations of one name.
 
     Parameters
@@ -202,7 +202,7 @@ class Precision:
         blocks = [self.cofactors.of(layout.of((POSE, i))[0]) for i in range(layout.n_images)]
         return self.scale * np.array(blocks).reshape(-1, 6, 6)
 
-    def components(self) -> tuple[Component, ...]:
+    def components(self) -> tuple[VarianceComponent, ...]:
         """Return the variance components: image observations of each camera, then the groups'."""
         problem = self.result.problem
         observations = problem.block.observations
@@ -241,8 +241,10 @@ def image_components(block: ImageBlock) -> tuple[str, ...]:
     return tuple(f"{IMAGE} of {c.name}" if several else IMAGE for c in block.cameras)
 
 
-def _component(name: str, count: int, cost: float, redundancy: float) -> Component:
-    return Component(name, count, redundancy, cost / redundancy if redundancy > 1e-6 else np.nan)
+def _component(name: str, count: int, cost: float, redundancy: float) -> VarianceComponent:
+    return VarianceComponent(
+        name, count, redundancy, cost / redundancy if redundancy > 1e-6 else np.nan
+    )
 
 
 def precision_of(result: Adjusted, scale: float | None = None) -> Precision:

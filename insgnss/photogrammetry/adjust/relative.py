@@ -68,7 +68,7 @@ class GyroNoise(NamedTuple):
     vertical: float
 
 
-class Observed(NamedTuple):
+class ObservedStrip(NamedTuple):
     """What is observed of a strip.
 
     Parameters
@@ -123,7 +123,7 @@ class RelativeAerialControl(StripControl):
         What of the poses is observed, and the pairs.
     """
 
-    observed: Observed = field(kw_only=True)
+    observed: ObservedStrip = field(kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -187,7 +187,7 @@ class RelativeAerialControl(StripControl):
         return -rho, J
 
 
-def operator(C_mc: Array, observed: Observed) -> "csr_array":
+def operator(C_mc: Array, observed: ObservedStrip) -> "csr_array":
     """Return L of (J.14): from the errors of the poses to those of what is observed.
 
     Parameters
@@ -236,7 +236,7 @@ def smoothed(L: "csr_array", P: Array) -> Array:
 
 
 def as_printed(
-    P: Array, C_mc: Array, observed: Observed, time: Array, gyro: GyroNoise | None
+    P: Array, C_mc: Array, observed: ObservedStrip, time: Array, gyro: GyroNoise | None
 ) -> Array:
     """Return the covariance of what is observed with pairs that are independent (J.17, J.18).
 

@@ -48,7 +48,7 @@ class Unknowns:
     point: Array
     blocks: Mapping[Key, Array] = field(default_factory=dict)
 
-    def moved(self, layout: "Layout", dx: Array, dp: Array) -> "Unknowns":
+    def moved(self, layout: "UnknownLayout", dx: Array, dp: Array) -> "Unknowns":
         """Return the values after a correction.
 
         Parameters
@@ -151,7 +151,7 @@ class Unknowns:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class UnknownLayout:
     """Columns of the normal matrix.
 
     Parameters
@@ -251,7 +251,7 @@ def size_of(value: Array) -> int:
 
 def layout_of(
     block: ImageBlock, blocks: Mapping[Key, Array], keys: Sequence[tuple[Key, ...]]
-) -> Layout:
+) -> UnknownLayout:
     """Decide where the unknowns of a block stand.
 
     Parameters
@@ -289,4 +289,4 @@ def layout_of(
     together = [[row for name, row in tied if name == POSE] for tied in keys]
     pose_order, envelope = arranged(block, together, position)
     held = [np.asarray(block.held)[np.argsort(pose_order)].ravel(), *held]
-    return Layout(n, c, columns, first, kept, np.concatenate(held), pose_order, envelope)
+    return UnknownLayout(n, c, columns, first, kept, np.concatenate(held), pose_order, envelope)

@@ -19,7 +19,7 @@ import numpy as np
 from .adjustment import adjusted
 from .groups import Rescaled
 from .normals import Problem
-from .precision import IMAGE, Component, Precision, image_components, precision_of
+from .precision import IMAGE, Precision, VarianceComponent, image_components, precision_of
 from .unknowns import Unknowns
 
 # of a component from one (chosen): 0.5 % of a standard deviation
@@ -100,7 +100,7 @@ def reweighted(
     return Reweighted(precision, product, False)
 
 
-def _relative(component: Component) -> float:
+def _relative(component: VarianceComponent) -> float:
     """Return the relative standard deviation of a component."""
     return np.sqrt(2.0 / component.redundancy) if component.redundancy > 1e-6 else np.inf
 

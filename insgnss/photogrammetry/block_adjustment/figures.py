@@ -20,10 +20,10 @@ from ..adjust.unknowns import CAMERA, POINT
 from .aerial.relative import weakly_held
 from .parameters import MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, estimates
 from .residuals.check_points import CheckPoints, check_points
-from .solve import GROUND_CONTROL, Solved
+from .solve import GROUND_CONTROL, AdjustedBlock
 
 
-def figures_of(solved: Solved) -> dict[str, Any]:
+def figures_of(solved: AdjustedBlock) -> dict[str, Any]:
     """Return the figures of an adjusted block.
 
     Parameters
@@ -90,7 +90,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
     return cast(dict[str, Any], json_ready(figures))
 
 
-def _weighed(solved: Solved) -> list[str]:
+def _weighed(solved: AdjustedBlock) -> list[str]:
     """Say that standard deviations are too small where flight lines weigh without their own."""
     if solved.control.covariance not in ("chain", "image"):
         return []
@@ -111,7 +111,7 @@ def _weighed(solved: Solved) -> list[str]:
     ]
 
 
-def _paired(solved: Solved) -> list[str]:
+def _paired(solved: AdjustedBlock) -> list[str]:
     """Say how many neighbours are observed relative to each other, and how far apart."""
     eo, options = solved.inputs.eo, solved.inputs.file.aerial_control
     groups = [g for g in solved.result.problem.groups if isinstance(g, RelativeAerialControl)]
@@ -135,7 +135,7 @@ def _paired(solved: Solved) -> list[str]:
     return [text]
 
 
-def _counts(solved: Solved) -> dict[str, int]:
+def _counts(solved: AdjustedBlock) -> dict[str, int]:
     problem, inputs = solved.result.problem, solved.inputs
     return {
         "images": len(problem.block.images),
@@ -160,7 +160,7 @@ def _rows(columns: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def _components(solved: Solved) -> list[dict[str, Any]]:
+def _components(solved: AdjustedBlock) -> list[dict[str, Any]]:
     return [
         picked(c, "name", "observations", "redundancy", "variance")
         | {"factor": solved.factors.get(c.name, 1.0)}
@@ -168,7 +168,7 @@ def _components(solved: Solved) -> list[dict[str, Any]]:
     ]
 
 
-def _cameras(solved: Solved) -> list[dict[str, Any]]:
+def _cameras(solved: AdjustedBlock) -> list[dict[str, Any]]:
     """Interior orientations with standard deviations, and how well a ray of a corner is known."""
     values, block = solved.result.values, solved.result.problem.block
     columns = solved.result.problem.layout.columns
@@ -196,7 +196,7 @@ def _cameras(solved: Solved) -> list[dict[str, Any]]:
     return out
 
 
-def _mounting(solved: Solved) -> dict[str, Any]:
+def _mounting(solved: AdjustedBlock) -> dict[str, Any]:
     """Parameters between trajectory and camera with sigmas and those that were stated before."""
     file = solved.inputs.file
     where = "block file" if file.aerial_control.positions_alone else "flight file"
@@ -204,7 +204,7 @@ def _mounting(solved: Solved) -> dict[str, Any]:
     return {name: estimate | {"stated_in": where} for name, estimate in mounting.items()}
 
 
-def _lines(solved: Solved) -> list[dict[str, Any]]:
+def _lines(solved: AdjustedBlock) -> list[dict[str, Any]]:
     images, blocks = solved.result.problem.block.images, solved.result.values.blocks
     control = solved.control
     out = _rows(
@@ -223,7 +223,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
     return out
 
 
-def _control(solved: Solved) -> list[dict[str, Any]]:
+def _control(solved: AdjustedBlock) -> list[dict[str, Any]]:
     problem, point = solved.result.problem, solved.result.values.point
     tests = [test for test in solved.precision.groups if test.name == GROUND_CONTROL]
     rows = [test.keys[0][1] for test in tests]
@@ -242,7 +242,7 @@ def _control(solved: Solved) -> list[dict[str, Any]]:
     )
 
 
-def _vehicle(solved: Solved) -> dict[str, Any] | None:
+def _vehicle(solved: AdjustedBlock) -> dict[str, Any] | None:
     """Kinematic ground control; None without a vehicle."""
     if (vehicle := solved.inputs.vehicle) is None:
         return None
@@ -278,7 +278,7 @@ def _vehicle(solved: Solved) -> dict[str, Any] | None:
     }
 
 
-def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
+def _check(solved: AdjustedBlock, checks: CheckPoints) -> list[dict[str, Any]]:
     """Check points: surveyed - adjusted, with the standard deviation of this difference."""
     block, point = solved.result.problem.block, solved.result.values.point
     rows = block.check.point
@@ -310,7 +310,7 @@ def _statistics(checks: CheckPoints) -> dict[str, Array | None]:
     }
 
 
-def _images(solved: Solved) -> list[dict[str, Any]]:
+def _images(solved: AdjustedBlock) -> list[dict[str, Any]]:
     """Images: residuals, standard deviations, and how far the aerial control was off."""
     problem, values = solved.result.problem, solved.result.values
     block, eo, row = problem.block, solved.inputs.eo, solved.inputs.eo_row
@@ -343,7 +343,7 @@ def _images(solved: Solved) -> list[dict[str, Any]]:
     return out
 
 
-def _rejected(solved: Solved) -> list[dict[str, Any]]:
+def _rejected(solved: AdjustedBlock) -> list[dict[str, Any]]:
     block, rows = solved.result.problem.block, solved.rejected
     return _rows(
         {
@@ -354,7 +354,7 @@ def _rejected(solved: Solved) -> list[dict[str, Any]]:
     )
 
 
-def _points(solved: Solved, block: ImageBlock) -> dict[str, Any]:
+def _points(solved: AdjustedBlock, block: ImageBlock) -> dict[str, Any]:
     """Return the median standard deviations of all object points, and of minimal biases."""
     sigma, detectable = solved.precision.point_sigma, solved.precision.detectable_px
     finite, mask = np.isfinite(sigma).all(axis=1), np.isfinite(detectable)

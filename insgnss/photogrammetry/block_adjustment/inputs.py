@@ -34,7 +34,7 @@ SINGLE_SHARE = 0.5  # of the points measured in one image alone: names that diff
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
+class BlockInputs:
     """What an adjustment starts from.
 
     Parameters
@@ -88,7 +88,7 @@ class Inputs:
         return out
 
 
-def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
+def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
     """Read and join the files of a block file.
 
     Parameters
@@ -181,7 +181,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
     further: tuple[ObservationGroup, ...] = (*calibrated(file, block), *distances, *constraints)
-    return Inputs(file, block, eo, rows, tuple(notes), further, vehicle, unchecked)
+    return BlockInputs(file, block, eo, rows, tuple(notes), further, vehicle, unchecked)
 
 
 def _refuse_two_datums(file: BlockFile) -> None:

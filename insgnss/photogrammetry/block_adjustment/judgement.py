@@ -23,7 +23,7 @@ from .aerial.control import processed_with
 from .aerial.relative import WEAK_DATUM
 from .parameters import SIGNIFICANT_SIGMAS, determined
 from .residuals.pattern import Pattern, patterns, repeating
-from .solve import GROUND_CONTROL, Solved
+from .solve import GROUND_CONTROL, AdjustedBlock
 from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
@@ -79,7 +79,7 @@ class Judgement:
 
 
 def judged(
-    solved: Solved, figures: Mapping[str, Any], progress: Callable[[str], None]
+    solved: AdjustedBlock, figures: Mapping[str, Any], progress: Callable[[str], None]
 ) -> Judgement:
     """Judge an adjusted block.
 
@@ -285,7 +285,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def _images(solved: Solved) -> Iterator[Finding]:
+def _images(solved: AdjustedBlock) -> Iterator[Finding]:
     """Images of whose observations many take no part, which chance does not do."""
     from scipy.stats import binom
 
@@ -314,7 +314,7 @@ def _images(solved: Solved) -> Iterator[Finding]:
         )
 
 
-def _lever_arm(solved: Solved) -> Iterator[Finding]:
+def _lever_arm(solved: AdjustedBlock) -> Iterator[Finding]:
     """A bore-sight that turned the lever arm to the antenna when the flight was processed."""
     turn = solved.result.values.blocks.get((BORESIGHT, 0))
     flight = processed_with(solved.inputs)

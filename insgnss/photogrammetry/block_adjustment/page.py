@@ -16,7 +16,7 @@ from ...report.figures.block import Field, Ground, charts
 from ...report.rules.wording import lengths
 from ...report.verdict import Verdict, worst_of
 from .judgement import Judgement
-from .solve import Solved
+from .solve import AdjustedBlock
 
 MARKED_CORRELATION = 0.9  # a correlation that stands out
 CONTROL_MODES = {
@@ -28,7 +28,7 @@ CONTROL_MODES = {
 
 
 def document_of(
-    solved: Solved,
+    solved: AdjustedBlock,
     figures: Mapping[str, Any],
     judgement: Judgement,
     charts: Sequence[Chart] = (),
@@ -73,7 +73,7 @@ def document_of(
 
 
 def charts_of(
-    solved: Solved, figures: Mapping[str, Any], judgement: Judgement
+    solved: AdjustedBlock, figures: Mapping[str, Any], judgement: Judgement
 ) -> tuple[Chart, ...]:
     """Return the charts of an adjusted block: residuals on the format, and maps."""
     fields = [
@@ -83,7 +83,7 @@ def charts_of(
     return tuple(charts(figures, fields, ground_of(solved)))
 
 
-def input_files(solved: Solved) -> list[Path]:
+def input_files(solved: AdjustedBlock) -> list[Path]:
     """List every file that the adjustment depends on, none twice.
 
     Of the report beside an orientation only the mounting is taken, which the orientation has been
@@ -107,7 +107,7 @@ def input_files(solved: Solved) -> list[Path]:
     return [path for path in dict.fromkeys([*named_files, *beside, *parts]) if path.is_file()]
 
 
-def ground_of(solved: Solved) -> Ground:
+def ground_of(solved: AdjustedBlock) -> Ground:
     """Return where images and points lie.
 
     Parameters

@@ -22,7 +22,7 @@ HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estima
 
 
 @dataclass(frozen=True)
-class Parameter:
+class BlockParameter:
     """An unknown that all poses of a block, or all places of a vehicle, share.
 
     Parameters
@@ -164,9 +164,9 @@ XYZ = ("x", "y", "z")
 FRD = ("forward", "right", "down")
 ENU = ("east", "north", "up")
 MOUNTING_PARAMETERS = (
-    Parameter(CAMERA_LEVER_ARM, "aerial_control.lever_arm_sigma_m", "m", (10.0,) * 3, XYZ),
-    Parameter(BORESIGHT, "aerial_control.boresight_sigma_deg", "rad", 30.0, XYZ),
-    Parameter(
+    BlockParameter(CAMERA_LEVER_ARM, "aerial_control.lever_arm_sigma_m", "m", (10.0,) * 3, XYZ),
+    BlockParameter(BORESIGHT, "aerial_control.boresight_sigma_deg", "rad", 30.0, XYZ),
+    BlockParameter(
         EXPOSURE_DELAY,
         "aerial_control.time_offset_sigma_s",
         "s",
@@ -176,10 +176,10 @@ MOUNTING_PARAMETERS = (
 )
 """Between a trajectory and the camera."""
 VEHICLE_PARAMETERS = (
-    Parameter(TARGET_ARM, "vehicle.target_sigma_m", "m", (10.0,) * 3, FRD),
-    Parameter(VEHICLE_CLOCK, "vehicle.time_offset_sigma_s", "s", 10.0),
-    Parameter(VEHICLE_SHIFT, "vehicle.shift_sigma_m", "m", (100.0,) * 3, ENU),
-    Parameter(SIZE, "vehicle.size_sigma_m", "m", 0.0),
+    BlockParameter(TARGET_ARM, "vehicle.target_sigma_m", "m", (10.0,) * 3, FRD),
+    BlockParameter(VEHICLE_CLOCK, "vehicle.time_offset_sigma_s", "s", 10.0),
+    BlockParameter(VEHICLE_SHIFT, "vehicle.shift_sigma_m", "m", (100.0,) * 3, ENU),
+    BlockParameter(SIZE, "vehicle.size_sigma_m", "m", 0.0),
 )
 """Of a vehicle whose target the images see; no trial estimates its size."""
 BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING_PARAMETERS, *VEHICLE_PARAMETERS)}
@@ -203,7 +203,7 @@ def prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
     return ParameterObservation(key, value, np.diag(1.0 / sigma**2))
 
 
-def priors(file: BlockFile, parameters: Sequence[Parameter]) -> list[ParameterObservation]:
+def priors(file: BlockFile, parameters: Sequence[BlockParameter]) -> list[ParameterObservation]:
     """Return the first values of parameters that a block file asks for.
 
     Parameters
@@ -229,7 +229,7 @@ def priors(file: BlockFile, parameters: Sequence[Parameter]) -> list[ParameterOb
 
 
 def estimates(
-    file: BlockFile, parameters: Sequence[Parameter], precision: Precision
+    file: BlockFile, parameters: Sequence[BlockParameter], precision: Precision
 ) -> dict[str, dict[str, Any]]:
     """Return what was estimated of parameters.
 

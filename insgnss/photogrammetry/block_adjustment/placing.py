@@ -22,7 +22,7 @@ from ...flight.config.block_file import Datum
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.rotation import nearest_rotation
 from ...geodesy.similarity import similarity
-from ...io.formats.blocks.joined import Joined
+from ...io.formats.blocks.joined import JoinedBlock
 from ...io.formats.blocks.measured_block import minimal_datum
 from ...io.formats.origins import statement_of
 from ...io.formats.text.columns import METRES, TableSpec
@@ -85,7 +85,7 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     return replace(block, position_m=new_position, C_mc=new_C)
 
 
-def in_tangent_plane(union: Joined, notes: list[str]) -> Joined:
+def in_tangent_plane(union: JoinedBlock, notes: list[str]) -> JoinedBlock:
     """Return geocentric poses in the tangent plane at the middle of the images.
 
     Parameters
@@ -131,7 +131,7 @@ def noted_plane(plane: TangentPlane, members: str, notes: list[str]) -> TangentP
 
 
 def in_own_datum(
-    block: ImageBlock, union: Joined, kind: Datum, distances: tuple[DistanceObservation, ...]
+    block: ImageBlock, union: JoinedBlock, kind: Datum, distances: tuple[DistanceObservation, ...]
 ) -> tuple[ImageBlock, tuple[ObservationGroup, ...]]:
     """Return a block without control in the datum of its program's poses.
 

@@ -42,10 +42,10 @@ from ..adjust.separation import NORMAL
 from .aerial.control import Control, control_of
 from .figures import figures_of
 from .ground import ground_in_plane
-from .inputs import Inputs, calibrated
+from .inputs import BlockInputs, calibrated
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .page import ground_of, input_files
-from .solve import Solved, set_up
+from .solve import AdjustedBlock, set_up
 
 PLAN_DOCUMENT, PLAN_PAGE = "plan.json", "plan.html"
 SEED = 14  # of the tie points drawn, so that a plan gives the same numbers again (any)
@@ -67,7 +67,7 @@ class Plan(Shown):
         point helps most, or None.
     """
 
-    solved: Solved
+    solved: AdjustedBlock
     figures: dict[str, Any]
     files: tuple[Path, ...] = ()
 
@@ -217,13 +217,13 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source = source_in_mode(mode, source, ground, notes)
     union = joined(source, ground, eo, all_oriented=mode == "fast_at")
-    inputs = Inputs(
+    inputs = BlockInputs(
         file, union.block, eo, union.eo_row, tuple(notes), calibrated(file, union.block)
     )
     progress(f"adjusting {len(union.block.observations)} planned image observations")
     control = control_of(inputs)
     none = np.zeros(0, dtype=np.int64)
-    solved = Solved(inputs, control, _precision(inputs, control), {}, none, (), 0)
+    solved = AdjustedBlock(inputs, control, _precision(inputs, control), {}, none, (), 0)
     figures = figures_of(solved)
     figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
     figures["next_control_point"] = None
@@ -296,7 +296,7 @@ def _observed(
     return ImagePoints(eo.images, points, ImageObservations(image, point, uv, s))
 
 
-def _precision(inputs: Inputs, control: Control) -> Precision:
+def _precision(inputs: BlockInputs, control: Control) -> Precision:
     """Return the precision at the solution, where pixels without error have the planned poses."""
     problem, values = set_up(inputs, control)
     problem = problem.with_active(valid(problem, values))
@@ -314,7 +314,7 @@ def _is_worth_it(point: Mapping[str, Any]) -> bool:
     return bool(after < WORTH_RATIO * before)
 
 
-def _next_point(solved: Solved, eo: ExteriorOrientation) -> dict[str, Any] | None:
+def _next_point(solved: AdjustedBlock, eo: ExteriorOrientation) -> dict[str, Any] | None:
     """Try one more control point where points that three images see are worst in height."""
     block = solved.result.problem.block
     rays = np.bincount(block.observations.point, minlength=len(block.points))

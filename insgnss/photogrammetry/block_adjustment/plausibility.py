@@ -20,11 +20,11 @@ from ...geodesy.explain import EXPLAINS, Candidate, explain
 from ...geodesy.rotation import rotation_from_vector
 from ...records.block import Array
 from ..adjust.start import intersected
-from .inputs import Inputs
+from .inputs import BlockInputs
 from .readings import (
     FAR_OFF,
     FEWEST_RAYS_JUDGED,
-    Reading,
+    BlockReading,
     as_given,
     median_length,
     readings,
@@ -45,7 +45,7 @@ OFF_M = 5.0  # least distance of ground points that is asked about
 PIXEL = 0.1  # what image observations of a right block leave
 
 
-def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
+def refuse_implausible(inputs: BlockInputs, failed: bool = False) -> None:
     """Refuse a block whose files do not belong to each other, and name what is wrong.
 
     Parameters
@@ -80,7 +80,7 @@ def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
     _refuse_vehicle(inputs, turn)
 
 
-def worse_than_stated(inputs: Inputs) -> str:
+def worse_than_stated(inputs: BlockInputs) -> str:
     """Say of a block that cannot be adjusted that rays miss each other by far more than stated.
 
     Parameters
@@ -112,7 +112,7 @@ def worse_than_stated(inputs: Inputs) -> str:
     )
 
 
-def _refuse_vehicle(inputs: Inputs, turn: Array) -> None:
+def _refuse_vehicle(inputs: BlockInputs, turn: Array) -> None:
     """Refuse a vehicle that is elsewhere than images see it, with the bore-sight that fits."""
     if inputs.vehicle is None or inputs.eo is None:
         return
@@ -121,34 +121,34 @@ def _refuse_vehicle(inputs: Inputs, turn: Array) -> None:
     refuse_elsewhere(inputs.vehicle, inputs.block, position, C, _sigma_rad(inputs))
 
 
-def _sigma_rad(inputs: Inputs) -> Array:
+def _sigma_rad(inputs: BlockInputs) -> Array:
     """Return the standard deviation of the attitude of each image, rad; zero without."""
     eo = inputs.eo
     assert eo is not None
     return inputs.of_images(np.sqrt(np.trace(eo.cov[:, 3:, 3:], axis1=1, axis2=2)))
 
 
-def _sigma_px(inputs: Inputs, whole: Reading) -> Array:
+def _sigma_px(inputs: BlockInputs, whole: BlockReading) -> Array:
     """Return what the standard deviations of the poses make of a ray of each image, pixels."""
     return (float(np.median(whole.f)) if whole.f.size else 0.0) * _sigma_rad(inputs)
 
 
 def _refuse_readings(
-    inputs: Inputs, few: Reading, misclosure_px: float, limits: tuple[float, float]
+    inputs: BlockInputs, few: BlockReading, misclosure_px: float, limits: tuple[float, float]
 ) -> None:
     """Refuse a block whose rays do not meet; name the reading with which they do.
 
     limits : distances, pixels, of rays that nobody doubts, and beyond which they do not meet.
     """
 
-    def misfit(reading: Reading) -> float:
+    def misfit(reading: BlockReading) -> float:
         if reading is few:  # fitted to the end, which others are not where they are hopeless
             return misclosure_px
         return (
             np.inf if reading.image.size < FEWEST_RAYS_JUDGED else reading.fitted(misclosure_px)[0]
         )
 
-    def words(one: Candidate[Reading]) -> str:
+    def words(one: Candidate[BlockReading]) -> str:
         return f"{one.statement.format(one.read(few).fitted()[1][-1])}: {one.remedy}"
 
     start = f"rays of a point pass {misclosure_px:.0f} px from each other"
@@ -171,7 +171,9 @@ def _refuse_readings(
         )
 
 
-def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: float) -> None:
+def _refuse_images(
+    inputs: BlockInputs, whole: BlockReading, misclosure_px: float, least: float
+) -> None:
     """Refuse a block some images of which do not fit, and name them."""
     names = inputs.block.images
     limit = np.maximum(max(least, 10.0 * misclosure_px), ATTITUDE_SIGMAS * _sigma_px(inputs, whole))
@@ -205,10 +207,12 @@ def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: 
         rows = np.arange(n)
         rows[some] = some[::-1]
 
-        def median(reading: Reading) -> float:
+        def median(reading: BlockReading) -> float:
             return median_length(reading.residuals()[np.isin(reading.image, some)])
 
-        moved = Candidate[Reading]("", lambda r: replace(r, position=r.position[rows], C=r.C[rows]))
+        moved = Candidate[BlockReading](
+            "", lambda r: replace(r, position=r.position[rows], C=r.C[rows])
+        )
         explanation = explain(whole, [moved], median, float(limit[some].min()))
         if explanation is not None:
             raise DataError(
@@ -221,7 +225,7 @@ def _refuse_images(inputs: Inputs, whole: Reading, misclosure_px: float, least: 
     )
 
 
-def _refuse_ground(inputs: Inputs, whole: Reading, miss_px: float) -> None:
+def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> None:
     """Refuse ground points that lie elsewhere than images see them, all of them."""
     block = inputs.block
     rows = np.concatenate([block.control.point, block.check.point])
@@ -301,7 +305,7 @@ def _refuse_exchanged(names: list[str], stated: Array, X: Array, limit: float) -
 
 
 def _camera_constant(
-    inputs: Inputs, whole: Reading, misclosure_px: float, times_too_large: float
+    inputs: BlockInputs, whole: BlockReading, misclosure_px: float, times_too_large: float
 ) -> float | None:
     """Return the camera constant that explains heights that are wrong by a factor, None if none."""
     if not 0.05 < times_too_large < 20.0:

@@ -39,7 +39,7 @@ from ..adjust.unknowns import CAMERA, POSE
 from .aerial.control import processed_with
 from .judgement import Judgement
 from .page import charts_of, document_of, input_files
-from .solve import Solved
+from .solve import AdjustedBlock
 
 ADJUST_DOCUMENT, ADJUST_PAGE, MOUNTING_FILE, POSES_FILE = (
     "adjust.json",
@@ -69,7 +69,7 @@ FORM_FILES = {
 
 
 def written(
-    solved: Solved, figures: dict[str, Any], judgement: Judgement, directory: Path
+    solved: AdjustedBlock, figures: dict[str, Any], judgement: Judgement, directory: Path
 ) -> tuple[Path, ...]:
     """Write every product.
 
@@ -116,7 +116,7 @@ def written(
 
 
 def _write_orientation(
-    solved: Solved, figures: dict[str, Any], judgement: Judgement, into: Path
+    solved: AdjustedBlock, figures: dict[str, Any], judgement: Judgement, into: Path
 ) -> None:
     """Write orientation, exports, cameras and mounting."""
     from ...flight.exporting.export import export
@@ -143,7 +143,7 @@ def _write_orientation(
         write_mounting_file(mounting, into / MOUNTING_FILE)
 
 
-def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
+def adjusted_orientation(solved: AdjustedBlock, judgement: Judgement) -> ExteriorOrientation | None:
     """Return the orientation of the images that have aerial control, in the order of its stamps.
 
     Parameters
@@ -210,7 +210,7 @@ def changed_boresight(eo: ExteriorOrientation, E: Array) -> Array:
     return nearest_rotation(T.T @ E.T @ T @ eo.boresight)
 
 
-def write_poses(solved: Solved, path: Path) -> None:
+def write_poses(solved: AdjustedBlock, path: Path) -> None:
     """Write the pose of every image with standard deviations.
 
     Parameters
@@ -241,7 +241,7 @@ def write_poses(solved: Solved, path: Path) -> None:
     )
 
 
-def write_points(solved: Solved, path: Path) -> None:
+def write_points(solved: AdjustedBlock, path: Path) -> None:
     """Write the object points that take part, with their covariances.
 
     Parameters
@@ -269,7 +269,7 @@ def write_points(solved: Solved, path: Path) -> None:
     )
 
 
-def write_residuals(solved: Solved, path: Path) -> None:
+def write_residuals(solved: AdjustedBlock, path: Path) -> None:
     """Write the residuals of all image observations, observed minus computed.
 
     Parameters
@@ -297,7 +297,7 @@ def write_residuals(solved: Solved, path: Path) -> None:
     )
 
 
-def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:
+def adjusted_cameras(solved: AdjustedBlock) -> tuple[BrownCamera, ...]:
     """Return the cameras with adjusted interior orientation.
 
     Parameters
@@ -313,7 +313,7 @@ def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:
     return solved.result.values.cameras(solved.result.problem.block.cameras)
 
 
-def covariances(solved: Solved) -> list[InteriorCovariance | None]:
+def covariances(solved: AdjustedBlock) -> list[InteriorCovariance | None]:
     """Return the covariance of each camera's interior orientation.
 
     Parameters
@@ -336,7 +336,7 @@ def covariances(solved: Solved) -> list[InteriorCovariance | None]:
     return out
 
 
-def _write_cameras(solved: Solved, into: Path) -> list[str]:
+def _write_cameras(solved: AdjustedBlock, into: Path) -> list[str]:
     """Write the cameras in each format; returns what a format cannot express."""
     cameras, P_of = adjusted_cameras(solved), covariances(solved)
     notes: list[str] = []
@@ -354,7 +354,7 @@ def _write_cameras(solved: Solved, into: Path) -> list[str]:
     return notes
 
 
-def adjusted_mounting(solved: Solved) -> MountingFile | None:
+def adjusted_mounting(solved: AdjustedBlock) -> MountingFile | None:
     """Return the mounting that the adjustment found.
 
     Lever arms and delay are corrections of what the flight was processed with, which report.json

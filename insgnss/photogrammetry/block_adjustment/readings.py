@@ -21,7 +21,7 @@ from ...geodesy.rotation import (
 from ...records.block import INTERIOR, Array, BrownCamera
 from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
-from .inputs import Inputs
+from .inputs import BlockInputs
 
 FEWEST_RAYS_JUDGED = (
     60  # below which no reading is judged (chosen): three or four unknowns are fitted
@@ -38,7 +38,7 @@ Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class BlockReading:
     """A block as somebody may have written it.
 
     Parameters
@@ -67,11 +67,11 @@ class Reading:
     velocity: Array | None = None
     rate: Array | None = None
 
-    def rows(self, keep: NDArray[np.bool_] | Rows) -> "Reading":
+    def rows(self, keep: NDArray[np.bool_] | Rows) -> "BlockReading":
         """Return some of its rays."""
         return replace(self, **rows_of(self, keep, ("xy", "image", "point", "f", "row")))
 
-    def crossing(self, keep: NDArray[np.bool_]) -> "Reading":
+    def crossing(self, keep: NDArray[np.bool_]) -> "BlockReading":
         """Return some of its rays, of points that two of them see."""
         some = self.rows(keep)
         return some.rows(np.bincount(some.point)[some.point] >= 2)
@@ -158,7 +158,7 @@ def median_length(e: Array) -> float:
     return float(np.median(np.linalg.norm(e, axis=1)))
 
 
-def as_given(inputs: Inputs) -> Reading:
+def as_given(inputs: BlockInputs) -> BlockReading:
     """Return the rays of images with aerial control to points that two of them see.
 
     Parameters
@@ -179,11 +179,11 @@ def as_given(inputs: Inputs) -> Reading:
     keep &= count[obs.point] >= 2
     f = np.array([camera.of("f") for camera in block.cameras])[block.camera[obs.image]]
     rows = np.arange(keep.size)
-    whole = Reading(block.position_m, block.C_mc, xy, obs.image, obs.point, f, rows)
+    whole = BlockReading(block.position_m, block.C_mc, xy, obs.image, obs.point, f, rows)
     return whole.rows(keep)
 
 
-def some_rays(reading: Reading) -> Reading:
+def some_rays(reading: BlockReading) -> BlockReading:
     """Return the rays of points in even steps, of those with three rays where there are enough.
 
     Parameters
@@ -206,7 +206,7 @@ def some_rays(reading: Reading) -> Reading:
     return reading.rows(np.isin(reading.point, points))
 
 
-def readings(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
+def readings(inputs: BlockInputs, few: BlockReading) -> Iterator[Candidate[BlockReading]]:
     """Return how somebody may have written a block.
 
     Parameters
@@ -230,8 +230,12 @@ def readings(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
 
 
 def _read(
-    text: str, remedy: str, few: Reading, reread: Reading, keep: NDArray[np.bool_] | None = None
-) -> Candidate[Reading]:
+    text: str,
+    remedy: str,
+    few: BlockReading,
+    reread: BlockReading,
+    keep: NDArray[np.bool_] | None = None,
+) -> Candidate[BlockReading]:
     """Return a candidate; `keep`: the rays that it has, where those are not all."""
     if keep is None or keep.all():
         return Candidate(text, lambda _: reread, remedy=remedy)
@@ -239,7 +243,7 @@ def _read(
     return Candidate(text, lambda _: rays_of_reading, remedy=remedy, same=lambda _: same)
 
 
-def _other_axes(few: Reading, attitudes: str) -> Iterator[Candidate[Reading]]:
+def _other_axes(few: BlockReading, attitudes: str) -> Iterator[Candidate[BlockReading]]:
     """Pixel axes and camera axes: the 48 signed permutations of the axes of a ray."""
     corner = "(x right, y down from the upper left corner)"
     for order, sign, text, remedy in (
@@ -256,12 +260,12 @@ def _other_axes(few: Reading, attitudes: str) -> Iterator[Candidate[Reading]]:
         yield _read(text, remedy, few, replace(few, C=few.C @ R))
 
 
-def _other_attitudes(few: Reading, remedy: str) -> Iterator[Candidate[Reading]]:
+def _other_attitudes(few: BlockReading, remedy: str) -> Iterator[Candidate[BlockReading]]:
     """Attitudes that were composed in another way."""
     good = np.isfinite(few.C).all(axis=(1, 2))
     R = few.C[good] @ CV_RUB
 
-    def turned(text: str, changed: Array) -> Candidate[Reading]:
+    def turned(text: str, changed: Array) -> Candidate[BlockReading]:
         C = few.C.copy()
         C[good] = changed
         return _read(text, remedy, few, replace(few, C=C))
@@ -275,7 +279,7 @@ def _other_attitudes(few: Reading, remedy: str) -> Iterator[Candidate[Reading]]:
             yield turned(text, one.change(read_as.take(R)) @ CV_RUB.T)
 
 
-def _other_stamps(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
+def _other_stamps(inputs: BlockInputs, few: BlockReading) -> Iterator[Candidate[BlockReading]]:
     """Exposures that lag behind their stamps."""
     eo = inputs.eo
     if eo is None or eo.velocity_mps is None or eo.rate_radps is None:
@@ -289,7 +293,7 @@ def _other_stamps(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     )
 
 
-def _other_numbers(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
+def _other_numbers(inputs: BlockInputs, few: BlockReading) -> Iterator[Candidate[BlockReading]]:
     """Images that have the observations of a neighbour, or are numbered backwards."""
     order = np.argsort(inputs.eo_row, kind="stable")
     order = order[inputs.eo_row[order] >= 0]
@@ -314,11 +318,11 @@ def _other_numbers(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]
         yield _read(text, remedy, few, replace(few, position=position, C=C), keep)
 
 
-def _other_cameras(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
+def _other_cameras(inputs: BlockInputs, few: BlockReading) -> Iterator[Candidate[BlockReading]]:
     """A principal point that counts from the middle of the image, a camera of another format."""
     block = inputs.block
 
-    def read(text: str, remedy: str, cameras: list[BrownCamera]) -> Candidate[Reading]:
+    def read(text: str, remedy: str, cameras: list[BrownCamera]) -> Candidate[BlockReading]:
         xy = directions(replace(block, cameras=tuple(cameras)))[few.row]
         f = np.array([camera.of("f") for camera in cameras])[block.camera[few.image]]
         keep = np.asarray(np.isfinite(xy).all(axis=1))

@@ -15,12 +15,12 @@ from ...flight.config.flight_file import Flight
 from ...flight.processing.pipeline import ProcessResult
 from ...report.notebook import Shown
 from .figures import figures_of
-from .inputs import Inputs, inputs_of
+from .inputs import BlockInputs, inputs_of
 from .judgement import CHECK_POINTS, Judgement, accepted_as, judged
 from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
 from .products import ADJUST_DOCUMENT, CONTRADICTED, written
-from .solve import Solved, solved
+from .solve import AdjustedBlock, solved
 from .trajectory import TRAJECTORY_DIRECTORY as TRAJECTORY
 from .trajectory import corrected_trajectory, refuse_unfit
 from .trials import converging
@@ -48,7 +48,7 @@ class AdjustmentResult(Shown):
         The contradiction for which the images corrected no flight.
     """
 
-    solved: Solved
+    solved: AdjustedBlock
     figures: dict[str, Any]
     judgement: Judgement
     files: tuple[Path, ...]
@@ -196,7 +196,9 @@ def directory_of(file: BlockFile, out: Path | None) -> Path:
     return file.output.directory
 
 
-def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], None]) -> DataError:
+def _explained(
+    failure: DataError, inputs: BlockInputs, progress: Callable[[str], None]
+) -> DataError:
     """Return a failure with what makes the adjustment converge, where something does."""
     try:
         refuse_implausible(inputs, failed=True)

@@ -13,13 +13,13 @@ from ..adjust.direct import intersected_points
 from ..adjust.groups import ObservationGroup, PointObservation, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
-from ..adjust.precision import IMAGE, Component, Precision, precision_of
+from ..adjust.precision import IMAGE, Precision, VarianceComponent, precision_of
 from ..adjust.shutter import without_readout
 from ..adjust.start import first_values
 from ..adjust.unknowns import Key, Unknowns
 from ..adjust.variance_components import reweighted
 from .aerial.control import Control, control_of, motion_of_images
-from .inputs import Inputs
+from .inputs import BlockInputs
 from .vehicle.control import vehicle_control
 
 GROUND_CONTROL = "ground control"
@@ -27,7 +27,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class AdjustedBlock:
     """An adjusted block.
 
     Parameters
@@ -49,7 +49,7 @@ class Solved:
         Steps of the adjustment from the first values, before variances were multiplied.
     """
 
-    inputs: Inputs
+    inputs: BlockInputs
     control: Control
     precision: Precision
     factors: dict[str, float]
@@ -68,12 +68,12 @@ class Solved:
         return self.precision.result
 
     @property
-    def components(self) -> tuple[Component, ...]:
+    def components(self) -> tuple[VarianceComponent, ...]:
         """Variance components with the variances that were taken at last."""
         return self.precision.components()
 
 
-def solved(inputs: Inputs, progress: Progress) -> Solved:
+def solved(inputs: BlockInputs, progress: Progress) -> AdjustedBlock:
     """Adjust a block.
 
     Parameters
@@ -121,7 +121,7 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     no_images = options.mode == "fast_at"
     kinds = [k for k in options.reweight if k != "none" and not (k == IMAGE and no_images)]
     again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
-    return Solved(
+    return AdjustedBlock(
         inputs,
         control,
         again.precision,
@@ -132,7 +132,7 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     )
 
 
-def _of_middle_rows(inputs: Inputs, control: Control, readout_s: float) -> ImageBlock:
+def _of_middle_rows(inputs: BlockInputs, control: Control, readout_s: float) -> ImageBlock:
     """Return the block with pixels of the exposure of the middle row.
 
     First values of the points are good enough to adjust by, and the adjusted points to correct by.
@@ -147,8 +147,8 @@ def _of_middle_rows(inputs: Inputs, control: Control, readout_s: float) -> Image
 
 
 def _intersected(
-    inputs: Inputs, control: Control, problem: Problem, values: Unknowns, progress: Progress
-) -> Solved:
+    inputs: BlockInputs, control: Control, problem: Problem, values: Unknowns, progress: Progress
+) -> AdjustedBlock:
     """Intersect all points from poses that are held."""
     options, block = inputs.file.adjustment, problem.block
     if not (oriented := block.oriented).all():
@@ -161,11 +161,11 @@ def _intersected(
     precision, rejected = intersected_points(
         problem, values, options.limit_w, options.keep_all, progress
     )
-    return Solved(inputs, control, precision, {}, rejected, (), precision.result.iterations)
+    return AdjustedBlock(inputs, control, precision, {}, rejected, (), precision.result.iterations)
 
 
 def set_up(
-    inputs: Inputs, control: Control, points: Sequence[ObservationGroup] | None = None
+    inputs: BlockInputs, control: Control, points: Sequence[ObservationGroup] | None = None
 ) -> tuple[Problem, Unknowns]:
     """Return all observations of a block, and first values of its unknowns.
 
@@ -195,7 +195,7 @@ def set_up(
 
 
 def groups_of(
-    inputs: Inputs, control: Control, points: Sequence[ObservationGroup]
+    inputs: BlockInputs, control: Control, points: Sequence[ObservationGroup]
 ) -> tuple[list[ObservationGroup], dict[Key, Array]]:
     """Return all observations of a block but those of images.
 

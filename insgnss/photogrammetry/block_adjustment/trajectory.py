@@ -42,8 +42,8 @@ from ..adjust.precision import explained
 from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
-from .inputs import Inputs
-from .solve import Solved, ground_groups, set_up
+from .inputs import BlockInputs
+from .solve import AdjustedBlock, ground_groups, set_up
 
 TRAJECTORY_DIRECTORY = "trajectory"
 ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
@@ -54,7 +54,7 @@ MOST_ROUNDS = 6  # linearisations (chosen); two or three settle an outage of 90 
 MOST_IMAGES = 1000  # of a flight: some 3 GB for matrices of all poses
 
 
-def refuse_unfit(inputs: Inputs, flight: Flight) -> None:
+def refuse_unfit(inputs: BlockInputs, flight: Flight) -> None:
     """Refuse a block that cannot correct a trajectory.
 
     Parameters
@@ -92,7 +92,7 @@ def refuse_unfit(inputs: Inputs, flight: Flight) -> None:
 
 
 def corrected_trajectory(
-    solved: Solved,
+    solved: AdjustedBlock,
     flight: Flight,
     out: Path | None,
     progress: Callable[[str], None],
@@ -143,7 +143,7 @@ def corrected_trajectory(
 class _Joint:
     """A block and the flight that it corrects."""
 
-    solved: Solved
+    solved: AdjustedBlock
     flight: Flight
     recording: Recording
     progress: Callable[[str], None]

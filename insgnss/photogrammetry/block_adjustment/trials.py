@@ -31,11 +31,11 @@ from ..adjust.shutter import readout_gain
 from ..adjust.unknowns import CAMERA, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images
-from .inputs import USUAL_FREE, Inputs
+from .inputs import USUAL_FREE, BlockInputs
 from .mode import CAMERA_HELD
-from .parameters import BY_NAME, MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, Parameter
+from .parameters import BY_NAME, MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, BlockParameter
 from .residuals.check_points import check_points
-from .solve import Solved, ground_groups, groups_of
+from .solve import AdjustedBlock, ground_groups, groups_of
 from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
@@ -161,7 +161,7 @@ def _explains(
 
 
 def trials(
-    solved: Solved, excess: float, progress: Callable[[str], None], everything: bool = True
+    solved: AdjustedBlock, excess: float, progress: Callable[[str], None], everything: bool = True
 ) -> tuple[Trial, ...]:
     """Try what the block file leaves out.
 
@@ -204,7 +204,7 @@ def trials(
     return tuple(done)
 
 
-def _readout(solved: Solved, excess: float, progress: Callable[[str], None]) -> Trial | None:
+def _readout(solved: AdjustedBlock, excess: float, progress: Callable[[str], None]) -> Trial | None:
     """Return the readout time of a rolling shutter beside the unknowns of the adjustment."""
     if solved.inputs.file.camera.readout_s is not None:
         return None
@@ -226,13 +226,13 @@ def _readout(solved: Solved, excess: float, progress: Callable[[str], None]) -> 
     )
 
 
-def _sigmas(solved: Solved, moved_m: Array) -> float:
+def _sigmas(solved: AdjustedBlock, moved_m: Array) -> float:
     """Return by how many standard deviations projection centres (n, 3), m, move at most."""
     sigma_m = np.sqrt(np.diagonal(solved.precision.pose_cov[:, :3, :3], axis1=1, axis2=2))
     return float((np.abs(moved_m) / np.maximum(sigma_m, LEAST_SIGMA_M)).max())
 
 
-def _shifted_line(solved: Solved, excess: float) -> Trial | None:
+def _shifted_line(solved: AdjustedBlock, excess: float) -> Trial | None:
     """Return the shift of the flight line that fits the rest worst, such as of a wrong ambiguity.
 
     With the residuals e of a line's poses, their weight W, design J and the cofactors Q of its
@@ -285,7 +285,7 @@ def _is_line(group: ObservationGroup) -> bool:
     return isinstance(group, AerialControl) and len(group.images) >= FEWEST_OF_LINE
 
 
-def shift_of_check_points(solved: Solved) -> Trial | None:
+def shift_of_check_points(solved: AdjustedBlock) -> Trial | None:
     """Try whether check points all stand in axes shifted against those of the block.
 
     Parameters
@@ -308,7 +308,7 @@ def shift_of_check_points(solved: Solved) -> Trial | None:
     return Trial(CHECK_SHIFT, gain, value, np.sqrt(np.diagonal(cov)), "m", explains, OTHER_DATUM)
 
 
-def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
+def converging(inputs: BlockInputs, progress: Callable[[str], None]) -> Trial | None:
     """Try what makes an adjustment converge that does not as the block file has it.
 
     Parameters
@@ -365,14 +365,14 @@ class _LeftOut:
     file: BlockFile
     remedy: str
 
-    def advice(self, inputs: Inputs, value: Array, sigma: Array) -> str:
+    def advice(self, inputs: BlockInputs, value: Array, sigma: Array) -> str:
         """Return what to do about a value of it."""
         return what_to_do(inputs.vehicle, self.key, value, sigma) or self.remedy
 
 
-def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
+def _remedies(inputs: BlockInputs) -> Iterator[_LeftOut]:
     file, mode, vehicle = inputs.file, inputs.file.adjustment.mode, inputs.vehicle
-    parameters: list[Parameter] = []
+    parameters: list[BlockParameter] = []
     if inputs.eo is not None and mode != "indirect":
         control = file.aerial_control
         possible = {
@@ -416,7 +416,7 @@ def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Arr
     return value if key == CONTROL_SHIFT else BY_NAME[key[0]].change(value, file)
 
 
-def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
+def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     key, inputs, result = remedy.key, solved.inputs, solved.result
     vehicle, began, block = inputs.vehicle, 0.0, result.problem.block
     alone = _without_rays(result.problem)

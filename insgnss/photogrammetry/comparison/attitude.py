@@ -34,7 +34,7 @@ from .hypotheses import recognised, taken_off
 from .matching import Matched
 from .poses import Poses
 from .position import BODY_AXES, CAMERA_DIRECTIONS
-from .result import Finding
+from .result import Mismatch
 
 Change = Callable[[Array], Array]
 
@@ -48,7 +48,7 @@ TURNED_AXES = {
 }
 
 
-def attitude(matched: Matched) -> tuple[Finding, Matched] | None:
+def attitude(matched: Matched) -> tuple[Mismatch, Matched] | None:
     """What explains the differences in attitude, and the match with it taken off b."""
     if matched.a.C_Ex is None or matched.b.C_Ex is None:
         return None

@@ -24,7 +24,7 @@ from .hypotheses import LEAST_POSES, rms
 from .matching import Matched, covered, interpolated, match, sparser, times
 from .poses import Poses
 from .position import difference, velocity_of
-from .result import Finding
+from .result import Mismatch
 
 WIDEST_S = 30  # of the shifts that are tried: leap seconds are less
 MOST_POSES = 500  # that the search looks at
@@ -35,7 +35,7 @@ LEAP_S = 0.05  # what the motion leaves uncertain of whole leap seconds
 LEAST_SHARE = 0.5  # of the poses that must have a partner at a shift
 
 
-def by_names(matched: Matched) -> Finding | None:
+def by_names(matched: Matched) -> Mismatch | None:
     """The times that both files give for the same images: constant difference, if there is one."""
     a, b = matched.a, matched.b
     if matched.how != "image" or a.time is None or b.time is None:
@@ -51,10 +51,10 @@ def by_names(matched: Matched) -> Finding | None:
         f"stamps of b are {abs(usual):.3f} s {'later' if usual > 0 else 'earlier'} than those of a"
         f" for the same images{leap_words(usual)}"
     )
-    return Finding("time", words, "time", before, after, {"seconds": usual}, unit="s")
+    return Mismatch("time", words, "time", before, after, {"seconds": usual}, unit="s")
 
 
-def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
+def by_motion(a: Poses, b: Poses) -> tuple[Mismatch, Matched] | None:
     """Find the shift of b's stamps that explains the differences of poses matched by time.
 
     The match with it taken off comes with it; None where no shift explains them.
@@ -82,7 +82,7 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
     words = (
         f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
     )
-    return Finding("time", words, "time", before, after, {"seconds": -best}), match(a, b, best)
+    return Mismatch("time", words, "time", before, after, {"seconds": -best}), match(a, b, best)
 
 
 def leap_words(late_s: float) -> str:

@@ -22,7 +22,7 @@ from .names import by_order
 from .poses import PLANE_M, FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
-from .result import Comparison, Component, Finding
+from .result import Comparison, ComponentDifferences, Mismatch
 from .shifts import scatter, shift_from_positions
 
 MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
@@ -169,7 +169,7 @@ def compare_poses(
         Where nothing tells which poses belong together.
     """
     b, more = _of_one_body(a, b)
-    findings: list[Finding] = []
+    findings: list[Mismatch] = []
     try:
         first = matched = match(a, b, time_shift_s)
     except DataError:
@@ -219,7 +219,7 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
     )
 
 
-def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Finding]]:
+def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Mismatch]]:
     """What names and clocks explain, and the match with it taken off.
 
     Of files matched by name the clocks stay.
@@ -235,9 +235,9 @@ def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matche
     return (matched, []) if recognised is None else (recognised[1], [recognised[0]])
 
 
-def _explained(matched: Matched) -> tuple[Matched, list[Finding]]:
+def _explained(matched: Matched) -> tuple[Matched, list[Mismatch]]:
     """The match with everything taken off b that is recognised, and what that was."""
-    findings: list[Finding] = []
+    findings: list[Mismatch] = []
     aspects = [horizontal, vertical, attitude]
     if heights_first(matched.a, matched.b):
         aspects[:2] = aspects[1::-1]
@@ -253,7 +253,7 @@ def _explained(matched: Matched) -> tuple[Matched, list[Finding]]:
     return matched, findings
 
 
-def components(a: Poses, b: Poses) -> tuple[Component, ...]:
+def components(a: Poses, b: Poses) -> tuple[ComponentDifferences, ...]:
     """Return the differences b minus a, component by component.
 
     They are east, north, up; turns about east, north, up; velocities, where both files have them.
@@ -266,7 +266,7 @@ def components(a: Poses, b: Poses) -> tuple[Component, ...]:
     if a.velocity is not None and b.velocity is not None:
         kinds.append(("v ", "m/s", b.velocity - a.velocity, None))
     return tuple(
-        Component(f"{kind}{axis}", unit, d[:, k], None if s is None else s[:, k])
+        ComponentDifferences(f"{kind}{axis}", unit, d[:, k], None if s is None else s[:, k])
         for kind, unit, d, s in kinds
         for k, axis in enumerate(("east", "north", "up"))
     )

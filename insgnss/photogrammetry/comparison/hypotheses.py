@@ -13,7 +13,7 @@ from ...geodesy.explain import Candidate, Explanation, explain
 from ...records import Array
 from .matching import Matched
 from .poses import Poses
-from .result import Aspect, Finding
+from .result import Aspect, Mismatch
 
 Measure = Callable[[Poses, Poses], Array]
 
@@ -46,11 +46,11 @@ def taken_off(
 
 def finding(
     explanation: Explanation[Matched], aspect: Aspect, before: float, after: float, unit: str = "m"
-) -> Finding:
+) -> Mismatch:
     """Return what is said of an explanation that leaves `after` of `before`."""
     alike = tuple(c.statement for c in explanation.alike)
     best, values = explanation.best, dict(explanation.best.values)
-    return Finding(best.name, best.statement, aspect, before, after, values, alike, unit)
+    return Mismatch(best.name, best.statement, aspect, before, after, values, alike, unit)
 
 
 def recognised(
@@ -59,7 +59,7 @@ def recognised(
     measure: Measure,
     candidates: Callable[[Poses, Poses], Iterable[Candidate[Matched]]],
     least: float,
-) -> tuple[Finding, Matched] | None:
+) -> tuple[Mismatch, Matched] | None:
     """What explains the differences, and the match with it taken off b; None where nothing does.
 
     Parameters

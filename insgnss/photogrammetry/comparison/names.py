@@ -23,7 +23,7 @@ from .hypotheses import LEAST_POSES, WRITTEN_DIGITS, finding, rms
 from .matching import Matched
 from .poses import Poses
 from .position import difference, horizontal_and_time
-from .result import Finding
+from .result import Mismatch
 
 Rows = NDArray[np.int64]
 
@@ -31,7 +31,7 @@ LEAST_SPREAD_M = 0.1  # spread below which positions do not distinguish images
 NAMES = "names"
 
 
-def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
+def by_order(matched: Matched) -> tuple[Mismatch, Matched] | None:
     """The order of names in which the poses agree, and the match by it.
 
     The result is None where that of the files is as good.

@@ -36,7 +36,7 @@ from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from .hypotheses import WRITTEN_DIGITS, recognised, rms, taken_off
 from .matching import Matched
 from .poses import CoordinateFrame, Poses
-from .result import Finding
+from .result import Mismatch
 
 Change = Callable[[Array], Array]
 
@@ -80,7 +80,7 @@ def without(a: Poses, b: Poses, by: Array) -> Poses:
     return b.moved(*ecef_to_geodetic(b.ecef - np.einsum("nij,nj->ni", a.C_eE, by)))
 
 
-def horizontal(matched: Matched) -> tuple[Finding, Matched] | None:
+def horizontal(matched: Matched) -> tuple[Mismatch, Matched] | None:
     """What explains the horizontal differences, and the match with it taken off b."""
     candidates = horizontal_and_time if matched.how == "image" else _horizontal
     return recognised(
@@ -97,7 +97,7 @@ def heights_first(a: Poses, b: Poses) -> bool:
     return b.projection is not None and float(np.abs(b.height - a.height).min()) > GEOID_M[1]
 
 
-def vertical(matched: Matched) -> tuple[Finding, Matched] | None:
+def vertical(matched: Matched) -> tuple[Mismatch, Matched] | None:
     """What explains the differences in height, and the match with it taken off b."""
 
     def up(x: Poses, y: Poses) -> Array:

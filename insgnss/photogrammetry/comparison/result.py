@@ -31,7 +31,7 @@ LARGE = 10.0  # m or m/s, from which thousandths are not shown
 
 
 @dataclass(frozen=True)
-class Finding:
+class Mismatch:
     """A mismatch of convention that explains a part of the differences.
 
     Parameters
@@ -91,7 +91,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Component:
+class ComponentDifferences:
     """Differences b minus a of one component: (n,) m, rad or m/s.
 
     Sigma (n,) of them where both files, or one of them, have it.
@@ -162,9 +162,9 @@ class Comparison(Charted):
     time: Array | None
     left_a: int
     left_b: int
-    components: tuple[Component, ...]
-    findings: tuple[Finding, ...] = ()
-    remaining: tuple[Component, ...] = ()
+    components: tuple[ComponentDifferences, ...]
+    findings: tuple[Mismatch, ...] = ()
+    remaining: tuple[ComponentDifferences, ...] = ()
     remaining_time: Array | None = None
     notes: tuple[str, ...] = ()
 
@@ -235,7 +235,7 @@ class Comparison(Charted):
         """Return the differences over time, or over the images, what remains, and distributions."""
         from ...report.figures.comparison import ComparisonPanel, Curve, comparison_charts
 
-        def curve(c: Component) -> Curve:
+        def curve(c: ComponentDifferences) -> Curve:
             factor, unit = c.screen
             return Curve(factor * c.difference, None if c.sigma is None else factor * c.sigma, unit)
 
@@ -258,7 +258,7 @@ class Comparison(Charted):
         return draw_sheet(columns, title, f"a: {self.a}    b: {self.b}", form)
 
 
-def _table(components: tuple[Component, ...]) -> list[Table]:
+def _table(components: tuple[ComponentDifferences, ...]) -> list[Table]:
     """Return the statistics of components as a table; none without any."""
     normalised = ["rms/sigma"] if any(c.sigma is not None for c in components) else []
     head = ("", "mean", "median", "sd", "rms", "95 %", "largest", "unit", *normalised)

@@ -46,7 +46,7 @@ NORTHINGS = "lat", "north"
 
 
 @dataclass(frozen=True)
-class Layout:
+class PoseColumns:
     """Columns of a format, what may follow them at the end, and the set of its angles."""
 
     columns: tuple[str, ...]
@@ -54,9 +54,9 @@ class Layout:
     angle_set: str
 
 
-def _layout(columns: str, *more: str) -> Layout:
+def _layout(columns: str, *more: str) -> PoseColumns:
     names = tuple(columns.split())
-    return Layout(
+    return PoseColumns(
         names,
         tuple(tuple(further.split()) for further in more),
         "ypr" if "yaw" in names else "opk" if "omega" in names else "quaternion",
@@ -119,7 +119,7 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     )
 
 
-def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
+def _columns(form: str, table: TextTable, layout: PoseColumns) -> dict[str, int]:
     """Places of the columns.
 
     InputError where their number or the header's angles are of another format.
@@ -151,7 +151,7 @@ def _block(table: TextTable, of: dict[str, int], names: tuple[str, ...]) -> Arra
 
 
 def _attitude(
-    table: TextTable, of: dict[str, int], layout: Layout
+    table: TextTable, of: dict[str, int], layout: PoseColumns
 ) -> tuple[Array | None, Array, Array | None]:
     """Angles (n, 3) rad, the camera's rotation into their axes, and the Jacobian of psi by them.
 

@@ -67,7 +67,7 @@ SHIFT_AT, TURN_AT, SCALE_AT, ARM_AT = slice(0, 3), slice(3, 6), 6, slice(7, 10)
 
 
 @dataclass(frozen=True, eq=False)
-class GroundPoints:
+class PairedPoints:
     """Ground points in both frames, one row a point.
 
     Parameters
@@ -189,7 +189,7 @@ class SimilarityLeverArm(LeverArm):
 
 
 def similarity_lever_arm(
-    poses: PosedAntennas, ground: GroundPoints | None = None
+    poses: PosedAntennas, ground: PairedPoints | None = None
 ) -> SimilarityLeverArm:
     """Adjust similarity and lever arm of a flight.
 
@@ -211,7 +211,7 @@ def similarity_lever_arm(
         Where there are too few images, they stand on a line, cameras look upwards, residuals or the
         lever arm are those of other data, or a covariance is not positive definite.
     """
-    ground = ground or GroundPoints()
+    ground = ground or PairedPoints()
     n, k = len(poses.position), len(ground.model)
     dof = 3 * (n + k) - 10
     if dof <= 0:
@@ -267,7 +267,7 @@ class _System:
     errors of images (n, 3) that go with them.
     """
 
-    def __init__(self, poses: PosedAntennas, ground: GroundPoints) -> None:
+    def __init__(self, poses: PosedAntennas, ground: PairedPoints) -> None:
         self.poses, self.ground = poses, ground
         self.origin = (ground.model if len(ground.model) else poses.position).mean(axis=0)
         self.source = np.concatenate([poses.position, ground.model])

@@ -73,7 +73,7 @@ from .block_errors import (
     shared_covariance,
 )
 from .options import Assumptions
-from .records import CameraPoses, FlightPoses, Rows
+from .records import CameraPoses, CovariantPoses, Rows
 
 TRANSLATION, BLOCK_TURN, BLOCK_SCALE = "shift", "turn of the block", "scale of the block"
 BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
@@ -118,7 +118,7 @@ class Line(Equations):
     rows: Rows
 
 
-def first_frame(block: CameraPoses, flight: FlightPoses, rows: Rows, frame: str) -> Similarity:
+def first_frame(block: CameraPoses, flight: CovariantPoses, rows: Rows, frame: str) -> Similarity:
     """Return a similarity to begin with.
 
     Parameters
@@ -163,7 +163,7 @@ class Model:
     """
 
     def __init__(
-        self, block: CameraPoses, flight: FlightPoses, rows: Rows, assumptions: Assumptions
+        self, block: CameraPoses, flight: CovariantPoses, rows: Rows, assumptions: Assumptions
     ) -> None:
         self.block, self.flight, self.rows = block, flight, rows
         self.whole = block.cov is not None and block.cov.ndim == 2

@@ -32,18 +32,18 @@ from .block_poses import block_poses, common_images
 from .judgement import (
     NAMES_OF_GROUPS,
     USEFUL,
-    Component,
+    MountingComponent,
     components,
     linear_functions,
     misread_boresight,
 )
 from .options import Assumptions
-from .plausibility import Path as FlownPath
+from .plausibility import FlightPath as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .poses import read_camera_poses
 from .products import files_of
-from .records import CameraPoses, FlightPoses, Stated
-from .solution import Solved, solve
+from .records import CameraPoses, CovariantPoses, Stated
+from .solution import AdjustedMounting, solve
 
 MOST_RUNS = 3  # of processing the flight with the corrected mounting: the second changes little
 # corrections over sigmas, with which the flight need not be processed again
@@ -78,9 +78,9 @@ class MountingResult:
         The files.
     """
 
-    solved: Solved
+    solved: AdjustedMounting
     stated: Stated
-    components: tuple[Component, ...]
+    components: tuple[MountingComponent, ...]
     mounting: Mounting
     delay_s: float
     corrections: tuple[float, ...]
@@ -241,7 +241,7 @@ def _processed(
     delay: float,
     assumptions: Assumptions,
     progress: Callable[[str], None],
-) -> tuple[FlightPoses, ProcessResult]:
+) -> tuple[CovariantPoses, ProcessResult]:
     """Process the flight with a mounting, the lever arm of its antenna left open."""
     assert flight.camera is not None
     sigma = assumptions.lever_arm_sigma_m
@@ -255,10 +255,10 @@ def _processed(
     result = process(changed, None, progress, write=False)
     assert result.eo is not None
     assert result.common is not None
-    return FlightPoses(result.eo, result.strips, result.common, mounting, delay), result
+    return CovariantPoses(result.eo, result.strips, result.common, mounting, delay), result
 
 
-def _path(result: ProcessResult, flight_poses: FlightPoses) -> FlownPath:
+def _path(result: ProcessResult, flight_poses: CovariantPoses) -> FlownPath:
     """Return the poses of the camera on the output grid."""
     t = result.trajectory
     plane = TangentPlane(*(float(x) for x in flight_poses.eo.origin))
@@ -270,12 +270,12 @@ def _path(result: ProcessResult, flight_poses: FlightPoses) -> FlownPath:
 
 
 def determined(
-    solved: Solved, stated: Stated, judged: tuple[Component, ...]
-) -> tuple[Mounting, float, tuple[Component, ...]]:
+    solved: AdjustedMounting, stated: Stated, judged: tuple[MountingComponent, ...]
+) -> tuple[Mounting, float, tuple[MountingComponent, ...]]:
     """Return the mounting that was found.
 
     What is not determined is held at the flight file's value where that may be right
-    (`Component.held`), and the rest follows by its correlations.
+    (`MountingComponent.held`), and the rest follows by its correlations.
 
     Parameters
     ----------
@@ -324,7 +324,10 @@ def determined(
 
 
 def _largest(
-    solved: Solved, judged: tuple[Component, ...], mounting: Mounting, delay: float
+    solved: AdjustedMounting,
+    judged: tuple[MountingComponent, ...],
+    mounting: Mounting,
+    delay: float,
 ) -> float:
     """Return the largest correction of what the flight was processed with, over its sigma."""
     sigma = {(c.group, c.axis): c.sigma for c in judged if c.determined}
@@ -342,7 +345,7 @@ def _largest(
     return max(ratios, default=0.0)
 
 
-def _statistics(solved: Solved) -> str:
+def _statistics(solved: AdjustedMounting) -> str:
     """Say how the covariances of both sides agree with the residuals."""
     own = [float(np.sqrt(x)) for x in solved.factors.values()]
     if solved.block.cov is not None:

@@ -25,7 +25,7 @@ from ...records.cameras.mounting import ANTENNA_SIGMA_M
 from ..adjust.aerial import BORESIGHT, EXPOSURE_DELAY
 from .equations import BLOCK_SCALE, BLOCK_TURN, CAMERA_FIXED, TRANSLATION
 from .records import Stated
-from .solution import Solved, Variant
+from .solution import AdjustedMounting, Variant
 
 DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
@@ -55,7 +55,7 @@ def shown(group: str, value: float) -> str:
 
 
 @dataclass(frozen=True)
-class Component:
+class MountingComponent:
     """One component of the mounting.
 
     Parameters
@@ -145,7 +145,7 @@ class Facts:
     tilt_deg: float
 
 
-def facts_of(solved: Solved) -> Facts:
+def facts_of(solved: AdjustedMounting) -> Facts:
     """Return how the flight moved.
 
     Parameters
@@ -173,7 +173,7 @@ def facts_of(solved: Solved) -> Facts:
     )
 
 
-def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
+def components(solved: AdjustedMounting, stated: Stated) -> tuple[MountingComponent, ...]:
     """Judge every component.
 
     Parameters
@@ -192,7 +192,7 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
     V = J @ solved.cov @ J.T
     sigma = np.sqrt(np.diagonal(V))
     facts = facts_of(solved)
-    out: list[Component] = []
+    out: list[MountingComponent] = []
     undetermined: list[int] = []
     for k, (group, axis, name) in enumerate(names):
         if group not in USEFUL:
@@ -212,7 +212,7 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
         elif off > CONTRADICTS:
             verdict, why = CONTRADICTING, f"{in_file} there, {off:.0f} sigma"
         out.append(
-            Component(
+            MountingComponent(
                 group,
                 axis,
                 name,
@@ -246,7 +246,7 @@ def _stated_sigma(group: str, stated: Stated) -> float | None:
 
 
 def linear_functions(
-    solved: Solved, stated: Stated
+    solved: AdjustedMounting, stated: Stated
 ) -> tuple[list[tuple[str, int, str]], Array, Array, Array]:
     """Return what is judged, as linear functions of the unknowns.
 
@@ -373,7 +373,11 @@ def _variants() -> tuple[Variant, ...]:
 
 
 def _advise(
-    solved: Solved, antenna: Array, J: Array, out: list[Component], undetermined: Sequence[int]
+    solved: AdjustedMounting,
+    antenna: Array,
+    J: Array,
+    out: list[MountingComponent],
+    undetermined: Sequence[int],
 ) -> None:
     """Try each variant, and write what determines a component beside it."""
     hypothetical = [(v.name, solved.with_line(v)) for v in _variants()]
@@ -405,7 +409,7 @@ def _advise(
         out[k] = replace(c, remedies=remedies)
 
 
-def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> str | None:
+def misread_boresight(stated: Stated, judged: Sequence[MountingComponent], B: Array) -> str | None:
     """Say how a bore-sight of the flight file was misread, where that explains the difference.
 
     Signs and order of its angles and the sense of the matrix are tried.

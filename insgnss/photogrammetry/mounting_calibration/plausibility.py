@@ -25,8 +25,8 @@ from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
 from .equations import BLOCK_SCALE
-from .records import CameraPoses, FlightPoses, Rows
-from .solution import Solved
+from .records import CameraPoses, CovariantPoses, Rows
+from .solution import AdjustedMounting
 
 # units in which misfits of position and attitude are one figure (chosen)
 FLOOR_M, FLOOR_OF_TURN_RAD = 1.0, float(np.radians(0.1))
@@ -49,7 +49,7 @@ Pairs = tuple[Array, Array, Array, Array]  # positions and attitudes, those of t
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class FlightPath:
     """The flight's poses at a fixed rate, to be read at other times.
 
     Parameters
@@ -78,7 +78,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Misfit:
+class PoseMisfit:
     """What a similarity and a bore-sight leave.
 
     Parameters
@@ -101,7 +101,7 @@ class Misfit:
         return f"{self.position_m:.2f} m and {np.degrees(self.attitude_rad):.2f} deg"
 
 
-def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> Misfit:
+def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> PoseMisfit:
     """Return what a similarity and a bore-sight leave of two sets of poses.
 
     Parameters
@@ -117,16 +117,16 @@ def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> Misfit:
         Root mean squares about the mean.
     """
     if (fitted := similarity_of_poses(X, C, X_o, C_o)) is None:  # in one point
-        return Misfit(float(np.sqrt(((X_o - X_o.mean(axis=0)) ** 2).sum(axis=1).mean())), np.pi)
+        return PoseMisfit(float(np.sqrt(((X_o - X_o.mean(axis=0)) ** 2).sum(axis=1).mean())), np.pi)
     d = X_o - fitted.points(X)
     each = np.einsum("nji,njk->nik", C_o, fitted.rotation @ C)
     E = nearest_rotation(each.sum(axis=0))
     off = vector_from_rotation(each @ E.T)
-    return Misfit(*(float(np.sqrt((e**2).sum(axis=1).mean())) for e in (d, off)))
+    return PoseMisfit(*(float(np.sqrt((e**2).sum(axis=1).mean())) for e in (d, off)))
 
 
 def refuse_implausible(
-    block: CameraPoses, flight: FlightPoses, rows: Rows, path: Path | None
+    block: CameraPoses, flight: CovariantPoses, rows: Rows, path: FlightPath | None
 ) -> None:
     """Refuse poses that another reading explains, or that no mounting does.
 
@@ -210,7 +210,7 @@ def _joined(one: Rows, other: Rows) -> Callable[[Pairs], Pairs]:
     return lambda d: (d[0][one], d[1][one], d[2][other], d[3][other])
 
 
-def _other_times(pairs: Pairs, time: Array, path: Path) -> Iterator[Candidate[Pairs]]:
+def _other_times(pairs: Pairs, time: Array, path: FlightPath) -> Iterator[Candidate[Pairs]]:
     """Return the exposures at other times, the best of them."""
     n = time.size
     some = np.unique(np.linspace(0, n - 1, min(n, 60)).astype(np.int64))
@@ -232,7 +232,7 @@ def _other_times(pairs: Pairs, time: Array, path: Path) -> Iterator[Candidate[Pa
     )
 
 
-def gross_errors(solved: Solved) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+def gross_errors(solved: AdjustedMounting) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     """Find single poses far from what all others say.
 
     Parameters
@@ -262,7 +262,7 @@ def gross_errors(solved: Solved) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     return ~bad, words
 
 
-def refuse_frame(solved: Solved) -> None:
+def refuse_frame(solved: AdjustedMounting) -> None:
     """Refuse poses of the flight itself, a bore-sight that is none, and a block of another scale.
 
     Parameters

@@ -191,7 +191,7 @@ class CameraPoses:
 
 
 @dataclass(frozen=True, eq=False)
-class FlightPoses:
+class CovariantPoses:
     """Poses of n images that a flight gave, with the covariance of all of them.
 
     Parameters

@@ -32,7 +32,7 @@ from ..lever_arm.flight_direction import (
 from ..lever_arm.records import LONGEST_LEVER_ARM_M, RULER_M, PosedAntennas
 from ..lever_arm.similarity import (
     ARM_AT,
-    GroundPoints,
+    PairedPoints,
     SimilarityLeverArm,
     similarity_lever_arm,
     tilt_of,
@@ -110,7 +110,7 @@ def calibrate_similarity(
         notes += (f"{cameras.name} has no standard deviations: {options.sigma_of_poses}",)
     pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
     poses = PosedAntennas(camera.position, camera.C_rc, pose_cov, position, antenna_cov[order])
-    ground = GroundPoints()
+    ground = PairedPoints()
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
         notes += more
@@ -147,7 +147,7 @@ def _ground(
     plane: TangentPlane | None,
     options: SimilarityOptions,
     scale: float,
-) -> tuple[GroundPoints, tuple[str, ...]]:
+) -> tuple[PairedPoints, tuple[str, ...]]:
     """Return ground points in both frames: surveyed, and intersected from their images."""
     path = options.ground
     assert path is not None
@@ -188,14 +188,14 @@ def _ground(
     if len(rows) < len(surveyed.names):
         notes.append(f"{len(rows)} of {len(surveyed.names)} ground points are measured in images")
     assert surveyed.cov is not None
-    ground = GroundPoints(
+    ground = PairedPoints(
         np.array(model), np.array(model_cov), surveyed.position[rows], surveyed.cov[rows]
     )
     return ground, tuple(notes)
 
 
 def _estimated(
-    poses: PosedAntennas, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
+    poses: PosedAntennas, ground: PairedPoints, camera: CameraPoses, cameras: Path, antenna: Path
 ) -> SimilarityLeverArm:
     """Estimate the lever arm; say of what does not fit in which other way it would."""
     try:
@@ -207,16 +207,16 @@ def _estimated(
 
 
 def _other_readings(
-    poses: PosedAntennas, ground: GroundPoints, camera: CameraPoses, cameras: str, antenna: str
+    poses: PosedAntennas, ground: PairedPoints, camera: CameraPoses, cameras: str, antenna: str
 ) -> str:
     """Return the ways in which antenna positions, ground points or attitudes would fit."""
 
-    def misfit(data: tuple[PosedAntennas, GroundPoints]) -> float:
+    def misfit(data: tuple[PosedAntennas, PairedPoints]) -> float:
         result = similarity_lever_arm(*data)
         viewing = (result.frame.rotation @ data[0].C_rc)[:, 2, 2].mean()
         return float(np.sqrt((result.residual_m**2).mean())) if viewing < DOWNWARDS else np.inf
 
-    Both = tuple[PosedAntennas, GroundPoints]
+    Both = tuple[PosedAntennas, PairedPoints]
 
     def of_antenna(data: Both, change: Change) -> Both:
         return data[0].changed(change, "antenna_m"), data[1]

@@ -37,7 +37,7 @@ from .equations import (
     Model,
 )
 from .options import Assumptions
-from .records import CameraPoses, FlightPoses, Rows
+from .records import CameraPoses, CovariantPoses, Rows
 
 MOST_SOLVER_STEPS, CONVERGED = 30, 1e-3  # steps, and the last one over its sigmas
 VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01  # of variance factors, and their last change
@@ -67,7 +67,7 @@ class Variant:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class AdjustedMounting:
     """The adjusted mounting.
 
     Parameters
@@ -98,7 +98,7 @@ class Solved:
     """
 
     block: CameraPoses
-    flight: FlightPoses
+    flight: CovariantPoses
     rows: Rows
     values: Mapping[str, Array]
     place: Mapping[str, slice]
@@ -268,10 +268,10 @@ class Solved:
 
 def solve(
     block: CameraPoses,
-    flight: FlightPoses,
+    flight: CovariantPoses,
     rows: Rows,
     assumptions: Assumptions,
-) -> Solved:
+) -> AdjustedMounting:
     """Adjust mounting and frame.
 
     Parameters
@@ -309,7 +309,7 @@ def solve(
         normals = _adjusted(model, factors)
         if np.allclose([*factors.values()], [*before.values()], rtol=VARIANCE_SETTLED):
             break
-    return Solved(
+    return AdjustedMounting(
         block,
         flight,
         rows,

@@ -16,11 +16,11 @@ from ..block_adjustment.ground import ground_in_plane, ground_of
 from ..block_adjustment.inputs import refuse_field_of_view
 from ..block_adjustment.vehicle.places import Vehicle, placed_vehicle
 from ..targets.prediction import VISIBILITY, Predictions, predict
-from .request import Request
+from .request import TargetRequest
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
+class TargetInputs:
     """A flight and its ground points.
 
     Parameters
@@ -45,7 +45,7 @@ class Inputs:
         Whose target the points are, one an image: point k in its image alone.
     """
 
-    request: Request
+    request: TargetRequest
     eo: ExteriorOrientation
     camera: BrownCamera
     ground: GroundTable
@@ -56,7 +56,7 @@ class Inputs:
     vehicle: Vehicle | None = None
 
 
-def inputs_of(request: Request) -> Inputs:
+def inputs_of(request: TargetRequest) -> TargetInputs:
     """Read and join the files of a request.
 
     Parameters
@@ -112,10 +112,10 @@ def inputs_of(request: Request) -> Inputs:
             " are too small by what it is not"
         )
     crs = None if vehicle is not None else request.crs or own_crs
-    return Inputs(request, eo, camera, ground, as_read, crs, widened, tuple(notes), vehicle)
+    return TargetInputs(request, eo, camera, ground, as_read, crs, widened, tuple(notes), vehicle)
 
 
-def _vehicle(request: Request, eo: ExteriorOrientation, notes: list[str]) -> Vehicle:
+def _vehicle(request: TargetRequest, eo: ExteriorOrientation, notes: list[str]) -> Vehicle:
     """Return the vehicle's target at the exposures of all images."""
     assert request.vehicle is not None
     options = replace(request.vehicle, file=request.ground, crs=request.crs, geoid=request.geoid)

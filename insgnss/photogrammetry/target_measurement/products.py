@@ -31,7 +31,7 @@ from ...io.formats.vehicle.target_positions import TargetPositions, write_target
 from ...io.formats.vehicle.target_sizes import write_target_sizes
 from ...records.block import ImageObservations
 from ..targets.prediction import VISIBILITY
-from .inputs import Inputs
+from .inputs import TargetInputs
 from .sizes import target_sizes
 from .windows import Window, accepted
 
@@ -49,7 +49,7 @@ MEASUREMENT_COLUMNS = (
 GEOGRAPHIC = "EPSG:4979"
 
 
-def write_predictions(inputs: Inputs, path: Path) -> None:
+def write_predictions(inputs: TargetInputs, path: Path) -> None:
     """Write where ground points are expected, data_specs/target_predictions.md.
 
     Parameters
@@ -94,7 +94,7 @@ def write_predictions(inputs: Inputs, path: Path) -> None:
     write_table(path, comments, MEASUREMENT_COLUMNS, lines())
 
 
-def measured_points(inputs: Inputs, windows: Sequence[Window]) -> ImagePoints:
+def measured_points(inputs: TargetInputs, windows: Sequence[Window]) -> ImagePoints:
     """Return what stands of the measurements, as image observations.
 
     Parameters
@@ -127,7 +127,7 @@ def measured_points(inputs: Inputs, windows: Sequence[Window]) -> ImagePoints:
     )
 
 
-def write_rejected(inputs: Inputs, windows: Sequence[Window], path: Path) -> None:
+def write_rejected(inputs: TargetInputs, windows: Sequence[Window], path: Path) -> None:
     """Write what was rejected, data_specs/target_rejections.md.
 
     Parameters
@@ -157,7 +157,7 @@ def write_rejected(inputs: Inputs, windows: Sequence[Window], path: Path) -> Non
     write_table(path, (f"targets that were not measured: {PIXEL_ORIGIN}",), head, lines())
 
 
-def write_measured(inputs: Inputs, windows: Sequence[Window], into: Path) -> list[str]:
+def write_measured(inputs: TargetInputs, windows: Sequence[Window], into: Path) -> list[str]:
     """Write the tables and the files of other programs.
 
     Parameters
@@ -206,7 +206,7 @@ def write_measured(inputs: Inputs, windows: Sequence[Window], into: Path) -> lis
     return notes
 
 
-def _in_crs(inputs: Inputs, plane: TangentPlane) -> tuple[GroundTable, str]:
+def _in_crs(inputs: TargetInputs, plane: TangentPlane) -> tuple[GroundTable, str]:
     """Ground points in a CRS that every program knows: their own where it is one code, else
     longitude, latitude and height above the ellipsoid.
     """

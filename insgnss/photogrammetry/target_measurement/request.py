@@ -122,7 +122,7 @@ class Target(Checked):
 
 
 @dataclass(frozen=True)
-class Request(Checked):
+class TargetRequest(Checked):
     """Files of a flight and what the targets look like.
 
     Parameters

@@ -23,11 +23,11 @@ from ...flight.processing.progress import quiet
 from ...report.document import Document, Section, write_json
 from ...report.notebook import Shown
 from ...report.verdict import worst_of
-from .inputs import Inputs, inputs_of
+from .inputs import TargetInputs, inputs_of
 from .photographs import Photographs, photographs_in
 from .products import PREDICTIONS, write_measured, write_predictions, write_rejected
 from .products import REJECTED_FILE as REJECTED_TABLE
-from .request import TARGETS_DIRECTORY, Request
+from .request import TARGETS_DIRECTORY, TargetRequest
 from .sheet import TARGETS_PAGE, sheet_sections
 from .trials import advice
 from .windows import Window, accepted, windows_of
@@ -57,7 +57,7 @@ class PredictionResult(Shown):
         What was written.
     """
 
-    inputs: Inputs
+    inputs: TargetInputs
     figures: dict[str, Any]
     files: tuple[Path, ...]
 
@@ -128,7 +128,7 @@ LARGEST_SHARE = 0.2  # of a photograph that a target may fill
 
 
 def predict_targets(
-    request: Request,
+    request: TargetRequest,
     out: Path | None = None,
     progress: Callable[[str], None] = quiet,
     write: bool = True,
@@ -214,7 +214,7 @@ def _refuse_foreign(new: Path, goal: Path) -> None:
 
 
 def measure_targets(
-    request: Request,
+    request: TargetRequest,
     out: Path | None = None,
     progress: Callable[[str], None] = quiet,
     write: bool = True,
@@ -279,7 +279,7 @@ def measure_targets(
     return _written(result, photographs, directory)
 
 
-def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
+def _unseen_points(inputs: TargetInputs, count: Any) -> list[str]:
     """Say which ground points lie in no image."""
     names = [name for name, n in zip(inputs.ground.points, count, strict=True) if not n]
     if not names:
@@ -288,12 +288,14 @@ def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
     return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {named}"]
 
 
-def _noun(inputs: Inputs) -> str:
+def _noun(inputs: TargetInputs) -> str:
     """What the points are called."""
     return "ground points" if inputs.vehicle is None else "places of the vehicle's target"
 
 
-def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
+def _figures(
+    inputs: TargetInputs, photographs: Photographs, windows: list[Window]
+) -> dict[str, Any]:
     """Numbers of a measurement."""
     pred, good = inputs.predictions, accepted(windows)
     sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for _, m in good]
@@ -350,7 +352,7 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
     }
 
 
-def _refuse_size(inputs: Inputs) -> None:
+def _refuse_size(inputs: TargetInputs) -> None:
     """Refuse targets that would fill the photograph: a size in centimetres, as a rule."""
     pred, size = inputs.predictions, inputs.request.target.size_m
     rows = np.flatnonzero(pred.visible)
@@ -364,7 +366,7 @@ def _refuse_size(inputs: Inputs) -> None:
         )
 
 
-def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
+def _size(inputs: TargetInputs, windows: list[Window]) -> list[str]:
     """Say that targets have another size than was given."""
     areas = [abs(float(np.linalg.det(match.M))) for _, match in accepted(windows)]
     if len(areas) < JUDGED:
@@ -429,5 +431,5 @@ def _written(
     return replace(result, files=files)
 
 
-def _inputs_of(request: Request) -> tuple[Path | None, ...]:
+def _inputs_of(request: TargetRequest) -> tuple[Path | None, ...]:
     return request.eo, request.ground, request.camera, request.target.picture

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...report.document import Drawing, Marked, Section
 from ...report.markup import escape
-from .inputs import Inputs
+from .inputs import TargetInputs
 from .windows import Window
 
 TARGETS_PAGE = "targets.html"
@@ -30,7 +30,7 @@ main { max-width: none } .sheet { display: flex; flex-wrap: wrap; gap: .7rem }
 """
 
 
-def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Section]:
+def sheet_sections(inputs: TargetInputs, windows: Sequence[Window]) -> Iterator[Section]:
     """Yield the contact sheet, a section a ground point, without scripts or outside files.
 
     Parameters
@@ -59,7 +59,7 @@ def sheet_sections(inputs: Inputs, windows: Sequence[Window]) -> Iterator[Sectio
         yield Section(title, [Drawing(sheet)] if group else [], "page")
 
 
-def _window(inputs: Inputs, window: Window) -> str:
+def _window(inputs: TargetInputs, window: Window) -> str:
     """One window as a drawing with its caption."""
     predictions, got = inputs.predictions, window.measurement
     uv = predictions.uv[window.row] - window.corner

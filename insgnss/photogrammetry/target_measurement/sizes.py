@@ -16,14 +16,14 @@ import numpy as np
 
 from ...io.formats.vehicle.target_sizes import TargetSizes
 from ...records.block import Array
-from .inputs import Inputs
+from .inputs import TargetInputs
 from .windows import Window, accepted
 
 LEVEL_SINE = 1e-6
 """Of the sine of the tilt below which every diameter is parallel to the image."""
 
 
-def target_sizes(inputs: Inputs, windows: Sequence[Window]) -> TargetSizes:
+def target_sizes(inputs: TargetInputs, windows: Sequence[Window]) -> TargetSizes:
     """Return the apparent sizes of a target in the photographs in which it was measured.
 
     Parameters

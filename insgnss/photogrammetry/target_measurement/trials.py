@@ -9,7 +9,7 @@ from ...base.errors import InputError
 from ...flight.processing.progress import quiet
 from ...records.rows import rows_of
 from ..targets.measurement import Rules
-from .inputs import Inputs
+from .inputs import TargetInputs
 from .photographs import Photographs
 from .request import Target
 from .windows import accepted, windows_of
@@ -22,7 +22,7 @@ ADVICE_SHARE = 0.5
 """Share of them that must be found for an advice."""
 
 
-def advice(inputs: Inputs, photographs: Photographs, progress: Callable[[str], None]) -> str:
+def advice(inputs: TargetInputs, photographs: Photographs, progress: Callable[[str], None]) -> str:
     """Say what finds the targets where nearly none was found.
 
     Parameters

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from ...base.advance import through
 from ...records import Array
-from ..targets.codes import LEAST_CLEAR, Reading, Ring, read_ring
+from ..targets.codes import LEAST_CLEAR, Ring, RingReading, read_ring
 from ..targets.matching import Match
-from ..targets.measurement import Measurement, Rules, measure
+from ..targets.measurement import MeasuredTarget, Rules, measure
 from ..targets.neighbours import LIMIT, disagreeing
-from .inputs import Inputs
+from .inputs import TargetInputs
 from .photographs import Photographs, read_grey
 
 Bytes = NDArray[np.uint8]
@@ -41,14 +41,14 @@ class Window:
     """
 
     row: int
-    measurement: Measurement
+    measurement: MeasuredTarget
     grey: Bytes
     corner: tuple[int, int]
-    code: Reading | None = None
+    code: RingReading | None = None
 
 
 def windows_of(
-    inputs: Inputs,
+    inputs: TargetInputs,
     photographs: Photographs,
     progress: Callable[[str], None],
     rules: Rules | None = None,
@@ -130,8 +130,8 @@ def accepted(windows: Iterable[Window]) -> list[tuple[Window, Match]]:
 
 
 def _decoded(
-    got: Measurement, grey: NDArray[np.float32], ring: Ring, wanted: int | None
-) -> tuple[Measurement, Reading | None]:
+    got: MeasuredTarget, grey: NDArray[np.float32], ring: Ring, wanted: int | None
+) -> tuple[MeasuredTarget, RingReading | None]:
     """Reject a measurement whose ring does not say the number of its point."""
     if got.match is None or not got.accepted:
         return got, None
@@ -153,7 +153,7 @@ def _decoded(
 
 
 def _shown(
-    grey: NDArray[np.float32], uv: Array, cov: Array, got: Measurement
+    grey: NDArray[np.float32], uv: Array, cov: Array, got: MeasuredTarget
 ) -> tuple[Bytes, tuple[int, int]]:
     """Grey values about a prediction, stretched to eight bits, and where they begin."""
     half = SHOWN_SIGMAS * float(np.sqrt(np.diagonal(cov).max())) + 4.0
@@ -171,7 +171,7 @@ def _shown(
     return stretched.astype(np.uint8), (int(low[0]), int(low[1]))
 
 
-def _held_together(inputs: Inputs, windows: list[Window]) -> Iterator[Window]:
+def _held_together(inputs: TargetInputs, windows: list[Window]) -> Iterator[Window]:
     """Reject what other images of the same point contradict."""
     predictions = inputs.predictions
     rejected: dict[int, float] = {}

@@ -50,7 +50,7 @@ class Ring:
 
 
 @dataclass(frozen=True)
-class Reading:
+class RingReading:
     """What a ring says.
 
     Parameters
@@ -67,7 +67,9 @@ class Reading:
     clear: float
 
 
-def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) -> Reading | None:
+def read_ring(
+    image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike
+) -> RingReading | None:
     """Read the number of a target whose disc is measured.
 
     Parameters
@@ -119,7 +121,7 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
         segments = np.roll(value, -start).reshape(ring.bits, SAMPLES)[:, inner].mean(axis=1)
         if (clear := float(np.abs(segments - 0.5).min())) > best:
             best, bits = clear, segments > 0.5
-    return Reading(smallest(bits.tolist()), best)
+    return RingReading(smallest(bits.tolist()), best)
 
 
 def smallest(bits: list[bool]) -> int:

@@ -175,7 +175,7 @@ def match(
     """
     free = freedom or Freedom()
     first = np.asarray(uv, dtype=np.float64)
-    state = _State(first, np.eye(2), np.log(blur_px), first)
+    state = _Shape(first, np.eye(2), np.log(blur_px), first)
     result: Match | None = None
     for _ in range(2):  # once more with the pixels about the place that was found
         around = _around(image, template, state.c)
@@ -190,7 +190,7 @@ def match(
 
 
 @dataclass(eq=False)
-class _State:
+class _Shape:
     """Unknowns that are not linear: centre, deformation, logarithm of the blur; of a shadow its
     share, the direction from its rim into it and the distance of the rim from `origin`.
     """
@@ -218,7 +218,7 @@ def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] |
 
 
 def _design(
-    x: Array, template: Template, state: _State, reach: float, light: Array
+    x: Array, template: Template, state: _Shape, reach: float, light: Array
 ) -> tuple[Array, Array]:
     """Radiometric columns (n, 6), and derivatives of T by c, M and s (n, 7), of a shaded target
     both times the light; it is blurred with its shadow, for light falls before the camera blurs.
@@ -242,7 +242,7 @@ def _design(
     return radiometry, np.concatenate([by_c, by_M, by_s[:, None]], axis=1)
 
 
-def _light(x: Array, state: _State) -> tuple[Array, Array]:
+def _light(x: Array, state: _Shape) -> tuple[Array, Array]:
     """Light (n,) that a shadow leaves, and its derivatives by the shadow (n, 3 or 0)."""
     if state.shadow is None:
         return np.ones(len(x)), np.empty((len(x), 0))
@@ -258,7 +258,7 @@ def _light(x: Array, state: _State) -> tuple[Array, Array]:
     return 1.0 - k * m, by
 
 
-def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> Array:
+def _first_shadow(x: Array, grey: Array, template: Template, state: _Shape) -> Array:
     """The rim that explains most at the first place, of some directions and distances."""
     lit = np.ones(len(x))
     radiometry = _design(x, template, state, max(template.reach_px, 1.0), lit)[0]
@@ -267,7 +267,7 @@ def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> A
         along = (x - state.origin) @ np.array([np.cos(angle), np.sin(angle)])
         for rim in np.arange(along.min() + 2.0, along.max() - 2.0, _RIM_TRIALS[1]):
             shadow = np.array([0.5, angle, rim])
-            light = _light(x, _State(state.c, state.M, state.s, state.origin, shadow))[0]
+            light = _light(x, _Shape(state.c, state.M, state.s, state.origin, shadow))[0]
             A = light[:, None] * radiometry[:, [0, 3]]
             N, b = A.T @ A, A.T @ grey
             det = N[0, 0] * N[1, 1] - N[0, 1] ** 2
@@ -287,7 +287,7 @@ def _prior(template: Template, free: Freedom) -> Array:
 
 
 def _iterated(
-    x: Array, grey: Array, template: Template, state: _State, free: Freedom, first_s: float
+    x: Array, grey: Array, template: Template, state: _Shape, free: Freedom, first_s: float
 ) -> Match | None:
     """The iteration over given pixels; `state` is moved."""
     unknowns = _RADIOMETRY.stop if state.shadow is None else _SHADOW.stop

@@ -69,7 +69,7 @@ class Rules:
 
 
 @dataclass(frozen=True, eq=False)
-class Measurement:
+class MeasuredTarget:
     """What became of a target in an image.
 
     Parameters
@@ -104,7 +104,7 @@ def measure(
     by_point: ArrayLike,
     azimuth_rad: float | None = None,
     rules: Rules | None = None,
-) -> Measurement:
+) -> MeasuredTarget:
     """Measure a target where it is predicted.
 
     Parameters
@@ -142,7 +142,7 @@ def measure(
         for angle in _azimuths(signal, azimuth_rad, limits)
     ]
     if (radius := signal.radius_m / templates[0].pixel_m) < _SMALLEST_PX:
-        return Measurement(
+        return MeasuredTarget(
             f"radius {radius:.1f} px, below {_SMALLEST_PX:g}: too small in this image", None
         )
     reach = int(np.ceil(max(t.reach_px for t in templates))) + 2
@@ -157,20 +157,20 @@ def measure(
         else []
     )
     if not peaks:
-        return Measurement("the signal would leave the image", None)
+        return MeasuredTarget("the signal would leave the image", None)
     if (first := peaks[0]).correlation < limits.found:
         why = f"correlation {first.correlation:.2f} of the search, below {limits.found:g}"
-        return Measurement(why, None, first.correlation, first.second)
+        return MeasuredTarget(why, None, first.correlation, first.second)
     likely = [p for p in peaks if p.correlation >= limits.found]
     best = _best(window, corner, likely, limits)
     if best is None:
         why = "the matching has no solution within the image"
-        return Measurement(why, None, first.correlation, first.second)
+        return MeasuredTarget(why, None, first.correlation, first.second)
     peak, result = best
     difference = result.uv - expected
     distance = float(np.sqrt(difference @ np.linalg.solve(C + result.cov, difference)))
     why = _rejected(peak, result, distance, limits)
-    return Measurement(why, result, peak.correlation, peak.second, distance)
+    return MeasuredTarget(why, result, peak.correlation, peak.second, distance)
 
 
 def _best(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .chart import Array, Axes, Ink, Layer, Mark, Shade
+from .chart import Array, Ink, Layer, Mark, Panel, Shade
 
 CHART_INKS: Mapping[Ink, str] = {
     "first": "#0072B2",
@@ -267,7 +267,7 @@ def number_shades(ax: Any, shades: Sequence[Shade], size: float) -> None:
         )
 
 
-def named(panel: Axes) -> list[tuple[str, Ink, str]]:
+def named(panel: Panel) -> list[tuple[str, Ink, str]]:
     """Return what the legend of a panel has: name, ink and kind of each layer with a name.
 
     Parameters

@@ -71,7 +71,7 @@ class Layer:
 
 
 @dataclass(frozen=True, eq=False)
-class Axes:
+class Panel:
     """A panel: a vertical axis with its layers; the horizontal one is the chart's.
 
     Parameters
@@ -147,7 +147,7 @@ class Chart:
     name: str
     title: str
     reading: str
-    panels: Sequence[Axes]
+    panels: Sequence[Panel]
     label: str
     scale: Scale = "linear"
     map: bool = False

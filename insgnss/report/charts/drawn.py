@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from .artists import CHART_INKS, SHADE_NAMES, SHADES, draw_layer, draw_shades, named, number_shades
-from .chart import Array, Axes, Chart, Layer
+from .chart import Array, Chart, Layer, Panel
 
 Form = Literal["png", "pdf", "svg"]
 CHART_FILES: tuple[Form, ...] = ("png", "pdf", "svg")
@@ -147,7 +147,9 @@ def figure_of(
     width = paper.width_mm / INCH_MM
     head = _wrapped(title, subtitle, width, paper.letters)
     titled = sum(map(len, columns)) > 1
-    places = [[_Block(chart, width / len(columns), paper, titled) for chart in c] for c in columns]
+    places = [
+        [_SheetBlock(chart, width / len(columns), paper, titled) for chart in c] for c in columns
+    ]
     height = head.height + max(
         (sum(block.height for block in column) for column in places), default=0.1
     )
@@ -193,7 +195,7 @@ def _wrapped(title: str, subtitle: str, width: float, letters: float) -> _Head:
     return _Head(textwrap.wrap(title, int(fits / 1.4)), textwrap.wrap(subtitle, int(fits)), letters)
 
 
-class _Block:
+class _SheetBlock:
     """Where on the sheet a chart and its panels stand, in inches.
 
     Parameters
@@ -286,7 +288,7 @@ class _Block:
         text.set(size=self.letters, va="top", parse_math=False)
         self._finish(drawn)
 
-    def _panel(self, figure: Any, ax: Any, panel: Axes, k: int) -> None:
+    def _panel(self, figure: Any, ax: Any, panel: Panel, k: int) -> None:
         _dress(ax, self.letters, int(np.clip(2.0 * self.panel_width, 3, 6)))
         if self.chart.scale == "log":
             ax.set_xscale("log")

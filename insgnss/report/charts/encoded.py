@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from .chart import Array, Axes, Chart, Layer, Shade
+from .chart import Array, Chart, Layer, Panel, Shade
 
 CHARTS_KEY = "charts"  # id of the script element that holds the text
 LONG = 64  # values: shorter arrays are float32
@@ -194,7 +194,7 @@ def _charts(whole: Mapping[str, Any]) -> tuple[Chart, ...]:
 
 def _chart(chart: Mapping[str, Any], layer: Callable[[Mapping[str, Any]], Layer]) -> Chart:
     panels = tuple(
-        Axes(**{**panel, "layers": tuple(map(layer, panel["layers"]))} | _limits(panel))
+        Panel(**{**panel, "layers": tuple(map(layer, panel["layers"]))} | _limits(panel))
         for panel in chart["panels"]
     )
     shades = tuple(Shade(**shade) for shade in chart.get("shades", ()))

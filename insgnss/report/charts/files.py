@@ -16,7 +16,7 @@ from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_write
 from ...base.inputs import is_file, read_text, sha256
 from ...base.output.staging import together
-from .chart import Axes, Chart, Ink, Kind, Layer, Link, Mark, Scale
+from .chart import Chart, Ink, Kind, Layer, Link, Mark, Panel, Scale
 from .drawn import CHART_FILES, PRINTED_PAGE, Form, Paper, draw
 from .encoded import in_page
 
@@ -174,7 +174,7 @@ def _problem(chart: Chart) -> str:
     return next((problem for panel in chart.panels if (problem := _of_panel(panel))), "")
 
 
-def _of_panel(panel: Axes) -> str:
+def _of_panel(panel: Panel) -> str:
     if panel.scale not in get_args(Scale):
         return f"the scale {panel.scale!r} is unknown"
     return next((problem for layer in panel.layers if (problem := _of_layer(layer))), "")

@@ -22,7 +22,7 @@ from ...records import GnssFixes
 from ...records.observations import OF_THE_SOLUTION
 from ..marks import Marks
 from ..rules.wording import NED_NAMES
-from .chart import AXES_INKS, Array, Axes, Chart, Ink, Layer, Shade
+from .chart import AXES_INKS, Array, Chart, Ink, Layer, Panel, Shade
 from .pieces import band, dots, length_unit, line, rules
 
 Series = Mapping[str, Any]
@@ -133,22 +133,22 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
             )
 
 
-def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
+def _solution(series: Series, minutes: Minutes) -> Iterator[Panel]:
     t = minutes(series["time"])
     kind = np.asarray(series.get("kind", np.zeros(t.size)), dtype=np.int64)
     classified = "kind" in series
     if "satellites" in series:
         count = np.asarray(series["satellites"], dtype=np.float64)
-        yield Axes(
+        yield Panel(
             "satellites",
             list(_by_class(t, count, kind, classified)),
             limits=(0.0, 1.15 * float(np.nanmax(count, initial=1.0))),
         )
     if classified:
-        yield Axes("fixed, %", (line(t, _rate(t, kind), "fixed", "ok"),), limits=(-3.0, 103.0))
+        yield Panel("fixed, %", (line(t, _rate(t, kind), "fixed", "ok"),), limits=(-3.0, 103.0))
     if "ratio" in series:
         ratio = np.clip(np.asarray(series["ratio"], dtype=np.float64), LEAST_RATIO, MOST_RATIO)
-        yield Axes(
+        yield Panel(
             "ratio",
             (*_by_class(t, ratio, kind, classified), rules(3.0, dashed=True)),
             scale="log",
@@ -161,15 +161,15 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
     ):
         if name in series and not (name == "hdop" and "pdop" in series):
             y = np.asarray(series[name], dtype=np.float64)
-            yield Axes(label, list(_by_class(t, y, kind, classified)))
+            yield Panel(label, list(_by_class(t, y, kind, classified)))
     if "separation_m" in series:
         yield _separation(t, series)
     if "distance_m" in series:
         km = np.asarray(series["distance_m"]) / 1e3
-        yield Axes("from the base, km", (line(t, km, "distance"),))
+        yield Panel("from the base, km", (line(t, km, "distance"),))
     if "height_difference_m" in series:
         above = np.asarray(series["height_difference_m"])
-        yield Axes("above the base, m", (line(t, above, "height"),))
+        yield Panel("above the base, m", (line(t, above, "height"),))
 
 
 def _by_class(t: Array, y: Array, kind: NDArray[np.int64], classified: bool) -> Iterator[Layer]:
@@ -192,7 +192,7 @@ def _rate(t: Array, kind: NDArray[np.int64]) -> Array:
     return np.asarray(100.0 * (count[after] - count[first]) / (after - first))
 
 
-def _separation(t: Array, series: Series) -> Axes:
+def _separation(t: Array, series: Series) -> Panel:
     apart, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
     finite = np.isfinite(apart).all(axis=1)
     typical = float(np.median(sigma[finite])) if finite.any() else 1.0
@@ -207,13 +207,13 @@ def _separation(t: Array, series: Series) -> Axes:
         line(t, factor * apart[:, k], NED_NAMES[k], AXES_INKS[k], width=1.0) for k in range(3)
     ]
     limits = (-1.05 * reach * factor, 1.05 * reach * factor)
-    return Axes(f"backward - forward, {unit}", layers, limits=limits)
+    return Panel(f"backward - forward, {unit}", layers, limits=limits)
 
 
-def _signals(series: Series, minutes: Minutes) -> Iterator[Axes]:
+def _signals(series: Series, minutes: Minutes) -> Iterator[Panel]:
     if len(series.get("cn0", ())):
         t = minutes(series["cn0_time"])
-        yield Axes(
+        yield Panel(
             "C/N0, dB-Hz",
             [
                 line(t, np.asarray(level), name, BAND_INKS[k % 5], width=1.0)
@@ -235,4 +235,4 @@ def _signals(series: Series, minutes: Minutes) -> Iterator[Axes]:
         names, rows = [*row][::step], np.arange(0.0, len(row), step)
         left = np.full(rows.size, t[0] + 0.02 * (t[-1] - t[0]))
         labels = Layer("labels", left, rows, ink="faint", texts=names)
-        yield Axes("satellite", (layer, labels), limits=(-1.0, float(len(row))))
+        yield Panel("satellite", (layer, labels), limits=(-1.0, float(len(row))))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..marks import Marks
-from .chart import Array, Axes, Chart, Ink, Layer
+from .chart import Array, Chart, Ink, Layer, Panel
 from .thinned import MOST_DOTS, thinned
 
 
@@ -35,7 +35,7 @@ def rules(*y: float, ink: Ink = "ink", dashed: bool = False) -> Layer:
     return Layer("rules", np.zeros(0), np.array(y, dtype=np.float64), ink=ink, dashed=dashed)
 
 
-def over_time(name: str, title: str, reading: str, panels: Sequence[Axes], marks: Marks) -> Chart:
+def over_time(name: str, title: str, reading: str, panels: Sequence[Panel], marks: Marks) -> Chart:
     """A chart over minutes since the first epoch, with the shades of the flight."""
     return Chart(name, title, reading, tuple(panels), marks.label, link="time", shades=marks.shades)
 

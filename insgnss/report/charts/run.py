@@ -18,7 +18,7 @@ from ..marks import Marks, marks_of
 from ..rules.wording import NED_NAMES
 from ..summary import image_sigmas
 from . import gnss, support
-from .chart import AXES_INKS, Array, Axes, Chart, Layer
+from .chart import AXES_INKS, Array, Chart, Layer, Panel
 from .pieces import dots, length_unit, line, over_time
 from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
@@ -100,7 +100,7 @@ def _map(d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, An
         "map",
         "Where the flight went",
         _MAP + (_MAP_IMAGES if eo is not None else ""),
-        (Axes("north of the local frame's origin, m", layers),),
+        (Panel("north of the local frame's origin, m", layers),),
         "east of the local frame's origin, m",
         map=True,
         link="image" if eo is not None else "time",
@@ -199,10 +199,10 @@ def _motion(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Cha
     heading = np.degrees(d.rpy[:, 2]) % 360.0
     some = slice(None, None, -(-d.time.size // (2 * MOST_POINTS)))
     panels = [
-        Axes("up, m", height),
-        Axes("speed, m/s", (line(t, speed, "horizontal"),)),
-        Axes("roll, pitch, deg", level),
-        Axes("heading, deg", (Layer("points", t[some], heading[some], "heading", width=2.2),)),
+        Panel("up, m", height),
+        Panel("speed, m/s", (line(t, speed, "horizontal"),)),
+        Panel("roll, pitch, deg", level),
+        Panel("heading, deg", (Layer("points", t[some], heading[some], "heading", width=2.2),)),
     ]
     reading = ("Dots are exposures. " if eo is not None else "") + _MOTION
     return over_time("motion", "How it moved", reading, panels, marks)
@@ -214,7 +214,7 @@ def _sigmas(d: Diagnostics, marks: Marks) -> Chart:
     factor, unit = length_unit(float(np.median(d.smoothed_sigma[:, :3])))
     rows = ((0, factor, f"sigma of position, {unit}"), (6, math.degrees(1.0), _ATTITUDE))
     panels = [
-        Axes(
+        Panel(
             label,
             [
                 line(
@@ -248,7 +248,7 @@ def _sigmas_by_image(eo: ExteriorOrientation) -> Chart:
         (np.degrees(psi), "sigma of attitude about E, N, U, deg"),
     )
     panels = [
-        Axes(
+        Panel(
             label,
             [
                 thinned(

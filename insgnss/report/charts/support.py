@@ -14,7 +14,7 @@ from ...records.states import State
 from ..marks import Marks
 from ..rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, NED_NAMES, state_unit
 from ..statistics import NIS_95, residual_limit
-from .chart import AXES_INKS, Array, Axes, Chart, Layer
+from .chart import AXES_INKS, Array, Chart, Layer, Panel
 from .pieces import band, dots, length_unit, line, middle_limits, over_time, rules
 
 _INNOVATIONS = (
@@ -66,7 +66,7 @@ def innovations(d: Diagnostics, marks: Marks) -> Chart:
     )
     factor, unit = length_unit(reach / 4)
     panels = [
-        Axes(
+        Panel(
             f"{name}, {unit}",
             (
                 band(
@@ -79,7 +79,7 @@ def innovations(d: Diagnostics, marks: Marks) -> Chart:
         for k, name in enumerate(NED_NAMES)
     ]
     low, high = 1e-2, 5.0 * max(d.nis_limit, NIS_95)
-    nis = Axes(
+    nis = Panel(
         "NIS",
         (
             rules(d.nis_limit),
@@ -113,7 +113,7 @@ def distributions(d: Diagnostics) -> Iterator[Chart]:
     normal = np.exp(-0.5 * fine**2) / math.sqrt(2.0 * math.pi)
     ratio = d.innovation[kept] / d.innovation_sigma[kept]
     panels = [
-        Axes(
+        Panel(
             f"{name}, density",
             (
                 Layer("steps", edges, _density(np.clip(x, -4.499, 4.499), edges), "fixes"),
@@ -141,7 +141,7 @@ def distributions(d: Diagnostics) -> Iterator[Chart]:
             Layer("rules", np.array([NIS_95]), np.zeros(0), "95 %", "ink", dashed=True),
             Layer("rules", np.array([d.nis_limit]), np.zeros(0), "gate", "ink"),
         )
-        axes = Axes("density by ln NIS", layers)
+        axes = Panel("density by ln NIS", layers)
         yield Chart("nis-distribution", "Distribution of NIS", _NIS, [axes], "NIS", scale="log")
 
 
@@ -166,7 +166,7 @@ def residuals(d: Diagnostics, marks: Marks) -> Chart:
             layers.append(
                 Layer("points", t[beyond], y[beyond], "beyond", "warn", mark="cross", width=8.0)
             )
-        panels.append(Axes(f"{name}, {unit}", layers))
+        panels.append(Panel(f"{name}, {unit}", layers))
     title = "Fixes minus solution, minute by minute"
     return over_time("residuals", title, _RESIDUALS, panels, marks)
 
@@ -183,7 +183,7 @@ def biases(d: Diagnostics, marks: Marks) -> Chart:
             bias = marks.broken(t, bias)
             bands.append(band(t, bias, 3 * sigma, ink=AXES_INKS[row]))
             lines.append(line(t, bias, axis, AXES_INKS[row]))
-        panels.append(Axes(label, (*bands, *lines)))
+        panels.append(Panel(label, (*bands, *lines)))
     return over_time("biases", "Errors of the IMU", _BIASES, panels, marks)
 
 
@@ -206,7 +206,7 @@ def constants(d: Diagnostics, marks: Marks) -> Chart | None:
             name = str(state) if state.sensor else state.axis or "value"
             layers.append(line(t, value, name, ink))
         reach = _reach(factor * c.value[:, members], 3 * factor * c.filter_sigma[:, members])
-        panels.append(Axes(f"{label}, {unit}", layers, limits=reach))
+        panels.append(Panel(f"{label}, {unit}", layers, limits=reach))
     title = "Constants estimated in flight"
     return over_time("constants", title, _CONSTANTS_CAPTION, panels, marks)
 
@@ -249,5 +249,5 @@ def separation(d: Diagnostics, marks: Marks) -> Chart:
         limits = middle_limits(
             scale * d.separation[:, columns], 3 * scale * d.separation_sigma[:, columns]
         )
-        panels.append(Axes(label, (*bands, *lines), limits=limits))
+        panels.append(Panel(label, (*bands, *lines), limits=limits))
     return over_time("separation", "Forward against backward", _SEPARATION, panels, marks)

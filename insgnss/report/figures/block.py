@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer, Mark
+from ..charts.chart import AXES_INKS, Chart, Ink, Layer, Mark, Panel
 from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
@@ -112,11 +112,11 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
             f" (nine tenths are below {scale * usual:.1f} {unit}); red: the same of the height,"
             " up is up."
         )
-    return Chart("map", "The block", reading, [Axes("north, m", layers)], "east, m", map=True)
+    return Chart("map", "The block", reading, [Panel("north, m", layers)], "east, m", map=True)
 
 
 @dataclass(frozen=True, eq=False)
-class _Points:
+class _SurveyedPoints:
     """Surveyed points of one kind: positions and surveyed minus adjusted (n, 3), m."""
 
     kind: str
@@ -140,7 +140,7 @@ class _Points:
         yield Layer("labels", x, y + above, ink="ink", texts=self.names)
 
 
-def _surveyed(figures: Mapping[str, Any]) -> Iterator[_Points]:
+def _surveyed(figures: Mapping[str, Any]) -> Iterator[_SurveyedPoints]:
     """Yield ground control and check points, as far as there are residuals."""
     kinds: tuple[tuple[str, str, str, Ink, Mark], ...] = (
         ("ground control", "ground_control", "residual_m", "second", "triangle"),
@@ -149,7 +149,7 @@ def _surveyed(figures: Mapping[str, Any]) -> Iterator[_Points]:
     for kind, group, key, ink, mark in kinds:
         if points := [p for p in figures[group] if key in p]:
             position, off = (np.array([p[name] for p in points]) for name in ("position_m", key))
-            yield _Points(kind, [p["point"] for p in points], position, off, ink, mark)
+            yield _SurveyedPoints(kind, [p["point"] for p in points], position, off, ink, mark)
 
 
 def precision_map(
@@ -197,7 +197,7 @@ def precision_map(
         " block ask for ground control where they are yellow."
     )
     title = "Precision of the object points"
-    return Chart("precision", title, reading, [Axes("north, m", layers)], "east, m", map=True)
+    return Chart("precision", title, reading, [Panel("north, m", layers)], "east, m", map=True)
 
 
 def _format(field: Field) -> Chart:
@@ -237,7 +237,7 @@ def _format(field: Field) -> Chart:
         f"format-{''.join(c if c.isalnum() else '-' for c in field.camera)}",
         f"Residuals on the format: {field.camera}",
         reading,
-        [Axes("pixels above the lower edge", layers)],
+        [Panel("pixels above the lower edge", layers)],
         "x, px",
         map=True,
     )
@@ -256,9 +256,9 @@ def _images(figures: Mapping[str, Any]) -> Chart:
         return Layer("points", number, values, name, ink, texts=names, width=5.0)
 
     panels = [
-        Axes("rms, px", [dots(rms, "", "first")], limits=_from_zero(rms)),
+        Panel("rms, px", [dots(rms, "", "first")], limits=_from_zero(rms)),
         *(
-            Axes(
+            Panel(
                 label,
                 [dots(values[:, k], axis, AXES_INKS[k]) for k, axis in enumerate(axes)],
                 limits=_from_zero(values),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..charts.chart import Axes, Chart, Ink, Layer
+from ..charts.chart import Chart, Ink, Layer, Panel
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def _over_time(
         "What remains after the recognised is taken off" if remaining else "b minus a",
         _REMAINING if remaining else _DIFFERENCES.format(shaded=shaded),
         [
-            Axes(
+            Panel(
                 f"{component}, {curve.unit}",
                 _layers(x, curve, names, remaining),
                 limits=_reach(curve),
@@ -163,18 +163,18 @@ def _distribution(panels: Sequence[ComparisonPanel]) -> Chart:
     )
 
 
-def _histogram(panel: ComparisonPanel) -> Axes:
+def _histogram(panel: ComparisonPanel) -> Panel:
     values, sigma, unit = panel.difference.values, panel.difference.sigma, panel.difference.unit
     if sigma is None:
         count, edges = np.histogram(values, bins=40)
         layers = [Layer("steps", edges, count.astype(np.float64))]
-        return Axes(f"number by {panel.name}, {unit}", layers)
+        return Panel(f"number by {panel.name}, {unit}", layers)
     edges = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, HISTOGRAM_CLASSES + 1)
     count, _ = np.histogram(np.clip(values / sigma, -FARTHEST_SIGMAS, FARTHEST_SIGMAS), bins=edges)
     density = count / (count.sum() * np.diff(edges))
     x = np.linspace(-FARTHEST_SIGMAS, FARTHEST_SIGMAS, 101)
     normal = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
-    return Axes(
+    return Panel(
         f"{panel.name}: density",
         [Layer("steps", edges, density, "found"), Layer("line", x, normal, "expected", "ink")],
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer
+from ..charts.chart import AXES_INKS, Chart, Ink, Layer, Panel
 from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def scattered(
         if data.mean_sigma[k] > 0.0:
             words = f"mean {data.mean[k]:+.4f} ± {data.mean_sigma[k]:.4f} m"
         layers = _scatter_layers(data, k, factor, words)
-        panels.append(Axes(f"{name}: {unit}", layers))
+        panels.append(Panel(f"{name}: {unit}", layers))
     names, number = data.names, np.arange(1.0, len(data.names) + 1.0)
     if len(names) <= MOST_NAMES and not all(name.isdigit() for name in names):
         low, high = off[:, 2] - data.sigma[:, 2], off[:, 2] + data.sigma[:, 2]
@@ -78,7 +78,7 @@ def scattered(
         height = np.full(number.size, factor * below)
         last = panels[-1]
         words_below = Layer("labels", number, height, ink="faint", texts=names)
-        panels[-1] = Axes(last.label, [*last.layers, words_below])
+        panels[-1] = Panel(last.label, [*last.layers, words_below])
     reading = f"Dots: {kind}s, with the line where all would lie without errors."
     if data.sigma.any():
         reading = (
@@ -164,13 +164,13 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
         " waves are time-correlated errors of the fixes."
     )
 
-    def panels(x: Array, rows: NDArray[np.bool_], joined: bool) -> list[Axes]:
+    def panels(x: Array, rows: NDArray[np.bool_], joined: bool) -> list[Panel]:
         made = []
         for k, name in enumerate(("east", "north", "up")):
             y, ink = values[rows, k], AXES_INKS[k]
             lines = [Layer("line", x, y, ink=ink, width=1.0, faint=True)] if joined else []
             dots = Layer("points", x, y, ink=ink, texts=_numbered(rows), width=5.0)
-            made.append(Axes(f"{name}, {unit}", [ZERO, *lines, dots]))
+            made.append(Panel(f"{name}, {unit}", [ZERO, *lines, dots]))
         return made
 
     every = np.ones(number.size, dtype=np.bool_)
@@ -207,7 +207,7 @@ def _map(data: Residuals) -> Chart:
     ]
     factor, unit = length_unit(usual)
     reading = f"Arrows are horizontal residuals; the usual long one is {factor * usual:.2g} {unit}."
-    panel = Axes("north, m", layers)
+    panel = Panel("north, m", layers)
     return Chart("map", "Where the residuals lie", reading, [panel], "east, m", map=True)
 
 
@@ -245,7 +245,7 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Chart, .
             f"over-{label.partition(',')[0].replace(' ', '-')}",
             f"What is left, over {label.partition(',')[0]}",
             reading,
-            [Axes(name, _over(x, values)) for name, values in shown],
+            [Panel(name, _over(x, values)) for name, values in shown],
             label,
         )
         for label, x in against.items()

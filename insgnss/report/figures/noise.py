@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...base.units import parse_unit
 from ...records import WaveletVariance
-from ..charts.chart import Axes, Chart, Ink, Layer
+from ..charts.chart import Chart, Ink, Layer, Panel
 
 Array = NDArray[np.float64]
 Sensor = Literal["gyro", "accel"]
@@ -142,12 +142,12 @@ def noise_chart(sensor: Sensor, panels: Sequence[NoisePanel]) -> Chart:
     """
     factor = 1.0 / parse_unit(AXIS_UNITS[sensor]).scale
     tau = _span([curve.averaging_time_s for panel in panels for curve in panel.curves])
-    drawn: list[Axes] = []
+    drawn: list[Panel] = []
     for panel in panels:
         limits = _heights(panel, factor)
         layers = [*_noise_layers(panel, factor), *([] if drawn else _clock(tau, limits))]
         label = f"{panel.title}: deviation, {_pretty(AXIS_UNITS[sensor])}"
-        drawn.append(Axes(label, layers, "log", limits))
+        drawn.append(Panel(label, layers, "log", limits))
     return Chart(
         f"noise-{sensor}",
         f"{SENSOR_NAMES[sensor]}: noise over averaging time",
@@ -264,7 +264,7 @@ def _curve(
             yield Layer("points", tau[off], deviation[off], name, "warn", mark="ring", width=8.0)
 
 
-def _spectrum(panel: SpectrumPanel, unit: str) -> Axes:
+def _spectrum(panel: SpectrumPanel, unit: str) -> Panel:
     factor = 1.0 / parse_unit(AXIS_UNITS[panel.sensor]).scale
     inside = panel.frequency_hz > 0.0
     f, density = panel.frequency_hz[inside], factor * panel.density[inside]
@@ -289,7 +289,7 @@ def _spectrum(panel: SpectrumPanel, unit: str) -> Axes:
             Layer("labels", labelled, np.full(labelled.size, 0.8 * top), ink="warn", texts=texts)
         )
     lowest = 0.6 * float(shown[shown > 0.0].min())
-    return Axes(f"{panel.title}: {unit}", layers, "log", (lowest, top))
+    return Panel(f"{panel.title}: {unit}", layers, "log", (lowest, top))
 
 
 def _heights(panel: NoisePanel, factor: float) -> tuple[float, float]:

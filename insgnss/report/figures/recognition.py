@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Finding
-from ..charts.chart import AXES_INKS, Axes, Chart, Layer
+from ..charts.chart import AXES_INKS, Chart, Layer, Panel
 
 Array = NDArray[np.float64]
 
@@ -110,12 +110,12 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
     gyro, gnss = (np.degrees(curves[name][window]) for name in ("turn_gyro", "turn_gnss"))
     slow = "" if np.isfinite(gnss).any() else " It moved too slowly for GNSS to have a course."
 
-    def panel(label: str, felt: Array, seen: Array, k: int) -> Axes:
+    def panel(label: str, felt: Array, seen: Array, k: int) -> Panel:
         layers = [
             Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
             Layer("points", x, seen, "seen by GNSS", "ink", width=3.5),
         ]
-        return Axes(label, layers, limits=_reach(felt, seen))
+        return Panel(label, layers, limits=_reach(felt, seen))
 
     panels = [panel("turn rate about the vertical, deg/s", gyro, gnss, 0)]
     for k, name in enumerate(BODY):
@@ -144,7 +144,7 @@ def _orientations(score: Array, words: Sequence[str], certain: bool) -> Chart:
         "orientations",
         "How well each orientation of the IMU's x y z fits",
         _ORIENTATIONS + unsure,
-        [Axes(f"the best of {score.size}", layers, limits=(0.0, order.size + 1.0))],
+        [Panel(f"the best of {score.size}", layers, limits=(0.0, order.size + 1.0))],
         "score, 1 perfect, -1 the opposite",
         limits=(-1.1, 2.0),
     )
@@ -172,6 +172,6 @@ def _clock(curves: Mapping[str, Array], offset: str) -> Chart:
         "clock",
         "Agreement against the time offset",
         _CLOCK,
-        [Axes("agreement", layers, limits=(lowest, 1.05))],
+        [Panel("agreement", layers, limits=(lowest, 1.05))],
         "added to the GNSS stamps, s",
     )

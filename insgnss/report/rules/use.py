@@ -75,7 +75,7 @@ class Inflation:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class JudgedPlaces:
     """What is judged: the images, or without a camera the epochs of the trajectory.
 
     Parameters
@@ -113,7 +113,7 @@ class Places:
 
 def use(
     f: Figures,
-    judged: Places,
+    judged: JudgedPlaces,
     need_m: Sequence[float] | None = None,
     need_deg: Sequence[float] | None = None,
 ) -> dict[str, Any]:
@@ -180,7 +180,7 @@ def _beyond(sigma: Array, needed: Array) -> Rows:
     return rows
 
 
-def _usual_need(f: Figures, judged: Places) -> tuple[Array, Array]:
+def _usual_need(f: Figures, judged: JudgedPlaces) -> tuple[Array, Array]:
     """Return what receiver and IMU give where all is well: m and deg, east, north, up."""
     median_m = np.median(judged.position_m, axis=0)
     median_deg = np.median(judged.attitude_deg, axis=0)
@@ -195,7 +195,7 @@ def _usual_need(f: Figures, judged: Places) -> tuple[Array, Array]:
     return NEED_OF_FIX * np.array([east, north, down]), need_deg
 
 
-def _enlarged(inflation: Inflation, judged: Places) -> tuple[Array, Array]:
+def _enlarged(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]:
     """Return k and d (n, 6) of (U.1) of one inflation."""
     rows = judged.within(inflation.span)
     k, d = np.ones((judged.time.size, 6)), np.zeros((judged.time.size, 6))
@@ -340,7 +340,7 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
 
 
 def _insufficient(
-    f: Figures, judged: Places, sigma: Array, needed: Array
+    f: Figures, judged: JudgedPlaces, sigma: Array, needed: Array
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield where the images are beyond their need by the result's own sigmas, and why.
 

@@ -142,7 +142,7 @@ class Troposphere:
 
 
 @dataclass(frozen=True)
-class Ionosphere:
+class SimulatedIonosphere:
     """The ionospheric shell of (A.4).
 
     It has its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east) m/m, amplitude of

@@ -37,7 +37,7 @@ MASK_MARGIN_DEG = 1.0  # a satellite moves by half a degree between the times of
 
 
 @dataclass(frozen=True, eq=False)
-class Antenna:
+class ReceiverAntenna:
     """A receiver's antenna at n epochs.
 
     Parameters
@@ -135,7 +135,7 @@ def satellites_in_view(
     )
 
 
-def signal_paths(antenna: Antenna, satellites: Satellites) -> Paths:
+def signal_paths(antenna: ReceiverAntenna, satellites: Satellites) -> Paths:
     """Ways of the signals of all satellites to an antenna (W.1, W.2)."""
     n, s = antenna.time.size, satellites.code.size
     codes, message = np.tile(satellites.code, n), np.tile(satellites.message, n)

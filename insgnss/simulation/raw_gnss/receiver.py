@@ -18,8 +18,8 @@ from ...noise.processes.realisation import simulate_noise
 from ...records import GnssFixes
 from ...records.qualities import Quality
 from ..faults import in_period
-from ..flights import Flight
-from ..motion import Motion
+from ..flights import FlightMotion
+from ..motion import ExactMotion
 from ..sensors import Rig, antenna_states
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ class GnssOptions:
 
 
 def simulate_gnss(
-    flight: Flight, rig: Rig, options: GnssOptions, rng: np.random.Generator
+    flight: FlightMotion, rig: Rig, options: GnssOptions, rng: np.random.Generator
 ) -> tuple[GnssFixes, NDArray[np.bool_]]:
     """Fixes of the antenna, and which of them are outliers, (n,).
 
@@ -160,7 +160,7 @@ def simulate_gnss(
     return fixes, outlier[keep]
 
 
-def _stamps(motion: Motion, options: GnssOptions) -> Array:
+def _stamps(motion: ExactMotion, options: GnssOptions) -> Array:
     """Stamps on the receiver's grid, of instants within the motion."""
     shift = options.latency_s - options.phase_s
     first = np.ceil((motion.start + shift) * options.rate_hz - 1e-6)

@@ -33,13 +33,13 @@ from ...base.errors import UsageError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...gnss.rinex.navigation_message import Navigation
 from ...records import CameraEvents
-from ..flights import Flight
+from ..flights import FlightMotion
 from ..sensors import Rig, antenna_states
-from .atmosphere import Ionosphere, Troposphere, Weather
+from .atmosphere import SimulatedIonosphere, Troposphere, Weather
 from .constellation import constellation
 from .errors import Locks, clock, noise, track
 from .options import RawGnssOptions
-from .paths import LIGHT, Antenna, Paths, Satellites, satellites_in_view, signal_paths
+from .paths import LIGHT, Paths, ReceiverAntenna, Satellites, satellites_in_view, signal_paths
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -103,7 +103,7 @@ class Slips:
 
 
 @dataclass(frozen=True, eq=False)
-class RawGnss:
+class SimulatedGnss:
     """Raw GNSS data of a flight.
 
     Parameters
@@ -130,10 +130,10 @@ class RawGnss:
 class _Scene:
     """What both receivers share: the flight, satellites and air, and the options."""
 
-    flight: Flight
+    flight: FlightMotion
     satellites: Satellites
     troposphere: Troposphere
-    ionosphere: Ionosphere
+    ionosphere: SimulatedIonosphere
     options: RawGnssOptions
 
 
@@ -151,12 +151,12 @@ class _Receiver:
 
 
 def simulate_raw_gnss(
-    flight: Flight,
+    flight: FlightMotion,
     rig: Rig,
     events: CameraEvents,
     options: RawGnssOptions,
     rng: np.random.Generator,
-) -> RawGnss:
+) -> SimulatedGnss:
     """Raw data of rover and base over a whole flight.
 
     Parameters
@@ -195,7 +195,7 @@ def simulate_raw_gnss(
         base, scene, _Receiver(options.base_rate_hz, options.base_share, 0.0), standing
     )
     by_rover = events.time + _clock_at(events.time, rover, options.clock_jump_s)
-    return RawGnss(
+    return SimulatedGnss(
         rover_data,
         base_data,
         navigation,
@@ -208,7 +208,9 @@ def simulate_raw_gnss(
     )
 
 
-def _rover(flight: Flight, rig: Rig, options: RawGnssOptions, rng: np.random.Generator) -> Antenna:
+def _rover(
+    flight: FlightMotion, rig: Rig, options: RawGnssOptions, rng: np.random.Generator
+) -> ReceiverAntenna:
     motion, frame = flight.motion, flight.motion.frame
     first = np.ceil(motion.start * options.rate_hz - 1e-6)
     last = np.floor(motion.end * options.rate_hz + 1e-6)
@@ -225,12 +227,12 @@ def _rover(flight: Flight, rig: Rig, options: RawGnssOptions, rng: np.random.Gen
     position, velocity = antenna_states(motion, rig.antenna_lever_b, time)
     ecef = frame.origin_ecef + position @ frame.C_el.T
     up = -(frame.C_el @ motion.C_lb(time))[:, :, 2]
-    return Antenna(
+    return ReceiverAntenna(
         stamp, time, offset, rate, ecef, velocity @ frame.C_el.T, up, motion.angles(time)[:, 0]
     )
 
 
-def _base_place(flight: Flight, options: RawGnssOptions) -> tuple[Array, float]:
+def _base_place(flight: FlightMotion, options: RawGnssOptions) -> tuple[Array, float]:
     """Position (3,) m, ECEF, and height, m, of the base."""
     frame = flight.motion.frame
     lat, lon, _ = frame.geodetic_from_position(
@@ -241,8 +243,8 @@ def _base_place(flight: Flight, options: RawGnssOptions) -> tuple[Array, float]:
 
 
 def _base(
-    rover: Antenna, position: Array, options: RawGnssOptions, rng: np.random.Generator
-) -> Antenna:
+    rover: ReceiverAntenna, position: Array, options: RawGnssOptions, rng: np.random.Generator
+) -> ReceiverAntenna:
     rate_hz = options.base_rate_hz
     first, last = (
         np.floor((rover.stamp[k] + margin) * rate_hz)
@@ -252,7 +254,7 @@ def _base(
     offset, rate = _clock(stamp.size, 1.0 / rate_hz, options, rng)
     lat, lon, _ = ecef_to_geodetic(position)
     zero, up = np.zeros((stamp.size, 3)), -rotation_en(lat, lon)[:, 2]
-    return Antenna(
+    return ReceiverAntenna(
         stamp,
         stamp - offset,
         offset,
@@ -277,7 +279,7 @@ def _clock(
     return offset - jumps, np.gradient(offset, interval)
 
 
-def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
+def _clock_at(time: Array, receiver: ReceiverAntenna, jump_s: float) -> Array:
     """Clock minus GPST (k,) s at instants (k,) of GPST.
 
     It is linear between epochs but for the jumps, which come with the later epoch.
@@ -293,12 +295,14 @@ def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
     return np.interp(time, receiver.time, receiver.clock_s - jumps) + jumps[last]
 
 
-def _ionosphere(options: RawGnssOptions, position: Array, rng: np.random.Generator) -> Ionosphere:
+def _ionosphere(
+    options: RawGnssOptions, position: Array, rng: np.random.Generator
+) -> SimulatedIonosphere:
     """The shell around the base's place, ECEF (3,) m."""
     slope, wave, phase = rng.uniform(0.0, 2.0 * np.pi, 3)
     gradient = (options.iono_gradient * np.cos(slope), options.iono_gradient * np.sin(slope))
     lat, lon, _ = ecef_to_geodetic(position)
-    return Ionosphere(
+    return SimulatedIonosphere(
         (float(lat), float(lon)),
         options.iono_vertical_m,
         options.iono_rate_ms,
@@ -310,7 +314,7 @@ def _ionosphere(options: RawGnssOptions, position: Array, rng: np.random.Generat
 
 
 def _observe(
-    antenna: Antenna, scene: _Scene, receiver: _Receiver, rng: np.random.Generator
+    antenna: ReceiverAntenna, scene: _Scene, receiver: _Receiver, rng: np.random.Generator
 ) -> tuple[RawObservations, Slips]:
     """Observations and slips of one receiver."""
     options, satellites = scene.options, scene.satellites
@@ -344,7 +348,7 @@ def _observe(
 
 
 def _values(
-    antenna: Antenna,
+    antenna: ReceiverAntenna,
     scene: _Scene,
     paths: Paths,
     locks: Locks,
@@ -403,7 +407,7 @@ def _values(
     return out
 
 
-def _air(antenna: Antenna, scene: _Scene, paths: Paths) -> tuple[Array, Array]:
+def _air(antenna: ReceiverAntenna, scene: _Scene, paths: Paths) -> tuple[Array, Array]:
     """Delays (n, s) m of the troposphere, and of the ionosphere on the code of L1."""
     lat, lon, height = ecef_to_geodetic(antenna.position)
     low = np.radians(LOWEST_STRENGTH_DEG)

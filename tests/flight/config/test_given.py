@@ -8,7 +8,7 @@ import pytest
 from insgnss.base.errors import InputError, OptionError, UsageError
 from insgnss.flight.config.block_tables.vehicle import VehicleTable
 from insgnss.flight.config.filter_options import FilterOptions, InitialAttitude
-from insgnss.flight.config.flight_file import Output, TangentPlane
+from insgnss.flight.config.flight_file import Output, TangentPlaneOptions
 from insgnss.flight.config.gnss_options import GnssInput
 from insgnss.flight.config.imu_options import ImuInput
 from insgnss.flight.config.load import load_flight
@@ -137,7 +137,7 @@ WRONG = [
         r"initial\.sigma_deg .*greater than zero",
     ),
     (
-        TangentPlane,
+        TangentPlaneOptions,
         {"lat_deg": 120.0, "lon_deg": 6.5, "height_m": 0.0},
         r"tangent_plane\.origin .*swapped",
     ),
@@ -192,7 +192,7 @@ def test_a_changed_flight_is_checked_as_well(flight, changes, message):
     with pytest.raises(UsageError, match=message):
         flight.with_(**changes)
     assert flight.with_() is not flight
-    plane = TangentPlane(46.5, 6.5, 400.0)
+    plane = TangentPlaneOptions(46.5, 6.5, 400.0)
     assert flight.with_(tangent_plane=np.array([46.5, 6.5, 400.0])).tangent_plane == plane
 
 

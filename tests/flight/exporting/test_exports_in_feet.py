@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.flight.proof.scene import make_scene
 from insgnss.io.formats.exports import EXPORTS
 from insgnss.io.formats.orientation.eo_json import write_eo_json
@@ -56,7 +56,7 @@ def test_lengths_are_those_of_the_metric_sibling_in_feet(
     files = []
     for code in (FEET, METRES):
         path = tmp_path / f"{code[5:]}.{EXPORTS[name].product.rpartition('.')[2]}"
-        files.append(export(eo, name, path, Target(code), **OPTIONS.get(name, {})).file)
+        files.append(export(eo, name, path, ExportFrame(code), **OPTIONS.get(name, {})).file)
     feet, metres = (numbers(path) for path in files)
     assert feet.shape == metres.shape
     same = np.abs(feet - metres) < 2e-6
@@ -69,7 +69,7 @@ def test_lengths_are_those_of_the_metric_sibling_in_feet(
 def test_what_is_in_feet_reads_back(eo: ExteriorOrientation, tmp_path: Path, name: str) -> None:
     """Oracle: the master, to the digits of the file; standard deviations in metres again."""
     write_eo_json(eo, tmp_path / "eo.json")
-    done = export(eo, name, tmp_path / "x.txt", Target(FEET))
+    done = export(eo, name, tmp_path / "x.txt", ExportFrame(FEET))
     assert "counts in US survey feet; standard deviations" in " ".join(done.notes)
     crs = FEET if name == "pix4d_matic" else None
     c = compare_files(tmp_path / "eo.json", done.file, form_b=name, crs=crs)
@@ -87,29 +87,29 @@ def test_formats_of_metres_name_the_metric_sibling(eo: ExteriorOrientation, tmp_
     """Oracle: the registry of CRSs."""
     for name in ("colmap", "g2o", "tum", "opf", "odm"):
         with pytest.raises(UsageError, match=r"counts in US survey feet.*sibling, EPSG:6538"):
-            export(eo, name, tmp_path / "x", Target(FEET))
+            export(eo, name, tmp_path / "x", ExportFrame(FEET))
     with pytest.raises(UsageError, match="geojson of orthority takes metres"):
-        export(eo, "geojson", tmp_path / "x", Target(FEET), dialect="orthority")
+        export(eo, "geojson", tmp_path / "x", ExportFrame(FEET), dialect="orthority")
     assert not (tmp_path / "x").exists()
 
 
 @pytest.mark.parametrize(
     ("unit", "metres", "target"),
     [
-        ("us-ft", US_FOOT_M, Target()),
-        ("ft", FOOT_M, Target(METRES)),
-        ("m", 1.0, Target(FEET)),
-        ("us-ft", US_FOOT_M, Target(frame="geographic")),
+        ("us-ft", US_FOOT_M, ExportFrame()),
+        ("ft", FOOT_M, ExportFrame(METRES)),
+        ("m", 1.0, ExportFrame(FEET)),
+        ("us-ft", US_FOOT_M, ExportFrame(frame="geographic")),
     ],
 )
 def test_a_table_in_any_unit_of_lengths(
-    eo: ExteriorOrientation, tmp_path: Path, unit: str, metres: float, target: Target
+    eo: ExteriorOrientation, tmp_path: Path, unit: str, metres: float, target: ExportFrame
 ) -> None:
     """Oracle: the same table in metres, and the foot by definition; the header says the unit, and
     the table reads back in metres.
     """
     columns = "image xyz llh s_xyz s_plan opk"
-    same = Target(METRES) if target.crs else target
+    same = ExportFrame(METRES) if target.crs else target
     for file, frame, options in (("m", same, {}), ("x", target, {"length_unit": unit})):
         export(eo, "generic_ascii", tmp_path / file, frame, columns=columns, **options)
     rows = [

@@ -14,7 +14,7 @@ import pytest
 from pyproj import CRS
 
 from insgnss.cli import main
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.flight.proof.scene import make_scene
 from insgnss.io.formats.exports import EXPORTS
 from insgnss.io.formats.orientation.eo_json import write_eo_json
@@ -41,17 +41,17 @@ def run_in_metashape(script: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str,
 @pytest.mark.parametrize(
     ("name", "target", "crs", "angles"),
     [
-        ("metashape", Target(), "EPSG::4979", "EulerAnglesYPR"),
-        ("metashape", Target("EPSG:32632"), "EPSG::32632", "EulerAnglesYPR"),
-        ("metashape_opk", Target("EPSG:32632"), "EPSG::32632", "EulerAnglesOPK"),
-        ("metashape_offset", Target(frame="tangent plane"), "LOCAL_CS", "EulerAnglesYPR"),
+        ("metashape", ExportFrame(), "EPSG::4979", "EulerAnglesYPR"),
+        ("metashape", ExportFrame("EPSG:32632"), "EPSG::32632", "EulerAnglesYPR"),
+        ("metashape_opk", ExportFrame("EPSG:32632"), "EPSG::32632", "EulerAnglesOPK"),
+        ("metashape_offset", ExportFrame(frame="tangent plane"), "LOCAL_CS", "EulerAnglesYPR"),
     ],
 )
 def test_the_script_imports_the_file_beside_it(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
-    target: Target,
+    target: ExportFrame,
     crs: str,
     angles: str,
 ) -> None:
@@ -81,24 +81,24 @@ def test_the_script_imports_the_file_beside_it(
 @pytest.mark.parametrize(
     ("name", "target", "variables"),
     [
-        ("realitycapture", Target(), "Image Latitude Longitude Altitude Yaw Pitch Roll"),
-        ("realitycapture", Target(frame="tangent plane"), "Image X Y Altitude Yaw Pitch Roll"),
+        ("realitycapture", ExportFrame(), "Image Latitude Longitude Altitude Yaw Pitch Roll"),
+        ("realitycapture", ExportFrame(frame="tangent plane"), "Image X Y Altitude Yaw Pitch Roll"),
         (
             "realitycapture_accuracy",
-            Target(),
+            ExportFrame(),
             "Image Latitude Longitude Altitude Yaw Pitch Roll LongitudeAccuracy LatitudeAccuracy"
             " AltitudeAccuracy YawAccuracy PitchAccuracy RollAccuracy",
         ),
         (
             "realitycapture_accuracy",
-            Target(frame="tangent plane"),
+            ExportFrame(frame="tangent plane"),
             "Image X Y Altitude Yaw Pitch Roll XAccuracy YAccuracy AltitudeAccuracy YawAccuracy"
             " PitchAccuracy RollAccuracy",
         ),
     ],
 )
 def test_the_description_names_the_columns_of_the_flight_log(
-    tmp_path: Path, name: str, target: Target, variables: str
+    tmp_path: Path, name: str, target: ExportFrame, variables: str
 ) -> None:
     """Oracle: the vocabulary of RealityScan's help (Customize Import Formats, Flight Log), and the
     numbers: the latitude is 46.57 deg and stands in the column of that name; accuracies to the
@@ -136,7 +136,7 @@ def test_the_tangent_plane_of_micmac(tmp_path: Path, name: str, product: str) ->
     lat, lon = np.degrees(eo.origin[:2])
     to_ecef = Transformer.from_crs(CRS.from_epsg(4979), CRS.from_epsg(4978), always_xy=True)
     assert centre == pytest.approx(list(to_ecef.transform(lon, lat, eo.origin[2])), abs=1e-3)
-    assert export(eo, name, tmp_path / "g", Target(frame="geocentric")).helpers == ()
+    assert export(eo, name, tmp_path / "g", ExportFrame(frame="geocentric")).helpers == ()
 
 
 def test_helpers_are_listed_by_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from oracles import oracle
 from PIL import Image
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.flight.exporting.export import Target, export, refuse_names
+from insgnss.flight.exporting.export import ExportFrame, export, refuse_names
 from insgnss.flight.exporting.rename import read_names, renamed
 from insgnss.io.formats import EXPORTS, read_events
 from insgnss.io.formats.events.events import write_events
@@ -112,14 +112,14 @@ def test_every_format_holds_these_names_or_says_how_to_export_all_the_same(
     if name == "colmap_priors":
         oracle("pycolmap")
     form = EXPORTS[name]
-    options, target, eo = OPTIONS.get(name, {}), Target(), flight()
+    options, target, eo = OPTIONS.get(name, {}), ExportFrame(), flight()
     if form.heights == "sea level":
         monkeypatch.setattr(
             "insgnss.flight.exporting.export._undulation",
             lambda eo, *_: np.full(len(eo.images), 49.6),
         )
     if name == "opf":
-        target = Target("EPSG:32632")
+        target = ExportFrame("EPSG:32632")
     path = tmp_path / "out" / form.product
     path.parent.mkdir()
     assert (name in REFUSED) == bool(form.separator)

@@ -7,7 +7,7 @@ import pytest
 
 from insgnss.base.output.staging import together
 from insgnss.cli import main
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.flight.proof.scene import make_scene
 from insgnss.io.formats import EXPORTS
 from insgnss.io.formats.orientation.eo_json import write_eo_json
@@ -37,7 +37,7 @@ def test_a_script_belongs_to_its_table(tmp_path: Path) -> None:
     scene = make_scene().eo
     out = tmp_path / "out"
     out.mkdir()
-    export(scene, "metashape", out / "t.csv", Target("EPSG:2056"), ["safe", "8001.tif=a.tif"])
+    export(scene, "metashape", out / "t.csv", ExportFrame("EPSG:2056"), ["safe", "8001.tif=a.tif"])
     assert listing(out) == {"t.csv", "t_import.py", "t_names.csv"}
     with together() as staging:  # as a run writes
         export(scene, "metashape", staging.tree(out) / "t.csv")
@@ -48,7 +48,7 @@ def test_a_script_belongs_to_its_table(tmp_path: Path) -> None:
     export(scene, "micmac", out / "t.txt")
     assert listing(out) == {"t.csv", "t.txt", "t_SysCoRTL.xml"}
     (out / "t_import.py").write_text("print('of the user')")
-    export(scene, "micmac", out / "t.txt", Target(frame="geocentric"))
+    export(scene, "micmac", out / "t.txt", ExportFrame(frame="geocentric"))
     assert listing(out) == {"t.csv", "t.txt", "t_import.py"}
 
 
@@ -108,7 +108,7 @@ OPTIONS = {
 def test_the_same_export_is_the_same_bytes(name: str, tmp_path: Path) -> None:
     """Oracle: the files of a first export; so the same command may be repeated without --force."""
     scene = make_scene().eo
-    target = Target("EPSG:32632") if EXPORTS[name].frames == ("projected",) else Target()
+    target = ExportFrame("EPSG:32632") if EXPORTS[name].frames == ("projected",) else ExportFrame()
     files = []
     for folder in (tmp_path / "a", tmp_path / "b"):
         folder.mkdir()

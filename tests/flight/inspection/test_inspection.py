@@ -19,7 +19,7 @@ from insgnss.flight.inspection.draft import Draft, toml, write_draft
 from insgnss.flight.inspection.evidence import vertical_axes
 from insgnss.flight.inspection.run import inspect_files
 from insgnss.flight.inspection.sensing import fitting_model, noise_model, sense
-from insgnss.flight.inspection.tables.roles import Grid, gnss_roles, imu_roles
+from insgnss.flight.inspection.tables.roles import UnknownTable, gnss_roles, imu_roles
 from insgnss.flight.processing.recording import read_recording
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.navigation.prepare.axes import parse_axes
@@ -385,7 +385,7 @@ def test_held_fixes_are_found_by_what_changes_with_them():
     t, lat, lon, h, _ = _track(n=40, dt=1.0)
     clock = t[0] + 0.02 * np.arange(2000)
     held = [np.repeat(column, 50) for column in (np.degrees(lat), np.degrees(lon), h, t)]
-    grid = Grid(np.column_stack([clock, *held]), ("time", "lat", "lon", "alt", "GPS_TOW"))
+    grid = UnknownTable(np.column_stack([clock, *held]), ("time", "lat", "lon", "alt", "GPS_TOW"))
     roles = gnss_roles(grid)
     assert roles is not None
     assert roles.repeat_column == 4
@@ -398,7 +398,7 @@ def test_names_decide_before_values():
     values = np.column_stack(
         [np.arange(100.0) * 0.01, rng.normal(9.8, 0.1, (100, 3)), rng.normal(0.0, 0.1, (100, 3))]
     )
-    roles = imu_roles(Grid(values, ("IMUtime", "p", "q", "r", "AccX", "AccY", "AccZ")))
+    roles = imu_roles(UnknownTable(values, ("IMUtime", "p", "q", "r", "AccX", "AccY", "AccZ")))
     assert roles is not None
     assert [roles.columns[name] for name in ("gx", "gy", "gz", "ax", "ay", "az")] == [
         1,
@@ -408,7 +408,7 @@ def test_names_decide_before_values():
         5,
         6,
     ]
-    assert imu_roles(Grid(values, ("time", "a", "b", "c", "d", "e", "f"))) is None
+    assert imu_roles(UnknownTable(values, ("time", "a", "b", "c", "d", "e", "f"))) is None
 
 
 # what a header may look like

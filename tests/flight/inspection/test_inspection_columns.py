@@ -10,8 +10,8 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.flight.inspection.sources import as_long_as
 from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
-from insgnss.flight.inspection.tables.grids import Table, tables_of_file
-from insgnss.flight.inspection.tables.names import Grid
+from insgnss.flight.inspection.tables.grids import GridTable, tables_of_file
+from insgnss.flight.inspection.tables.names import UnknownTable
 from insgnss.flight.inspection.tables.roles import gnss_roles, imu_roles
 from insgnss.flight.inspection.tables.tabular import sources_of_table
 from insgnss.io.formats import read_gnss, read_imu
@@ -27,7 +27,7 @@ def table(**columns):
     values = np.column_stack([np.broadcast_to(column, N) for column in columns.values()]).astype(
         float
     )
-    return Table(Grid(values, names), names)
+    return GridTable(UnknownTable(values, names), names)
 
 
 def channels(*names):

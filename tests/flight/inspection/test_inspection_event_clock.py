@@ -12,7 +12,7 @@ from insgnss.api.verbs import simulate
 from insgnss.flight.inspection.discovery import discover, sources_of
 from insgnss.flight.inspection.event_clock import SCALE_OPEN, clock_of_events, scale_of_dates
 from insgnss.flight.inspection.run import inspect_files
-from insgnss.flight.inspection.sources import Source
+from insgnss.flight.inspection.sources import InputSource
 from insgnss.geodesy.gpstime import calendar_from_gps
 from insgnss.io.formats import read_events
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
@@ -33,7 +33,7 @@ def told(imu_week, gnss_week, events_week, stamps, files=("imu", "gnss", "events
     for role, name in zip(("imu", "gnss", "events"), files, strict=True):
         path = tmp / f"{name}.txt"
         path.write_text("1 2\n")
-        sources.append(Source(role, path, ""))
+        sources.append(InputSource(role, path, ""))
     return clock_of_events(tuple(sources), imu, fixes, events)
 
 
@@ -70,7 +70,7 @@ def test_round_stamps_are_no_evidence(tmp_path):
     )
     path = tmp_path / "x.txt"
     path.write_text("1 2\n")
-    source = Source("events", path, "")
+    source = InputSource("events", path, "")
     files = [replace(source, path=Path(tmp_path / name)) for name in ("a", "b")]
     assert not clock_of_events((*files, source), imu, fixes, events)[2]
 

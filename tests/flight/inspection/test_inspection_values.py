@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from insgnss.flight.inspection.discovery import discover
 from insgnss.flight.inspection.run import inspect_files
-from insgnss.flight.inspection.tables.grids import Table
-from insgnss.flight.inspection.tables.names import Grid
+from insgnss.flight.inspection.tables.grids import GridTable
+from insgnss.flight.inspection.tables.names import UnknownTable
 from insgnss.flight.inspection.tables.quality import codes_of
 from insgnss.flight.inspection.tables.roles import gnss_roles
 from insgnss.flight.inspection.tables.tabular import sources_of_table
@@ -138,7 +138,7 @@ def test_known_columns_that_are_left_out_say_why(tmp_path):
     }
     values = np.column_stack([np.broadcast_to(c, t.size) for c in columns.values()])
     (source,) = sources_of_table(
-        tmp_path / "g.csv", Table(Grid(values, tuple(columns)), tuple(columns))
+        tmp_path / "g.csv", GridTable(UnknownTable(values, tuple(columns)), tuple(columns))
     )
     said = dict(text.partition(" (")[::2] for text in source.columns_left_out)
     assert said.keys() == columns.keys() - {"time", "lat", "lon", "alt"}
@@ -216,7 +216,9 @@ def test_a_hovering_copter_holds_no_fix_until_the_next(tmp_path):
     """Oracle: rows of which each is a fix of its own; a table that repeats each row ten times."""
     t, lat, lon, h = hover()
     assert np.mean((np.diff(lat) == 0.0) & (np.diff(lon) == 0.0)) > 0.5
-    roles = gnss_roles(Grid(np.column_stack([t, lat, lon, h]), ("time", "lat", "lon", "alt")))
+    roles = gnss_roles(
+        UnknownTable(np.column_stack([t, lat, lon, h]), ("time", "lat", "lon", "alt"))
+    )
     assert roles.repeat_column is None
     assert not is_held((lat, lon), (np.full(t.size, 500.0),))
     record = np.zeros(t.size, dtype=[(name, float) for name in ("tow", *FIX)])
@@ -229,7 +231,7 @@ def test_a_hovering_copter_holds_no_fix_until_the_next(tmp_path):
     held = [np.repeat(column, 10) for column in (lat, lon, h)]
     assert is_held(held[:2], held[2:])
     clock = 0.01 * np.arange(10 * t.size)
-    grid = Grid(np.column_stack([clock, *held]), ("time", "lat", "lon", "alt"))
+    grid = UnknownTable(np.column_stack([clock, *held]), ("time", "lat", "lon", "alt"))
     assert gnss_roles(grid).repeat_column == 1
 
 

@@ -16,7 +16,7 @@ from readers.lines import comments, rows
 from test_proof_formats import CASES
 
 from insgnss.base.errors import InputError, InsgnssError, UsageError
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.flight.proof import pictures, write
 from insgnss.flight.proof.scene import make_scene, terrain
 from insgnss.flight.proof.write import write_proof
@@ -165,7 +165,7 @@ def test_relative_control_leads_from_image_to_image(form: str, tmp_path: Path) -
     """Oracle: the poses of the scene, by the master's reader."""
     true = truth_of_scene(tmp_path)
     path = tmp_path / "relative.csv"
-    export(make_scene().eo, "relative", path, Target(), noise="navchip", form=form)
+    export(make_scene().eo, "relative", path, ExportFrame(), noise="navchip", form=form)
     found = relative.poses(relative.read(path), PLANE, true)
     row = [true.names.index(name) for name in found.names]
     assert len(row) == 2

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from posed import Pose, posed
 
 from insgnss.flight.reference.error_model import continuous, earth_rate, influence, propagate
-from insgnss.flight.reference.strapdown import State, rotation
+from insgnss.flight.reference.strapdown import NominalState, rotation
 from insgnss.flight.reference.twin import run_forward, solve_twin
 from insgnss.navigation.filter.layout import FixErrors
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov
@@ -36,10 +36,10 @@ def test_strapdown_follows_the_exact_motion():
     """
     flown = without_noise(fly(12.0, seed=2, imu_hz=200.0, noise=None))
     truth = flown.true_nav()
-    state = State.from_arrays(truth[0], np.zeros(flown.problem.layout.size - 9))
+    state = NominalState.from_arrays(truth[0], np.zeros(flown.problem.layout.size - 9))
     for k in range(1, truth.shape[0]):
         state = propagate(flown.problem, k, state).state
-    error = State.from_arrays(truth[-1], state.x).minus(state)
+    error = NominalState.from_arrays(truth[-1], state.x).minus(state)
     assert np.abs(error[:3]).max() < 2e-5
     assert np.abs(error[3:6]).max() < 1e-6
     assert np.abs(error[6:9]).max() < 1e-10
@@ -71,7 +71,7 @@ def test_transition_is_the_derivative_of_the_strapdown():
     of 1 m, 0.1 m/s, 1e-4 rad, a sigma.
     """
     problem, start = posed(EVERY)
-    state = State.from_arrays(
+    state = NominalState.from_arrays(
         start.nav, 0.3 * problem.layout.sigma0 * np.cos(np.arange(start.x.size))
     )
     steps = np.concatenate([np.repeat([1.0, 0.1, 1e-4], 3), problem.layout.sigma0])
@@ -105,7 +105,7 @@ def test_transition_and_noise_of_one_sample_are_van_loans():
             stop=np.arange(problem.epochs.stop.size), time=inc.dt[0] * np.arange(41.0)
         ),
     )
-    state = State.from_arrays(start.nav, start.x)
+    state = NominalState.from_arrays(start.nav, start.x)
     got = propagate(one, 1, state)
     rates = np.concatenate([inc.dtheta[0], inc.dvel[0]]) / inc.dt[0]
     U = influence(layout, 0.5 * inc.dt[0], rates)

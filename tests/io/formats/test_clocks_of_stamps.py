@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from insgnss.base.errors import InputError
 from insgnss.geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from insgnss.io.formats import read_barometer, read_events, read_gnss, read_imu
-from insgnss.io.formats.logs.autopilot import Fixes, Message
+from insgnss.io.formats.logs.autopilot import Fixes, LogMessage
 from insgnss.io.formats.text.clock import gps_time
 from insgnss.io.formats.text.order import NumberedRows, put_in_order
 from insgnss.io.formats.text.stamps import on_one_clock, weeks_in_step
@@ -151,7 +151,7 @@ def test_stale_weeks_are_taken_from_the_times_of_week(stale, named):
     late[10 : 10 + stale] = named
     assert np.array_equal(weeks_in_step(late, tow), week)
     path = NumberedRows("log.bin", "GPS")
-    fixes = Fixes.of(Message("GPS", {}, path), np.ones(40, dtype=bool), instants, late, tow)
+    fixes = Fixes.of(LogMessage("GPS", {}, path), np.ones(40, dtype=bool), instants, late, tow)
     assert np.array_equal(fixes.week, week)
     assert len(fixes.left_out(40)) == bool(stale)
     tow, weeks, _, _ = on_one_clock(path, tow, late, "s", "GNSS rows")

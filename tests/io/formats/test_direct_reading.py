@@ -219,5 +219,5 @@ def test_an_array_that_is_cut_off_or_goes_on_is_refused(tmp_path: Path) -> None:
             load_numpy(path)
 
 
-def direct_layout(path: Path, buf: np.ndarray) -> text.Layout:
+def direct_layout(path: Path, buf: np.ndarray) -> text.TextLayout:
     return text.sniff(path, buf)

@@ -15,7 +15,7 @@ from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import DataError, InputError
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.geodesy.projection import MapProjection
 from insgnss.io.formats import EXPORTS
 from insgnss.io.formats.bundle.metashape import write_metashape
@@ -512,7 +512,7 @@ def test_a_datum_is_warned_of_where_it_costs_something(
     """
     eo = exterior(near_nadir(3), np.zeros((3, 3)))
     eo = replace(eo, origin=np.array([*np.radians(place), 100.0]), datum=datum)
-    notes = " ".join(export(eo, "metashape", tmp_path / "x", Target(code)).notes)
+    notes = " ".join(export(eo, "metashape", tmp_path / "x", ExportFrame(code)).notes)
     assert ("its datum was reached by" in notes) == bool(told)
     assert told in notes
     assert "gnss.datum" in notes or not told
@@ -533,7 +533,7 @@ def test_the_datum_of_the_positions_goes_with_the_master(tmp_path: Path) -> None
     assert (back[:1].datum, back[:1].epoch) == ("EPSG:7912", 2024.5)
     rows = []
     for k, one in enumerate((back, replace(back, datum=None, epoch=None))):
-        export(one, "metashape", tmp_path / f"{k}.csv", Target("EPSG:25832"))
+        export(one, "metashape", tmp_path / f"{k}.csv", ExportFrame("EPSG:25832"))
         line = (tmp_path / f"{k}.csv").read_text().splitlines()[-1].replace(",", " ").split()
         rows.append([float(v) for v in line[1:3]])
     assert np.hypot(*np.subtract(*rows)) == pytest.approx(0.87, abs=0.03)

@@ -15,7 +15,7 @@ from ba_scene import block
 from PIL import Image
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.io.formats import EXPORTS
 from insgnss.records import ExteriorOrientation
 
@@ -64,7 +64,7 @@ def test_a_full_disk_leaves_the_export_before_or_none(name: str, tmp_path: Path)
     options = OPTIONS.get(name, {})
     if name == "image_tags":
         options = {"images": str(photographs(eo, tmp_path / "photographs"))}
-    target = Target("EPSG:32632") if name == "opf" else Target()
+    target = ExportFrame("EPSG:32632") if name == "opf" else ExportFrame()
     out = tmp_path / "out"
     out.mkdir()
     path = out / EXPORTS[name].product

@@ -200,8 +200,8 @@ def test_what_is_scaled_in_a_model_of_the_imu() -> None:
             assert (one.scale_factor, one.misalignment) == (0.1, 0.2)
 
 
-def spell(first, last, step=(1.0, 0.0, 0.0), misclosure=0.0) -> incorrect_fixes.Spell:
-    return incorrect_fixes.Spell(first, last, np.array(step), np.full(3, 0.01), misclosure)
+def spell(first, last, step=(1.0, 0.0, 0.0), misclosure=0.0) -> incorrect_fixes.FixSpell:
+    return incorrect_fixes.FixSpell(first, last, np.array(step), np.full(3, 0.01), misclosure)
 
 
 def withheld(spells, *, n=400, sigma_m=0.1, longest_s=60.0) -> bool:
@@ -372,7 +372,7 @@ def next_state(
         ),
     )
     monkeypatch.setattr(
-        decision, "_with_constants", lambda *_: decision._State(1, None) if remedied else None
+        decision, "_with_constants", lambda *_: decision._Search(1, None) if remedied else None
     )
     monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
     delays = [] if delay is None else [SimpleNamespace(evidence=delay)]
@@ -388,7 +388,7 @@ def next_state(
         decision, "_slow_bias", lambda *_: None if slow is None else (slow, lambda: "slow")
     )
     search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
-    here = decision._State(0, None)
+    here = decision._Search(0, None)
     return decision._next(search, (None, None), here, constants)
 
 
@@ -430,7 +430,7 @@ def test_which_explanation_is_adopted(monkeypatch, changes, adopted) -> None:
 def test_evidence_of_a_flight_that_has_lost_fixes(monkeypatch, resets, gain, expected) -> None:
     """Oracle: by hand: half the gain in -2 log L, where a lost fix counts no more than the gate, as
     it does of the rivals; without lost fixes that of the hypothesis."""
-    here = decision._State(1.0, decision.ErrorModel(FixErrors()))
+    here = decision._Search(1.0, decision.ErrorModel(FixErrors()))
     monkeypatch.setattr(decision, "_resets", lambda _: resets)
     monkeypatch.setattr(decision, "misfit", lambda solution: solution)
     solved = None if gain is None else 1.0 - gain

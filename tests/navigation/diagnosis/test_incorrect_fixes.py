@@ -8,7 +8,7 @@ from flown import fly, start_near
 
 from insgnss.navigation.diagnosis.incorrect_fixes import (
     LONGEST_SPELL_S,
-    Spell,
+    FixSpell,
     incorrect_check,
     spells_apart,
     with_steps,
@@ -166,4 +166,4 @@ def test_a_step_within_what_fixes_claim_is_no_spell(flown):
 
 
 def spells_of(step):
-    return [Spell(100, 130, step, np.full(3, 0.03))]
+    return [FixSpell(100, 130, step, np.full(3, 0.03))]

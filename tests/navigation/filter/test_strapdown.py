@@ -25,13 +25,13 @@ from insgnss.navigation.filter.kernels.strapdown import gravity_l as kernel_grav
 from insgnss.navigation.filter.strapdown import free_inertial, kernel_earth
 from insgnss.navigation.prepare.increments import body_increments
 from insgnss.records import Increments
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.motion import ExactMotion
 
 NANO_DEG = np.radians(1e-9)
 LEVEL = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
 
 
-def true_nav(motion: Motion, time) -> np.ndarray:
+def true_nav(motion: ExactMotion, time) -> np.ndarray:
     return np.hstack(
         [motion.position(time), motion.velocity(time), quaternion_from_rotation(motion.C_lb(time))]
     )
@@ -103,7 +103,9 @@ def test_a_body_at_rest_stays_for_an_hour():
     additions grown by the Schuler loop.
     """
     frame = LocalFrame(float(np.radians(46.57)), float(np.radians(6.54)), 510.0)
-    motion = Motion(frame, 1000.0, 1.0, np.tile([3.0, 4.0, -20.0, 0.02, -0.05, 1.1], (3606, 1)))
+    motion = ExactMotion(
+        frame, 1000.0, 1.0, np.tile([3.0, 4.0, -20.0, 0.02, -0.05, 1.1], (3606, 1))
+    )
     imu = motion.imu(100.0)
     inc = body_increments(imu, np.eye(3), imu.time[::6000])
     truth = true_nav(motion, inc.marks)

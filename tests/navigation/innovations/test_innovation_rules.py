@@ -12,7 +12,7 @@ from scipy.stats import chi2, norm
 from insgnss.navigation.innovations._kernels import minus_half_turn
 from insgnss.navigation.innovations.innovation_noise import (
     InFlightNoise,
-    Innovations,
+    WhitenedInnovations,
     Whiteness,
     _chance,
     _minutes,
@@ -22,7 +22,7 @@ from insgnss.navigation.innovations.innovation_noise import (
 from insgnss.navigation.innovations.pieces import moving_parts
 from insgnss.navigation.innovations.search import Maximum, Search
 
-BLANK = Innovations(
+BLANK = WhitenedInnovations(
     1.0, 100, 0, 0.0, Whiteness(*(np.zeros(3),) * 1, 0.0, *(np.zeros(3),) * 2, 20, np.zeros(3))
 )
 

@@ -10,7 +10,7 @@ from flown import Flown, fly, start_near
 from numpy.testing import assert_allclose
 
 from insgnss.flight.reference.measurements import measurement
-from insgnss.flight.reference.strapdown import State
+from insgnss.flight.reference.strapdown import NominalState
 from insgnss.navigation.filter.codes import POSITION_ROW, REJECTED, USED, VEL
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
@@ -62,7 +62,7 @@ def test_means_are_those_of_the_measurement_model():
         for e in rows:
             x = solution.x[e].copy()
             x[gm] = 0.0
-            state = State.from_arrays(solution.nav[e], x)
+            state = NominalState.from_arrays(solution.nav[e], x)
             H, z, R = measurement(problem, int(e), POSITION_ROW, state, acceleration[e])
             H[:, 9 + states.gm : 12 + states.gm] = 0.0
             r.append(z)

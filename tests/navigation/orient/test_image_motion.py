@@ -22,7 +22,9 @@ RIG = Rig(imu_m=(0.9, -0.8, 0.7))  # 1.4 m from the projection centre
 CHANGES = {"start_in_air": True, "line_length_m": 40.0}
 
 
-def by_differences(flight: flights.Flight, plane: TangentPlane) -> tuple[np.ndarray, np.ndarray]:
+def by_differences(
+    flight: flights.FlightMotion, plane: TangentPlane
+) -> tuple[np.ndarray, np.ndarray]:
     """Velocity, m/s, and rate, rad/s, (n, 3), of what poses do within 2 ms around the exposures."""
     before, after = (
         true_eo(replace(flight, time=flight.time + step), RIG, plane) for step in (-STEP_S, STEP_S)

@@ -15,31 +15,31 @@ from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.prepare.gaps import find_gaps, nominal_interval
 from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.records import ImuSamples, Increments
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.motion import ExactMotion
 
 RATE_HZ = 200.0
 BODY = np.eye(3)
 
 
 @pytest.fixture(scope="module")
-def motion() -> Motion:
+def motion() -> ExactMotion:
     """25 s in the air, a line and a turn, with gusts."""
     return block_flight(25.0 / 60.0, seed=3, start_in_air=True, line_length_m=120.0).motion
 
 
-def C_ib(motion: Motion, time):
+def C_ib(motion: ExactMotion, time):
     """Body into axes that do not turn and agree with l at the start, (n, 3, 3)."""
     return rotation_from_vector(
         (time - motion.start)[:, None] * motion.frame.earth_rate_l
     ) @ motion.C_lb(time)
 
 
-def exact_turn(motion: Motion, t0, t1):
+def exact_turn(motion: ExactMotion, t0, t1):
     """(n, 3) rotation vectors from t0 to t1 against inertial space."""
     return vector_from_rotation(np.swapaxes(C_ib(motion, t0), -1, -2) @ C_ib(motion, t1))
 
 
-def exact_velocity(motion: Motion, t0, t1):
+def exact_velocity(motion: ExactMotion, t0, t1):
     """(n, 3) integral of the specific force from t0 to t1 in the body axes at t0: Gauss-Legendre,
     eight nodes, error under 1e-15.
     """

@@ -11,7 +11,7 @@ from scipy.stats import linregress, norm
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.navigation.prepare.fix_path import between_fixes
 from insgnss.navigation.recognise import plausibility, turns
-from insgnss.navigation.recognise.axes import Forward, Pose, _direction, down, forward
+from insgnss.navigation.recognise.axes import ForwardAxis, Pose, _direction, down, forward
 from insgnss.navigation.recognise.claims import _compare_clock
 from insgnss.navigation.recognise.fit import Scan
 from insgnss.navigation.recognise.propulsion import Propulsion, propulsion
@@ -285,7 +285,7 @@ def test_who_is_slow_or_leans_may_fly_sideways(speed, slow, free) -> None:
     """Oracle: by hand: 0.95 of the certainty below 3 m/s or of a multirotor, else 0.995."""
     ahead = _direction(np.array([1.0, 0.0, 0.0]), 1e-3)
     moved = Propulsion(0.0 if free else 1.0, 0.01, 1.0)
-    finding = of_forward(Forward(ahead, speed, 0.1, np.zeros(2)), moved, 0.9)
+    finding = of_forward(ForwardAxis(ahead, speed, 0.1, np.zeros(2)), moved, 0.9)
     assert finding.confidence == pytest.approx(0.9 * (0.95 if slow or free else 0.995))
 
 

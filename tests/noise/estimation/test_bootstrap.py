@@ -21,7 +21,7 @@ from insgnss.noise.estimation.bootstrap import (
     robust_efficiency,
     simulate_axis,
 )
-from insgnss.noise.estimation.gmwm import Fit, fit
+from insgnss.noise.estimation.gmwm import NoiseFit, fit
 from insgnss.noise.estimation.inference import efficient, infer
 from insgnss.noise.moments.theory import haar_variance
 from insgnss.noise.moments.wavelet import wavelet_variance
@@ -40,7 +40,7 @@ AXES = {
 }
 
 
-def series_fit(n: int, axis: AxisNoise, composition: str) -> Fit:
+def series_fit(n: int, axis: AxisNoise, composition: str) -> NoiseFit:
     """A fit to one simulated series; the processes drawn from are the fitted ones."""
     return fit(
         wavelet_variance(simulate_axis(axis, n, RATE, np.random.default_rng(3)), RATE), composition

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from insgnss.base.errors import DataError, UsageError
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, load_noise_model
-from insgnss.noise.estimation._matching import Group, Moments
+from insgnss.noise.estimation._matching import Moments, PooledCurves
 from insgnss.noise.estimation._minimum import minimum
 from insgnss.noise.estimation.gmwm import fit, interval_weights, objective
 from insgnss.noise.moments.haar_covariance import haar_covariance
@@ -184,7 +184,7 @@ def test_objective_is_stationary_at_the_solution(name):
 def test_curvature_is_the_derivative_of_the_minimum_over_the_variances():
     """Oracle: central differences of the value, and of the gradient."""
     curve = scattered(TRUTH, 10**6, 100.0, 5)
-    group = Group(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)
+    group = PooledCurves(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)
     moments = Moments([group], Composition.parse("WN+2GM+RW"), "point", (1e-4, 1e6))
     t, h = np.log([0.2, 30.0]), 1e-4
     g, G = moments.curvature(moments.solution(np.exp(t)))
@@ -461,7 +461,7 @@ def test_minimum_has_no_more_processes_than_it_takes():
     assert_allclose(fewer.objective, many.objective, rtol=1e-10)
     assert not any(name.startswith("driving_noise") for name in fewer.at_bound)
     moments = Moments(
-        [Group(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)],
+        [PooledCurves(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)],
         many.composition,
         "point",
         (2e-4, 1e9),

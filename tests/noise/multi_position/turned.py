@@ -8,7 +8,7 @@ from insgnss.geodesy.earth import normal_gravity
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.navigation.prepare.calibration import TriadCalibration
 from insgnss.records import ImuSamples
-from insgnss.simulation.motion import Motion
+from insgnss.simulation.motion import ExactMotion
 
 LATITUDE, HEIGHT = np.radians(46.5), 400.0
 GRAVITY = float(normal_gravity(LATITUDE, HEIGHT))
@@ -41,7 +41,7 @@ def turned_by_hand(angles, hold_s=5.0, turn_s=2.0, rate=100.0):
         rows += [a + ramp[:, None] * (b - a), np.repeat(b[None], hold, axis=0)]
     control = np.concatenate(rows)
     frame = LocalFrame(float(LATITUDE), 0.1, HEIGHT)
-    return Motion(frame, 1000.0, knot, np.hstack([np.zeros_like(control), control])).imu(rate)
+    return ExactMotion(frame, 1000.0, knot, np.hstack([np.zeros_like(control), control])).imu(rate)
 
 
 def recorded(ideal, seed, gyro=1e-3, accel=5e-3, wander=0.0):

@@ -15,7 +15,7 @@ from insgnss.navigation.noise_model.model import (
     GaussMarkov,
     RecordingSource,
 )
-from insgnss.noise.estimation.estimates import Estimate
+from insgnss.noise.estimation.estimates import NoiseEstimate
 from insgnss.noise.estimation.gmwm import fit
 from insgnss.noise.estimation.inference import infer
 from insgnss.noise.moments.theory import haar_variance
@@ -225,7 +225,8 @@ def testintervals_without_an_end_are_said_to_have_none():
     ):
         assert (
             interval(
-                "gyro", Estimate(NoiseTerm(CORRELATION_TIME, 1), 1.5, 0.1, low, high, high, False)
+                "gyro",
+                NoiseEstimate(NoiseTerm(CORRELATION_TIME, 1), 1.5, 0.1, low, high, high, False),
             )
             == text
         )

@@ -10,7 +10,7 @@ from simulated_blocks import camera, no_ground, simulated
 from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import skew
-from insgnss.io.formats.blocks.joined import Joined
+from insgnss.io.formats.blocks.joined import JoinedBlock
 from insgnss.photogrammetry.adjust.adjustment import adjusted
 from insgnss.photogrammetry.adjust.groups import DistanceObservation, InnerConstraints
 from insgnss.photogrammetry.adjust.normals import problem_of
@@ -33,7 +33,7 @@ def block():
 
 def in_datum(block, kind, bars=()):
     """The block adjusted in a datum of its own: result, precision, and its inner constraints."""
-    union = Joined(block, None, block.position_m, block.C_mc)
+    union = JoinedBlock(block, None, block.position_m, block.C_mc)
     block, inner = in_own_datum(block, union, kind, bars)
     rays = np.bincount(block.observations.point, minlength=len(block.points))
     keep = np.flatnonzero(rays >= 2).tolist() if kind == "minimal" else ()
@@ -103,7 +103,7 @@ def test_geocentric_poses_are_brought_into_a_tangent_plane() -> None:
     plane = TangentPlane(0.8, 0.1, 300.0)
     X = np.array([[0.0, 50.0, 3.0], [0.0, -50.0, 3.0], [np.nan] * 3])
     C = np.stack([np.diag([1.0, -1.0, -1.0])] * 3)
-    union = Joined(None, None, plane.origin_ecef + X @ plane.C_em.T, plane.C_em @ C)
+    union = JoinedBlock(None, None, plane.origin_ecef + X @ plane.C_em.T, plane.C_em @ C)
     notes = []
     with np.errstate(all="raise"):
         got = in_tangent_plane(union, notes)

@@ -26,7 +26,7 @@ from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.photogrammetry.adjust.relative import (
     Datum,
     GyroNoise,
-    Observed,
+    ObservedStrip,
     RelativeAerialControl,
     as_printed,
     operator,
@@ -86,7 +86,7 @@ def group(block, poses, observed, parameters=None, common=None, cov=None):
 def test_derivatives(block, positions) -> None:
     """Oracle: central differences through `Unknowns.moved`, far from the observed poses."""
     rng = np.random.default_rng(52)
-    observed = Observed(positions, True, PAIRS)
+    observed = ObservedStrip(positions, True, PAIRS)
     m = sum(observed.sizes(N))
     A = rng.normal(0.0, 0.01, (m, 2))
     blocks = {
@@ -122,7 +122,7 @@ def test_derivatives(block, positions) -> None:
 def test_turns_are_free_of_the_bore_sight_and_those_in_the_camera_are_not(block) -> None:
     """Paper 003, equation 4: whatever the bore-sight, to rounding."""
     C = block.truth.C_mc
-    observed = Observed("relative", True, PAIRS)
+    observed = ObservedStrip("relative", True, PAIRS)
     turned = C @ rotation_from_vector(TURN).T
     e, _ = group(block, (block.truth.position, turned), observed).linearised(block.truth)
     assert np.abs(e).max() < 1e-12
@@ -138,7 +138,7 @@ def test_all_pairs_are_the_poses_with_free_shift_and_bore_sight(block) -> None:
     small = np.radians([0.5, -0.3, 0.8])
     poses = observed_poses(block, rng, small)
     control = control_points(block.block.control)
-    relative = group(block, poses, Observed("relative", True, PAIRS))
+    relative = group(block, poses, ObservedStrip("relative", True, PAIRS))
     time, zeros = 2.0 * np.arange(N), np.zeros((N, 3))
     absolute = AerialControl(
         tuple(range(N)),
@@ -175,7 +175,7 @@ def test_independent_pairs_forget_what_neighbours_share() -> None:
     """
     C = np.tile(np.eye(3), (N, 1, 1))
     P = np.kron(np.eye(N), np.diag(np.repeat([0.03, 1e-3], 3) ** 2))
-    observed = Observed("relative", True, PAIRS)
+    observed = ObservedStrip("relative", True, PAIRS)
     whole = smoothed(operator(C, observed), P)
     printed = as_printed(P, C, observed, np.arange(N) * 2.0, None)
     np.testing.assert_allclose(np.diagonal(whole), np.diagonal(printed))
@@ -192,7 +192,7 @@ def test_independent_pairs_forget_what_neighbours_share() -> None:
 def test_equation_6_as_printed() -> None:
     """Numbers by hand: 0.1 deg/sqrt(s), 0.02 deg/s and 1.5 over 4 s."""
     C = np.tile(np.eye(3), (2, 1, 1))
-    observed = Observed("absolute", True, np.array([[0, 1]]))
+    observed = ObservedStrip("absolute", True, np.array([[0, 1]]))
     cov = as_printed(
         np.eye(12), C, observed, np.array([0.0, 4.0]), GyroNoise(*np.radians([0.1, 0.02]), 1.5)
     )
@@ -206,7 +206,7 @@ def test_equation_6_as_printed() -> None:
 def test_a_weak_datum_says_nothing_where_anything_else_does(block) -> None:
     """With ground control it moves no image by more than what 5 m and 2 deg weigh beside 3 cm."""
     rng = np.random.default_rng(54)
-    relative = group(block, observed_poses(block, rng), Observed("relative", True, PAIRS))
+    relative = group(block, observed_poses(block, rng), ObservedStrip("relative", True, PAIRS))
     sigma = (5.0, float(np.radians(2.0)))
     C = rotation_from_vector(np.radians([0.5, 0.5, 0.5])) @ block.truth.C_mc[3]
     datum = Datum(3, block.truth.position[3] + 1.0, C, sigma)
@@ -230,4 +230,4 @@ def test_a_weak_datum_of_attitude_alone_observes_three() -> None:
 def test_shapes_are_refused(block) -> None:
     poses = block.truth.position, block.truth.C_mc
     with pytest.raises(InputError, match=r"weight: shape \(6, 6\), expected \(42, 42\)"):
-        group(block, poses, Observed("relative", True, PAIRS), cov=np.eye(6))
+        group(block, poses, ObservedStrip("relative", True, PAIRS), cov=np.eye(6))

@@ -9,7 +9,7 @@ from pyproj import Transformer
 from sites import orientation_at
 
 from insgnss.base.errors import UsageError
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.grids import geoid_file
 from insgnss.geodesy.projection import MapProjection
@@ -68,7 +68,7 @@ def test_positions_of_two_datums_are_compared_in_one() -> None:
 def test_a_declared_geographic_crs_is_the_datum_of_a_file(tmp_path: Path) -> None:
     """Oracle: the datum of the export; its table of longitude and latitude names none."""
     eo = flown()
-    file = export(eo, "metashape", tmp_path / "m.csv", Target(NAD83)).file
+    file = export(eo, "metashape", tmp_path / "m.csv", ExportFrame(NAD83)).file
     done = compare_files(eo, file, crs=NAD83)
     assert not done.findings
     assert np.abs([part.difference for part in done.components[:3]]).max() < 2e-4
@@ -106,7 +106,7 @@ def test_files_name_the_datum_of_their_positions(form: str, tmp_path: Path) -> N
     same numbers of the other datum.
     """
     frame, options = FILES[form]
-    target = Target(frame) if frame.startswith("EPSG") else Target(frame=frame)
+    target = ExportFrame(frame) if frame.startswith("EPSG") else ExportFrame(frame=frame)
     masters = {ITRF: flown(), NAD83: flown(NAD83, None)}
     for datum, eo in masters.items():
         done = export(eo, form, tmp_path / f"x{datum[5:]}{form}", target, **options)
@@ -144,7 +144,7 @@ def test_heights_go_along_into_the_datum_of_the_crs(tmp_path: Path) -> None:
     place = np.radians([46.5]), np.radians([6.6]), np.array([500.0])
     assert swiss.forward(*place)[0, 2] == 500.0
     assert swiss.heights == "above the ellipsoid of ETRS89"
-    export(eo, "odm", tmp_path / "geo.txt", Target(NAD83))
+    export(eo, "odm", tmp_path / "geo.txt", ExportFrame(NAD83))
     rows = np.loadtxt(tmp_path / "geo.txt", skiprows=1, usecols=(1, 2, 3), comments="#")
     assert np.abs((rows - np.column_stack(in_nad83(eo))) * [8e4, 1.1e5, 1.0]).max() < 1e-4
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from sites import orientation_at
 
 from insgnss.base.errors import InputError
-from insgnss.flight.exporting.export import Target, export
+from insgnss.flight.exporting.export import ExportFrame, export
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.navigation.orient.frame import in_frame
@@ -66,9 +66,9 @@ class Site:
     def export(self, form: str, name: str, **options: object) -> Path:
         metric = form in ("colmap", "odm")
         if form.startswith("micmac"):
-            target = Target()
+            target = ExportFrame()
         else:
-            target = Target(self.metric if metric else self.crs, self.geoid)
+            target = ExportFrame(self.metric if metric else self.crs, self.geoid)
         return export(self.eo, form, self.root / name, target, **options).file
 
 
@@ -265,7 +265,9 @@ def test_a_geocentric_model_without_its_shift(tmp_path: Path) -> None:
     """Oracle: the orientation itself; by name of the CRS, and without it by the positions."""
     eo = site_at("Lausanne", tmp_path).eo
     options = {"camera": "PINHOLE,5120,3840,5607,5607,2560,1920"}
-    folder = export(eo, "colmap", tmp_path / "model", Target(frame="geocentric"), **options).file
+    folder = export(
+        eo, "colmap", tmp_path / "model", ExportFrame(frame="geocentric"), **options
+    ).file
     text = (folder / "images.txt").read_text().splitlines(keepends=True)
     (folder / "images.txt").write_text("".join(row for row in text if row[0] != "#"))
     for crs in ("EPSG:4978", None):

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from insgnss.base.errors import DataError
 from insgnss.photogrammetry.lever_arm.records import PosedAntennas
-from insgnss.photogrammetry.lever_arm.similarity import GroundPoints, similarity_lever_arm
+from insgnss.photogrammetry.lever_arm.similarity import PairedPoints, similarity_lever_arm
 
 ARM = np.array([0.098, -0.070, -0.091])  # in-flight calibration of Table 1, paper 002
 POSE_M, ANTENNA_M, GROUND_M = 3e-3, np.array([0.01, 0.01, 0.02]), 5e-3
@@ -52,7 +52,7 @@ def flight(opposite, tilt_deg, points=0, rng=None, attitude=1e-6, n=60):
     poses = PosedAntennas(
         r, C_r.as_matrix(), covs(n, [POSE_M / scale] * 3, [attitude] * 3), G, covs(n, ANTENNA_M)
     )
-    ground = GroundPoints(P, covs(points, [POSE_M / scale] * 3), Q, covs(points, [GROUND_M] * 3))
+    ground = PairedPoints(P, covs(points, [POSE_M / scale] * 3), Q, covs(points, [GROUND_M] * 3))
     return poses, ground
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insgnss.geodesy.rotation import rotation_from_vector, skew
-from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, FlightPoses, Stated
+from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, CovariantPoses, Stated
 from insgnss.records import ExteriorOrientation
 from insgnss.records.cameras.mounting import Mounting
 from insgnss.records.strips import CommonErrors, StripCovariance
@@ -52,7 +52,7 @@ ONE_HEADING = Plan((10.0,) * 4, (15.0,) * 4, 12, 0.5, 0.0, 0.05)
 class Posed:
     """A flight, the poses of its block, and the truth."""
 
-    flight: FlightPoses
+    flight: CovariantPoses
     block: CameraPoses
     rows: np.ndarray
     stated: Stated
@@ -151,7 +151,7 @@ def posed(
     independent = np.zeros((6, 6))  # no image shares its error with another
     frame = "plane" if georeferenced else "own"
     block = CameraPoses(names, X_b, C_b, P, frame, "block.xml", shared=independent)
-    flight = FlightPoses(eo, tuple(strips), common, believed)
+    flight = CovariantPoses(eo, tuple(strips), common, believed)
     stated = Stated(believed, 0.0, frozenset({"antenna_m", "imu_m"}))
     return Posed(flight, block, np.arange(n), stated, true)
 

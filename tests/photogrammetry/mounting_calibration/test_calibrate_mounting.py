@@ -32,7 +32,7 @@ from insgnss.photogrammetry.mounting_calibration.block_poses import block_poses
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
 from insgnss.photogrammetry.mounting_calibration.options import Assumptions
 from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses
-from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, FlightPoses
+from insgnss.photogrammetry.mounting_calibration.records import CameraPoses, CovariantPoses
 from insgnss.photogrammetry.mounting_calibration.solution import solve
 from insgnss.report.charts.files import charts_of
 from insgnss.simulation.dataset import write_dataset
@@ -144,7 +144,7 @@ def test_two_steps_are_one(flown) -> None:
         two.cov(*((POSE, int(k)) for k in order)),
         "plane",
     )
-    posed = FlightPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
+    posed = CovariantPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
     known = Assumptions(shift_sigma_m=1e-6, frame="shift")
     solved = solve(poses, posed, inputs.eo_row[order], known)
     joint = one.result.values.blocks

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from insgnss.base.errors import InputError
 from insgnss.photogrammetry.mounting_calibration import plausibility
 from insgnss.photogrammetry.mounting_calibration.plausibility import (
-    Misfit,
-    Path,
+    FlightPath,
+    PoseMisfit,
     gross_errors,
     misfit,
     refuse_frame,
@@ -22,7 +22,7 @@ from insgnss.photogrammetry.mounting_calibration.plausibility import (
 def test_poses_of_a_path_between_its_instants() -> None:
     """Oracle: by hand: positions on a straight line, the nearer attitude; none beyond the ends."""
     C = Rotation.from_rotvec(np.outer([0.0, 0.1, 0.2], [0.0, 0.0, 1.0])).as_matrix()
-    path = Path(np.array([10.0, 11.0, 13.0]), np.array([[0.0] * 3, [1.0] * 3, [5.0] * 3]), C)
+    path = FlightPath(np.array([10.0, 11.0, 13.0]), np.array([[0.0] * 3, [1.0] * 3, [5.0] * 3]), C)
     X, attitude = path.at(np.array([10.0, 10.4, 10.6, 12.0, 13.0]))
     assert_allclose(X[:, 0], [0.0, 0.4, 0.6, 3.0, 5.0])
     assert_allclose(attitude, C[[0, 0, 1, 2, 2]])
@@ -45,7 +45,7 @@ def test_the_misfit_of_poses_is_what_similarity_and_bore_sight_leave() -> None:
     noisy = misfit(X, C.as_matrix(), X_o + e, turned)
     assert noisy.position_m == pytest.approx(np.sqrt((e**2).sum(axis=1).mean()), rel=0.12)
     assert noisy.attitude_rad == pytest.approx(np.sqrt((psi**2).sum(axis=1).mean()), rel=0.05)
-    assert Misfit(3.0, math.radians(0.4)).size == pytest.approx(5.0)
+    assert PoseMisfit(3.0, math.radians(0.4)).size == pytest.approx(5.0)
     line = np.outer(np.arange(40.0), [1.0, 2.0, 0.0])
     along = misfit(line, C.as_matrix(), 2.0 * R.apply(line), (R * C).as_matrix())
     assert along.position_m < 1e-6

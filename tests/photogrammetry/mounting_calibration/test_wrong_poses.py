@@ -10,7 +10,7 @@ from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.photogrammetry.mounting_calibration.options import Assumptions
 from insgnss.photogrammetry.mounting_calibration.plausibility import (
-    Path,
+    FlightPath,
     gross_errors,
     misfit,
     refuse_frame,
@@ -22,7 +22,7 @@ from insgnss.photogrammetry.mounting_calibration.solution import solve
 OF_ITS_OWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def refused(of: Posed, path: Path | None = None) -> str:
+def refused(of: Posed, path: FlightPath | None = None) -> str:
     with pytest.raises(InputError) as caught:
         refuse_implausible(of.block, of.flight, of.rows, path)
     return str(caught.value)
@@ -152,7 +152,7 @@ def test_exposures_in_utc() -> None:
         return np.stack([np.interp(t, eo.time + 18.0, x[:, k]) for k in range(3)], axis=1)
 
     nearest = np.abs(t[:, None] - eo.time - 18.0).argmin(axis=1)
-    path = Path(t, interpolated(eo.position_m), eo.C_mc[nearest])
+    path = FlightPath(t, interpolated(eo.position_m), eo.C_mc[nearest])
     late = replace(of.flight, eo=replace(eo, position_m=path.at(eo.time)[0]))
     said = refused(replace(of, flight=late), path)
     assert "+18.0 s" in said

@@ -18,7 +18,7 @@ from insgnss.io.formats.blocks.camera_toml import read_camera_toml, write_camera
 from insgnss.io.formats.blocks.ground_points import read_ground_points, write_ground_points
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.photogrammetry.block_adjustment.run import adjust
-from insgnss.photogrammetry.target_measurement.request import Request, Target
+from insgnss.photogrammetry.target_measurement.request import Target, TargetRequest
 from insgnss.photogrammetry.target_measurement.run import MeasurementResult, measure_targets
 from insgnss.records import ExteriorOrientation
 
@@ -40,9 +40,11 @@ class Sheet:
     directory: Path
     marks: dict[tuple[str, int], Array]
 
-    def request(self, photographs: Path, target: Target, ground: str = "ground.csv") -> Request:
+    def request(
+        self, photographs: Path, target: Target, ground: str = "ground.csv"
+    ) -> TargetRequest:
         names = ("eo.json", ground, "camera.toml")
-        return Request(*(self.directory / name for name in names), photographs, target=target)
+        return TargetRequest(*(self.directory / name for name in names), photographs, target=target)
 
 
 def marked() -> dict[tuple[str, int], Array]:

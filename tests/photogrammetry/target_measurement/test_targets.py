@@ -26,7 +26,7 @@ from insgnss.io.formats.blocks.ground_points import GroundAxes, GroundTable
 from insgnss.io.formats.blocks.image_points import ImagePoints
 from insgnss.io.formats.blocks.reading import read_measured_block
 from insgnss.photogrammetry.target_measurement.photographs import photographs_in, read_grey
-from insgnss.photogrammetry.target_measurement.request import Request, Target
+from insgnss.photogrammetry.target_measurement.request import Target, TargetRequest
 from insgnss.photogrammetry.target_measurement.run import MeasurementResult, measure_targets
 from insgnss.photogrammetry.target_measurement.windows import number_in
 from insgnss.photogrammetry.targets.codes import smallest
@@ -46,8 +46,8 @@ def measured(flight: RenderedFlight) -> MeasurementResult:
     return measure_targets(request(flight))
 
 
-def request(flight: RenderedFlight, **changes: object) -> Request:
-    return replace(Request(*map(Path, flight.arguments)), **changes)  # type: ignore[arg-type]
+def request(flight: RenderedFlight, **changes: object) -> TargetRequest:
+    return replace(TargetRequest(*map(Path, flight.arguments)), **changes)  # type: ignore[arg-type]
 
 
 def copied(flight: RenderedFlight, to: Path) -> RenderedFlight:

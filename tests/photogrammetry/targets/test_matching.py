@@ -17,7 +17,7 @@ from insgnss.photogrammetry.targets.matching import (
     _design,
     _first_shadow,
     _light,
-    _State,
+    _Shape,
     match,
 )
 from insgnss.photogrammetry.targets.signals import disc, quadrants
@@ -27,9 +27,9 @@ TEMPLATE = Template(disc(0.2), np.array([[42.0, 6.0], [-4.0, 38.0]]))
 SHADOW = np.array([0.6, 0.7, 1.3])
 
 
-def state(shadow=None) -> _State:
+def state(shadow=None) -> _Shape:
     M = np.array([[1.02, 0.03], [-0.02, 0.97]])
-    return _State(np.array([20.3, 19.6]), M, math.log(0.8), np.array([20.0, 20.0]), shadow)
+    return _Shape(np.array([20.3, 19.6]), M, math.log(0.8), np.array([20.0, 20.0]), shadow)
 
 
 def pixels(reach: float = 6.0) -> np.ndarray:
@@ -96,7 +96,7 @@ def test_a_drawn_target_is_found_where_it_was_drawn(shaded) -> None:
     template = Template(quadrants(0.5), np.array([[42.0, 3.0], [-3.0, 42.0]]))
     v, u = np.mgrid[:60, :60]
     x = np.stack([u.ravel() + 0.5, v.ravel() + 0.5], axis=1)
-    true = _State(np.array([30.4, 29.7]), 1.02 * np.eye(2), math.log(0.7), np.array([30.0, 30.0]))
+    true = _Shape(np.array([30.4, 29.7]), 1.02 * np.eye(2), math.log(0.7), np.array([30.0, 30.0]))
     true.shadow = np.array([0.5, 0.4, 2.0]) if shaded else None
     light = _light(x, true)[0]
     column = _design(x, template, true, 8.0, light)[0]

@@ -15,7 +15,7 @@ from rendered_targets import Scene, bars, board, camera, plate
 
 from insgnss.base.errors import InputError
 from insgnss.photogrammetry.targets.matching import Freedom
-from insgnss.photogrammetry.targets.measurement import Measurement, Rules, deformation, measure
+from insgnss.photogrammetry.targets.measurement import MeasuredTarget, Rules, deformation, measure
 from insgnss.photogrammetry.targets.prediction import predict
 from insgnss.photogrammetry.targets.signals import Signal, cross, disc, picture, quadrants
 from insgnss.photogrammetry.targets.template import Template, rotated
@@ -34,7 +34,7 @@ class Taken:
 
     errors: Array
     normalised: Array
-    rejected: list[Measurement]
+    rejected: list[MeasuredTarget]
 
 
 def taken(
@@ -177,7 +177,7 @@ def test_a_picture_of_the_target_serves_as_well() -> None:
     assert np.abs(got.match.uv - scene.uv).max() < 0.15
 
 
-def _one(signal: Signal, where: Array | None = None, rules: Rules | None = None) -> Measurement:
+def _one(signal: Signal, where: Array | None = None, rules: Rules | None = None) -> MeasuredTarget:
     scene = Scene(np.random.default_rng(6))
     image = scene.image(board(0.3), structured=False)
     at = scene.uv if where is None else where

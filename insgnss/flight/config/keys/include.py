@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ....base.tables import Source, Table, read_toml
+from ....base.tables import KeySource, OptionTable, read_toml
 from ..flight_file import FLIGHT_TABLES
 
 INCLUDE = "include"
@@ -30,8 +30,8 @@ OF_A_FLIGHT = ("name", "gps_week", "start_tow", "end_tow", "accept")
 
 
 def with_included(
-    root: Table, keys: Mapping[str, tuple[str, ...]]
-) -> tuple[Table, tuple[Path, ...]]:
+    root: OptionTable, keys: Mapping[str, tuple[str, ...]]
+) -> tuple[OptionTable, tuple[Path, ...]]:
     """Return a flight file with the keys of the files that it includes.
 
     Parameters
@@ -72,17 +72,17 @@ def with_included(
             if key in last.data:
                 problem = f"is of one flight; give it in {root.path.name}, not in a shared file"
                 raise last.error(key, problem)
-        _take_over(data, last, "", Source(path, last.lines), sources)
-    merged = Table(root.path, root.lines, keys, "", data, sources)
+        _take_over(data, last, "", KeySource(path, last.lines), sources)
+    merged = OptionTable(root.path, root.lines, keys, "", data, sources)
     return merged, tuple(chain[1:])
 
 
 def _take_over(
     own: dict[str, Any],
-    other: Table,
+    other: OptionTable,
     table: str,
-    source: Source,
-    sources: dict[str, Source],
+    source: KeySource,
+    sources: dict[str, KeySource],
 ) -> None:
     """Add the keys of a table that `own` has not; a table within it key by key as well."""
     present = set(own)
@@ -96,7 +96,7 @@ def _take_over(
             if not isinstance(inner, dict):
                 continue  # what is no table is refused where the file is read
             own[key] = dict(inner)
-            below = Table(other.path, other.lines, other.keys, name, value)
+            below = OptionTable(other.path, other.lines, other.keys, name, value)
             _take_over(own[key], below, name, source, sources)
             continue
         group = next((g for g in ALTERNATIVES.get(table, ()) if key in g), (key,))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....io.formats.text.headers import TIME_FACTORS
 from ....records import Array
-from .names import CLOCK_NAMES, WEEK_NAMES, Grid, bare, spellings, squashed
+from .names import CLOCK_NAMES, WEEK_NAMES, UnknownTable, bare, spellings, squashed
 
 UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
 EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
@@ -29,7 +29,7 @@ SECONDS_SUFFIX, NANOSECONDS = (
 )
 
 
-def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
+def clocks(grid: UnknownTable, longest_step: float) -> dict[int, str]:
     """Find the columns that are clocks, and their units.
 
     Parameters
@@ -48,7 +48,7 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
     return one_by_one or _clocks(grid, longest_step, LEAST_BUNCHES)
 
 
-def _clocks(grid: Grid, longest_step: float, least_forward: float) -> dict[int, str]:
+def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> dict[int, str]:
     named = any(name is not None for name in grid.names)
     fine = seconds_and_nanoseconds(grid.names).values()
     units: dict[int, str] = {}
@@ -65,7 +65,7 @@ def _clocks(grid: Grid, longest_step: float, least_forward: float) -> dict[int, 
     return _best_first(grid, units)
 
 
-def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[int, str]:
+def clocks_by_values(grid: UnknownTable, longest_step: float, taken: set[int]) -> dict[int, str]:
     """Find the columns that no name calls a clock but that run like one.
 
     A counter of rows or packets is none.
@@ -84,7 +84,7 @@ def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[i
     return _best_first(grid, units)
 
 
-def is_clock_of(grid: Grid, column: int, clock: int) -> bool:
+def is_clock_of(grid: UnknownTable, column: int, clock: int) -> bool:
     """Tell whether a column runs with a clock, in the same ticks or a thousandth of them."""
     a, b = grid.values[:, clock], grid.values[:, column]
     span = float(a[-1] - a[0])
@@ -95,7 +95,7 @@ def is_clock_of(grid: Grid, column: int, clock: int) -> bool:
     return bool(np.quantile(off, EVEN_SHARE) < np.median(np.diff(a)))
 
 
-def _best_first(grid: Grid, units: dict[int, str]) -> dict[int, str]:
+def _best_first(grid: UnknownTable, units: dict[int, str]) -> dict[int, str]:
     """Clocks that count from 1970 first, then those in seconds."""
 
     def rank(item: tuple[int, str]) -> tuple[bool, bool]:
@@ -158,7 +158,7 @@ def _clock_unit(
     )
 
 
-def weeks(grid: Grid) -> list[int]:
+def weeks(grid: UnknownTable) -> list[int]:
     """Find the columns that are GPS weeks."""
     out = []
     for k, name in enumerate(grid.names):
@@ -171,6 +171,6 @@ def weeks(grid: Grid) -> list[int]:
     return out
 
 
-def week_column(grid: Grid) -> int | None:
+def week_column(grid: UnknownTable) -> int | None:
     """Return the first column that is a GPS week, or None."""
     return next(iter(weeks(grid)), None)

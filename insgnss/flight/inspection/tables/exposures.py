@@ -21,7 +21,7 @@ from ....io.formats.names import IMAGE_ENDINGS
 from ....io.formats.text.text import TextTable, read_text_table
 from ....records import Array
 from ..event_clock import SCALE_OPEN
-from ..sources import Source
+from ..sources import InputSource
 
 IMAGE_WORDS = "image img photo foto picture pic bild file name frame shot event seq number id"
 TIME_WORDS = "time zeit date datum stamp clock tow sec sek utc gps"
@@ -34,7 +34,7 @@ LARGEST_LIST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 charac
 NAMES_BY_VALUES = "by the values of its columns, and where several could be meant by their names"
 
 
-def exposures_of(path: Path) -> tuple[list[Source], str]:
+def exposures_of(path: Path) -> tuple[list[InputSource], str]:
     """Return the exposures that a text table lists, and else what it lacks for that.
 
     Parameters
@@ -60,7 +60,7 @@ def exposures_of(path: Path) -> tuple[list[Source], str]:
     return ([], missing) if source is None else ([source], "")
 
 
-def _source(path: Path, columns: dict[str, str] | None) -> Source | None:
+def _source(path: Path, columns: dict[str, str] | None) -> InputSource | None:
     """The file as a source, read by its header or by `columns`; None where that gives no names."""
     dated = columns is None or "time" in columns
     try:
@@ -74,7 +74,7 @@ def _source(path: Path, columns: dict[str, str] | None) -> Source | None:
     if events.time_scale:
         keys["time_scale"], why["time_scale"] = events.time_scale, SCALE_OPEN
     count = f"exposures{' with their dates' if dated else ''}, {len(events.images)} of them"
-    return Source("events", path, count, keys, why)
+    return InputSource("events", path, count, keys, why)
 
 
 def _columns(table: TextTable) -> tuple[dict[str, str], str]:

@@ -18,7 +18,7 @@ from ....io.formats.arrays.matlab import load_matlab
 from ....io.formats.text.text import read_table
 from ....records import Array
 from .clocks import seconds_and_nanoseconds
-from .names import Grid, squashed
+from .names import UnknownTable, squashed
 
 FEWEST_ROWS = 20  # of a table that is a recording (chosen)
 SENSOR_STEMS = {
@@ -34,18 +34,18 @@ DAY_FIRST, YEAR_FIRST = (
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class GridTable:
     """A grid inside a file, with the file's names of its columns.
 
     `variable` is the variable that holds them, where the file has variables.
     """
 
-    grid: Grid
+    grid: UnknownTable
     fields: tuple[str, ...]
     variable: str | None = None
 
 
-def tables_of_file(path: Path) -> Iterator[Table]:
+def tables_of_file(path: Path) -> Iterator[GridTable]:
     """Yield the tables of numbers that a file holds.
 
     Raises
@@ -61,7 +61,7 @@ def tables_of_file(path: Path) -> Iterator[Table]:
         yield from _text_tables(path)
 
 
-def _content_tables(path: Path, content: Any) -> Iterator[Table]:
+def _content_tables(path: Path, content: Any) -> Iterator[GridTable]:
     """Matrices, structs of columns, and variables of one length."""
     for info in tables_of(content):
         if info.rows < FEWEST_ROWS or not info.columns:
@@ -70,13 +70,15 @@ def _content_tables(path: Path, content: Any) -> Iterator[Table]:
             path, content, {name: name for name in info.columns}, info.name or None
         )
         names = tuple(None if name.startswith("[") else name for name in info.columns)
-        yield Table(
-            Grid(np.column_stack(list(columns.values())), names), info.columns, info.name or None
+        yield GridTable(
+            UnknownTable(np.column_stack(list(columns.values())), names),
+            info.columns,
+            info.name or None,
         )
     yield from _sensors_apart(content)
 
 
-def _sensors_apart(content: Any) -> Iterator[Table]:
+def _sensors_apart(content: Any) -> Iterator[GridTable]:
     """Gyros and accelerometers in a matrix each, of x y z or with a clock before them.
 
     They are one table where they have as many rows and, if they have clocks, the same stamps.
@@ -109,10 +111,10 @@ def _sensors_apart(content: Any) -> Iterator[Table]:
         for name, from_column in ((gyro, 0), (accel, first))
         for k in range(from_column, first + 3)
     )
-    yield Table(Grid(values, names), fields)
+    yield GridTable(UnknownTable(values, names), fields)
 
 
-def _text_tables(path: Path) -> Iterator[Table]:
+def _text_tables(path: Path) -> Iterator[GridTable]:
 
     table = read_table(path, whole=False)
     layout, values = table.layout, table.values
@@ -126,7 +128,7 @@ def _text_tables(path: Path) -> Iterator[Table]:
         values = values.copy()
         for whole, fine in nanos.items():
             values[:, whole] += 1e-9 * values[:, fine]
-    yield Table(Grid(values, tuple(names), nanos), tuple(name or "" for name in names))
+    yield GridTable(UnknownTable(values, tuple(names), nanos), tuple(name or "" for name in names))
 
 
 def date_in(path: Path) -> np.datetime64 | None:

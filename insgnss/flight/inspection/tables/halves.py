@@ -15,10 +15,10 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
-from ..sources import Role, Source
+from ..sources import InputSource, Role
 from .clocks import clocks, week_column
-from .grids import Table
-from .names import ACCEL, GYRO, Grid, Roles, squashed
+from .grids import GridTable
+from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
 
 TRIAD_COLUMNS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
 IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
@@ -28,7 +28,9 @@ TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
 HALF_SCATTER, EXACT_SHARE = 0.5, 1e-5
 
 
-def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) -> list[Source]:
+def half_of_imu(
+    path: Path, table: GridTable, source_of: Callable[[Roles], InputSource]
+) -> list[InputSource]:
     """Return the gyros or the accelerometers of a table that has one of them and a clock.
 
     Parameters
@@ -65,7 +67,7 @@ def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) 
     return [replace(sources[0], other_clocks=tuple(sources[1:]))]
 
 
-def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
+def _triad(path: Path, grid: UnknownTable) -> tuple[Role, dict[str, int]] | None:
     """Role and columns of the one triad of a table; None where there is none, or two."""
     triads = [(role, columns) for role in TRIAD_COLUMNS if (columns := grid.triad(role))]
     if triads:
@@ -105,7 +107,9 @@ def _refuse_without_gravity(path: Path, force: Any) -> None:
         )
 
 
-def of_two_halves(gyros: tuple[Source, ...], accels: tuple[Source, ...]) -> Source | None:
+def of_two_halves(
+    gyros: tuple[InputSource, ...], accels: tuple[InputSource, ...]
+) -> InputSource | None:
     """Join gyros and accelerometers of two files to one source of samples.
 
     Parameters
@@ -149,7 +153,7 @@ def of_two_halves(gyros: tuple[Source, ...], accels: tuple[Source, ...]) -> Sour
     return replace(first, other_clocks=tuple(others))
 
 
-def _calibrated(sources: tuple[Source, ...]) -> Source:
+def _calibrated(sources: tuple[InputSource, ...]) -> InputSource:
     """The one source of a sensor; of several the one that is not called raw."""
     usual = [source for source in sources if "uncalibrated" not in source.path.stem.lower()]
     chosen = usual or list(sources)
@@ -161,12 +165,12 @@ def _calibrated(sources: tuple[Source, ...]) -> Source:
     return chosen[0]
 
 
-def _clock(source: Source) -> tuple[str, Any]:
+def _clock(source: InputSource) -> tuple[str, Any]:
     """Name and unit of the column of time."""
     return source.fields["tow"], source.keys.get("units", {}).get("time")
 
 
-def _pair(gyro: Source, accel: Source) -> Source:
+def _pair(gyro: InputSource, accel: InputSource) -> InputSource:
     """Samples of two files as the flight file names them."""
     keys: dict[str, Any] = {"accel_file": accel.path}
     if "columns" in gyro.keys or "columns" in accel.keys:
@@ -176,7 +180,7 @@ def _pair(gyro: Source, accel: Source) -> Source:
         keys["units"] = units
     header = {**(gyro.header_units or {}), **(accel.header_units or {})}
     description = f"{gyro.what}, with {accel.what.replace(' alone', '')} of {accel.path.name}"
-    return Source(
+    return InputSource(
         "imu",
         gyro.path,
         description,

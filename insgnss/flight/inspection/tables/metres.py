@@ -7,7 +7,7 @@ import numpy as np
 from ....geodesy.frames import TangentPlane, ecef_to_geodetic
 from ....io.formats.gnss.cartesian import GEOCENTRIC, GEODETIC_FIELDS, on_earth, position_columns
 from .clocks import clocks_by_values
-from .names import Grid, Roles
+from .names import Roles, UnknownTable
 
 # where local metres are put to look at them: their own point is not known here
 ANYWHERE = TangentPlane(np.radians(45.0), np.radians(10.0), 0.0)
@@ -15,7 +15,7 @@ LONGEST_STEP_S = 30.0  # of a clock of fixes: longer ones are no recording of a 
 SIGMAS_OF_METRES = dict(zip(("sd_n", "sd_e", "sd_u"), ("sd_x", "sd_y", "sd_z"), strict=True))
 
 
-def as_geodetic(grid: Grid) -> tuple[Grid, dict[str, str]] | None:
+def as_geodetic(grid: UnknownTable) -> tuple[UnknownTable, dict[str, str]] | None:
     """Return a table with latitude, longitude and height in the place of metres.
 
     Returns
@@ -68,7 +68,7 @@ def in_metres(roles: Roles, renamed: dict[str, str]) -> Roles:
     return replace(roles, columns=columns, units=units, how=how)
 
 
-def _geocentric_triple(grid: Grid) -> int | None:
+def _geocentric_triple(grid: UnknownTable) -> int | None:
     """Return the first of three neighbouring columns with the Earth's radius, or None."""
     stamps = clocks_by_values(grid, LONGEST_STEP_S, set())
     for k in range(grid.values.shape[1] - 2):

@@ -62,7 +62,7 @@ class Roles:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class UnknownTable:
     """An unknown table: values (n, m) and the name of each column, or None.
 
     `nanos` maps, for a clock in two columns, that of the seconds to that of the nanoseconds; the

@@ -25,7 +25,7 @@ from ....io.formats import unit_factor
 from ....io.formats.gnss.rounding import floor_of_zeros
 from ....records import Array
 from .clocks import clocks, clocks_by_values, is_clock_of, tick, week_column, weeks
-from .names import Grid, Roles
+from .names import Roles, UnknownTable
 
 TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
 # velocity (m/s) of a vehicle, and sigma (m) of its fixes: larger ones are other columns
@@ -50,7 +50,7 @@ _ORDERS = {
 }
 
 
-def angle_unit(grid: Grid, lat: int, lon: int) -> str:
+def angle_unit(grid: UnknownTable, lat: int, lon: int) -> str:
     """Return the unit of latitude and longitude.
 
     It is found by values that could be neither degrees nor radians, else by the header, else it is
@@ -64,7 +64,7 @@ def angle_unit(grid: Grid, lat: int, lon: int) -> str:
     return "rad" if largest[0] <= 0.5 * np.pi and largest[1] <= np.pi else "deg"
 
 
-def gnss_by_values(grid: Grid) -> Roles | None:
+def gnss_by_values(grid: UnknownTable) -> Roles | None:
     """Find positions and what else a receiver gives by the values alone; None without any."""
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set())
     for clock, unit in ticks.items():  # a latitude along which one flies evenly runs like a clock
@@ -86,7 +86,7 @@ def gnss_by_values(grid: Grid) -> Roles | None:
 
 
 def _position(
-    grid: Grid, clock: int, factor: float
+    grid: UnknownTable, clock: int, factor: float
 ) -> tuple[dict[str, int], dict[str, str]] | None:
     """Columns of a position that moves, its velocity and sigmas, and their units.
 
@@ -94,7 +94,7 @@ def _position(
     taken whose velocity beside it agrees best, else the first.
     """
     every = max(1, -(-len(grid.values) // MOST_ROWS_LOOKED_AT))
-    grid = Grid(grid.values[::every], grid.names)
+    grid = UnknownTable(grid.values[::every], grid.names)
     time = grid.values[:, clock] * factor
     others = range(grid.values.shape[1])
     taken = {clock, *weeks(grid), *(k for k in others if is_clock_of(grid, k, clock))}
@@ -120,7 +120,7 @@ def _triples(columns: int) -> Iterator[tuple[int, int, int]]:
     yield from ((k + 1, k, k + 2) for k in firsts)
 
 
-def _metres(grid: Grid, position: dict[str, int], unit: str) -> Array | None:
+def _metres(grid: UnknownTable, position: dict[str, int], unit: str) -> Array | None:
     """North, east, down (n, 3), m, of the first row; None where the columns are no position.
 
     Whole numbers are a position in `TENTH_MICRODEGREES` only, and nothing else is.

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....io.formats.gnss.fixes import MOST_QUALITY, NMEA_QUALITY
 from ....records import Array
-from .names import Grid
+from .names import UnknownTable
 
 MOST_CODES = 6  # that a column of qualities has in one flight; one with more counts satellites
 LEAST_ROWS = 5  # of a code
@@ -53,7 +53,7 @@ def _fits(size: dict[int, float]) -> bool:
     return len(ranked) > 1 and ranked == sorted(ranked) and ranked[-1] > TELLING_RATIO * ranked[0]
 
 
-def quality_by_values(grid: Grid, taken: set[int], sigma: Array) -> tuple[int, str] | None:
+def quality_by_values(grid: UnknownTable, taken: set[int], sigma: Array) -> tuple[int, str] | None:
     """Find the one column of a table without names that is a quality, and whose codes it has."""
     matches = []
     for k in range(grid.values.shape[1]):

@@ -23,7 +23,7 @@ from ....io.formats.gnss.rounding import floor_of_zeros, is_held
 from ....records import Array
 from .clocks import clocks, clocks_by_values, week_column, weeks
 from .metres import as_geodetic, in_metres
-from .names import ACCEL, GYRO, Grid, Roles, squashed
+from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
 from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
 from .quality import codes_of, quality_by_values
 
@@ -46,7 +46,7 @@ TURN_PIECES = (20000, 5000, 1250, 300)  # means that a recording is cut into, to
 GRAVITY_IN_UNITS, NEAR_GRAVITY = (9.8, 1.0, 1000.0), 0.15
 
 
-def imu_roles(grid: Grid) -> Roles | None:
+def imu_roles(grid: UnknownTable) -> Roles | None:
     """Find gyro and accelerometer of a table; None where it has none."""
     named_columns = grid.triad("gyro") | grid.triad("accel")
     if len(named_columns) == 6:
@@ -75,12 +75,12 @@ def imu_roles(grid: Grid) -> Roles | None:
     )
 
 
-def has_gravity(grid: Grid, roles: Roles) -> bool:
+def has_gravity(grid: UnknownTable, roles: Roles) -> bool:
     """Tell whether the force of samples has the size of gravity in a usual unit."""
     return _of_gravity(grid.values[:, [roles.columns[c] for c in ACCEL]])
 
 
-def triads_named(grid: Grid) -> list[str]:
+def triads_named(grid: UnknownTable) -> list[str]:
     """Return which of gyros and accelerometers the names of the columns show."""
     return [name for key, name in PLURAL_OF_SENSOR.items() if grid.triad(key)]
 
@@ -165,7 +165,7 @@ def _steadiness(triad: Array) -> float:
     )
 
 
-def gnss_roles(grid: Grid) -> Roles | None:
+def gnss_roles(grid: UnknownTable) -> Roles | None:
     """Find positions and what else a receiver gives; None where the table has no positions."""
     if (twin := as_geodetic(grid)) is not None:
         roles = gnss_roles(twin[0])
@@ -176,7 +176,7 @@ def gnss_roles(grid: Grid) -> Roles | None:
     return None if any(name is not None for name in grid.names) else fixes_by_values(grid)
 
 
-def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
+def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
     named, left = columns, dict[str, str]()
 
@@ -207,7 +207,9 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
     return Roles(columns, ticks, week_column(grid), units, repeat_column, left=reasons)
 
 
-def _repeat_column(grid: Grid, columns: dict[str, int], ticks: dict[int, str]) -> int | None:
+def _repeat_column(
+    grid: UnknownTable, columns: dict[str, int], ticks: dict[int, str]
+) -> int | None:
     """Column that changes with each new fix, where rows hold the last one; else None.
 
     It is a clock that stands still with the position where there is one, else the latitude.
@@ -239,7 +241,7 @@ def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
     return {role: why for role, why in unused.items() if role in columns}
 
 
-def _not_finite(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
+def _not_finite(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
     """Columns that a fix can do without and that are no number in some rows, with the reason."""
     return {
         role: f"no number in {count} of {len(grid.values)} rows"
@@ -250,7 +252,7 @@ def _not_finite(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
     }
 
 
-def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
+def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
     """Standard deviations that are of no use, with the reason.
 
     They are not positive, or double where those of north, east and up exist. Zeros that are rounded
@@ -278,7 +280,7 @@ def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
     return dict.fromkeys(of_place, "not all three are of use") | bad
 
 
-def _quality(grid: Grid, columns: dict[str, int], units: dict[str, str]) -> dict[str, str]:
+def _quality(grid: UnknownTable, columns: dict[str, int], units: dict[str, str]) -> dict[str, str]:
     """Set the unit of the quality where its codes are not RTKLIB's; or why it is left out."""
     if "q" not in columns:
         return {}
@@ -296,7 +298,7 @@ def _quality(grid: Grid, columns: dict[str, int], units: dict[str, str]) -> dict
     return {}
 
 
-def fixes_by_values(grid: Grid) -> Roles | None:
+def fixes_by_values(grid: UnknownTable) -> Roles | None:
     """Find positions by the values, and a quality by the standard deviations beside them."""
     roles = gnss_by_values(grid)
     if roles is None or "sd_n" not in roles.columns:

@@ -23,11 +23,11 @@ from ....io.formats.imu import imu_csv
 from ....io.formats.text.columns import TableSpec
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
-from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Keys, Role, Source
+from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, InputSource, Keys, Role
 from .clocks import UNIX_FROM, tick
-from .grids import FEWEST_ROWS, Table
+from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
-from .names import ACCEL, GYRO, Grid, Roles
+from .names import ACCEL, GYRO, Roles, UnknownTable
 from .roles import (
     POSITION_SIGMAS,
     fixes_by_values,
@@ -62,7 +62,7 @@ CLOCKLESS = {".npy", ".npz", ".imu"}
 GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
 
 
-def sources_of_table(path: Path, table: Table) -> list[Source]:
+def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
     """Return IMU, fixes or exposures in one table, each with the columns that nothing took."""
     grid = table.grid
     named = any(name is not None for name in grid.names)
@@ -103,7 +103,7 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
     return events
 
 
-def _whole(grid: Grid, finite: Any) -> Grid:
+def _whole(grid: UnknownTable, finite: Any) -> UnknownTable:
     """Return the table with zeros for columns without a name that are no number in some rows.
 
     A column of zeros is taken for nothing.
@@ -117,7 +117,7 @@ def _whole(grid: Grid, finite: Any) -> Grid:
     return replace(grid, values=values)
 
 
-def _left_out(table: Table, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
+def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
     """Name the columns that no input takes, with the reason where there is a particular one."""
     grid = table.grid
     used: set[int | None] = set(grid.nanos.values())
@@ -136,7 +136,7 @@ def _left_out(table: Table, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str:
+def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) -> str:
     """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
     names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
     if samples is not None and not samples.clocks:
@@ -156,7 +156,7 @@ def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str
     return ""
 
 
-def _imu(path: Path, table: Table, roles: Roles) -> Source:
+def _imu(path: Path, table: GridTable, roles: Roles) -> InputSource:
     """Samples by their first clock; by the others in `other_clocks`."""
     sources = []
     for clock, unit in roles.clocks.items() or [(None, "s")]:
@@ -171,11 +171,13 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
         _spell_out(path, table, columns, "imu", entry, roles.how)
         units = _header_units(table.grid, columns, entry)
         rows = f"samples, {len(table.grid.values)} rows"
-        sources.append(Source("imu", path, rows, entry.keys, entry.why, span, header_units=units))
+        sources.append(
+            InputSource("imu", path, rows, entry.keys, entry.why, span, header_units=units)
+        )
     return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
-def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str, str]:
+def _header_units(grid: UnknownTable, columns: dict[str, int], entry: Keys) -> dict[str, str]:
     """Units of gyro and accel that the names of the columns give, and with them the quantity.
 
     One that no reader knows is none, nor that of an increment beside that of a rate: the numbers
@@ -206,7 +208,7 @@ def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str,
     return {key: unit for key, unit in header_units.items() if key in rates}
 
 
-def _gnss(path: Path, table: Table, roles: Roles) -> Source:
+def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
     """Fixes by their first clock; by the others in `other_clocks`."""
     if (
         roles.repeat_column is not None
@@ -261,12 +263,12 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         span = _span(table.grid, clock, unit, rows)
         free_height = "h" in columns  # a name that may mean above the sea
         sources.append(
-            Source("gnss", path, count, entry.keys, entry.why, span, free_height=free_height)
+            InputSource("gnss", path, count, entry.keys, entry.why, span, free_height=free_height)
         )
     return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
-def _unstated(grid: Grid, columns: dict[str, int]) -> int:
+def _unstated(grid: UnknownTable, columns: dict[str, int]) -> int:
     """Count the fixes without a standard deviation, or with a zero that is no rounded one."""
     sigmas = [
         np.nan_to_num(grid.values[:, columns[role]]) for role in POSITION_SIGMAS & columns.keys()
@@ -275,7 +277,7 @@ def _unstated(grid: Grid, columns: dict[str, int]) -> int:
     return int(np.any(zero, axis=0).sum()) if zero else 0
 
 
-def _events(path: Path, table: Table) -> list[Source]:
+def _events(path: Path, table: GridTable) -> list[InputSource]:
     """Exposures of a table without names, whose last column is a clock."""
     named = any(name is not None for name in table.grid.names)
     if path.suffix.lower() in ARRAY_ENDINGS or named or not 1 <= len(table.grid.names) <= 2:
@@ -285,16 +287,16 @@ def _events(path: Path, table: Table) -> list[Source]:
     increasing = np.isfinite(last).all() and last.size > 1 and bool((np.diff(last) > 0.0).all())
     if not increasing:
         return []
-    return [Source("events", path, count, span=(float(last[0]), float(last[-1])))]
+    return [InputSource("events", path, count, span=(float(last[0]), float(last[-1])))]
 
 
-def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
+def _clock_columns(grid: UnknownTable, clock: int, week: int | None) -> dict[str, int]:
     """Columns of the time: seconds, nanoseconds and week, as far as there are any."""
     columns = {"tow": clock, "nsec": grid.nanos.get(clock), "week": week}
     return {name: k for name, k in columns.items() if k is not None}
 
 
-def _named(table: Table) -> Keys:
+def _named(table: GridTable) -> Keys:
     """The key of the variable that holds the table, where the file has variables."""
     return Keys({} if table.variable is None else {"variable": table.variable})
 
@@ -303,7 +305,7 @@ def _is_text(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() not in ARRAY_ENDINGS
 
 
-def _time_unit(entry: Keys, grid: Grid, clock: int, unit: str) -> None:
+def _time_unit(entry: Keys, grid: UnknownTable, clock: int, unit: str) -> None:
     """Unit of the clock, where it is not the reader's default."""
     steps = np.diff(grid.values[:, clock])
     if unit in EPOCH_UNITS and float(np.median(grid.values[:, clock])) * tick(unit) > UNIX_FROM:
@@ -315,7 +317,9 @@ def _time_unit(entry: Keys, grid: Grid, clock: int, unit: str) -> None:
     entry.set_unit("time", unit, f"the header gives {unit}" if header_unit == unit else by_step)
 
 
-def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
+def _span(
+    grid: UnknownTable, clock: int, unit: str, rows: Any = slice(None)
+) -> tuple[float, float]:
     """First and last stamp, s; of a clock that counts from 1970 about the time of week."""
     column = grid.values[rows, clock] * tick(unit)
     if np.median(column) > UNIX_FROM:  # without rows from before the date was known
@@ -326,7 +330,7 @@ def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[f
 
 
 def _spell_out(
-    path: Path, table: Table, columns: dict[str, int], role: Role, entry: Keys, how: str
+    path: Path, table: GridTable, columns: dict[str, int], role: Role, entry: Keys, how: str
 ) -> None:
     """Set `columns`, unless the reader of text tables finds the same ones itself."""
     names, spec = table.grid.names, _spec(role, columns)

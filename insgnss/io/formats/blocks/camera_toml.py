@@ -8,7 +8,7 @@ import numpy as np
 from ....base.errors import InputError, near
 from ....base.files import atomic_write
 from ....base.inputs import is_file
-from ....base.tables import Table, read_toml
+from ....base.tables import OptionTable, read_toml
 from ....base.wording import toml
 from ....records.block import INTERIOR, RADIAL_MODELS, BrownCamera, InteriorCovariance
 from ..text.numbers import array_of
@@ -120,14 +120,14 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
         ) from None
 
 
-def _positive(table: Table, key: str) -> float:
+def _positive(table: OptionTable, key: str) -> float:
     value = float(table.number(key, ..., 0.0, LARGEST_PX))
     if value == 0.0:
         raise table.error(key, "0 px; it must be greater than zero")
     return value
 
 
-def _whole(table: Table, key: str) -> int:
+def _whole(table: OptionTable, key: str) -> int:
     value = _positive(table, key)
     if value != int(value):
         raise table.error(key, f"{value:g} px; it is a whole number")

@@ -19,7 +19,7 @@ from ..bundle.camera import (
     BROWN_NAMES,
     FISHEYE_NAMES,
     NAMES,
-    Camera,
+    ColmapCamera,
     brown_camera,
     of_opencv,
 )
@@ -65,7 +65,7 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
         brown_of(
             path,
             str(number),
-            Camera(
+            ColmapCamera(
                 camera.model.name,
                 int(camera.width),
                 int(camera.height),
@@ -195,7 +195,7 @@ def _spells_numbers(text: str, words: list[str]) -> bool:
     return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST_UNIT
 
 
-def brown_of(path: Source, name: str, camera: Camera) -> BrownCamera:
+def brown_of(path: Source, name: str, camera: ColmapCamera) -> BrownCamera:
     """Return a camera of COLMAP whose model is Brown's, or a part of it, or a fisheye's.
 
     Parameters

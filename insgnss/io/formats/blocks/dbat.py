@@ -25,7 +25,7 @@ from ..text.columns import NamedTable, TableSpec, first_repeat
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
 from ..text.order import refuse_rows
-from ..text.text import Source, Table, TextTable, read_table, read_text_table
+from ..text.text import NumberTable, Source, TextTable, read_table, read_text_table
 from ..text.xml import read_xml, text_of
 from .measured_block import minimal_datum
 
@@ -152,7 +152,7 @@ def _tables(
     inputs: Element,
     name: str,
     required: str,
-    read: Callable[[Path], Table | TextTable] = read_table,
+    read: Callable[[Path], NumberTable | TextTable] = read_table,
 ) -> Iterator[tuple[NamedTable, Element, Element]]:
     """Yield the tables of one kind, each with the element <file> that names it and its parent."""
     for parent in inputs.findall(name):

@@ -24,7 +24,7 @@ CORNER, QUARTER_TURN_SHARE = 0.05, 0.52
 
 
 @dataclass(frozen=True, eq=False)
-class Joined:
+class JoinedBlock:
     """A block, and where its images stand in the orientation that it was joined with.
 
     Parameters
@@ -52,7 +52,7 @@ def joined(
     ground: GroundTable | None = None,
     eo: ExteriorOrientation | None = None,
     all_oriented: bool = False,
-) -> Joined:
+) -> JoinedBlock:
     """Join what is known of a block by the names of images and points.
 
     Names of images are the same where they differ by directory, ending or case alone, as those of
@@ -117,7 +117,7 @@ def joined(
         control,
         check,
     )
-    return Joined(block, row, source.position_m, source.C_mc, source.held)
+    return JoinedBlock(block, row, source.position_m, source.C_mc, source.held)
 
 
 def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:

@@ -38,7 +38,7 @@ GIVE_CAMERA = (
 
 
 @dataclass(frozen=True)
-class Camera:
+class ColmapCamera:
     """Model, size in pixels, and parameters in the model's order.
 
     The parameters are focal lengths, principal point and distortion.
@@ -88,7 +88,7 @@ def of_opencv(values: Mapping[str, float]) -> dict[str, float]:
     return {**values, **focal, "p1": values.get("p2", 0.0), "p2": values.get("p1", 0.0)}
 
 
-def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Camera, ...]:
+def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[ColmapCamera, ...]:
     """Parse the cameras of a rig.
 
     Parameters
@@ -128,7 +128,7 @@ def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Camera
     return tuple(camera_of(given[name], who) for name in names)
 
 
-def camera_of(text: str | None, who: str) -> Camera:
+def camera_of(text: str | None, who: str) -> ColmapCamera:
     """Parse the camera of `text`.
 
     Parameters
@@ -163,7 +163,7 @@ def camera_of(text: str | None, who: str) -> Camera:
         raise UsageError(
             f"camera {words[0]}: {len(parameters)} parameters, it has {count}; {GIVE_CAMERA}"
         )
-    camera = Camera(words[0], width, height, parameters)
+    camera = ColmapCamera(words[0], width, height, parameters)
     if min(width, height) <= 0 or min(camera.focal) <= 0.0:
         raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {GIVE_CAMERA}")
     return camera

@@ -38,7 +38,7 @@ from ..orientation.exported import (
 from ..orientation.poses import vector
 from ..text.database import opened_database
 from ..text.text import Source
-from .camera import Camera, camera_of, cameras_of
+from .camera import ColmapCamera, camera_of, cameras_of
 from .colmap_database import (
     DATABASE_KIND,
     DATABASE_TABLES,
@@ -170,8 +170,8 @@ def _check_stored_names(images: Sequence[DatabaseImage], database: Source) -> No
 
 
 def _calibrated(
-    model: Camera, cameras: Mapping[int, Camera], database: Source
-) -> dict[int, Camera]:
+    model: ColmapCamera, cameras: Mapping[int, ColmapCamera], database: Source
+) -> dict[int, ColmapCamera]:
     """Return `model` in the place of all cameras of a database, of whose kind and size it is."""
     for number, saved in cameras.items():
         if (saved.width, saved.height) != (model.width, model.height):
@@ -192,7 +192,7 @@ def _calibrated(
 def _model_texts(
     eo: FramedOrientation,
     images: Sequence[DatabaseImage],
-    cameras: Mapping[int, Camera],
+    cameras: Mapping[int, ColmapCamera],
     offset: Array,
 ) -> dict[str, list[str]]:
     """Return the files of a model by name; with those of rigs and frames where images have them."""
@@ -331,7 +331,7 @@ def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
 
 
 def _new_images(
-    pycolmap: Any, db: Any, eo: FramedOrientation, models: Sequence[Camera]
+    pycolmap: Any, db: Any, eo: FramedOrientation, models: Sequence[ColmapCamera]
 ) -> list[Any]:
     """Write cameras and images into a new database; return the data ids of the images."""
     camera_ids = []

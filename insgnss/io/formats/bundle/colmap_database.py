@@ -16,7 +16,7 @@ from ....base.errors import InputError, UsageError
 from ..text.database import opened_database
 from ..text.layout import shown
 from ..text.text import Source
-from .camera import NAMES, Camera
+from .camera import NAMES, ColmapCamera
 
 COLMAP_MODELS = (
     *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
@@ -66,7 +66,7 @@ class ColmapDatabase:
     """
 
     images: tuple[DatabaseImage, ...]
-    cameras: dict[int, Camera]
+    cameras: dict[int, ColmapCamera]
     rows: tuple[int, ...]
 
 
@@ -213,7 +213,7 @@ def _text(path: Source, value: Any) -> str:
     return value
 
 
-def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
+def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> ColmapCamera:
     """Return a camera of the database."""
     if row is None:
         raise InputError.in_file(path, f"has no camera {number}; extract features again")
@@ -232,4 +232,4 @@ def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
         raise InputError.in_file(
             path, f"{problem}: size or parameters are no numbers; make the database anew"
         )
-    return Camera(name, width, height, tuple(parameters.tolist()))
+    return ColmapCamera(name, width, height, tuple(parameters.tolist()))

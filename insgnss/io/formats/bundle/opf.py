@@ -38,7 +38,7 @@ from ..orientation.ascii_columns import numbers_of
 from ..orientation.exported import check_frame, listed_rows, new_directory, position_sigma
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
-from .camera import Camera, cameras_of
+from .camera import ColmapCamera, cameras_of
 
 OPF_MIME = "application/opf-{}+json"
 ITEMS = ("scene_reference_frame", "camera_list", "input_cameras", "projected_input_cameras")
@@ -192,7 +192,7 @@ def _uid(kind: str, name: str) -> int:
 
 
 def _sensor(
-    camera: Camera, pixel_size_um: float | None, pixel_type: str, bands: str
+    camera: ColmapCamera, pixel_size_um: float | None, pixel_type: str, bands: str
 ) -> dict[str, Any]:
     if pixel_type not in WHITE_LEVELS or bands not in OPF_BANDS:
         raise UsageError(

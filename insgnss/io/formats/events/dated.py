@@ -31,7 +31,7 @@ from ....records import Array, CameraEvents, Finding
 from ..names import DATED, IMAGE_ENDINGS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.columns import Columns, TableSpec
-from ..text.layout import Layout, decode, shown
+from ..text.layout import TextLayout, decode, shown
 from ..text.order import Lines, note
 from ..text.text import FileLine, Source, TextTable, data_lines, load
 from .events import events_in_order
@@ -130,7 +130,8 @@ def read_dated_events(path: Source, options: ReadOptions = STATED_NOTHING) -> Ca
 def table_of_dates(path: Source) -> TextTable:
     """Return the fields of a table; its header is a first line without a date."""
     buf, complete = load(path)
-    lines = list(data_lines(path, decode(bytes(buf[:-1]))))
+    text = decode(bytes(buf[:-1]))
+    lines = [(line, row.rstrip("\r")) for line, row in data_lines(path, text)]
     if not lines:
         raise InputError.in_file(path, "holds no line; check that the file was copied whole")
     delimiter = max(",;\t", key=lines[-1][1].count)
@@ -143,7 +144,7 @@ def table_of_dates(path: Source) -> TextTable:
         if len(fields) != count:
             problem = f"{len(fields)} fields, expected {count}"
             raise line.error(f"{problem}; correct or delete the line")
-    layout = Layout(delimiter, ".", count, first_line=rows[0][0].number)
+    layout = TextLayout(delimiter, ".", count, first_line=rows[0][0].number)
     if header is not None:
         names = tuple(name.strip() for name in header[1])
         layout = replace(

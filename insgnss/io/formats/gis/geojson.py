@@ -94,8 +94,8 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         for name in ("ypr_deg", "ypr_sigma_deg", "opk_deg", "opk_sigma_deg")
     ]
     form = (
-        f'{{"type": "Feature", {AT_POINT}, "properties": {{"image": %s, "time_utc": "%s", "gps_week":'
-        f' {eo.gps_week}, "tow_s": %.6f, '
+        f'{{"type": "Feature", {AT_POINT}, "properties": {{"image": %s, "time_utc": "%s",'
+        f' "gps_week": {eo.gps_week}, "tow_s": %.6f, '
     )
     form += (
         ", ".join(names)

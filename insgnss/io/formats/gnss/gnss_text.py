@@ -19,7 +19,7 @@ from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.columns import NamedTable, TableOut, TableSpec
 from ..text.headers import Settled, factor_of, normalised, unit_in
 from ..text.order import note
-from ..text.text import Source, Table, read_table
+from ..text.text import NumberTable, Source, read_table
 from .cartesian import position_columns, reference_in
 from .fixes import (
     FIX_SIGMAS,
@@ -149,7 +149,7 @@ def _described(named: NamedTable) -> dict[str, int]:
     They weigh nothing, so that one of text alone is passed over; text among numbers is refused.
     """
     table, index_of = named.table, dict[str, int]()
-    assert isinstance(table, Table)
+    assert isinstance(table, NumberTable)
     for k, field in enumerate(table.layout.header_fields or ()):
         name = DESCRIBED.get(normalised(field)[0])
         if name is None or k in named.index.values() or k in table.dates:

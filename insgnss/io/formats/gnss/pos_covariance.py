@@ -7,7 +7,7 @@ from ....base.errors import InputError
 from ....records import Array, Finding
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT
-from ..text.text import Table
+from ..text.text import NumberTable
 
 SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 # between north-east-up and north-east-down: the third axis reversed
@@ -16,7 +16,7 @@ LARGEST_ROOT = 1e7  # largest signed root (m): more than the radius of the Earth
 
 
 def covariances(
-    table: Table,
+    table: NumberTable,
     cols: dict[str, Array],
     names: tuple[str, ...],
     C: Array,
@@ -58,7 +58,7 @@ def covariances(
 
 
 def _drop_odd_correlations(
-    table: Table, P: Array, names: tuple[str, ...], notes: list[Finding]
+    table: NumberTable, P: Array, names: tuple[str, ...], notes: list[Finding]
 ) -> None:
     """Take the correlations out of matrices that are not positive definite, where they are few."""
     bad = without_inverse(P)

@@ -26,7 +26,7 @@ from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import agree_on_week
 from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order, refuse_rows
-from ..text.text import Source, Table, load, parse
+from ..text.text import NumberTable, Source, load, parse
 from .fixes import of_the_solution
 from .heights import GIVE, above_already
 from .pos_covariance import DOWN_FROM_UP, LARGEST_ROOT, covariances
@@ -71,7 +71,7 @@ class PosRows:
     """
 
     header: Header
-    table: Table
+    table: NumberTable
     columns: dict[str, Array]
     time: Array
     gps_week: int
@@ -105,7 +105,7 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
     return pos_rows(parse(path, buf, complete, sniff(path, buf)), header, gps_week)
 
 
-def pos_rows(table: Table, header: Header, gps_week: int | None = None) -> PosRows:
+def pos_rows(table: NumberTable, header: Header, gps_week: int | None = None) -> PosRows:
     """Return the columns of the numbers of a `.pos`, each stamp once and in order.
 
     Raises
@@ -215,7 +215,7 @@ def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
     )
 
 
-def _columns(table: Table, header: Header) -> dict[str, Array]:
+def _columns(table: NumberTable, header: Header) -> dict[str, Array]:
     """Return columns by RTKLIB's name, sexagesimal angles joined.
 
     Time stands as year ... second or week, tow.
@@ -243,7 +243,7 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     return cols
 
 
-def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, int]:
+def _time(table: NumberTable, cols: dict[str, Array], header: Header) -> tuple[Array, int]:
     """Return GPST seconds of the first epoch's week, and that week."""
     shift = JST_S if header.scale == "JST" else 0.0
     if header.dated:
@@ -272,13 +272,13 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
     return (seconds - first * WEEK_S) + tod, first
 
 
-def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, message: str) -> None:
+def _refuse(table: NumberTable, bad: NDArray[np.bool_], value: Array, message: str) -> None:
     """Refuse the first bad row; `message` has a format field for its value."""
     refuse_rows(table, bad, f"{message}; check the columns", value)
 
 
 def _position(
-    table: Table, cols: dict[str, Array], header: Header, undulation_m: float | None
+    table: NumberTable, cols: dict[str, Array], header: Header, undulation_m: float | None
 ) -> tuple[Array, Array, Array, Array]:
     """Return latitude, longitude, height, and rotations (n, 3, 3) into north, east, down.
 
@@ -309,7 +309,7 @@ def _position(
 
 
 def _above_ellipsoid(
-    table: Table, header: Header, height: Array, undulation_m: float | None
+    table: NumberTable, header: Header, height: Array, undulation_m: float | None
 ) -> Array:
     _refuse(table, np.abs(height) > 1e7, height, "{:g} m is no height")
     if header.ellipsoidal and header.given:
@@ -320,7 +320,7 @@ def _above_ellipsoid(
     return height + (undulation_m or 0.0)
 
 
-def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
+def _base_frame(table: NumberTable, header: Header) -> tuple[Array, Array]:
     """Return the base's ECEF position (3,), and the rotation (3, 3) of its east, north, up.
 
     The rotation takes them into ECEF.
@@ -350,13 +350,13 @@ def _frame_at(geodetic: tuple[float, ...]) -> tuple[Array, Array]:
     return origin, rotation_en(lat, lon) @ NED_ENU
 
 
-def _quality(table: Table, q: Array) -> NDArray[np.int64]:
+def _quality(table: NumberTable, q: Array) -> NDArray[np.int64]:
     _refuse(table, ~np.isin(q, range(8)), q, "{:g} is no quality of RTKLIB (0 to 7)")
     return q.astype(np.int64)
 
 
 def _velocity(
-    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Finding]
+    table: NumberTable, cols: dict[str, Array], header: Header, C: Array, notes: list[Finding]
 ) -> tuple[Array | None, Array | None]:
     """Return velocity and covariances in north, east, down, where the file has estimated them."""
     names, roots = VELOCITY_COLUMNS[header.kind], VELOCITY_ROOTS[header.kind]

@@ -13,7 +13,7 @@ import numpy as np
 from ....base.errors import InputError
 from ....records import Array, Finding, ImuSamples
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.layout import Layout
+from ..text.layout import TextLayout
 from ..text.order import note
 from ..text.sentences import SentenceLines, read_sentences
 from ..text.text import FileLine, Source, parsed_rows
@@ -68,7 +68,7 @@ def _numbers(path: Source, rows: list[tuple[int, bytes]]) -> Array:
     if not rows:
         raise InputError.in_file(path, "holds no $AIMU sentence; is it the IMU's log?")
     buf = np.frombuffer(b"\n".join(text for _, text in rows) + b"\n", dtype=np.uint8).copy()
-    parsed = parsed_rows(buf, Layout(",", ".", N_FIELDS), len(rows))
+    parsed = parsed_rows(buf, TextLayout(",", ".", N_FIELDS), len(rows))
     row = len(parsed.values)
     if faults := [int(line) - 1 for start, line in parsed.bad if start >= 0]:
         row = min(faults)

@@ -18,12 +18,12 @@ from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import clock_of, examined_time
 from ..text.columns import Columns, NamedTable, TableSpec
-from ..text.direct import Bytes, Rows, read_columns
+from ..text.direct import Bytes, DirectRows, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
 from ..text.stamps import line_of, on_one_clock, spread_evenly, unrepeated, without_jitter
-from ..text.text import Source, Table, load, loaded, parse
+from ..text.text import NumberTable, Source, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
 from .apart import joined
 
@@ -113,7 +113,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
     spec, units, rate_hz = with_required(required), options.units or {}, options.rate_hz
     kinds = kinds_of(options.quantity)
 
-    def named(table: Table | Rows) -> NamedTable:
+    def named(table: NumberTable | DirectRows) -> NamedTable:
         index = spec.index(table.path, table.layout, options.columns)
         clock = CLOCK_COLUMNS if rate_hz is None else (*CLOCK_COLUMNS, "counter")
         taken = {name: i for name, i in index.items() if name in (*required, *clock)}
@@ -124,7 +124,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
         layout = sniff(path, buf)
         # what is wrong in a line is said before what is wrong with the columns: `parse` does
         with suppress(InputError, UsageError):
-            table = named(Rows(str(path), layout, complete))
+            table = named(DirectRows(str(path), layout, complete))
             settled = table.settled(units, kinds)
             usual = complete
         if usual:

@@ -22,7 +22,7 @@ from ....base.errors import InputError
 from ....records import ImuSamples
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import gps_time
-from ..text.layout import BINARY, Layout, decode, is_binary, is_comment
+from ..text.layout import BINARY, TextLayout, decode, is_binary, is_comment
 from ..text.order import refuse_rows
 from ..text.text import TRUNCATED, FileLine, Source, load, parse
 from ..text.units import DEG
@@ -86,7 +86,7 @@ def read_psins(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSample
     quantity = options.quantity or "increments"
     buf, complete = load(path)
     header, offset, line = _header(path, buf)
-    layout = Layout(None, ".", LINE_VALUES, skip_to=offset, first_line=line)
+    layout = TextLayout(None, ".", LINE_VALUES, skip_to=offset, first_line=line)
     table = parse(path, buf, complete, layout)
     if not len(table.values):
         raise InputError.in_file(path, "ends behind its header; copy it again")

@@ -128,7 +128,7 @@ def read_variances(
 
 
 def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
-    """Read a text table; `stated` holds line and value of each of `STATED`, of comments or caller."""
+    """Read a text table; `stated` holds line and value of `STATED`, of comments or caller."""
     table = read_text_table(path)
     layout, at_header = table.layout, partial(InputError.at_line, path, table.layout.header_line)
     if layout.header_fields is None:

@@ -18,7 +18,7 @@ from ..read_options import ReadOptions
 from ..text.order import note
 from ..text.text import Source
 from ..text.units import DEG
-from .autopilot import Array, Fixes, Log, Message
+from .autopilot import Array, Fixes, Log, LogMessage
 from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
@@ -28,7 +28,7 @@ IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
 
-def _boot(message: Message) -> Array:
+def _boot(message: LogMessage) -> Array:
     """Return the autopilot's stamps, s."""
     for label, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3), ("T", 1e-3)):
         if label in message and not (label == "TimeMS" and "T" in message):
@@ -81,7 +81,7 @@ def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
     return log.samples(message, _fixes, _boot(message), triads, options, notes)
 
 
-def _raw_pair(log: Log, gyro: Message) -> tuple[Message, tuple[Finding, ...]]:
+def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ...]]:
     """Return columns of a raw gyro message with those of its accelerometer.
 
     The latter are interpolated to the gyro's stamps, where both have data.
@@ -99,7 +99,7 @@ def _raw_pair(log: Log, gyro: Message) -> tuple[Message, tuple[Finding, ...]]:
     joined = dict(zip(("TimeUS", *IMU_FIELDS), columns, strict=True))
     finding = f"{accel.name} interpolated to the stamps of {gyro.name}"
     done = note("IMU rows", finding, "one message for both", "or take variable = IMU")
-    return Message(gyro.name, joined, gyro.lines), (done,)
+    return LogMessage(gyro.name, joined, gyro.lines), (done,)
 
 
 def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
@@ -150,7 +150,7 @@ def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
     return fixes_from_columns(cols, message.lines, scales, options, undulation_m or 0.0, notes)
 
 
-def _accuracy(log: Log, message: Message) -> dict[str, Array]:
+def _accuracy(log: Log, message: LogMessage) -> dict[str, Array]:
     """Return standard deviations and height above the ellipsoid, of the GPA of each fix's stamp.
 
     Those that a fix does not have are left out.

@@ -41,7 +41,7 @@ def as_float(column: NDArray[Any]) -> Array:
 
 
 @dataclass(frozen=True)
-class Message:
+class LogMessage:
     """A table of a log: its name, its columns, and where its rows stand."""
 
     name: str
@@ -67,10 +67,10 @@ class Message:
             message = f"{label} is {{}}; it must be finite: {advice}"
             refuse_rows(self.lines, ~np.isfinite(column), message, column)
 
-    def of(self, rows: NDArray[np.bool_]) -> "Message":
+    def of(self, rows: NDArray[np.bool_]) -> "LogMessage":
         """Return the message of some rows, numbered anew."""
         kept = {label: column[rows] for label, column in self.columns.items()}
-        return Message(self.name, kept, self.lines)
+        return LogMessage(self.name, kept, self.lines)
 
     def qualities(self, label: str) -> Array:
         """Return RTKLIB's codes of a column of the autopilot's."""
@@ -82,14 +82,14 @@ class Message:
 class Fixes:
     """Rows of a receiver's message with a fix: the autopilot's stamps, s, week and time of week."""
 
-    message: Message
+    message: LogMessage
     boot: Array
     week: Array
     tow: Array
     named_week: Array  # as the message has it, where it lags behind the times of week
 
     @classmethod
-    def of(cls, message: Message, fixed: NDArray[np.bool_], *times: Array) -> "Fixes":
+    def of(cls, message: LogMessage, fixed: NDArray[np.bool_], *times: Array) -> "Fixes":
         """Take the rows that are `fixed` of a message and of `boot`, `week` and `tow`.
 
         Raises
@@ -128,7 +128,7 @@ class Log:
         advice = "copy it again from the card"
         return tuple(note(name, text, "a whole log", advice) for text in self.odd)
 
-    def message(self, names: tuple[str, ...], variable: str | None = None) -> Message:
+    def message(self, names: tuple[str, ...], variable: str | None = None) -> LogMessage:
         """Return the message `variable`, else the first of `names` there is.
 
         Raises
@@ -141,7 +141,7 @@ class Log:
             there = ", ".join(sorted(self.tables)) or "none"
             wanted = chosen or " or ".join(names)
             raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
-        return Message(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
+        return LogMessage(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
 
     def clock(self, fixes_of: "FixesOf", gps_week: int | None) -> BootClock:
         """Return the autopilot's clock by its receiver's fixes; InputError for another week.
@@ -171,7 +171,7 @@ class Log:
         return fixes, cols, (*self.notes("GNSS rows"), *fixes.left_out(rows))
 
     def on_gpst(
-        self, message: Message, fixes_of: "FixesOf", boot: Array, gps_week: int | None, rows: str
+        self, message: LogMessage, fixes_of: "FixesOf", boot: Array, gps_week: int | None, rows: str
     ) -> tuple[Array, int | None, tuple[Finding, ...]]:
         """Return stamps of the autopilot, s, on GPST, their week, and the notes on both."""
         clock = self.clock(fixes_of, gps_week)
@@ -180,7 +180,7 @@ class Log:
 
     def samples(
         self,
-        message: Message,
+        message: LogMessage,
         fixes_of: "FixesOf",
         boot: Array,
         triads: list[Array],
@@ -196,7 +196,7 @@ class Log:
         return imu_from_columns(cols, message.lines, Scales(1.0, 1.0), options, notes)
 
     def events(
-        self, message: Message, fixes_of: "FixesOf", boot: Array, week: int | None, images: str
+        self, message: LogMessage, fixes_of: "FixesOf", boot: Array, week: int | None, images: str
     ) -> CameraEvents:
         """Return events at stamps of the autopilot, s, named by a column of whole numbers."""
         names = None
@@ -210,7 +210,7 @@ class Log:
 
     def heights(
         self,
-        message: Message,
+        message: LogMessage,
         fixes_of: "FixesOf",
         boot: Array,
         week: int | None,

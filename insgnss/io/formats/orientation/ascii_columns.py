@@ -40,7 +40,7 @@ from .exported import (
     POK,
     RPY,
     YPR,
-    AngleSet,
+    ExportedAngles,
     Placed,
     angles_of,
     check_names,
@@ -90,7 +90,7 @@ class Conventions:
 
 
 @dataclass(frozen=True)
-class Group:
+class ColumnGroup:
     """Columns that are computed together.
 
     `kind` is "metre", "place", "sigma", "angle", "angle sigma", "matrix", "second" or "whole".
@@ -142,32 +142,35 @@ def _angle_groups(
     name: str,
     columns: str,
     attitude: Callable[[FramedOrientation, Conventions], tuple[Array, Array]],
-    angle_set: AngleSet,
-) -> Iterator[tuple[str, Group]]:
+    angle_set: ExportedAngles,
+) -> Iterator[tuple[str, ColumnGroup]]:
     names = tuple(columns.split())
 
     def values(which: int) -> Callable[[FramedOrientation, Conventions], Array]:
         return lambda eo, how: angles_of(eo, *attitude(eo, how), angle_set)[which]
 
-    yield name, Group(names, "angle", values(0))
-    yield f"s_{name}", Group(tuple(f"s_{column}" for column in names), "angle sigma", values(1))
+    yield name, ColumnGroup(names, "angle", values(0))
+    yield (
+        f"s_{name}",
+        ColumnGroup(tuple(f"s_{column}" for column in names), "angle sigma", values(1)),
+    )
 
 
 def _folded(eo: FramedOrientation) -> Array:
     return np.column_stack([eo.time % WEEK_S, eo.gps_week + eo.time // WEEK_S])
 
 
-COLUMN_GROUPS: dict[str, Group] = {
-    "xyz": Group(("x", "y", "z"), "place", lambda eo, _: places(eo)),
-    "llh": Group(
+COLUMN_GROUPS: dict[str, ColumnGroup] = {
+    "xyz": ColumnGroup(("x", "y", "z"), "place", lambda eo, _: places(eo)),
+    "llh": ColumnGroup(
         ("lat", "lon", "h"),
         "geodetic",
         lambda eo, _: np.column_stack(
             [np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2] / eo.frame.unit_m[2]]
         ),
     ),
-    "s_xyz": Group(("sx", "sy", "sz"), "sigma", lambda eo, _: places_sigma(eo)),
-    "s_plan": Group(
+    "s_xyz": ColumnGroup(("sx", "sy", "sz"), "sigma", lambda eo, _: places_sigma(eo)),
+    "s_plan": ColumnGroup(
         ("s_horizontal", "s_vertical"), "sigma", lambda eo, _: plan_and_height_sigma(eo)
     ),
     **dict(_angle_groups("opk", "omega phi kappa", in_camera_axes, OPK_ANGLES)),
@@ -175,18 +178,18 @@ COLUMN_GROUPS: dict[str, Group] = {
     **dict(_angle_groups("ypr", "yaw pitch roll", _camera, YPR)),
     **dict(_angle_groups("ned", "roll_ned pitch_ned yaw_ned", _body, RPY)),
     **dict(_angle_groups("gimbal", "gimbal_roll gimbal_pitch gimbal_yaw", _gimbal, RPY)),
-    "matrix": Group(
+    "matrix": ColumnGroup(
         tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
         "matrix",
         lambda eo, how: in_camera_axes(eo, how)[0].reshape(-1, 9),
     ),
-    "quaternion": Group(
+    "quaternion": ColumnGroup(
         ("qw", "qx", "qy", "qz"),
         "matrix",
         lambda eo, how: quaternion_from_rotation(in_camera_axes(eo, how)[0]),
     ),
-    "time": Group(("tow", "week"), "time", lambda eo, _: _folded(eo)),
-    "number": Group(
+    "time": ColumnGroup(("tow", "week"), "time", lambda eo, _: _folded(eo)),
+    "number": ColumnGroup(
         ("number",), "whole", lambda eo, _: np.arange(1.0, len(eo.images) + 1.0)[:, None]
     ),
 }

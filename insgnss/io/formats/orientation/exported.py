@@ -79,7 +79,7 @@ class UnfitName(InputError):
 
 
 @dataclass(frozen=True)
-class AngleSet:
+class ExportedAngles:
     """Three angles of a rotation: their names, how to compute them, and the Jacobian E.
 
     The second angle is that of the singularity.
@@ -90,10 +90,10 @@ class AngleSet:
     jacobian: Callable[[Array], Array]
 
 
-OPK_ANGLES = AngleSet("omega phi kappa", opk_from_rotation, opk_jacobian)
-POK = AngleSet("phi omega kappa", pok_from_rotation, pok_jacobian)
-YPR = AngleSet("yaw pitch roll", ypr_from_rotation, ypr_jacobian)
-RPY = AngleSet("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
+OPK_ANGLES = ExportedAngles("omega phi kappa", opk_from_rotation, opk_jacobian)
+POK = ExportedAngles("phi omega kappa", pok_from_rotation, pok_jacobian)
+YPR = ExportedAngles("yaw pitch roll", ypr_from_rotation, ypr_jacobian)
+RPY = ExportedAngles("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
 
 
 def check_names(names: Sequence[str], separator: str | None, of: str = "image") -> None:
@@ -329,7 +329,7 @@ def angle_sigma(
 
 
 def angles_of(
-    eo: FramedOrientation, R: Array, P: Array, angle_set: AngleSet
+    eo: FramedOrientation, R: Array, P: Array, angle_set: ExportedAngles
 ) -> tuple[Array, Array]:
     """Return angles and standard deviations (n, 3), rad, of rotations R (n, 3, 3).
 

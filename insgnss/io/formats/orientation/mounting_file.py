@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError
 from ....base.files import atomic_write, lines_of
 from ....base.inputs import is_file
-from ....base.tables import Table, read_toml
+from ....base.tables import OptionTable, read_toml
 from ....base.wording import toml
 from ....records import Array
 from ....records.cameras.mounting import (
@@ -343,7 +343,7 @@ def _words(values: Array, form: str) -> str:
 
 def read_mounting_file(
     path: str | os.PathLike[str], camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY
-) -> tuple[MountingFile, Table]:
+) -> tuple[MountingFile, OptionTable]:
     """Read a calibrated mounting.
 
     Parameters
@@ -386,7 +386,7 @@ def read_mounting_file(
         raise where.get(key, table).error(key, problem) from None
 
 
-def _values(table: Table, camera_from_body: ArrayLike) -> dict[str, Any]:
+def _values(table: OptionTable, camera_from_body: ArrayLike) -> dict[str, Any]:
     """What table [mounting] holds."""
     fields: dict[str, Any] = {key: table.numbers(key, 3) for key in VECTORS if key in table.data}
     if "antenna_sigma_m" in table.data:
@@ -410,7 +410,7 @@ def _values(table: Table, camera_from_body: ArrayLike) -> dict[str, Any]:
     return fields
 
 
-def _made(table: Table) -> dict[str, Any]:
+def _made(table: OptionTable) -> dict[str, Any]:
     """What table [calibration] holds."""
     fields: dict[str, Any] = {
         key: table.text(key) for key in ("verb", "camera") if key in table.data

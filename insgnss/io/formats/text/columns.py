@@ -21,11 +21,11 @@ from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
 from .dates import UNIX as DATES_UNIT
-from .direct import Rows
+from .direct import DirectRows
 from .headers import KIND_OF, SENSORS, Kinds, Settled, names_of, normalised, settled_units
-from .layout import Layout, shown
+from .layout import TextLayout, shown
 from .order import note, open_end, refuse_rows
-from .text import Source, Table, TextTable, format_rows, read_table, read_text_table
+from .text import NumberTable, Source, TextTable, format_rows, read_table, read_text_table
 from .units import check_units
 
 Columns = Sequence[str] | Mapping[str, str] | None
@@ -92,7 +92,7 @@ class TableSpec:
         """Return what the reader takes each field of a header for."""
         return names_of(fields, self.aliases, self.kinds)
 
-    def index(self, path: str, layout: Layout, columns: Columns = None) -> dict[str, int]:
+    def index(self, path: str, layout: TextLayout, columns: Columns = None) -> dict[str, int]:
         """Return the index of every known column by its canonical name.
 
         Parameters
@@ -135,7 +135,7 @@ class TableSpec:
         return index
 
     def _assigned(
-        self, path: str, layout: Layout, columns: Columns
+        self, path: str, layout: TextLayout, columns: Columns
     ) -> tuple[list[str | None], str]:
         """Return the canonical name of each field, and what names it."""
         n = layout.n_fields
@@ -166,7 +166,7 @@ class TableSpec:
         return [name if name in self.names else None for name in taken], source
 
     def _from_mapping(
-        self, path: str, layout: Layout, columns: Mapping[str, str]
+        self, path: str, layout: TextLayout, columns: Mapping[str, str]
     ) -> list[str | None]:
         assigned: list[str | None] = [None] * layout.n_fields
         for canonical, column in columns.items():
@@ -189,7 +189,7 @@ class TableSpec:
 
     def of(
         self,
-        table: Table | TextTable,
+        table: NumberTable | TextTable,
         columns: Columns = None,
         incomplete: Collection[str] = (),
     ) -> "NamedTable":
@@ -198,7 +198,7 @@ class TableSpec:
         InputError as `index`, and for text where a number must stand: in columns other than those
         that may be `incomplete`.
         """
-        if isinstance(table, Table) and table.layout.header is None and columns is None:
+        if isinstance(table, NumberTable) and table.layout.header is None and columns is None:
             table.refuse_text(range(table.layout.n_fields))
         index = self.index(table.path, table.layout, columns)
         return NamedTable(self, table, index).checked(incomplete)
@@ -208,7 +208,7 @@ class TableSpec:
         return check_units(units, (*self.units, *more))
 
 
-def _uneven_header(path: str, layout: Layout) -> InputError:
+def _uneven_header(path: str, layout: TextLayout) -> InputError:
     """Return the error of a header that has another number of fields than the data."""
     message = (
         f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
@@ -220,7 +220,7 @@ def _uneven_header(path: str, layout: Layout) -> InputError:
     return InputError.at_line(path, layout.header_line, message)
 
 
-def _place_of(path: str, layout: Layout, column: str) -> int:
+def _place_of(path: str, layout: TextLayout, column: str) -> int:
     """Return the index of a field that the caller names, or gives by its place."""
     fields = layout.header_fields
     names = [normalised(field)[0] for field in fields or ()]
@@ -246,7 +246,7 @@ class NamedTable:
     """A table with the index of its columns by canonical name."""
 
     spec: TableSpec
-    table: Table | TextTable | Rows
+    table: NumberTable | TextTable | DirectRows
     index: Mapping[str, int]
 
     @property
@@ -258,7 +258,7 @@ class NamedTable:
         return name in self.index
 
     def __len__(self) -> int:
-        assert not isinstance(self.table, Rows)
+        assert not isinstance(self.table, DirectRows)
         return len(self.table)
 
     def error_at(self, row: int, message: str) -> InputError:
@@ -267,13 +267,13 @@ class NamedTable:
 
     def checked(self, incomplete: Collection[str] = ()) -> "NamedTable":
         """Return the table; InputError where a column of numbers, none `incomplete`, holds text."""
-        if isinstance(self.table, Table):
+        if isinstance(self.table, NumberTable):
             self.table.refuse_text(k for name, k in self.index.items() if name not in incomplete)
         return self
 
     def floats(self, name: str) -> Array:
         """Return a column as numbers (n,); InputError with the line for what is none."""
-        assert not isinstance(self.table, Rows)
+        assert not isinstance(self.table, DirectRows)
         return self.table.floats(self.index[name])
 
     def numbers(self) -> dict[str, Array]:

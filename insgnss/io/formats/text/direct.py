@@ -25,7 +25,7 @@ from ....base.advance import share
 from ....base.errors import InputError
 from ....base.inputs import opened
 from ....records import Array
-from .layout import Layout, decode, is_comment
+from .layout import TextLayout, decode, is_comment
 from .pieces import FileBytes
 from .text import parsed_rows
 
@@ -40,14 +40,14 @@ Wanted = Mapping[str, Sequence[tuple[int | None, float]]]
 
 
 @dataclass(frozen=True)
-class Rows:
+class DirectRows:
     """Rows of a file that were read without keeping their lines, which are looked for on demand.
 
     `complete` tells whether the last line has its end.
     """
 
     path: str
-    layout: Layout
+    layout: TextLayout
     complete: bool = True
 
     def error_at(self, row: int, message: str) -> InputError:
@@ -64,7 +64,7 @@ class Rows:
         return InputError.in_file(self.path, message)
 
 
-def read_columns(buf: Bytes, layout: Layout, wanted: Wanted) -> dict[str, Array] | None:
+def read_columns(buf: Bytes, layout: TextLayout, wanted: Wanted) -> dict[str, Array] | None:
     """Return columns of a table in arrays of their own; None where a row is not as it should be.
 
     Parameters
@@ -109,7 +109,7 @@ class _Piece(NamedTuple):
 class _Work:
     """A buffer, whose pieces threads parse one after the other until one of them says stop."""
 
-    def __init__(self, buf: Bytes, layout: Layout, wanted: Wanted) -> None:
+    def __init__(self, buf: Bytes, layout: TextLayout, wanted: Wanted) -> None:
         self.buf, self.layout, self.wanted = buf, layout, wanted
         self.columns = {name: _columns(array) for name, array in wanted.items()}
         self.stopped, self.full = threading.Event(), False

@@ -53,7 +53,7 @@ _DELIMITERS = ("\t", ";", ",", None)
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """How a text table is written.
 
     Attributes
@@ -242,7 +242,7 @@ def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str
     return None
 
 
-def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> Layout:
+def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> TextLayout:
     """Return the layout of the table in `buf`; InputError where there is no data line."""
     data, comments = _sample(buf)
     head = data.pop(0) if data and not _has_number(data[0][2]) else None
@@ -265,7 +265,7 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
     if n_fields > MOST_FIELDS:
         problem = f"{n_fields} fields (limit {MOST_FIELDS})"
         raise InputError.at_line(path, line, f"{problem}; is it a table?")
-    layout = Layout(delimiter, decimal, n_fields, skip_to=offset, first_line=line)
+    layout = TextLayout(delimiter, decimal, n_fields, skip_to=offset, first_line=line)
     named = head and (head[0], head[2])
     if named is None and comments and _header_fields(comments[-1][1], delimiter, n_fields):
         named = comments[-1]

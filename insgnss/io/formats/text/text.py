@@ -22,7 +22,7 @@ from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
     NUMBER,
-    Layout,
+    TextLayout,
     decode,
     float_of,
     is_binary,
@@ -45,7 +45,7 @@ PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
 @dataclass(frozen=True, eq=False)
-class Table(AtLines):
+class NumberTable(AtLines):
     """Numbers of a text table.
 
     Attributes
@@ -68,7 +68,7 @@ class Table(AtLines):
     """
 
     path: str
-    layout: Layout
+    layout: TextLayout
     values: Array
     lines: NDArray[np.int64]
     complete: bool = True
@@ -95,7 +95,7 @@ class TextTable(AtLines):
     """Fields of a text table as they stand; numbers are taken from single columns."""
 
     path: str
-    layout: Layout
+    layout: TextLayout
     rows: list[list[str]]
     lines: list[int]
     complete: bool = True
@@ -140,9 +140,13 @@ class FileLine:
 
 
 def data_lines(path: Source, text: str, first: int = 1) -> Iterator[tuple[FileLine, str]]:
-    """Yield the lines of a text that are neither empty nor comments, counted from `first`."""
-    for line, row in numbered_lines(text, first):
-        yield FileLine(path, line), row
+    """Yield the lines of a table that are neither empty nor comments, counted from `first`.
+
+    They end with a line feed alone, as the kernels count them: a carriage return stays in its line.
+    """
+    for line, row in enumerate(text.split("\n"), first):
+        if row.strip() and not is_comment(row):
+            yield FileLine(path, line), row
 
 
 def decoded(path: Source) -> str:
@@ -150,9 +154,9 @@ def decoded(path: Source) -> str:
     return decode(load_bytes(path).tobytes())
 
 
-def numbered_lines(text: str, first: int = 1) -> list[tuple[int, str]]:
-    """Return the lines that are neither empty nor comments, with their numbers from `first`."""
-    lines = enumerate(lines_of(text), first)
+def numbered_lines(text: str) -> list[tuple[int, str]]:
+    """Return the lines that are neither empty nor comments with their numbers, for any line end."""
+    lines = enumerate(lines_of(text), start=1)
     return [(line, row) for line, row in lines if row.strip() and not is_comment(row)]
 
 
@@ -208,7 +212,7 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     return buf
 
 
-def read_table(path: Source, whole: bool = True) -> Table:
+def read_table(path: Source, whole: bool = True) -> NumberTable:
     """Read a table of numbers; InputError with the first bad line.
 
     Parameters
@@ -216,8 +220,8 @@ def read_table(path: Source, whole: bool = True) -> Table:
     path : path
         The file.
     whole : bool
-        Every field must be a number; else only rows of another length are refused, and `Table.bad`
-        reports what is no number.
+        Every field must be a number; else only rows of another length are refused, and
+        `NumberTable.bad` reports what is no number.
     """
     buf, complete = load(path)
     return parse(path, buf, complete, sniff(path, buf), whole)
@@ -254,7 +258,7 @@ class Parsed(NamedTuple):
 
 
 def parsed_rows(
-    buf: NDArray[np.uint8], layout: Layout, count: int, start: int = 0, first_line: int = 1
+    buf: NDArray[np.uint8], layout: TextLayout, count: int, start: int = 0, first_line: int = 1
 ) -> Parsed:
     """Parse at most `count` rows of bytes that end in a newline, from the offset `start` on."""
     from . import _kernels
@@ -271,8 +275,8 @@ def parsed_rows(
 
 
 def parse(
-    path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, whole: bool = True
-) -> Table:
+    path: Source, buf: NDArray[np.uint8], complete: bool, layout: TextLayout, whole: bool = True
+) -> NumberTable:
     """Parse the numbers of `buf`, which ends in a newline, from the layout's first data line on."""
     from . import _kernels
 
@@ -297,11 +301,11 @@ def parse(
     if refused:
         dates = _take_dates(buf, layout, values, refused)
         refused = {k: refusal for k, refusal in refused.items() if k not in dates}
-    return Table(str(path), layout, values, lines, complete, refused, dates)
+    return NumberTable(str(path), layout, values, lines, complete, refused, dates)
 
 
 def _take_dates(
-    buf: NDArray[np.uint8], layout: Layout, values: Array, columns: Iterable[int]
+    buf: NDArray[np.uint8], layout: TextLayout, values: Array, columns: Iterable[int]
 ) -> frozenset[int]:
     """Put seconds since 1970 into the columns of `values` that hold dates; return these columns."""
     of_dates = []
@@ -317,13 +321,13 @@ def _take_dates(
     return frozenset(of_dates)
 
 
-def _fields_of(buf: NDArray[np.uint8], layout: Layout) -> list[list[str]]:
+def _fields_of(buf: NDArray[np.uint8], layout: TextLayout) -> list[list[str]]:
     """Fields of each line from the layout's first data line on."""
     text = decode(bytes(buf[layout.skip_to : -1]))
     return [split_fields(row, layout.delimiter) for _, row in data_lines("", text)]
 
 
-def _like_it(buf: NDArray[np.uint8], layout: Layout) -> str:
+def _like_it(buf: NDArray[np.uint8], layout: TextLayout) -> str:
     """Say how many data lines have another number of fields, where it is more than one."""
     rows = _fields_of(buf, layout)
     uneven = sum(len(row) != layout.n_fields for row in rows)
@@ -336,7 +340,7 @@ def _refusal(
     path: Source,
     buf: NDArray[np.uint8],
     complete: bool,
-    layout: Layout,
+    layout: TextLayout,
     status: int,
     offset: int,
     line: int,
@@ -372,7 +376,7 @@ def _refusal(
     return at_the_line.error(f"{problem}: {quoted}; {advice}")
 
 
-def _refuse_short_end(path: Source, tail: str, layout: Layout, line: int) -> None:
+def _refuse_short_end(path: Source, tail: str, layout: TextLayout, line: int) -> None:
     """Refuse a last line without newline whose last number seems cut.
 
     It has fewer decimals than in all of the ten lines before.

@@ -244,7 +244,7 @@ class Epochs(NamedTuple):
     linear_about: np.ndarray
 
 
-class FilterOptions(NamedTuple):
+class ForwardOptions(NamedTuple):
     """What the forward pass decides by.
 
     Parameters

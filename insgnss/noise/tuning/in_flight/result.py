@@ -16,7 +16,7 @@ from ....report.verdict import worst_of
 from .words import TERMS, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
 
 if TYPE_CHECKING:
-    from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
+    from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
     from .straight_flight import StraightFlight
 
 
@@ -166,7 +166,7 @@ class FlightTuning(Shown):
         return dict(json_ready(document))
 
 
-def _innovations(innovations: "Innovations") -> dict[str, Any]:
+def _innovations(innovations: "WhitenedInnovations") -> dict[str, Any]:
     """Return the figures of the innovations; the document calls the rejected fixes "lost"."""
     return {
         "lost" if key == "rejected" else key: value for key, value in asdict(innovations).items()

@@ -11,7 +11,7 @@ from ....records.states import CHANNELS
 from ....report.document import Table
 
 if TYPE_CHECKING:
-    from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
+    from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
     from .straight_flight import StraightFlight
 
 TERMS = {
@@ -83,7 +83,9 @@ def _length(n: "InFlightNoise") -> list[str]:
     ]
 
 
-def whiteness_rows(before: "Innovations", after: "Innovations") -> list[tuple[str, ...]]:
+def whiteness_rows(
+    before: "WhitenedInnovations", after: "WhitenedInnovations"
+) -> list[tuple[str, ...]]:
     """Return what innovations are with the static model and with the one found, row by row."""
     rows: list[tuple[str, ...]] = [
         ("NIS a degree of freedom (1 is honest)", f"{before.nis:.3f}", f"{after.nis:.3f}"),

@@ -3,7 +3,7 @@
 import math
 
 from ....base.units import parse_unit
-from ...estimation.estimates import Estimate
+from ...estimation.estimates import NoiseEstimate
 from ...processes.composition import CORRELATION_TIME, NoiseTerm
 
 # unit and power of ten of each parameter, as people print them
@@ -59,7 +59,7 @@ def symbol(term: NoiseTerm) -> str:
     return f"{SYMBOL[term.kind]}{term.number or ''}"
 
 
-def value_text(sensor: str, e: Estimate) -> str:
+def value_text(sensor: str, e: NoiseEstimate) -> str:
     """An estimate with its standard error in the printed unit."""
     value, error = (printed(sensor, e.term.kind, x) for x in (e.value, e.standard_error))
     if e.at_bound and (e.value == 0.0 or e.term.kind == CORRELATION_TIME):
@@ -79,7 +79,7 @@ def plus_minus(value: float, error: float) -> str:
     )
 
 
-def interval(sensor: str, e: Estimate) -> str:
+def interval(sensor: str, e: NoiseEstimate) -> str:
     """The 95 % interval of an estimate in the printed unit."""
     low, high = (printed(sensor, e.term.kind, x) for x in (e.low, e.high))
     if math.isfinite(high):

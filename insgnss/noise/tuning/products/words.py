@@ -19,7 +19,7 @@ from .table import duration
 
 if TYPE_CHECKING:
     from ....report.figures.noise import Sensor
-    from ...estimation.selection import Candidate
+    from ...estimation.selection import CandidateModel
     from ..fits import Tuned
 
 FITS_P = 0.05  # p-value from which on a model fits
@@ -198,7 +198,7 @@ def ranked(t: "Tuned") -> Iterator[str]:
     )
 
 
-def _repeats(candidate: "Candidate", models: Sequence["Candidate"]) -> bool:
+def _repeats(candidate: "CandidateModel", models: Sequence["CandidateModel"]) -> bool:
     """Whether a model is a smaller one with processes of no strength."""
     Q, size = candidate.fit.objective, candidate.composition.size
     return bool(candidate.fit.at_bound) and any(

@@ -9,7 +9,7 @@ from .collinearity import Rows
 from .points import invert3, linearise_point, take_own, times_inverse
 
 
-class Places(NamedTuple):
+class EntryPlaces(NamedTuple):
     """Where the entries of a symmetric matrix stand that is stored by columns (`envelope`).
 
     Entry (r, c), r >= c, stands at inner[c] + r where r < window, else at outer[c] + r.

@@ -38,7 +38,7 @@ def invert3(V, out):
     return True
 
 
-class Scratch(NamedTuple):
+class PointArrays(NamedTuple):
     """Working arrays for one point: of r rays at most, k unknown parameters of a camera.
 
     Parameters
@@ -70,7 +70,7 @@ class Scratch(NamedTuple):
     g: Array
 
 
-def scratch_for(rays: Rays, n_cameras: int) -> Scratch:
+def scratch_for(rays: Rays, n_cameras: int) -> PointArrays:
     """Return working arrays for all points of the observations.
 
     Parameters
@@ -87,7 +87,7 @@ def scratch_for(rays: Rays, n_cameras: int) -> Scratch:
     """
     r, k = max(int(np.diff(rays.start).max(initial=1)), 1), rays.columns.size
     rows = 6 * r + min(n_cameras, r) * k
-    return Scratch(
+    return PointArrays(
         np.empty((r, 2, 9 + k)),
         np.empty((r, 2)),
         np.empty(r, dtype=np.int64),

@@ -33,9 +33,9 @@ from ...adjust.aerial import (
 )
 from ...adjust.groups import ObservationGroup
 from ...adjust.unknowns import Key
-from ..inputs import Inputs
+from ..inputs import BlockInputs
 from ..parameters import MOUNTING_PARAMETERS, prior, priors
-from .relative import Strip, absolute_group, breaks, relative_groups
+from .relative import StripErrors, absolute_group, breaks, relative_groups
 
 SHORTEST_STEP_S = 1e-3  # between images: no camera is as fast, and equal stamps divide by nothing
 LONGEST_CHAIN_IMAGES = 200  # of one group (chosen): its dense covariance is 1200 x 1200, 12 MB
@@ -68,7 +68,7 @@ class Control:
     of_lines: tuple[str, ...] = ()
 
 
-def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None) -> Control:
+def control_of(inputs: BlockInputs, whole: Sequence[tuple[Rows, Array]] | None = None) -> Control:
     """Return the aerial control of a block as observation groups.
 
     Parameters
@@ -129,7 +129,7 @@ def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None
                 parameters[name] = key[1]
                 blocks[key] = np.zeros(3)
                 groups.append(prior(key, np.zeros(3), np.array(sigma)))
-        strip = Strip(rows, image_of[rows], cov, factor, parameters)
+        strip = StripErrors(rows, image_of[rows], cov, factor, parameters)
         if control in RELATIVE:
             groups += relative_groups(strip, control, eo, motion, line, options)
         else:
@@ -139,7 +139,7 @@ def control_of(inputs: Inputs, whole: Sequence[tuple[Rows, Array]] | None = None
     return Control(tuple(groups), blocks, tuple(lines), kind, tuple(controls))
 
 
-def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
+def processed_with(inputs: BlockInputs) -> Mapping[str, Any] | None:
     """Return the flight file of an orientation as the report beside its eo.json has it.
 
     Parameters
@@ -183,7 +183,7 @@ def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array
     )
 
 
-def motion_of_images(inputs: Inputs) -> tuple[Array, Array]:
+def motion_of_images(inputs: BlockInputs) -> tuple[Array, Array]:
     """Return velocities (n, 3), m/s, and rates (n, 3), rad/s, of the images of a block.
 
     Parameters

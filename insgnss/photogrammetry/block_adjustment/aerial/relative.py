@@ -23,7 +23,7 @@ from ...adjust.precision import GroupTest
 from ...adjust.relative import (
     Datum,
     GyroNoise,
-    Observed,
+    ObservedStrip,
     RelativeAerialControl,
     as_printed,
     operator,
@@ -37,7 +37,7 @@ HELD_BY_NOTHING = 0.99
 itself: several data of lines that tie points join are redundant of each other."""
 
 
-class Strip(NamedTuple):
+class StripErrors(NamedTuple):
     """Images of a strip, and what is known of their errors.
 
     Parameters
@@ -102,7 +102,7 @@ def breaks(eo: ExteriorOrientation, gap_s: float) -> Rows:
 
 
 def absolute_group(
-    strip: Strip,
+    strip: StripErrors,
     control: str,
     eo: ExteriorOrientation,
     motion: tuple[Array, Array],
@@ -137,7 +137,7 @@ def absolute_group(
 
 
 def relative_groups(
-    strip: Strip,
+    strip: StripErrors,
     control: str,
     eo: ExteriorOrientation,
     motion: tuple[Array, Array],
@@ -170,7 +170,7 @@ def relative_groups(
     position, turns = control.startswith("Rp"), control.endswith("Ra")
     follows = (np.diff(line[rows]) == 0) & (np.diff(eo.time[rows]) <= options.gap_s)
     pairs = np.flatnonzero(follows)[:, None] + np.arange(2)
-    observed = Observed("relative" if position else "absolute", turns, pairs)
+    observed = ObservedStrip("relative" if position else "absolute", turns, pairs)
     groups: list[ObservationGroup] = []
     left_out = {BORESIGHT, SHIFT} if position else {BORESIGHT}
     parameters = {p: k for p, k in strip.parameters.items() if p not in left_out}

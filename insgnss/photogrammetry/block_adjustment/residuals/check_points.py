@@ -19,7 +19,7 @@ from ....records.block import Array
 from ...adjust.direct import joint_covariance
 from ...adjust.normals import cofactors_of, problem_of
 from ...adjust.unknowns import POINT
-from ..solve import Solved
+from ..solve import AdjustedBlock
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class CheckPoints:
         return normals.dx, normals.cov
 
 
-def check_points(solved: Solved) -> CheckPoints:
+def check_points(solved: AdjustedBlock) -> CheckPoints:
     """Compare check points with the adjustment.
 
     Parameters

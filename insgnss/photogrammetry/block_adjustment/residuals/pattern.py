@@ -9,7 +9,7 @@ import numpy as np
 from ....base.findings import Finding, ranked
 from ....records.block import Array
 from ...adjust.adjustment import residuals_px
-from ..solve import Solved
+from ..solve import AdjustedBlock
 
 # rms of the residuals that repeat by place (px), and their mean square over its variance (chosen)
 PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
@@ -46,7 +46,7 @@ class Pattern:
         return float(np.mean((self.mean / self.sigma) ** 2)) if len(self.mean) else 0.0
 
 
-def patterns(solved: Solved) -> tuple[Pattern, ...]:
+def patterns(solved: AdjustedBlock) -> tuple[Pattern, ...]:
     """Return the pattern of each camera.
 
     Parameters

@@ -7,12 +7,12 @@ from ...adjust.aerial import EXPOSURE_DELAY
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.kinematic import SIZE, KinematicControl, TargetSize
 from ...adjust.unknowns import Key
-from ..inputs import Inputs
+from ..inputs import BlockInputs
 from ..parameters import VEHICLE_PARAMETERS, priors
 
 
 def vehicle_control(
-    inputs: Inputs, blocks: dict[Key, Array]
+    inputs: BlockInputs, blocks: dict[Key, Array]
 ) -> tuple[list[ObservationGroup], dict[Key, Array]]:
     """Return the kinematic ground control of a block.
 
