@@ -232,7 +232,7 @@ def ppk(
     InputError : a file cannot be read, or the base's position is not known.
     DataError : the observations do not support a solution.
     """
-    from ..flight.config.keys.changes import with_changes
+    from ..flight.config.changes import with_changes
     from ..gnss.options import options_at
     from ..gnss.ppk import PpkInput, solve_ppk
     from ..io.exposures.naming import ImageMatch

@@ -208,8 +208,8 @@ def tune(
     InputError : a recording cannot be read.
     DataError : the recording does not support a model.
     """
+    from ..flight.config.changes import with_changes
     from ..flight.config.flight_file import Flight
-    from ..flight.config.keys.changes import with_changes
     from ..noise.tuning.options import TuneOptions
 
     target = path_of(out)

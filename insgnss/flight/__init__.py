@@ -16,7 +16,7 @@ Where to look
         `flight_file.py` there), of the camera `insgnss/io/options/camera_options.py`, of PPK
         `insgnss/gnss/ppk_options.py`; parser, messages and `data_specs/flight_file.md` follow
     a further sensor: a kind in `sensors/shipped.py`, and its row of data_specs/measurement.md
-    keys shared by flight files: `config/keys/include.py`
+    keys shared by flight files: `config/include.py`
     the 5-sigma gate: option `gnss.gate_sigma` in `config/gnss_options.py`
     `mounting.toml` in a flight: `remounted` in `config/load.py`; camera, lens and date against the
         flight: `check_mounting_files` in `processing/checks.py`

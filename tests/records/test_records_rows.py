@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 import insgnss
-from insgnss.flight.config.keys.changes import with_changes
+from insgnss.flight.config.changes import with_changes
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_rpy, vector_from_rotation
 from insgnss.navigation.orient.frame import in_frame

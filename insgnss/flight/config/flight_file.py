@@ -31,10 +31,10 @@ from ...io.options.schema import Declared, Triple, Words, declared, option, refu
 from ...report.rules.needs import NEEDS
 from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
+from .changes import with_changes
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
 from .imu_options import ImuInput
-from .keys.changes import with_changes
 from .mounting_options import MountingSource, MountingTable
 
 if TYPE_CHECKING:

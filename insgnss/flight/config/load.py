@@ -32,7 +32,7 @@ from .filter_options import FilterOptions, InitialAttitude
 from .flight_file import FLIGHT_TABLES, Flight, Output, TangentPlaneOptions, TangentPlaneTable
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
-from .keys.include import with_included
+from .include import with_included
 from .mounting_options import MountingSource, MountingTable
 from .values import covariance_of, directory_of, known_keys, made, record_of, take
 

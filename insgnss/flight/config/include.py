@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ....base.tables import KeySource, OptionTable, read_toml
-from ..flight_file import FLIGHT_TABLES
+from ...base.tables import KeySource, OptionTable, read_toml
+from .flight_file import FLIGHT_TABLES
 
 INCLUDE = "include"
 MOST_INCLUDED_FILES = 4  # files that a flight file may take keys over from

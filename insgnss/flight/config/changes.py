@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
-from ....base.errors import UsageError
-from ....base.wording import listed
+from ...base.errors import UsageError
+from ...base.wording import listed
 
 Record = TypeVar("Record")
 
