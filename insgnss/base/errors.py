@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
 
-from .received.trusted import hidden, instead, without_text
+from .received.trusted import contents_withheld, instead, without_text
 from .wording import named, setting
 
 ABSENT: Any = object()
@@ -87,7 +87,7 @@ class InputError(InsgnssError):
 
         What ends lines, out of a name or a value of the file, becomes a blank.
         """
-        problem = instead(path) if hidden(path) else problem
+        problem = instead(path) if contents_withheld(path) else problem
         text = f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}"
         return cls(_ENDS.sub(" ", text))
 

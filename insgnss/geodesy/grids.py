@@ -4,6 +4,7 @@ PROJ brings no such grids along. `pyproj sync --file NAME` gets one by its file 
 directory of PROJ; the program `projsync` of PROJ does not come with Python's package.
 """
 
+import os
 import re
 import sqlite3
 import warnings
@@ -97,11 +98,12 @@ def grids_called(name: str) -> list[str]:
     from pyproj.datadir import get_data_dir
 
     plain = re.sub(r"[^a-z0-9]", "", Path(name).stem.lower())
+    # NOAA's GEOID18 is g2018u0 among PROJ's grids
     plain = re.sub(r"^geoid(\d\d)", r"g20\1", plain).replace("egm2008", "egm08")
     if len(plain) < SHORTEST_NAME:
         return []
-    database = Path(re.split("[;:]", get_data_dir())[0]) / "proj.db"
-    with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as proj:
+    database = Path(get_data_dir().split(os.pathsep)[0]).absolute() / "proj.db"
+    with closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as proj:
         rows = proj.execute(
             "SELECT DISTINCT proj_grid_name, original_grid_name, old_proj_grid_name"
             " FROM grid_alternatives WHERE proj_method IN ('geoid_like', 'vgridshift') ORDER BY 1"

@@ -85,7 +85,7 @@ def at_home(function: Callable[Parameters, Result]) -> Callable[Parameters, Resu
     return trusted
 
 
-def hidden(path: object) -> bool:
+def contents_withheld(path: object) -> bool:
     """Tell whether the text of a file stays out of messages."""
     homes: tuple[Named, ...] = _HOMES.get()
     name = str(path)
@@ -111,6 +111,6 @@ def without_text(message: str) -> str:
     if _HOMES.get():
         for match in _START.finditer(message):
             path = message[: match.start()]
-            if (os.path.isfile(path) or os.path.basename(path) != path) and hidden(path):
+            if (os.path.isfile(path) or os.path.basename(path) != path) and contents_withheld(path):
                 return f"{message[: match.end()]}{instead(path)}"
     return message

@@ -270,7 +270,7 @@ def _lever_arm(
     elif not exposures:
         estimated = SetKey("filter.lever_arm", True)
         advised = Step("set {} to have it estimated, or {}", estimated, advised)
-    turns = _other_cameras(mounting, lever) if contradicts else []
+    turns = _quarter_turns_that_explain(mounting, lever) if contradicts else []
     if turns:
         matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
         first = (
@@ -304,7 +304,9 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
     )
 
 
-def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | None]) -> list[Array]:
+def _quarter_turns_that_explain(
+    mounting: Mounting, lever: Sequence[tuple[float, float] | None]
+) -> list[Array]:
     """Return the turns T by right angles with which the stated lever arm is the one that was found.
 
     Where only T is wrong, the flight finds the lever arm (M.2) off by its difference between both.

@@ -204,11 +204,11 @@ def rank(
         _candidate(curves, c, Omega, V, groups, sampling, drawn) for c in through(compositions)
     ]
     if not below_a_sample:
-        candidates = [c for c in candidates if not _below_a_sample(c.fit)] or candidates
+        candidates = [c for c in candidates if not _has_process_below_sampling(c.fit)] or candidates
     return _ranked(candidates, criterion)
 
 
-def _below_a_sample(fitted: NoiseFit) -> bool:
+def _has_process_below_sampling(fitted: NoiseFit) -> bool:
     """Tell whether a Gauss-Markov process of the fit is shorter than a sampling interval.
 
     It is white noise by another name, and the model without it competes by itself.

@@ -23,7 +23,7 @@ from .products.written import noise_model, planned, write
 from .recordings import POOLING, SENSOR_AXES, SENSORS, StaticRecording, read_static
 from .result import Tuned, TuneResult
 from .trend import warm_up
-from .turn_on import turn_on_bias
+from .turn_on import turn_on_sigmas
 
 Progress = Callable[[str], None]
 
@@ -74,7 +74,7 @@ def tune_static(
     _same(recordings)
     _alike(recordings, options)
     tuned = _tuned(recordings, family, options, progress)
-    values, turn_on = turn_on_bias(recordings)
+    values, turn_on = turn_on_sigmas(recordings)
     model = noise_model(target.stem, recordings, tuned, values)
     result = TuneResult(recordings, tuned, model, turn_on, options)
     progress("writing")

@@ -21,7 +21,9 @@ GRAVITY_SPREAD = 0.015  # m/s^2, by which gravity varies over the Earth: no bias
 SEES_EARTH = 0.1  # of the Earth's rate, within which |mean rate| is it (chosen): 1.5 deg/h of bias
 
 
-def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float], tuple[str, ...]]:
+def turn_on_sigmas(
+    recordings: Sequence[StaticRecording],
+) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the standard deviation of the turn-on bias from the means of recordings.
 
     Parameters

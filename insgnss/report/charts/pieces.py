@@ -40,7 +40,7 @@ def over_time(name: str, title: str, reading: str, panels: Sequence[Panel], mark
     return Chart(name, title, reading, tuple(panels), marks.label, link="time", shades=marks.shades)
 
 
-def middle_limits(x: Array, bound: Array) -> tuple[float, float] | None:
+def median_limits(x: Array, bound: Array) -> tuple[float, float] | None:
     """Return limits of three times the median of what is drawn.
 
     Where one of two filters knows little, as at the ends, the line may leave the axes.

@@ -15,7 +15,7 @@ from ..marks import Marks
 from ..rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, NED_NAMES, state_unit
 from ..statistics import NIS_95, residual_limit
 from .chart import AXES_INKS, Array, Chart, Layer, Panel
-from .pieces import band, dots, length_unit, line, middle_limits, over_time, rules
+from .pieces import band, dots, length_unit, line, median_limits, over_time, rules
 
 _INNOVATIONS = (
     "Each fix minus what was predicted for it; nearly all must lie within the shaded three standard"
@@ -246,7 +246,7 @@ def separation(d: Diagnostics, marks: Marks) -> Chart:
             bands.append(band(t, np.zeros_like(t), bound, ink=AXES_INKS[k % 3]))
             y = marks.broken(t, scale * d.separation[:, k])
             lines.append(line(t, y, NED_NAMES[k % 3], AXES_INKS[k % 3]))
-        limits = middle_limits(
+        limits = median_limits(
             scale * d.separation[:, columns], 3 * scale * d.separation_sigma[:, columns]
         )
         panels.append(Panel(label, (*bands, *lines), limits=limits))

@@ -146,7 +146,7 @@ def use(
     weakest = list(_insufficient(f, judged, sigma, needed))
     topics = [topic for _, same in weakest for topic in same]
     reasons = [text for text, _ in weakest]
-    inflations = [(each, *_enlarged(each, judged)) for each in _inflations(f)]
+    inflations = [(each, *_enlarged(each, judged)) for each in _reasons_of_wide_sigmas(f)]
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
     for _, k, d in inflations:
         factor, moved = np.maximum(factor, k), np.hypot(moved, d)
@@ -224,7 +224,7 @@ def _questions(f: Figures) -> Iterator[str]:
             yield f"{check['name']}: {check['found']}; {check['advice']}"
 
 
-def _inflations(f: Figures) -> Iterator[Inflation]:
+def _reasons_of_wide_sigmas(f: Figures) -> Iterator[Inflation]:
     """Yield what the flight holds against its sigmas, and what that does to the images."""
     if f["standing"]:
         return

@@ -23,7 +23,7 @@ from insgnss.noise.processes.composition import CORRELATION_TIME, DRIVING, Noise
 from insgnss.noise.tuning.products.table import interval, plus_minus, printed, unit_text
 from insgnss.noise.tuning.products.words import with_names
 from insgnss.noise.tuning.recordings import StaticRecording
-from insgnss.noise.tuning.turn_on import turn_on_bias
+from insgnss.noise.tuning.turn_on import turn_on_sigmas
 from insgnss.noise.tuning.usable import departures, envelope, rounded_axis, usable_axis
 from insgnss.records import WaveletVariance
 
@@ -185,18 +185,18 @@ def test_turn_on_bias_of_the_means():
     """Oracle: by hand; rms of the rates, excess of the force, the Earth's rotation where it is
     seen, and nothing of variances.
     """
-    values, told = turn_on_bias(
+    values, told = turn_on_sigmas(
         [recording([3e-3, 0, 0], [0, 0, 9.9]), recording([0, 4e-3, 0], [0, 0, 9.7])]
     )
     assert_allclose(values["gyro"], np.sqrt((9e-6 + 16e-6) / 6.0))
     assert_allclose(values["accel"], np.sqrt(np.mean(np.square([9.9 - 9.80665, 9.7 - 9.80665]))))
     assert "over 2 recordings the means spread by" in told[0]
     earth = 7.292115e-5
-    values, told = turn_on_bias([recording([0.6 * earth, 0.81 * earth, 0], [0, 0, 9.81])])
+    values, told = turn_on_sigmas([recording([0.6 * earth, 0.81 * earth, 0], [0, 0, 9.81])])
     assert_allclose(values["gyro"], abs(np.hypot(0.6, 0.81) - 1.0) * earth, rtol=1e-6)
     assert values["accel"] == 0.015
     assert "Earth" in told[0]
-    values, told = turn_on_bias([replace(recording([0, 0, 0], [0, 0, 9.8]), blocks=None)])
+    values, told = turn_on_sigmas([replace(recording([0, 0, 0], [0, 0, 9.8]), blocks=None)])
     assert values == {}
     assert "set turn_on_bias by hand" in told[0]
 

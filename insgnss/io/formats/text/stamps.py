@@ -129,7 +129,7 @@ def on_one_clock(
     if not step.size or (step.min() > 0.0 and step.max() < DAY_S):
         return tow, week, 0, tuple(notes)
     if week is None and not epoch.startswith(("unix", "gps")):
-        seconds, ranges = _counted_on(seconds, factor)
+        seconds, ranges = _unwrapped(seconds, factor)
         seconds = unwrap_week(seconds)
         notes += [_begins_anew(lines, name, row, length) for row, length in ranges]
     if same is None:
@@ -190,7 +190,7 @@ def line_of(lines: Lines, row: int) -> str:
     return str(lines.error_at(row, "")).strip(": ")
 
 
-def _counted_on(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]]]:
+def _unwrapped(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]]]:
     """Return stamps (n,), s, of a counter that begins anew, and rows and ranges where it does."""
     ranges = sorted({*RANGES_S, *(tick * count for count in COUNTED)})
     done, out = [], time
