@@ -30,6 +30,7 @@ COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14  # characters of a header's line: a longer one is data or text (chosen)
 LONGEST_FIELD = 4096  # characters of a field: no number or name is so long, binary data are
+SCAN_BYTES = 1 << 22  # of a file that is looked through at once (chosen)
 MOST_FIELDS = 1000  # of a line: no table of a recording has so many columns (chosen)
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 SAVED = "not text; save the table as CSV, or its columns as .npz or .mat"
@@ -215,6 +216,26 @@ def _sample(
         size *= 8
 
 
+def _refuse_empty_beginning(
+    path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes, layout: TextLayout
+) -> None:
+    """Refuse a row whose first field is empty, which would pass for a comment behind `;`."""
+    line = 1
+    for begin in range(0, buf.size, SCAN_BYTES):
+        piece = np.asarray(buf[begin : begin + SCAN_BYTES + 1])
+        ends = np.flatnonzero(piece[:-1] == ord("\n"))
+        for k in np.flatnonzero(piece[ends + 1] == ord(";")).tolist():
+            start = begin + int(ends[k]) + 1
+            text = decode(bytes(buf[start : start + LONGEST_HEADER]).partition(b"\n")[0])
+            fields = split_fields(text, ";")
+            if len(fields) == layout.n_fields and any(map(NUMBER.fullmatch, fields)):
+                problem = f"{shown(text)} begins with an empty field"
+                raise InputError.at_line(
+                    path, line + k + 1, f"{problem}; fill it in, or begin a comment with #"
+                )
+        line += ends.size
+
+
 def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
     if delimiter is None:
         return True
@@ -266,6 +287,8 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
         problem = f"{n_fields} fields (limit {MOST_FIELDS})"
         raise InputError.at_line(path, line, f"{problem}; is it a table?")
     layout = TextLayout(delimiter, decimal, n_fields, skip_to=offset, first_line=line)
+    if delimiter == ";":
+        _refuse_empty_beginning(path, buf, layout)
     named = head and (head[0], head[2])
     if named is None and comments and _header_fields(comments[-1][1], delimiter, n_fields):
         named = comments[-1]
