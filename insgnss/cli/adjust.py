@@ -53,7 +53,7 @@ class AdjustRequest:
     out: Path | None = argument(
         None,
         "where the products go",
-        usual=f"{ADJUSTED_DIRECTORY} beside BLOCK, or as it says",
+        usual=f"{ADJUSTED_DIRECTORY} beside BLOCK, or the directory named in BLOCK",
         metavar="DIR",
     )
     trajectory: Path | None = argument(

@@ -629,7 +629,7 @@ def test_the_help_tells_the_defaults_of_the_engine():
         (["--humidity", 40], "--humidity 40.0: must be 0 to 1"),
         (
             ["--humidity", 0.4, "--no-wet-delay", "--no-ionosphere"],
-            "--humidity are of what --no-wet-delay and --no-ionosphere leave out",
+            "--humidity have no effect with --no-wet-delay and --no-ionosphere",
         ),
         (["--rtklib-options", "arminfix"], "'arminfix' is no NAME=VALUE"),
         (

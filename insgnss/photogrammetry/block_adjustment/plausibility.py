@@ -106,9 +106,9 @@ def worse_than_stated(inputs: BlockInputs) -> str:
     if not misclosure_px >= max(WORSE_MISCLOSURE * stated, FEW_ATTITUDE_SIGMAS * sigma):
         return ""
     return (
-        f"; rays of a point pass {misclosure_px:.1f} px from each other, where image observations"
-        f" are stated good to {stated:.2g} px and poses to {sigma:.2g} px: correct them, or state"
-        " what they are good to (images.sigma_px)"
+        f"; rays of a point miss each other by {misclosure_px:.1f} px, where image"
+        f" observations have stated sigmas of {stated:.2g} px and poses of {sigma:.2g} px:"
+        " correct the observations, or state their true sigmas (images.sigma_px)"
     )
 
 
@@ -151,7 +151,7 @@ def _refuse_readings(
     def words(one: Candidate[BlockReading]) -> str:
         return f"{one.statement.format(one.read(few).fitted()[1][-1])}: {one.remedy}"
 
-    start = f"rays of a point pass {misclosure_px:.0f} px from each other"
+    start = f"rays of the same point miss each other by {misclosure_px:.0f} px"
     if misclosure_px >= FAR_OFF:
         start = "rays of a point do not meet before the cameras"
     start = f"image observations do not fit the aerial control: {start}"
@@ -197,7 +197,7 @@ def _refuse_images(
     text = (
         f"image observations of {named} do not fit their poses: their rays"
         + (
-            f" pass {out[0][1]:.0f} px from those of other images"
+            f" miss those of other images by {out[0][1]:.0f} px"
             if out[0][1] < FAR_OFF
             else " do not meet those of other images"
         )
@@ -216,8 +216,8 @@ def _refuse_images(
         explanation = explain(whole, [moved], median, float(limit[some].min()))
         if explanation is not None:
             raise DataError(
-                f"{text}, and {explanation.left:.1f} px when they are exchanged; exchange their"
-                " names"
+                f"{text}, but only {explanation.left:.1f} px when the two are exchanged;"
+                " exchange their names"
             )
     skip = ", ".join(f'"{names[i]}"' for i in some)
     raise DataError(
@@ -286,8 +286,8 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
         )
     if not all("f" in camera.free for camera in block.cameras):
         raise DataError(
-            f"the camera constant does not fit: with {constant:.0f} px instead of"
-            f" {block.cameras[0].of('f'):.0f} rays and ground points meet; correct f, or"
+            "the camera constant does not fit: rays and ground points meet with"
+            f" {constant:.0f} px instead of {block.cameras[0].of('f'):.0f}; correct f, or"
             ' estimate it (camera.free = ["f", ...])'
         )
 
