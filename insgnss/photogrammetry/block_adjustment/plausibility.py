@@ -158,7 +158,7 @@ def _refuse_readings(
     explanation = explain(few, readings(inputs, few), misfit, limits[0], PIXEL)
     if explanation is not None:
         raise DataError(
-            f"{start}, and {explanation.left:.1f} px as if {explanation.clauses(words)}"
+            f"{start}; they would fit to {explanation.left:.1f} px if {explanation.clauses(words)}"
         )
     if misclosure_px > limits[1]:
         control = inputs.file.aerial_control
@@ -272,7 +272,9 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
             " shift fits; check ground.crs and the names of the points"
         )
     if explanation.best is not shift:
-        raise DataError(f"{start}, and {explanation.left:.1f} m as if {explanation.clauses()}")
+        raise DataError(
+            f"{start}; they would fit to {explanation.left:.1f} m if {explanation.clauses()}"
+        )
     constant = _camera_constant(inputs, whole, miss_px, height / (height - middle[2]))
     if constant is None:
         why = (

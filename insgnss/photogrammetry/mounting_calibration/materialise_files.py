@@ -223,8 +223,8 @@ def _own_pose(
         poses = read_camera_poses(options.pose)
     if poses is None:
         raise UsageError(
-            f"{camera}: targets alone; give the pose of an image that the camera itself took in"
-            " their axes, --pose POSES --image NAME"
+            f"{camera} has targets and no camera pose; give the pose of an image that the"
+            " camera itself took, in the axes of the targets: --pose POSES --image NAME"
         )
     name = options.image
     if not name and len(poses.images) == 1:

@@ -191,7 +191,9 @@ class MaterialiseOptions(DataOptions):
     """
 
     receiver: tuple[Path, ...] = argument(
-        ..., "targets on the receiver and its phase centre by GNSS (row antenna), a table a session"
+        ...,
+        "one table for each session: targets on the receiver, and its phase centre by"
+        " GNSS (row antenna)",
     )
     pose: Path | None = argument(
         None,
@@ -275,5 +277,7 @@ class Assumptions(FrameOptions, DataOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.frame == "similarity" and self.shift_sigma_m is not None:
-            problem = "is of coordinates of ground control; leave {} out, or it"
+            problem = (
+                "is for poses in the coordinates of ground control; leave {} out, or this option"
+            )
             raise OptionError("shift_sigma_m", problem.format(setting("frame", self.frame)))
