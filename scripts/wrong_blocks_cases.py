@@ -771,13 +771,13 @@ CASES = (
     Case(
         "two parts, one without control, no eo.json",
         apart_without_eo,
-        culprit=r"image \S+ and|no first values",
+        culprit=r"image \S+ and|initial position and attitude",
         flights=WITH_CONTROL,
     ),
     Case(
         "no eo.json, few control points",
         without_eo,
-        culprit="no first values",
+        culprit="initial position and attitude",
         flights=WITH_CONTROL,
     ),
     Case(

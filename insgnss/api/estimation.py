@@ -190,7 +190,7 @@ def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
 
 
 def _no_week() -> Finding:
-    given = f"none is given; {NO_WEEK} stands in for it"
+    given = f"none is given; {NO_WEEK} is used"
     return Question("GPS week", "gps_week, or a week in the records").note(
         given, "times stay as they are"
     )

@@ -41,10 +41,10 @@ class AdjustRequest:
 
     block: Path = argument(
         ...,
-        "the block file, whose keys the options below change, its directory, or with --images the"
-        " eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
-        " camera_positions.csv, _events.pos, references of Metashape or Pix4D; a project of a"
-        " photogrammetry program alone has its own image observations and ground points",
+        "the block file (the options below replace its keys) or its directory; with --images:"
+        " the eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
+        " camera_positions.csv, _events.pos, references of Metashape or Pix4D; or a project"
+        " of a photogrammetry program with image observations and ground points of its own",
         cli="BLOCK",
     )
     plan: bool = argument(
@@ -53,7 +53,7 @@ class AdjustRequest:
     out: Path | None = argument(
         None,
         "where the products go",
-        usual=f"{ADJUSTED_DIRECTORY} beside BLOCK, or as it says",
+        usual=f"{ADJUSTED_DIRECTORY} beside BLOCK, or the directory named in BLOCK",
         metavar="DIR",
     )
     trajectory: Path | None = argument(

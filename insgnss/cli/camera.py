@@ -22,14 +22,16 @@ class CameraRequest(Checked):
 
     file: Path = argument(..., f"calibration of {', '.join(READ.split())}", cli="FILE")
     second: Path | None = argument(
-        None, "another one to compare with it, in pixels over the image", cli="FILE2"
+        None,
+        "a second camera file, to compare with the first in pixels over the image",
+        cli="FILE2",
     )
-    name: str | None = argument(None, "the camera that is meant, of a file with several")
+    name: str | None = argument(None, "name of the camera to read, where the file has several")
     form: str | None = argument(
         None, f"write FILE as {', '.join(WRITTEN.split())}", cli="--as", metavar="FORMAT"
     )
     out: Path | None = argument(None, "the file to write")
-    force: bool = argument(False, "replace a file that is there and differs")
+    force: bool = argument(False, "overwrite an existing file that differs")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> Result:

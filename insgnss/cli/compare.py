@@ -34,7 +34,9 @@ class Inputs(Checked):
     """What is compared."""
 
     a: Path = argument(..., f"exterior orientation or trajectory: {', '.join(FORMS)}", cli="A")
-    b: Path = argument(..., "the one to compare with it; differences are B minus A", cli="B")
+    b: Path = argument(
+        ..., "the second orientation or trajectory; differences are B minus A", cli="B"
+    )
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,8 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         for _, goal in () if given.force else staging.changed():
             if goal != given.page or not _of_same(goal, [given.a, given.b]):
                 raise UsageError(
-                    f"compare: {goal} is there and of other inputs, or of others; give another"
-                    " file, or --force"
+                    f"compare: {goal} exists and was made from other inputs, or not by"
+                    " compare; give another file, or --force"
                 )
     return result
 

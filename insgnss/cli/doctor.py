@@ -23,7 +23,8 @@ class DoctorRequest:
     )
     limits: bool = argument(
         False,
-        "in place of it all, list the numeric constants of insgnss, each with its value and reason",
+        "instead of all checks, list the numeric constants of insgnss, each with its"
+        " value and reason",
     )
 
 
@@ -31,7 +32,9 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     """Do what the parsed command line asks for."""
     if options.limits:
         if options.compile:
-            raise UsageError("--limits and --compile: --limits looks at nothing; leave one out")
+            raise UsageError(
+                "--limits and --compile: --limits only lists constants; leave one of the two out"
+            )
         from ..batch.installation.limits import read_limits
 
         return read_limits()

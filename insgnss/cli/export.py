@@ -72,7 +72,8 @@ class ExportRequest(Checked):
     )
     ground: float | None = argument(
         None,
-        "height of the ground: heights above it are scaled like the projection scales the plan",
+        "height of the ground; heights above it are multiplied by the map scale factor,"
+        " as distances are",
         metavar="M",
     )
     settings: tuple[str, ...] = argument(
@@ -96,9 +97,7 @@ class ExportRequest(Checked):
         "scale of exposures that are dates: utc, gpst, utc+02:00",
         metavar="SCALE",
     )
-    camera_delay: float = argument(
-        0.0, "from the stamps of EO to the middle of the exposures", unit="s"
-    )
+    camera_delay: float = argument(0.0, "time from the stamps of EO to mid-exposure", unit="s")
     moved_base: tuple[Triple, Triple] | None = argument(
         None,
         "position of the base that EO was solved with, and the one that it should have had, each "
@@ -116,7 +115,8 @@ class ExportRequest(Checked):
         metavar="M M M",
     )
     force: bool = argument(
-        False, "overwrite a run's own table in another frame, and what --out names where it differs"
+        False,
+        "overwrite a table that process wrote in another frame, or an existing --out that differs",
     )
     proof: bool = argument(
         False, "write a synthetic scene in FORMAT, to load in the real tool, into DIR"
@@ -174,7 +174,10 @@ def _written(
 
     out = given.out or product
     if out.resolve() == given.eo.resolve():
-        raise UsageError(f"export: {out} is the master itself; give --out")
+        raise UsageError(
+            f"export: {out} is the orientation itself, which must stay; give another"
+            " file with --out"
+        )
     progress(f"writing {out}")
     with together() as staging:
         done = write(out)
@@ -255,8 +258,8 @@ def _warn_of_changed_inputs(eo: Path) -> None:
 
     if changed := [name for one in DOCUMENTS for name in changed_since(eo.parent / one)]:
         warnings.warn(
-            f"{eo} is older than {', '.join(changed)}, which has changed since: these are the"
-            " orientations of before; process again where they shall be those of now",
+            f"{eo} is older than {', '.join(changed)}: the export has the orientations from"
+            " before this change; process again to export the present ones",
             stacklevel=2,
         )
 
@@ -280,8 +283,8 @@ def _refuse_of_positions(request: argparse.Namespace) -> None:
         if getattr(request, name):
             option = f"--{name.replace('_', '-')}"
             raise UsageError(
-                f"export: {option} is of positions without an IMU, and {request.eo} has"
-                " orientations; leave it out"
+                f"export: {option} is for positions without an IMU, and {request.eo} has"
+                f" orientations; leave {option} out"
             )
 
 

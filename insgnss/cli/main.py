@@ -133,8 +133,9 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     return (
         InsgnssError.exit_code,
         (
-            f"internal error: {type(error).__name__}: {error} (at {location}); this is a defect,"
-            " --debug shows the traceback; it and what `insgnss doctor` prints belong into a report"
+            f"internal error: {type(error).__name__}: {error} (at {location}); this is a"
+            " defect of insgnss: report it with the traceback (--debug) and what `insgnss"
+            " doctor` prints"
         ),
     )
 
@@ -202,7 +203,7 @@ def build_parser(verb: str = "") -> Parser:
         "--completion",
         action=_PrintCompletion,
         choices=SHELLS,
-        help="print what lets this shell complete our words and end",
+        help="print the completion script of this shell and end",
     )
     shells.metavar = "SHELL"
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)

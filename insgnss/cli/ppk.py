@@ -109,7 +109,7 @@ class PpkRun:
             f"PPK: {Path(all_of(given.rover)[0]).name}",
             result.verdict,
             worst_of(
-                f"nearly all epochs are fixed and confirmed, and no check is against them{notes}",
+                f"nearly all epochs are fixed and confirmed, and no check contradicts them{notes}",
                 findings if word not in ("good", "poor") else [],
                 findings if word == "poor" else [],
             ),
@@ -166,9 +166,8 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
 
     if name := positions_of_others(files_to.out):
         raise UsageError(
-            f"ppk: --out {files_to.out} holds {name} and no {SOLUTION_FILE}: positions of "
-            "others; give"
-            " another directory"
+            f"ppk: --out {files_to.out} holds {name} and no {SOLUTION_FILE}: its positions"
+            " were not written by insgnss ppk; give another directory"
         )
     measured = (*all_of(inputs.rover), *all_of(inputs.base))
     refuse_other_results("ppk", files_to.out / PPK_DOCUMENT, measured, files_to.force)
@@ -264,13 +263,13 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
     if given.events is not None and (given.events_containing or given.invalid_events):
         option = "--events-containing" if given.events_containing else "--invalid-events"
         raise UsageError(
-            f"ppk: {option} looks at the record lines of the rover's file; --events is given as"
-            " well, keep one"
+            f"ppk: {option} selects among the events of the rover's file, but --events gives"
+            " another file; keep one"
         )
     if given_of(given, Air) and not (raw.get("wet_delay", True) or raw.get("ionosphere", True)):
         raise UsageError(
-            "ppk: --pressure, --temperature and --humidity are of what --no-wet-delay and"
-            " --no-ionosphere leave out; keep one"
+            "ppk: --pressure, --temperature and --humidity have no effect with --no-wet-delay"
+            " and --no-ionosphere; keep one"
         )
 
 

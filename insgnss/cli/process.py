@@ -21,8 +21,8 @@ class ProcessRequest:
     )
     mounting: Path | None = argument(
         None,
-        "tables [mounting] and [camera] time_offset_s, such as mounting.toml of insgnss adjust, in"
-        " the place of those of the flight file",
+        "file whose tables [mounting] and [camera] time_offset_s replace those of the flight"
+        " file, such as mounting.toml of insgnss adjust",
     )
     force: bool = argument(
         False, "overwrite results of other measurements (those of the same are overwritten anyway)"

@@ -34,7 +34,7 @@ class SimulateRequest(Checked):
         None,
         "length of the record",
         positive=True,
-        usual="that of the flight's plan, of car and walk 5",
+        usual="duration of the flight's plan, 5 for car and walk",
         metavar="M",
     )
     imu_rate: float | None = argument(
@@ -67,7 +67,8 @@ class SimulateRequest(Checked):
     )
     unknown_boresight: float | None = argument(
         None,
-        "of block2015, corridor2014, mapkite: a turn of the camera that its poses do not know",
+        "of block2015, corridor2014, mapkite: a rotation of the camera that the given"
+        " poses do not include",
         positive=True,
         metavar="DEG",
     )
@@ -77,7 +78,9 @@ class SimulateRequest(Checked):
         super().__post_init__()
         if self.block and self.block not in SURVEYS:
             names = " and ".join(SURVEYS)
-            problem = f"is no survey flight, of which there are {names}; a DIR stands before it"
+            problem = (
+                f"is not a survey flight ({names}); the directory DIR must stand before --block"
+            )
             raise OptionError("block", problem, self.block)
 
 

@@ -36,8 +36,8 @@ class TuneRequest:
     )
     flight: Path | None = option(
         None,
-        "estimate noise from the innovations of this flight instead; each of several IMUs alone, "
-        "the second into FILE_2",
+        "estimate noise from the innovations of this flight instead; of several IMUs each"
+        " separately, the second into FILE_2",
         cli="--",
         metavar="FLIGHT",
     )

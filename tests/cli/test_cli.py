@@ -376,7 +376,10 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
         (["metashape", "--crs", "EPSG:1"], "CRS 'EPSG:1' is unknown"),
         (["metashape", "--set", "unit=gon"], "metashape has no option 'unit'; it takes none"),
         (["metashape", "--set", "unit"], "--set 'unit' is not KEY=VALUE"),
-        (["eo_json", "--out", "{master}"], "is the master itself; give --out"),
+        (
+            ["eo_json", "--out", "{master}"],
+            "is the orientation itself, which must stay; give another file",
+        ),
         (
             ["metashape", "--geoid", "nowhere.gtx"],
             "takes heights above the ellipsoid; leave the geoid out or name a CRS",

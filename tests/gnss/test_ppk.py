@@ -629,7 +629,7 @@ def test_the_help_tells_the_defaults_of_the_engine():
         (["--humidity", 40], "--humidity 40.0: must be 0 to 1"),
         (
             ["--humidity", 0.4, "--no-wet-delay", "--no-ionosphere"],
-            "--humidity are of what --no-wet-delay and --no-ionosphere leave out",
+            "--humidity have no effect with --no-wet-delay and --no-ionosphere",
         ),
         (["--rtklib-options", "arminfix"], "'arminfix' is no NAME=VALUE"),
         (
@@ -646,11 +646,11 @@ def test_the_help_tells_the_defaults_of_the_engine():
         (["--acceleration", 0, 1], "must be two numbers greater than zero"),
         (
             ["--events", "x.MRK", "--events-containing", "cam"],
-            "--events-containing looks at .* --events is given as well",
+            "--events-containing selects among .* --events gives another file",
         ),
         (
             ["--events", "x.MRK", "--invalid-events"],
-            "--invalid-events looks at .* --events is given as well",
+            "--invalid-events selects among .* --events gives another file",
         ),
         (["--image-ending", ".tif"], "--image-ending: has no meaning without --images; give both"),
         (["--skip-images", "a.tif"], "--skip-images: has no meaning without --images; give both"),

@@ -153,7 +153,7 @@ def test_what_is_no_page_is_refused(page, tmp_path, capsys) -> None:
     for name, words in (
         ("other.html", "not text"),
         ("plain.html", "no charts"),
-        ("lone.json", "lone.html beside it"),
+        ("lone.json", "lone.html with its charts does not exist beside it"),
         ("missing.html", "does not exist"),
         (".", "directory"),
     ):

@@ -245,8 +245,8 @@ def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:
     s = run(diagnostics(states=states))
     lever, *others = [limit for limit in s["limits"] if limit["topic"] == "constants"]
     assert (
-        "does not determine the antenna lever arm forward: sigma 0.28 m of 0.3 m before it, which"
-        " moves positions by 280 mm" in lever["text"]
+        "does not determine the antenna lever arm forward: sigma 0.28 m after the flight,"
+        " 0.3 m before it, which moves positions by 280 mm" in lever["text"]
     )
     assert lever["rank"] == pytest.approx(70.0)
     assert any("GNSS time offset +12.5 +- 0.9 ms" in limit["text"] for limit in others)

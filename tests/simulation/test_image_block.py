@@ -275,7 +275,7 @@ def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
         ("--minutes 2 --gross-errors 0.1", "--gross-errors: has no meaning without --block"),
         (
             "--block images",
-            "--block images: is no survey flight, of which there are ign8 and ign6x1",
+            "--block images: is not a survey flight (ign8 and ign6x1)",
         ),
         ("--flight ign8 --block ign6x1", "are two flights; keep one"),
         ("--minutes 2 --block --gross-errors 5", "block.gross_errors = 5.0: must be 0 to 0.5"),

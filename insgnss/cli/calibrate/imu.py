@@ -88,7 +88,7 @@ def _refuse_others(out: Path, imu: Path) -> None:
         text = out.read_text(encoding="utf-8", errors="replace")
         if sha256(imu) not in text:
             raise UsageError(
-                f"calibrate imu: {out} is there, and was not made from {imu}; give another --out,"
+                f"calibrate imu: {out} exists and was not made from {imu}; give another --out,"
                 " or --force"
             )
 

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 class MountingProducts(Checked):
     """Where the file goes, and what it is compared with."""
 
-    compare: Path | None = argument(None, "another mounting.toml, whose lever arm is compared")
-    out: Path = argument(Path("mounting.toml"), "what to write, and a page beside it")
+    compare: Path | None = argument(
+        None, "another mounting.toml, to compare its lever arm with the result"
+    )
+    out: Path = argument(Path("mounting.toml"), "the file to write; a page (.html) goes beside it")
     force: bool = argument(False, "overwrite a file that was made from other inputs")
 
     def __post_init__(self) -> None:
@@ -48,13 +50,14 @@ class TripodFiles:
 
     poses: Path = argument(
         ...,
-        "camera poses, one a setup (a table image, x, y, z, omega, phi, kappa, ..., eo.json, "
-        "Metashape, COLMAP, ...)",
+        "camera poses, one for each setup (a table image, x, y, z, omega, phi, kappa, ...,"
+        " eo.json, Metashape, COLMAP, ...)",
         cli="POSES",
     )
     pins: Path = argument(
         ...,
-        "tips of the pin in the antenna's place: a table of the same names, x, y, z",
+        "positions of the tip of the pin that takes the antenna's place: a table of the"
+        " same names, x, y, z",
         cli="PINS",
     )
 
@@ -168,8 +171,8 @@ MOUNTING_VERBS = (
     ),
     _of_two_files(
         "materialise",
-        "lever arm from camera to antenna: targets on camera and receiver stand for the centres"
-        " that nobody can touch",
+        "lever arm from camera to antenna: by targets on camera and receiver, as neither"
+        " centre can be touched",
         "  insgnss calibrate materialise camera.csv before.csv --pose poses.csv --image s.jpg \\\n"
         "      --receiver r0.csv r90.csv r180.csv r270.csv --after landed.csv",
         MaterialiseFiles,

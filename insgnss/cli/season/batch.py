@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     count = sum(one.exit_code != 0 for one in result.outcomes)
     where = next(file for file in result.files if file.suffix == ".html")
     failure = InsgnssError(
-        f"{count} of {len(result.outcomes)} flights failed; why stands in {where}"
+        f"{count} of {len(result.outcomes)} flights failed; the reasons are in {where}"
     )
     failure.exit_code = result.exit_code
     return Judged(result, failure)

@@ -79,8 +79,9 @@ def adjusted(problem: Problem, values: Unknowns) -> Adjusted:
     if not (finite := _oriented(values)).all():
         names = [problem.block.images[i] for i in np.flatnonzero(~finite)]
         raise DataError(
-            f"image {names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: no first values"
-            " of position and attitude; give them, or four points with coordinates that it sees"
+            f"image {names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: initial"
+            " position and attitude are missing; give them, or measure four points of known"
+            " coordinates in the image"
         )
     steps = 0
     for _ in range(MOST_VALIDITY_ROUNDS):
@@ -174,9 +175,10 @@ def _step(
 
 def _not_converged(steps: int, first: float, last: float) -> str:
     return (
-        f"the adjustment has not converged in {steps} steps (cost {first:.4g} at first, {last:.4g}"
-        " at last); first values are too far off, or image observations belong to other points or"
-        " images: give better poses, or leave out what the residuals name"
+        f"the adjustment has not converged in {steps} steps (cost {first:.4g} at first,"
+        f" {last:.4g} at last); initial values are too far off, or image observations carry"
+        " the name of a wrong point or image: give better poses, or leave out the"
+        " observations with the largest residuals"
     )
 
 

@@ -407,9 +407,10 @@ def unknown_name(problem: Problem, column: int) -> str:
 def _undetermined(problem: Problem, column: int) -> str:
     """Say which unknown the observations do not determine."""
     return (
-        f"{unknown_name(problem, column)} is not determined by the observations: the block lacks"
-        " control, is held together by too few points, or more of its camera is estimated than it"
-        " tells; give ground control or aerial control, hold a pose, or estimate less (camera.free)"
+        f"{unknown_name(problem, column)} is not determined by the observations: the block"
+        " lacks control, too few tie points connect its images, or more camera parameters are"
+        " estimated than the images determine; give ground control or aerial control, hold a"
+        " pose, or estimate less (camera.free)"
     )
 
 

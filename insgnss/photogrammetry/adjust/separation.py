@@ -33,29 +33,30 @@ TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to 
 AERIAL = "aerial control"
 HEIGHT, ABOUT_Y, ABOUT_X = COMMON_MOTIONS
 TWO_HEIGHTS = (
-    "fly some strips at two and a half times the height: what the camera does to the ground grows"
-    " with the height, a length of the mounting does not"
+    "fly some strips at two and a half times the height: the effect of a camera parameter on"
+    " the ground grows with the height, that of a lever arm does not"
 )
 TWO_HEADINGS = (
-    "fly strips in opposite headings: what belongs to the camera or to its clock turns with it, a"
-    " shift of the trajectory does not"
+    "fly strips in opposite headings: errors of the camera or of its clock turn with the"
+    " heading, a shift of the trajectory does not"
 )
 TWO_SPEEDS = (
     "fly strips whose speeds differ by a factor of three: the time offset moves the camera by"
     " metres that grow with the speed, the lever arm does not"
 )
 CALIBRATED_CENTRE = (
-    "points follow their sum as long as camera and IMU stay together, and no flight plan tells"
-    " them apart; if each is wanted, give cx and cy of a calibration with their standard"
-    " deviations (a pixel)"
+    "object points depend on the sum of both alone as long as camera and IMU stay mounted"
+    " together, and no flight plan separates them; if each is wanted, give cx and cy of a"
+    " calibration with their standard deviations (a pixel)"
 )
 HELD_CENTRE = (
-    "points follow their sum, and no flight plan tells them apart; if the attitude is wanted, hold"
-    " cx and cy at a calibration's values (leave them out of camera.free)"
+    "object points depend on the sum of both alone, and no flight plan separates them; if the"
+    " attitude is wanted, hold cx and cy at a calibration's values (leave them out of"
+    " camera.free)"
 )
 CALIBRATED_DECENTRING = (
-    "hold p1 and p2 at values of a calibration; strips across, tilted ones or more control help"
-    " little"
+    "hold p1 and p2 at values of a calibration; cross strips, tilted images or more control"
+    " help little"
 )
 OTHER_VIEWS = (
     "fly some strips with the camera tilted by 45 deg, or at two heights where the lever arm or a"

@@ -100,9 +100,9 @@ def _weighed(solved: AdjustedBlock) -> list[str]:
         if options.shift_sigma_m is not None:
             return []
         return [
-            "positions are weighed as if each image had errors of its own: those of RTK and PPK"
-            " last for minutes, and so sigmas are too small where --shift-sigma (shift_sigma_m)"
-            " does not give each flight line its shift"
+            "positions are weighted as if the errors of images were independent: those of RTK"
+            " and PPK last for minutes, so that sigmas are too small unless --shift-sigma"
+            " (shift_sigma_m) estimates a shift of each flight line"
         ]
     return [
         f"the aerial control weighs {how[solved.control.covariance]}: standard deviations of"

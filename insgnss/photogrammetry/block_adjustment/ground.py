@@ -71,9 +71,9 @@ def ground_in_plane(
     if crs is None and file.aerial_control.positions_alone:
         raise InputError.in_file(
             path,
-            "does not say in which CRS its ground points are, and without a flight there is no"
-            " tangent plane that they could stand in; name it by ground.crs or --crs, such as"
-            ' EPSG:2056+5728, or by the origin of their plane, "origin 46.57 6.54 deg 0 m"',
+            "does not say in which CRS its ground points are, and without a flight no tangent"
+            " plane is known; name their CRS by ground.crs or --crs, such as EPSG:2056+5728,"
+            ' or by the origin of their plane, "origin 46.57 6.54 deg 0 m"',
         )
     as_read = ground
     axes = None if crs is None else GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch)

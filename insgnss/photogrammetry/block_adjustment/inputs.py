@@ -113,8 +113,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
     progress("reading image observations")
     if file.images.file is None:
         raise InputError(
-            "images.file is missing: image observations, a table or the project of a photogrammetry"
-            " program; `insgnss adjust --plan` goes without"
+            "images.file is missing; give image observations, a table or the project of a"
+            " photogrammetry program (only `insgnss adjust --plan` needs none)"
         )
     source = read_measured_block(
         file.images.file,
@@ -192,8 +192,8 @@ def _refuse_two_datums(file: BlockFile) -> None:
     ):
         if path is not None:
             raise InputError(
-                f'{key} says where the block lies, and adjustment.datum = "{file.adjustment.datum}"'
-                " too; leave one of them out"
+                f"{key} defines where the block lies, and so does adjustment.datum ="
+                f' "{file.adjustment.datum}"; leave one of them out'
             )
 
 
@@ -243,7 +243,8 @@ def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation,
     if P is None:
         raise InputError.in_file(
             file.camera.file,
-            "no [sigma], which camera.weighed asks for; write it, or leave camera.weighed out",
+            "no table [sigma] with standard deviations, which camera.weighed needs; add"
+            " the table, or leave camera.weighed out",
         )
     (camera,) = block.cameras
     rows = np.array([INTERIOR.index(k) for k in P.parameters if k in camera.free], dtype=np.int64)
@@ -271,7 +272,8 @@ def refuse_field_of_view(camera: BrownCamera) -> None:
         angle = 2.0 * np.degrees(np.arctan(0.5 * size / f))
         raise InputError(
             f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images"
-            f" of {size} px; f counts in pixels: of millimetres divide by the size of a pixel"
+            f" of {size} px; f is in pixels: divide a value in millimetres by the size of a"
+            " pixel"
         )
 
 
@@ -297,7 +299,9 @@ def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock
         return source
     images = source.measured.images
     if bad := [name for name in skip if name not in images]:
-        raise InputError(f"images.skip: {bad[0]!r} is no image of it; {near(bad[0], images[:200])}")
+        raise InputError(
+            f"images.skip: {bad[0]!r} is not an image of this block; {near(bad[0], images[:200])}"
+        )
     observations = source.measured.observations
     gone = set(skip)
     skipped = np.array([name in gone for name in images])

@@ -189,7 +189,8 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Finding]:
                     c["name"],
                     1.0 if times > 3.0 else 0.5,
                     f"{c['name']} have {times:.2g} times the standard deviations that were stated",
-                    "state what they have, or look for another camera model or wrong points",
+                    "state this standard deviation, or look for another camera model or"
+                    " wrong points",
                 )
             continue
         low, high = _bounds(c["redundancy"])
@@ -245,9 +246,9 @@ def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Finding]:
         "relative control",
         0.95,
         f"relative control of {images} image{'s' * (images > 1)} in {len(chains)} flight"
-        f" line{'s' * (len(chains) > 1)} or turns, that of {first} first, and nothing tells"
-        f" {' or '.join(unknowns)}: a weak observation ({' and '.join(sigmas)}) of one image of"
-        " each holds them",
+        f" line{'s' * (len(chains) > 1)} or turns, that of {first} first, and no observation"
+        f" determines {' or '.join(unknowns)}: a weak observation ({' and '.join(sigmas)}) of"
+        " one image of each holds them",
         "measure ground points in their images, or observe them absolutely (aerial_control.lines)",
     )
 
@@ -328,7 +329,7 @@ def _lever_arm(solved: AdjustedBlock) -> Iterator[Finding]:
         yield ranked(
             BORESIGHT,
             displacement / (SIGNIFICANT_SIGMAS * sigma),
-            f"the bore-sight that the flight was processed with turned the lever arm of"
+            "the flight was processed with a wrong bore-sight, which turned the lever arm of"
             f" {np.linalg.norm(lever):.2f} m to the antenna: projection centres are off by"
             f" {lengths([1e3 * displacement])} ({displacement / sigma:.0f} sigma)",
             "process with --mounting mounting.toml, which is written here, and adjust again",
@@ -360,7 +361,8 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
                 trial.name,
                 float(np.sqrt(trial.gain / limit)),
                 f"the observations show a {trial.name} of {trial.shown} that is not estimated:"
-                f" the cost falls by {trial.gain:.0f} with it, by {limit:.0f} at most by chance",
+                f" estimating it lowers the cost by {trial.gain:.0f} (by chance {limit:.0f} at"
+                " most)",
                 f"{trial.remedy}{_rivals(trial, trials_made)}",
             )
 
@@ -386,7 +388,7 @@ def _explained(
         if direct:
             remedy += "; where poses are held, errors of camera constant and bore-sight look alike"
     elif direct:
-        remedy = "adjust the same files in mode fast_at or iso, which try what explains it"
+        remedy = "adjust the same files in mode fast_at or iso, which search for the cause"
     else:
         names = ", ".join(trial.name for trial in trials_made)
         weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"

@@ -91,8 +91,13 @@ def cameras_in_mode(
     if file.camera.weighed and P is not None:
         return tuple(replace(camera, free=P.parameters) for camera in cameras)
     notes.append(
-        f"mode {file.adjustment.mode} holds the camera: no standard deviation counts its errors"
-        + ("; camera.weighed counts what its file says of them" if P is not None else "")
+        f"mode {file.adjustment.mode} holds the camera: the standard deviations do not"
+        " include its errors"
+        + (
+            "; camera.weighed includes them, as the camera file states them"
+            if P is not None
+            else ""
+        )
     )
     return tuple(replace(camera, free=()) for camera in cameras)
 
@@ -133,9 +138,9 @@ def ground_in_mode(
         )
     if mode == "indirect" and control < FEWEST_CONTROL and file.vehicle.file is None:
         raise DataError(
-            f"mode indirect: {control} ground control points are measured in images, and without"
-            f" aerial control {FEWEST_CONTROL} at least say where the block lies; measure more of"
-            " them, or take another mode"
+            f"mode indirect: {control} ground control points are measured in images; without"
+            f" aerial control at least {FEWEST_CONTROL} are needed to place the block; measure"
+            " more of them, or take another mode"
         )
     if mode != "direct" or ground is None:
         return ground
@@ -189,7 +194,7 @@ def source_in_mode(
     if not keep.any():
         raise InputError(
             "mode fast_at: no image observation is of a ground point; give ground points with"
-            " --ground whose names stand in the image observations"
+            " --ground, under the names that they have in the image observations"
         )
     if not keep.all():
         notes.append(

@@ -287,8 +287,8 @@ def _correlations(camera: Mapping[str, Any]) -> Section:
         for i, name in enumerate(names)
     ]
     caption = (
-        "coefficients of one polynomial are strongly correlated always; only what they make of a"
-        " ray together counts"
+        "coefficients of one polynomial are always strongly correlated; only their joint"
+        " effect on an image ray matters"
     )
     title = f"Interior orientation: correlations of {camera['name']}"
     return _of_page(title, Table(rows, ("", *names), True), caption)

@@ -161,8 +161,8 @@ def in_own_datum(
     block = replace(block, position_m=union.position_m, C_mc=union.C_mc)
     if not block.oriented.any():
         raise InputError(
-            f'adjustment.datum = "{kind}" needs poses to begin with, which the image observations'
-            " come without; give the project of a program that has aligned them"
+            f'adjustment.datum = "{kind}" needs initial poses, which the image observations do'
+            " not have; give the project of a program that has aligned the images"
         )
     block = _scaled(block, distances)
     if kind == "control" and union.held is not None:
@@ -183,9 +183,9 @@ def in_own_datum(
         keys = tuple((POINT, int(row)) for row in rows)
         if not FEWEST_COMMON <= rows.size <= MOST_FREE_POINTS:
             raise InputError(
-                f'adjustment.datum = "points": {rows.size} points are seen by {FEWEST_FREE_RAYS}'
-                f" images or more, {FEWEST_COMMON} to {MOST_FREE_POINTS} make a free network; take"
-                ' "images"'
+                f'adjustment.datum = "points": {rows.size} points are seen by'
+                f" {FEWEST_FREE_RAYS} images or more; a free network needs {FEWEST_COMMON} to"
+                f' {MOST_FREE_POINTS} of them; take "images"'
             )
     return block, (InnerConstraints(keys, first[rows], not distances),)
 
@@ -234,7 +234,9 @@ def read_distances(path: Path | None, block: ImageBlock) -> tuple[DistanceObserv
                 )
                 raise table.error_at(row, problem)
         if pair[0] == pair[1]:
-            raise table.error_at(row, f"point {pair[0]!r} and itself have no distance")
+            raise table.error_at(
+                row, f"a distance from point {pair[0]!r} to itself; name two different points"
+            )
     return tuple(
         DistanceObservation((rows[a], rows[b]), float(d), np.array([[s**-2.0]]))
         for (a, b), d, s in zip(ends, distance, sigma, strict=True)

@@ -196,8 +196,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     options = file.aerial_control
     if options.file is None:
         raise InputError(
-            "adjust --plan: where the images are is missing; give the eo.json of a flight, such as"
-            " a simulated one"
+            "adjust --plan: the positions of the images are missing; give the eo.json of a"
+            " flight, such as a simulated one"
         )
     if file.camera.file is None:
         raise InputError("adjust --plan: the camera is missing; give --camera, a camera.toml")
@@ -210,7 +210,7 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     ground = ground_in_plane(file, None, eo, [])
     terrain = replace(FLAT, height_m=_ground_height(file, ground))
     if file.vehicle.file is not None:
-        notes.append("the plan has no kinematic ground control: the vehicle takes no part in it")
+        notes.append("the plan ignores the vehicle: it has no kinematic ground control")
     progress("drawing tie points")
     block = _block(file, eo, camera, ground, terrain)
     source = of_table(*block)

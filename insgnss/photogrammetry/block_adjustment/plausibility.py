@@ -106,9 +106,9 @@ def worse_than_stated(inputs: BlockInputs) -> str:
     if not misclosure_px >= max(WORSE_MISCLOSURE * stated, FEW_ATTITUDE_SIGMAS * sigma):
         return ""
     return (
-        f"; rays of a point pass {misclosure_px:.1f} px from each other, where image observations"
-        f" are stated good to {stated:.2g} px and poses to {sigma:.2g} px: correct them, or state"
-        " what they are good to (images.sigma_px)"
+        f"; rays of a point miss each other by {misclosure_px:.1f} px, where image"
+        f" observations have stated sigmas of {stated:.2g} px and poses of {sigma:.2g} px:"
+        " correct the observations, or state their true sigmas (images.sigma_px)"
     )
 
 
@@ -151,14 +151,14 @@ def _refuse_readings(
     def words(one: Candidate[BlockReading]) -> str:
         return f"{one.statement.format(one.read(few).fitted()[1][-1])}: {one.remedy}"
 
-    start = f"rays of a point pass {misclosure_px:.0f} px from each other"
+    start = f"rays of the same point miss each other by {misclosure_px:.0f} px"
     if misclosure_px >= FAR_OFF:
         start = "rays of a point do not meet before the cameras"
     start = f"image observations do not fit the aerial control: {start}"
     explanation = explain(few, readings(inputs, few), misfit, limits[0], PIXEL)
     if explanation is not None:
         raise DataError(
-            f"{start}, and {explanation.left:.1f} px as if {explanation.clauses(words)}"
+            f"{start}; they would fit to {explanation.left:.1f} px if {explanation.clauses(words)}"
         )
     if misclosure_px > limits[1]:
         control = inputs.file.aerial_control
@@ -197,7 +197,7 @@ def _refuse_images(
     text = (
         f"image observations of {named} do not fit their poses: their rays"
         + (
-            f" pass {out[0][1]:.0f} px from those of other images"
+            f" miss those of other images by {out[0][1]:.0f} px"
             if out[0][1] < FAR_OFF
             else " do not meet those of other images"
         )
@@ -216,8 +216,8 @@ def _refuse_images(
         explanation = explain(whole, [moved], median, float(limit[some].min()))
         if explanation is not None:
             raise DataError(
-                f"{text}, and {explanation.left:.1f} px when they are exchanged; exchange their"
-                " names"
+                f"{text}, but only {explanation.left:.1f} px when the two are exchanged;"
+                " exchange their names"
             )
     skip = ", ".join(f'"{names[i]}"' for i in some)
     raise DataError(
@@ -272,7 +272,9 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
             " shift fits; check ground.crs and the names of the points"
         )
     if explanation.best is not shift:
-        raise DataError(f"{start}, and {explanation.left:.1f} m as if {explanation.clauses()}")
+        raise DataError(
+            f"{start}; they would fit to {explanation.left:.1f} m if {explanation.clauses()}"
+        )
     constant = _camera_constant(inputs, whole, miss_px, height / (height - middle[2]))
     if constant is None:
         why = (
@@ -286,8 +288,8 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
         )
     if not all("f" in camera.free for camera in block.cameras):
         raise DataError(
-            f"the camera constant does not fit: with {constant:.0f} px instead of"
-            f" {block.cameras[0].of('f'):.0f} rays and ground points meet; correct f, or"
+            "the camera constant does not fit: rays and ground points meet with"
+            f" {constant:.0f} px instead of {block.cameras[0].of('f'):.0f}; correct f, or"
             ' estimate it (camera.free = ["f", ...])'
         )
 

@@ -62,8 +62,9 @@ class AdjustmentResult(Shown):
             if (finding := self.uncorrected) is None:
                 return None
             return DataError(
-                f"{finding.sentence}; no trajectory is written, the orientation is;"
-                f' adjustment.accept = ["{accepted_as(finding.name)}"] in the block file overrules'
+                f"{finding.sentence}; the orientation is written, the trajectory is not; to"
+                f' write both, set adjustment.accept = ["{accepted_as(finding.name)}"] in the'
+                " block file"
             )
         if self.solved.inputs.file.adjustment.write_anyway:
             problem = f"{refused[0].sentence}; the orientation in {CONTRADICTED}/ has it"
@@ -210,6 +211,6 @@ def _explained(
         "" if inputs.file.aerial_control.positions_alone else ", or correct it in the flight file"
     )
     return DataError(
-        f"the adjustment does not converge as the block file has it, and does with {trial.name}"
-        f" estimated, {trial.shown}: {trial.remedy}{where}"
+        "the adjustment does not converge with the settings of the block file; it converges"
+        f" with {trial.name} estimated, {trial.shown}: {trial.remedy}{where}"
     )

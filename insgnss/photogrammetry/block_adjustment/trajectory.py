@@ -73,18 +73,30 @@ def refuse_unfit(inputs: BlockInputs, flight: Flight) -> None:
     images = 0 if inputs.eo is None else len(inputs.eo)
     problem = ""
     if options.mode != "iso" or not images:
-        problem = f'adjustment.mode = "{options.mode}"; "iso" alone adjusts the poses of a flight'
+        problem = (
+            f'adjustment.mode = "{options.mode}"; a trajectory needs mode "iso" and the'
+            " eo.json of a flight"
+        )
     elif control.control != "Ap/Aa" or control.of_lines:
-        problem = "aerial_control.control or .lines; Ap/Aa alone has all that the flight says"
+        problem = (
+            "aerial_control.control or .lines leaves out observations of the flight; take"
+            " Ap/Aa for all images"
+        )
     elif control.shift_sigma_m is not None or control.drift_sigma_mps is not None:
         problem = (
-            "aerial_control.shift_sigma_m or .drift_sigma_mps; errors of the fixes are states of"
-            " the flight (gnss.gm_sigma), so leave shifts out"
+            "aerial_control.shift_sigma_m or .drift_sigma_mps; the flight estimates errors of"
+            " the fixes itself (gnss.gm_sigma), so leave shifts and drifts out"
         )
     elif "aerial control" in options.reweight:
-        problem = 'adjustment.reweight has "aerial control", whose weights the flight gives'
+        problem = (
+            'adjustment.reweight has "aerial control", whose weights the flight defines;'
+            " leave it out"
+        )
     elif len(flight.mountings) != 1:
-        problem = f"{flight.path} has {len(flight.mountings)} cameras, one is possible"
+        problem = (
+            f"{flight.path} has {len(flight.mountings)} cameras; only a flight with one camera"
+            " can be adjusted so"
+        )
     elif images > MOST_IMAGES:
         problem = f"{images} images, limit {MOST_IMAGES}; cut the flight with start_tow, end_tow"
     if problem:
@@ -167,8 +179,9 @@ class _Joint:
             ]
         raise DataError(
             f"--trajectory: after {MOST_ROUNDS} rounds images still move poses by {moved:.2g}"
-            f" standard deviations from one round to the next, limit {STANDING_SIGMAS:g}; see in"
-            " adjust.html what contradicts, or leave --trajectory out"
+            f" standard deviations from one round to the next, limit {STANDING_SIGMAS:g};"
+            " adjust.html shows which observations contradict each other; mend them, or leave"
+            " --trajectory out"
         )
 
     def oriented(self, segments: list[Segment]) -> ExteriorOrientation:

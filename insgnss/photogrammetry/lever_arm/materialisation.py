@@ -302,7 +302,7 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
         Without a session, and where targets of two sessions do not fit.
     """
     if not sessions:
-        raise DataError("no session of the receiver; give one file a session (--receiver)")
+        raise DataError("no session of the receiver; give one file for each session (--receiver)")
     first = sessions[0]
     n = len(first.targets.position)
     points, covs = [first.targets.position], [first.targets.cov]

@@ -51,9 +51,9 @@ def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
         notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
     if _with_aerial_control(path):
         notes += (
-            f"{path.name} was adjusted with aerial control: if that of this flight, it counts"
-            " twice, and standard deviations are too small; leave aerial_control.file out, or take"
-            " the mounting.toml of that adjustment",
+            f"{path.name} was adjusted with aerial control: if that came from this flight, the"
+            " flight counts twice, and standard deviations are too small; leave"
+            " aerial_control.file out, or take the mounting.toml of that adjustment",
         )
     whole = path.parent / POSES_COVARIANCE_FILE
     if path.is_file() and whole.is_file():

@@ -186,19 +186,24 @@ def calibrate_mounting(
     left = len(given.images) - block.position.shape[0] - len(gross)
     notes = [*gross, *block.notes]
     if left:
-        notes.append(f"{left} of {len(given.images)} poses are of images that the flight has not")
+        notes.append(
+            f"{left} of {len(given.images)} poses belong to images that are not in the flight"
+        )
     if (missing := len(flight_poses.eo) - block.position.shape[0] - len(gross)) > 0:
-        notes.append(f"{missing} of {len(flight_poses.eo)} images of the flight have no pose there")
+        notes.append(
+            f"{missing} of {len(flight_poses.eo)} images of the flight have no pose in the block"
+        )
     if (words := misread_boresight(stated, judged, mounting.boresight)) is not None:
         notes.insert(0, words)
     if any(c.held for c in judged):
         notes.append(
-            "what is not determined is held at the flight file's value, and the rest follows by its"
-            " correlations"
+            "components that are not determined keep the flight file's value; the others are"
+            " estimated with these values"
         )
     notes.append(_statistics(solved))
     notes.append(
-        f"processed with it again, the corrections are {corrections[-1]:.2f} sigma at most"
+        "after processing the flight again with this mounting, the remaining corrections"
+        f" are {corrections[-1]:.2f} sigma at most"
         if len(corrections) > 1
         else "the flight file's mounting is right within its standard deviations"
     )
@@ -350,8 +355,8 @@ def _statistics(solved: AdjustedMounting) -> str:
     own = [float(np.sqrt(x)) for x in solved.factors.values()]
     if solved.block.cov is not None:
         return (
-            "standard deviations of the block's poses, by the residuals,"
-            f" {own[0]:.2f} of those stated; the former are taken"
+            f"by the residuals, standard deviations of the block's poses are {own[0]:.2f}"
+            " times the stated ones, which are multiplied by this factor"
         )
     return (
         "the block's poses have no covariances; their residuals give"

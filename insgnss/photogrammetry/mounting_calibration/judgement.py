@@ -331,9 +331,12 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
             break
     else:
         if names[k][0] == "imu_m":
-            return "poses tell the antenna's place, hardly the IMU's: measure it on the aircraft"
+            return (
+                "the poses determine the antenna's place, but hardly the IMU's: measure the"
+                " latter on the aircraft"
+            )
         return "the poses are not precise enough"
-    words = f"not told from {' and '.join(names[j][2] for j in others)}"
+    words = f"cannot be separated from {' and '.join(names[j][2] for j in others)}"
     words += f" (were {'they' if len(others) > 1 else 'it'} known, {shown(names[k][0], left)}"
     words += f" instead of {shown(names[k][0], first).partition(' ')[0]})"
     groups = {names[k][0], *(names[j][0] for j in others)}

@@ -70,7 +70,7 @@ def calibrate_materialise(
     )
     own, sessions = _points(camera), [_session(path, options) for path in options.receiver]
     if not sessions:
-        raise UsageError("calibrate materialise: --receiver needs a file a session")
+        raise UsageError("calibrate materialise: --receiver needs one file for each session")
     on_receiver = _common(sessions, options.antenna_name)
     receiver = _receiver(sessions, on_receiver, options)
     blocks = [_points(path) for path in (mounted, *([options.after] if options.after else []))]
@@ -223,8 +223,8 @@ def _own_pose(
         poses = read_camera_poses(options.pose)
     if poses is None:
         raise UsageError(
-            f"{camera}: targets alone; give the pose of an image that the camera itself took in"
-            " their axes, --pose POSES --image NAME"
+            f"{camera} has targets and no camera pose; give the pose of an image that the"
+            " camera itself took, in the axes of the targets: --pose POSES --image NAME"
         )
     name = options.image
     if not name and len(poses.images) == 1:
@@ -316,7 +316,7 @@ def _calibrated(
     reason = ""
     if moved:
         reason = (
-            "the lever arm before the flight is another than after it (limit"
+            "the lever arms before and after the flight differ (limit"
             f" {1e3 * ANTENNA_SIGMA_M:g} mm): the mount moved"
         )
     elif sigma.max() > RULER_M:

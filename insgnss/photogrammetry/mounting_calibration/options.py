@@ -50,10 +50,10 @@ class DataOptions(Checked):
     """
 
     photo: Path | None = argument(
-        None, "an image of the camera, whose Exif names it in the file", metavar="IMAGE"
+        None, "an image of the camera; its Exif data name the camera in the file", metavar="IMAGE"
     )
     date: str = argument(
-        "", "of the data, where no file says it", kind="date", metavar="YYYY-MM-DD"
+        "", "date of the data, where no file states it", kind="date", metavar="YYYY-MM-DD"
     )
 
 
@@ -72,7 +72,7 @@ class PlaceOptions(Checked):
 
     crs: str | None = argument(
         None,
-        "of x y z on the Earth where the file does not name it, such as EPSG:2056+5728",
+        "CRS of x y z on the Earth where the file does not name it, such as EPSG:2056+5728",
         usual="local axes",
         metavar="CRS",
     )
@@ -191,7 +191,9 @@ class MaterialiseOptions(DataOptions):
     """
 
     receiver: tuple[Path, ...] = argument(
-        ..., "targets on the receiver and its phase centre by GNSS (row antenna), a table a session"
+        ...,
+        "one table for each session: targets on the receiver, and its phase centre by"
+        " GNSS (row antenna)",
     )
     pose: Path | None = argument(
         None,
@@ -200,7 +202,9 @@ class MaterialiseOptions(DataOptions):
         metavar="POSES",
     )
     image: str = argument("", "name of that image")
-    after: Path | None = argument(None, "as MOUNTED, after the flight: did it move?")
+    after: Path | None = argument(
+        None, "targets as in MOUNTED, measured after the flight, to show whether the mount moved"
+    )
     antenna_name: str = argument("antenna", "row of the phase centre")
     target_sigma_m: float = argument(
         2e-4,
@@ -239,9 +243,9 @@ class Assumptions(FrameOptions, DataOptions):
 
     frame: Literal["auto", "similarity", "shift"] = argument(
         "auto",
-        "how the block's coordinates lie to the flight's: by a similarity; by a shift alone (ground"
-        " control in their coordinates); auto: a similarity, and coordinates of another scale are"
-        " refused",
+        "transformation from the block's coordinates to the flight's: similarity; shift"
+        " (coordinates of ground control); auto: similarity, but coordinates of another scale"
+        " are refused",
     )
     shift_sigma_m: float | None = _sigma(
         None,
@@ -260,8 +264,8 @@ class Assumptions(FrameOptions, DataOptions):
     )
     pose_sigma: tuple[float, float] = _pair(
         (0.03, 0.01),
-        "what the block's camera calibration moves poses by, all alike in camera axes, where they "
-        "have no covariances",
+        "errors of the block's poses by its camera calibration, the same for all in camera"
+        " axes, where the poses have no covariances",
         usual="0.03,0.01",
     )
 
@@ -273,5 +277,7 @@ class Assumptions(FrameOptions, DataOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.frame == "similarity" and self.shift_sigma_m is not None:
-            problem = "is of coordinates of ground control; leave {} out, or it"
+            problem = (
+                "is for poses in the coordinates of ground control; leave {} out, or this option"
+            )
             raise OptionError("shift_sigma_m", problem.format(setting("frame", self.frame)))

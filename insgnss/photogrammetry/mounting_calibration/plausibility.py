@@ -149,9 +149,8 @@ def refuse_implausible(
     n = rows.size
     if n < FEWEST_POSES:
         raise InputError(
-            f"{block.source}: {n} images of it are of this flight; {FEWEST_POSES} at least are"
-            f" needed,"
-            " and a calibration is good with two lines of ten each and more"
+            f"{block.source}: {n} of its images are of this flight; at least {FEWEST_POSES}"
+            " are needed, and a good calibration needs two lines of ten images each or more"
         )
     eo = flight.eo
     given = misfit(block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
@@ -294,7 +293,7 @@ def refuse_frame(solved: AdjustedMounting) -> None:
         if whole and near[2, 2] == 1.0:  # about the viewing direction: the camera sits otherwise
             remaining_deg = np.degrees(np.linalg.norm(vector_from_rotation(E @ near.T)))
             raise InputError(
-                f"{words}: mounting.camera_from_body is another; with {T.astype(int).tolist()}"
+                f"{words}: mounting.camera_from_body is wrong; with {T.astype(int).tolist()}"
                 f" {remaining_deg:.1f} deg remain"
             )
         if whole and near[2, 2] == -1.0:  # it would look at the sky

@@ -250,8 +250,8 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
         others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
         if own != others and not own & others:
             raise UsageError(
-                f"{out}: is there, and was made from none of these inputs; give another file with"
-                " --out, or --force"
+                f"{out} exists and was made from other inputs; give another file with --out,"
+                " or --force"
             )
     if not force and (reason := other_results(document, given, one_is_enough=True)):
         raise UsageError(f"{reason}; give another file with --out, or --force")

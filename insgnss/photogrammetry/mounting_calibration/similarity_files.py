@@ -62,8 +62,9 @@ DOWNWARDS = -0.3  # vertical part of the mean viewing direction of what is named
 TILTED_DEG, LEVEL_DEG = 20.0, 10.0  # rms tilts beyond which, and below which, a reading is named
 MISS_PX, MISS_FACTOR = 5.0, 25.0  # rays to a ground point, and over their covariance: other data
 ALIKE = (
-    "standard errors take the poses' errors as independent: what all have alike in camera axes, as"
-    " of a principal point, moves the lever arm by as much (calibrate mounting counts it)"
+    "standard errors take the poses' errors as independent: an error common to all poses in"
+    " camera axes, as of a principal point, moves the lever arm by as much (calibrate"
+    " mounting accounts for it)"
 )
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
 
@@ -270,8 +271,8 @@ def _with_correlation(
         rms = float(np.sqrt((result.residual_m**2).mean()))
         usual = float(np.sqrt(np.median(np.trace(poses.antenna_cov, axis1=1, axis2=2)) / 3.0))
         notes += (
-            f"residuals of {rms:.2g} m rms are smaller than the antenna's standard deviations say"
-            f" ({usual:.2g} m): these are a setting rather than a result; give --antenna-sigma",
+            f"residuals of {rms:.2g} m rms are smaller than the antenna's standard deviations"
+            f" say ({usual:.2g} m), which seem to be a default setting; give --antenna-sigma",
         )
     if not (rho > 0.0).any():
         return result, notes
@@ -352,7 +353,10 @@ class _AlongFlight:
             if stamps
             else f"{self.value:+.2f} m along the flight direction (limit {LONG_M:g} m)"
         )
-        return f"{text}: a delay of the exposures; calibrate mounting with the flight tells"
+        return (
+            f"{text}: a delay of the exposures; calibrate mounting, which uses the flight,"
+            " estimates the delay"
+        )
 
 
 def _as_they_stand(

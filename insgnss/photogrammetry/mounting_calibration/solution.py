@@ -297,8 +297,8 @@ def solve(
     """
     if rows.size < 4:
         raise DataError(
-            f"{block.source}: {rows.size} images that the flight knows as well; the mounting needs"
-            " four at least, and more for a check"
+            f"{block.source}: only {rows.size} of its images are in the flight; the mounting"
+            " needs at least four, and more for a check"
         )
     model = Model(block, flight, rows, assumptions)
     factors = dict.fromkeys(model.Q, 1.0)
@@ -329,8 +329,8 @@ def _adjusted(model: Model, factors: Mapping[str, float]) -> NormalEquations:
     limit = CONVERGED**2 * model.size
     if not adjusted(model.linearised, model.move, limit, MOST_SOLVER_STEPS, factors)[1]:
         raise DataError(
-            f"{model.block.source}: the adjustment of the mounting does not come to an end after"
-            f" {MOST_SOLVER_STEPS} steps; these poses are hardly of this flight"
+            f"{model.block.source}: the adjustment of the mounting does not converge in"
+            f" {MOST_SOLVER_STEPS} steps; these poses are probably not of this flight"
         )
     return NormalEquations(model.linearised(), factors)
 

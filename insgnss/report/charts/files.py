@@ -142,8 +142,7 @@ def charts_of(source: Path) -> tuple[Path, tuple[Chart, ...]]:
     if not page.is_file():
         raise InputError.in_file(
             source,
-            f"its charts would be in {page.name} beside it, which is not there; give report.json"
-            " or a page",
+            f"{page.name} with its charts does not exist beside it; give report.json or a page",
         )
     try:
         charts, digest = in_page(read_text(page))

@@ -28,11 +28,11 @@ FARTHEST_SIGMAS, HISTOGRAM_CLASSES = (
     25,
 )  # of a distribution, standard deviations; and its classes
 _DIFFERENCES = (
-    "Each component of b minus a{shaded}. Differences that stand about a constant, that follow the"
-    " course or drift tell of a convention, a lever arm or a clock that is another one."
+    "Each component of b minus a{shaded}. Differences that are constant, change with the"
+    " heading or drift point to a different convention, lever arm or clock."
 )
 _SHADED = ", within three standard deviations where shaded"
-_REMAINING = "The same after everything that was recognised is taken off: what is left unexplained."
+_REMAINING = "The same after all recognised errors are removed: what is left is unexplained."
 _NORMALISED = (
     "Differences over their standard deviations: honest ones follow the dark curve, the normal"
     " density. A wider distribution says that the standard deviations are too small, one beside it"

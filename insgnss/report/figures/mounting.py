@@ -160,8 +160,8 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
     oriented = np.isfinite(data.heading_deg)
     title = "Antenna positions minus poses with the lever arm"
     reading = (
-        "Steps between strips of opposite course are a lever arm or a delay that is left; slow"
-        " waves are time-correlated errors of the fixes."
+        "Steps between strips of opposite heading show a remaining error of lever arm or"
+        " delay; slow waves are time-correlated errors of the fixes."
     )
 
     def panels(x: Array, rows: NDArray[np.bool_], joined: bool) -> list[Panel]:
@@ -206,7 +206,9 @@ def _map(data: Residuals) -> Chart:
         Layer("arrows", x, y, "horizontal residual", "second", x2=x + east, y2=y + north),
     ]
     factor, unit = length_unit(usual)
-    reading = f"Arrows are horizontal residuals; the usual long one is {factor * usual:.2g} {unit}."
+    reading = (
+        f"Arrows are horizontal residuals; a typical arrow is {factor * usual:.2g} {unit} long."
+    )
     panel = Panel("north, m", layers)
     return Chart("map", "Where the residuals lie", reading, [panel], "east, m", map=True)
 
@@ -235,10 +237,10 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Chart, .
         ("attitudes, mdeg", 1e3 * np.degrees(residual[:, 3:6])),
     )
     reading = (
-        "Flight minus block in the axes of the body, after the calibration; lines are means of"
-        " images alike. A mounting that is right leaves lines about zero: a slope over speed or"
-        " turn rate is a delay that is left, one over heading a shift or a lever arm, one over time"
-        " a drift of the flight or a bend of the block."
+        "Flight minus block in the axes of the body, after the calibration; lines are means"
+        " over similar images. With a correct mounting the lines lie about zero: a slope over"
+        " speed or turn rate is a remaining delay, one over heading a shift or a lever arm,"
+        " one over time a drift of the flight or a bend of the block."
     )
     return tuple(
         Chart(

@@ -273,8 +273,9 @@ def states(f: Figures) -> Iterator[Finding]:
         elif not state["observed"]:
             text = (
                 f"the flight does not determine the {state['name']}: sigma"
-                f" {state['sigma'] * factor:.2g} {unit} of {state['prior'] * factor:.2g} {unit}"
-                f" before it, which moves positions by {millimetres(1e3 * state['moves_m'])}"
+                f" {state['sigma'] * factor:.2g} {unit} after the flight,"
+                f" {state['prior'] * factor:.2g} {unit} before it, which moves positions by"
+                f" {millimetres(1e3 * state['moves_m'])}"
             )
             help_ = (
                 "fly changes of speed"

@@ -122,10 +122,10 @@ def barometer(f: Figures) -> Iterator[Finding]:
     c = f["consistency"].get("barometer")
     if c is not None and judged(c) == "overconfident":
         text = (
-            f"the barometer's heights scatter {c['size']:.2f} times as much as their sigmas say;"
-            " the heights of the images may be off by more than theirs"
+            f"the barometer's heights scatter {c['size']:.2f} times as much as their sigmas"
+            " say; the heights of the images may be off by more than their sigmas"
         )
-        help_ = "raise barometer.sigma_m, or barometer.bias_walk where they wander"
+        help_ = "raise barometer.sigma_m, or barometer.bias_walk where the heights drift"
         yield ranked("barometer", REMARK, text, help_)
 
 
@@ -232,11 +232,11 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
             "trust the images relative to each other more than their sigmas",
         )
     help_ = (
-        'set gnss.gm_sigma = "auto" to estimate them; where that gave up, take the sigmas as'
-        " relative ones"
+        'set gnss.gm_sigma = "auto" to estimate them; where that estimate failed, trust the'
+        " sigmas only relative to each other"
     )
     return (
-        f"{text}: they are time-correlated, which the sigmas of the images do not hold",
+        f"{text}: they are time-correlated, which the sigmas of the images do not include",
         help_,
     )
 

@@ -251,8 +251,9 @@ def _reasons_of_wide_sigmas(f: Figures) -> Iterator[Inflation]:
         off = np.where(np.abs(mean) > r["limit"] * sigma, np.abs(mean), 0.0)
         if off.any():
             yield Inflation(
-                f"the trajectory stands off its own GNSS positions by {millimetres(off.max())} in"
-                f" the mean of {span(f, piece['begin_s'], piece['end_s'])}",
+                "the trajectory differs from its own GNSS positions by"
+                f" {millimetres(off.max())} in the mean of"
+                f" {span(f, piece['begin_s'], piece['end_s'])}",
                 "find the cause before these images are used",
                 "residuals",
                 moves_m=1e-3 * off[[1, 0, 2]],
@@ -320,8 +321,8 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
     off = np.where(mean > max(fixes.MEAN_MATTERS, i["lag1_bound_99"]) * rms, mean, 0.0)
     if off.any():
         yield Inflation(
-            f"the GNSS positions stand off their prediction by {millimetres(off.max())} in the mean"
-            " of the whole flight",
+            f"the GNSS positions differ from their prediction by {millimetres(off.max())} in"
+            " the mean of the whole flight",
             "look for an error of lever arm, clock or datum",
             "mean",
             moves_m=1e-3 * off[[1, 0, 2]],
@@ -331,8 +332,8 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
     if lags.any():
         k = np.sqrt((1.0 + lags) / np.maximum(1.0 - lags, 1e-3))
         yield Inflation(
-            f"errors of the GNSS positions stay from one to the next (correlation"
-            f" {lags.max():.2f}), which the sigmas of the images do not hold",
+            "errors of consecutive GNSS positions are correlated (correlation"
+            f" {lags.max():.2f}), which the sigmas of the images do not include",
             'gnss.gm_sigma = "auto" estimates them',
             "correlation",
             k[[1, 0, 2]],

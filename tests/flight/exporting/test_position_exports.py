@@ -186,7 +186,7 @@ def test_exposures_without_an_imu_are_exported(
     [
         (["Timestamp.MRK", "odm", "--camera-delay", "0.1"], 2, "give the antenna's positions as"),
         (["times.MRK", "odm"], 3, "has no standard deviations of positions"),
-        (["eo.json", "metashape", "--fixes", "antenna.pos"], 2, "--fixes is of positions without"),
+        (["eo.json", "metashape", "--fixes", "antenna.pos"], 2, "--fixes is for positions without"),
         (
             ["stamps.csv", "odm", "--fixes", "antenna.pos"],
             3,

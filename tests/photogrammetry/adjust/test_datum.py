@@ -124,6 +124,6 @@ def test_tables_of_distances(block, tmp_path) -> None:
     with pytest.raises(InputError, match=r"bars\.csv:2: point 'q40' is measured in no image"):
         read_distances(path, block)
     bare = replace(block, position_m=np.full_like(block.position_m, np.nan))
-    with pytest.raises(InputError, match="needs poses to begin with"):
+    with pytest.raises(InputError, match="needs initial poses"):
         in_datum(bare, "images")
     assert isinstance(in_datum(block, "points")[1][0], InnerConstraints)

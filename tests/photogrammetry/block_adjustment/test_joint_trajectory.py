@@ -115,7 +115,7 @@ def test_a_block_that_contradicts_itself_corrects_no_trajectory(flown, tmp_path)
     assert result.trajectory is None
     refusal = result.refusal
     assert refusal is not None
-    assert "no trajectory is written, the orientation is" in str(refusal)
+    assert "the orientation is written, the trajectory is not" in str(refusal)
     (name,) = re.findall(r'accept = \["(.*)"\]', str(refusal))
     options = replace(copied.block.adjustment, accept=(name,))
     again = adjust(replace(copied.block, adjustment=options), flight=flight, write=False)

@@ -207,7 +207,7 @@ def test_a_camera_that_is_held_is_not_estimated(flown) -> None:
 
 def test_a_block_without_datum_is_refused(flown) -> None:
     ground = replace(flown.block.ground, check=tuple(f"G{k:02d}" for k in range(3, 16)))
-    with pytest.raises(DataError, match=r"mode indirect: 2 ground control points .* 3 at least"):
+    with pytest.raises(DataError, match=r"mode indirect: 2 ground control points .* at least 3"):
         inputs_of(in_mode(replace(flown.block, ground=ground), "indirect"), quiet)
 
 

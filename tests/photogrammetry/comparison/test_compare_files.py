@@ -185,7 +185,7 @@ def test_page_and_picture_show_the_same_differences(
     assert main(["compare", files[0], other, *argv]) == 2  # other inputs
     assert page.read_bytes() == before
     assert main(["compare", files[0], other, *argv[:2], "-q"]) == 2
-    assert "compare.svg is there and of other inputs" in capsys.readouterr().err
+    assert "compare.svg exists and was made from other inputs" in capsys.readouterr().err
     for word in ([], ["--force"]):
         assert main(["compare", *files, *argv, *word]) == 0
     assert figure.read_bytes().startswith(b"<?xml")

@@ -184,4 +184,4 @@ def test_mirrored_millimetres_and_pose_of_another_image(tmp_path, capsys) -> Non
     assert run(tmp_path, pose=("--pose", "poses.csv", "--image", "t.jpg")) == 2
     assert "no pose of the camera's own image: 't.jpg'" in capsys.readouterr().err
     assert run(tmp_path, pose=()) == 2
-    assert "targets alone; give the pose of an image" in capsys.readouterr().err
+    assert "targets and no camera pose; give the pose of an image" in capsys.readouterr().err

@@ -89,7 +89,7 @@ def test_poses_of_another_flight() -> None:
 
 def test_three_poses() -> None:
     of = posed(seed=2)
-    assert "3 images of it are of this flight; 4 at least" in refused(only(of, np.arange(3)))
+    assert "3 of its images are of this flight; at least 4" in refused(only(of, np.arange(3)))
 
 
 def test_the_poses_of_the_flight_itself() -> None:
@@ -121,7 +121,7 @@ def test_camera_axes_of_another_program() -> None:
     """A camera that sits the other way has another T, one with axes right-up-back has not."""
     of = posed(seed=3)
     other = changed(of, C_rc=of.block.C_rc * np.array([-1.0, -1.0, 1.0]))
-    with pytest.raises(InputError, match=r"camera_from_body is another; with \[\[1, 0, 0\]"):
+    with pytest.raises(InputError, match=r"camera_from_body is wrong; with \[\[1, 0, 0\]"):
         refuse_frame(solve(other.block, other.flight, other.rows, Assumptions()))
     up = changed(of, C_rc=of.block.C_rc * np.array([1.0, -1.0, -1.0]))
     with pytest.raises(InputError, match="a camera with other axes, such as right, up, back"):

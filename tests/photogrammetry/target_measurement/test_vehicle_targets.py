@@ -158,7 +158,7 @@ def test_the_target_and_its_size_are_measured(followed, tmp_path) -> None:
     [
         (
             ["--vehicle", *DISC],
-            "vehicle.csv: places of the IMU, and vehicle.target_m (targets: --target-m",
+            "vehicle.csv: positions of the IMU, and vehicle.target_m (targets: --target-m",
         ),
         (["--target-m", "0", "0", "0"], "--target-m and --number belong to --vehicle"),
         ([*VEHICLE, "--signal", "ring"], "--number is missing: what the ring"),

@@ -261,9 +261,9 @@ def in_other_order(names: Sequence[str], Y: Array, images: Sequence[str], first:
     if explanation is None or len(explanation.alike) >= MOST_ALIKE:
         return ""
     return (
-        f"its {len(Y)} positions and {len(images)} images pair by their order alone, and are"
-        f" {before:.1f} m (rms) from each other so after shift, turn and scale, and"
-        f" {explanation.left:.1f} m {explanation.clauses()};"
+        f"its {len(Y)} positions and {len(images)} images can be paired by their order alone;"
+        f" so paired, they are {before:.1f} m (rms) from each other after shift, rotation and"
+        f" scale, but {explanation.left:.1f} m {explanation.clauses()};"
         f" {explanation.best.remedy}"
     )
 
@@ -326,7 +326,10 @@ def lie_elsewhere(
     Finding
         The difference, or that nothing checks them.
     """
-    advice = "measure a ground point, which shows geoid, antenna and base"
+    advice = (
+        "measure a ground point in the images, which reveals errors of geoid, antenna height"
+        " and base"
+    )
     if (poses := first.on_earth) is not None:
         row = matched(images, poses.images)
         X = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)[row[row >= 0]]
@@ -348,8 +351,8 @@ def lie_elsewhere(
     return ranked(
         "positions",
         0.5,
-        f"nothing in this block checks where the positions of {path.name} lie as a whole: another"
-        " base, the geoid for the ellipsoid or an antenna's height move all images alike",
+        f"nothing in this block checks the positions of {path.name} as a whole: a wrong base,"
+        " geoid heights taken as ellipsoidal or a wrong antenna height move all images alike",
         advice,
     )
 

@@ -92,8 +92,8 @@ def orientation_of(
         measured = np.column_stack([poses.lat, poses.lon, poses.height])
         C = first_attitudes(path, images, measured, plane, first)
         notes.append(
-            f"{path.name} has positions alone: attitudes follow from the image observations, and"
-            f" begin with those {first.origin}"
+            f"{path.name} has positions and no attitudes: attitudes are estimated from the"
+            f" image observations; their initial values are those {first.origin}"
         )
         table = replace(table, control="Ap", boresight_sigma_deg=0.0)
     oriented = np.isfinite(C).all(axis=(1, 2))
@@ -105,7 +105,9 @@ def orientation_of(
     keep = np.flatnonzero(oriented)
     stamped = poses.time is not None and poses.gps_week is not None
     if not stamped:
-        notes.append(f"{path.name} has no GPS times: the order of the images stands for them")
+        notes.append(
+            f"{path.name} has no GPS times: the order of the images is used in their place"
+        )
     time = poses.time if stamped and poses.time is not None else np.arange(len(images), dtype=float)
     orientation = ExteriorOrientation(
         tuple(images[k] for k in keep),
@@ -133,8 +135,9 @@ def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array
     if cov is None:
         raise InputError.in_file(
             poses.source,
-            "has no standard deviations of the positions, without which nothing weighs them; give"
-            " aerial_control.sigma_m (--position-sigma), such as 0.02 0.02 0.03 where fixed",
+            "has no standard deviations of the positions, so that their weights are unknown;"
+            " give aerial_control.sigma_m (--position-sigma), such as 0.02 0.02 0.03 where"
+            " fixed",
         )
     return cov
 
@@ -170,9 +173,9 @@ def _of_images(
     if not chosen.size:
         raise InputError.in_file(
             poses.source,
-            f"none of its {len(names)} positions ({names[0]}, ...) is of one of the"
-            f" {len(images)} images ({images[0]}, ...): give positions with the names of images, or"
-            " as many of them",
+            f"none of its {len(names)} positions ({names[0]}, ...) has the name of one of the"
+            f" {len(images)} images ({images[0]}, ...): give positions under the names of"
+            " images, or as many positions as images",
         )
     if poses.time is not None:
         chosen = chosen[np.argsort(poses.time[row[chosen]], kind="stable")]

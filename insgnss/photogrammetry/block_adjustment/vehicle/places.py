@@ -305,13 +305,13 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
         raise InputError.in_file(
             options.file,
             f"its stamp of image {placed.images[k] if placed.images else k} lies"
-            f" {difference_s[k] - middle:+.3f} s from that of the image, others do not: events are"
-            " joined with other images",
+            f" {difference_s[k] - middle:+.3f} s from that of the image, while other stamps"
+            " agree: events are joined with wrong images",
         )
     if abs(middle) > REPORTED_S:
         notes.append(
-            f"stamps of the vehicle lie {1e3 * middle:+.1f} ms from those of the same images; its"
-            " place is that at its own stamp"
+            f"stamps of the vehicle lie {1e3 * middle:+.1f} ms from those of the same images;"
+            " the position of the vehicle is taken at its own stamp"
         )
 
 
@@ -355,8 +355,8 @@ def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tu
     if not ok.any():
         raise InputError.in_file(
             options.sizes,
-            f"image {table.images[0]!r} does not see the vehicle's target, nor any other of it;"
-            f" {near(table.images[0], list(images)[:200])}",
+            f"neither image {table.images[0]!r} nor any other image of the table sees the"
+            f" vehicle's target; {near(table.images[0], list(images)[:200])}",
         )
     size[rows[ok]], sigma[rows[ok]] = table.size_px[ok], table.sigma_px[ok]
     if not ok.all():

@@ -243,11 +243,11 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
     if options.target_m is None:
         raise InputError.in_file(
             path,
-            "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward,"
-            " right, down from there to the target, m",
+            "positions of the IMU, and vehicle.target_m (targets: --target-m) is missing;"
+            " give the vector from IMU to target: forward, right, down, m",
         )
     if len(table.time) < 2:
-        raise InputError.in_file(path, "one row; a trajectory has two at least")
+        raise InputError.in_file(path, "has only one row; a trajectory needs at least two")
     _refuse_radians(path, table)
     arm = np.array(options.target_m)
     C_mn = plane.C_mn(table.lat, table.lon)
@@ -377,7 +377,9 @@ def _of_table(
     if options.crs is not None:
         if plane is None:
             raise InputError.in_file(
-                path, "vehicle.crs needs aerial control, whose tangent plane the axes are"
+                path,
+                "vehicle.crs needs aerial control, whose tangent plane defines the axes"
+                " of the block",
             )
         names = tuple(str(k) for k in range(len(position)))
         axes = GroundAxes(
