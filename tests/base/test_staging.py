@@ -402,7 +402,7 @@ def test_what_is_in_the_way_is_refused_and_stays(tmp_path: Path) -> None:
         atomic_write(tmp_path / "out" / "eo.json", "x")
     for files in ({"eo.json": "x", "b": "x"}, {"Ori/a.xml": "x", "b": "x"}):
         with (
-            pytest.raises(UsageError, match="where a (file|directory) must be written"),
+            pytest.raises(UsageError, match=r"where a (file|directory) must be written"),
             together() as staging,
         ):
             write(staging.tree(tmp_path / "out"), files)

@@ -138,8 +138,8 @@ def test_without_any_hint_the_longest_interval_is_shown():
     with pytest.raises(
         InputError,
         match=(
-            r"60 camera events and 57 images.*longest interval of events is 2\d\.\d+ s, after event 3,"
-            r" the median"
+            r"60 camera events and 57 images.*longest interval of events is 2\d\.\d+ s, after"
+            r" event 3, the median"
         ),
     ):
         name_events(flown(shots), NAMES[:57])
