@@ -75,7 +75,7 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
             around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
             word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))
             raise InputError(
-                f"{goal}: cannot hold {word!r}, a name that is not UTF-8; rename what has it"
+                f"{goal}: cannot hold {word!r}, a name that is not UTF-8; rename that file"
             ) from None
 
 

@@ -186,14 +186,14 @@ def other_results(
     try:
         hashes = set(dict(read_object(document, is_replaced=True)[INPUTS_KEY]).values())
     except (ValueError, KeyError, TypeError):
-        return f"{document} is there and does not say what it was made from"
+        return f"{document} exists and does not say from which measurements it was made"
     files = [file for file in measured if file.is_file()]
     others = [file for file in files if sha256(file) not in hashes]
     if not others or (one_is_enough and len(others) < len(files)):
         return None
     return (
-        f"{document.parent} holds results of other measurements: {others[0].name} is not what"
-        f" {document.name} was made from"
+        f"{document.parent} holds results of other measurements: {document.name} was not"
+        f" made from {others[0].name}"
     )
 
 
@@ -216,4 +216,6 @@ def refuse_other_results(
 ) -> None:
     """Raise UsageError where `other_results` are in the way and `force` is not given."""
     if not force and (reason := other_results(document, measured, one_is_enough)):
-        raise UsageError(f"{verb}: {reason}; give another directory with --out, or --force")
+        raise UsageError(
+            f"{verb}: {reason}; give another directory with --out, or overwrite it with --force"
+        )

@@ -152,7 +152,7 @@ class _Parser:
     def whole(self) -> Unit:
         unit = self.product()
         if self.tokens:
-            raise self.refused(f"{self.tokens[0]!r} is not joined by * or /")
+            raise self.refused(f"{self.tokens[0]!r} must be joined by * or /")
         return unit
 
     def product(self) -> Unit:

@@ -104,7 +104,9 @@ def check_unpacked(
     left = available()
     if left is not None and size > left:
         problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(left)} left"
-        raise DataError(f"{path}: {problem}; take a machine with more, or a shorter recording")
+        raise DataError(
+            f"{path}: {problem}; take a machine with more memory, or a shorter recording"
+        )
 
 
 def _gb(size: float) -> str:
@@ -218,7 +220,7 @@ def _inflate(data: bytes, stream: _Bounded) -> None:
     while offset < len(data):
         if not data.startswith(GZIP if gzipped else BZIP2, offset):
             if data[offset:].strip(b"\0"):
-                raise ValueError("bytes behind its end that are none of it")
+                raise ValueError("bytes follow its end that do not belong to it")
             return
         member = zlib.decompressobj(31) if gzipped else bz2.BZ2Decompressor()
         while not member.eof:

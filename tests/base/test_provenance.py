@@ -47,12 +47,12 @@ def test_results_of_others_are_refused(tmp_path: Path) -> None:
     before = sha256(files[1])
     files[1].write_text("B")
     assert sha256(files[1]) != before  # kept by what the system says of a file, not by its name
-    with pytest.raises(UsageError, match=r"process: .*gnss\.csv is not what report\.json was made"):
+    with pytest.raises(UsageError, match=r"process: .*report\.json was not made from gnss\.csv"):
         refuse_other_results("process", document, files)
     refuse_other_results("process", document, files, force=True)
     assert other_results(document, files, one_is_enough=True) is None
     files[0].write_text("A")
-    assert "imu.csv is not what" in str(other_results(document, files, one_is_enough=True))
+    assert "was not made from imu.csv" in str(other_results(document, files, one_is_enough=True))
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"inputs_sha256": 3}', "\xff"])
@@ -61,7 +61,7 @@ def test_a_document_that_does_not_say_is_refused(tmp_path: Path, text: str) -> N
     (tmp_path / "report.json").write_text(text, encoding="latin-1")
     reason = other_results(tmp_path / "report.json", [])
     assert reason is not None
-    assert reason.endswith("does not say what it was made from")
+    assert reason.endswith("does not say from which measurements it was made")
 
 
 def test_what_is_made_is_told_by_paths_and_hashes_before_it_is_moved(tmp_path: Path) -> None:

@@ -301,7 +301,9 @@ def test_links_below_an_output_directory_are_not_followed(root: Path) -> None:
         path.unlink()
     (root / "out" / "Ori").rmdir()
     (root / "out" / "Ori").symlink_to(victim)
-    with pytest.raises(UsageError, match="Ori: is a symbolic link and in the way of a directory"):
+    with pytest.raises(
+        UsageError, match="Ori: is a symbolic link where a directory must be written"
+    ):
         move(root)
     assert content(victim) == before
 
@@ -396,13 +398,16 @@ def test_what_is_in_the_way_is_refused_and_stays(tmp_path: Path) -> None:
     (tmp_path / "out" / "eo.json").mkdir(parents=True)
     (tmp_path / "out" / "Ori").write_text("a file")
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(UsageError, match=r"eo\.json: is a directory and in the way"):
+    with pytest.raises(UsageError, match=r"eo\.json: is a directory where a file must be written"):
         atomic_write(tmp_path / "out" / "eo.json", "x")
     for files in ({"eo.json": "x", "b": "x"}, {"Ori/a.xml": "x", "b": "x"}):
-        with pytest.raises(UsageError, match="in the way"), together() as staging:
+        with (
+            pytest.raises(UsageError, match=r"where a (file|directory) must be written"),
+            together() as staging,
+        ):
             write(staging.tree(tmp_path / "out"), files)
     with (
-        pytest.raises(UsageError, match="is a file, a directory is written"),
+        pytest.raises(UsageError, match="is a file, but a directory must be written"),
         together() as staging,
     ):
         staging.tree(tmp_path / "out" / "Ori")
@@ -459,7 +464,9 @@ def test_what_cannot_be_put_back_is_kept_and_named(root: Path) -> None:
             replace(*values)
 
         patch.setattr(os, "replace", failing)
-        with pytest.raises(UsageError, match=r"could not all be put back.* in .*insgnss-kept-"):
+        with pytest.raises(
+            UsageError, match=r"not all earlier files could be put back.* in .*insgnss-kept-"
+        ):
             move(root)
     sweep(root)
     sweep(root / "out")

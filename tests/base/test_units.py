@@ -76,7 +76,7 @@ def test_scales_are_those_of_scipy_constants():
         ("100 1/s", "is of dimension time\\^-1; angle"),  # an angle is not a pure number
         ("100 deg", "is of dimension angle; angle time\\^-1"),
         ("100 deg/h/sqrt(Hz)", "is of dimension angle time\\^-1/2;"),
-        ("100 deg h", "'h' is not joined by"),
+        ("100 deg h", "'h' must be joined by"),
         ("100 deg//h", "a unit is expected where '/'"),
         ("100 deg/", "a unit is expected where 'the end'"),
         ("100 deg/sqrt h", "'\\(' expected, found 'h'"),

@@ -536,7 +536,11 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             _toml("[camera]", '[camera]\nclock = "imu"'),
         ),
         INPUT,
-        ("clock step", "set in the recording once, by -0.370 s", "exposures that the IMU's clock"),
+        (
+            "clock step",
+            "set during the recording, once, by -0.370 s",
+            "exposures that the IMU's clock",
+        ),
     ),
     "IMU clock set ahead": (
         _columns(IMU, 0, lambda t: t + 12.3 * (t > t[0] + 60.0)),
@@ -602,7 +606,7 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             GNSS, lambda x: ["# week " + x[0].lstrip("# "), *(f"2009 {s}" for s in x[1:])]
         ),
         INPUT,
-        (f"{GNSS}:2: GPS week 2009, but the flight is said to be of week 2008", "check gps_week"),
+        (f"{GNSS}:2: the times are of GPS week 2009, but gps_week is 2008", "correct gps_week"),
     ),
     "GNSS of another day": (
         _columns(GNSS, 0, lambda t: t + 86400.0),

@@ -285,6 +285,6 @@ def test_events_of_ready_positions_that_have_names_keep_them(asked: Inputs, tmp_
     assert events.images == ("b.tif",)
     (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nimages = "names.txt"\n')
     with pytest.raises(
-        InputError, match=r"events\.txt: the events have names of their own \(a\.tif\)"
+        InputError, match=r"events\.txt: the events already have image names \(a\.tif\)"
     ):
         read_files(load_flight(tmp_path / "flight.toml"))

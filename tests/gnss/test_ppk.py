@@ -259,7 +259,7 @@ def test_events_of_a_file_take_the_place_of_the_rovers(flown, again, tmp_path):
         np.testing.assert_allclose(found.time, truth["events"][:5] + 0.01, rtol=0.0, atol=1e-6)
     assert found.images[0] == "0.tif"
     with pytest.raises(
-        InputError, match=r"2022\.MRK:1: GPS week 2022, but the flight is said to be of week 2021"
+        InputError, match=r"2022\.MRK:1: the times are of GPS week 2022, but gps_week is 2021"
     ):
         again(events=place[2022], match=ImageMatch())
     with pytest.raises(InputError, match=r"5 camera events and 73 images"):

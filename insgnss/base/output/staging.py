@@ -74,7 +74,9 @@ class Staging:
             return target
         if target not in self._trees:
             if target.exists() and not target.is_dir():
-                raise UsageError(f"{target}: is a file, a directory is written; give another name")
+                raise UsageError(
+                    f"{target}: is a file, but a directory must be written there; give another name"
+                )
             above = next(d for d in (target, *target.absolute().parents) if d.exists())
             with writing(target, OTHER_DIRECTORY):
                 own = self._within(above) / f"new{len(self._trees)}"
@@ -145,12 +147,12 @@ class Staging:
                 continue
             if goal.is_dir() and not source.is_dir():
                 raise UsageError(
-                    f"{goal}: is a directory and in the way of a file; {OTHER_DIRECTORY}"
+                    f"{goal}: is a directory where a file must be written; {OTHER_DIRECTORY}"
                 )
             if source.is_dir() and os.path.lexists(goal):
                 kind = "a symbolic link" if goal.is_symlink() else "a file"
                 raise UsageError(
-                    f"{goal}: is {kind} and in the way of a directory; {OTHER_DIRECTORY}"
+                    f"{goal}: is {kind} where a directory must be written; {OTHER_DIRECTORY}"
                 )
         return made, moves
 
@@ -248,8 +250,8 @@ class Staging:
                 scratch.keep()
             kept = ", ".join(str(scratch.path) for scratch in self.scratch.values())
             raise UsageError(
-                f"{message}; and what was there could not all be put back: {second.strerror}:"
-                f" files from before are in {kept}"
+                f"{message}; and not all earlier files could be put back: {second.strerror}:"
+                f" they are in {kept}"
             ) from None
         if isinstance(error, OSError):
             raise UsageError(f"{message}; all files are as they were") from None

@@ -42,7 +42,7 @@ def parse_json(path: object, text: str) -> Any:
     else:
         if not too_deep(value):
             return value
-    problem = f"objects or lists within each other more than {DEEPEST_NESTING} deep"
+    problem = f"has objects or lists nested more than {DEEPEST_NESTING} deep"
     raise InputError.in_file(path, f"{problem}; copy it again")
 
 

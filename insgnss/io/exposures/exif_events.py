@@ -73,8 +73,8 @@ def exif_events(
     events = dated_events(names, stamps, images, "", options)
     by_exif = note(
         "exposure times",
-        f"{len(names)} by the Exif of the images, a camera's own clock",
+        f"{len(names)} from the Exif of the images, which have the camera's own clock",
         "event marks of the receiver",
-        "a constant error of that clock moves every image along its path: camera.time_offset_s",
+        "an error of this clock moves all images along the path; correct camera.time_offset_s",
     )
     return replace(events, notes=(*events.notes, by_exif))

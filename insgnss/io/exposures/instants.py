@@ -143,14 +143,14 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
             raise InputError(
                 f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is {apart}"
                 f" apart from the flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"
-                f" {len(events.images)} images); give all times as of one week"
+                f" {len(events.images)} images); give all times in the same GPS week"
             )
         cause = "check the time scale of the events (UTC is 18 s behind GPS time) or"
         for length in RANGES_S:
             if lo <= events.time[0] + length and events.time[-1] + length <= hi:
                 cause = (
-                    f"camera.time_offset_s = {length:.6f} would put all of them within it, if"
-                    " their counter began anew before the first; else"
+                    f"if their time counter restarted before the first event, set"
+                    f" camera.time_offset_s = {length:.6f}, which puts all within the flight; else"
                 )
         raise InputError(
             f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the"

@@ -109,8 +109,8 @@ def _refuse_named(path: str, events: CameraEvents) -> None:
     """Refuse events whose names are more than numbers."""
     if own := [name for name in events.images if not name.isdecimal()]:
         message = (
-            f"the events have names of their own ({own[0]}), and images are given that name them as"
-            " well; leave the images out"
+            f"the events already have image names ({own[0]}), and a list of images gives names as"
+            " well; leave the list out"
         )
         raise InputError.in_file(
             path, f"{message}, or give the events by columns without the names"
@@ -151,9 +151,9 @@ def _taken(
         return None, (
             note(
                 "times of the images",
-                f"{finding}; they are not asked",
-                "times that do not fall",
-                "names go by their order",
+                f"{finding}; these times were not used",
+                "times in order",
+                "images and events were paired by their order",
             ),
         )
     raise InputError.in_file(path, f"{finding}; order them by exposure, in a list of their names")
@@ -179,7 +179,7 @@ class _Match:
             return self.in_order()
         hint = self.by_clocks() or _of_numbers(self.time, self.number, self.names)
         hint = hint or _of_intervals(self.time, self.number, len(self.names))
-        raise self.refusal(f"one too many or too few moves all names behind it: {hint}", "; ")
+        raise self.refusal(f"one too many or too few shifts all later names: {hint}", "; ")
 
     def in_order(self) -> tuple[Finding, ...]:
         """Notes of as many images as events; InputError where their times show another order."""
@@ -200,17 +200,15 @@ class _Match:
                 f" s: {names}"
             )
             advice = (
-                "names go by order; cameras that stamp the end of writing do so, else see that no"
-                " event or image is missing"
+                "images were paired by order; cameras that stamp the end of writing differ so; else"
+                " check that no event or image is missing"
             )
             notes = (
-                note(
-                    "times of the images", finding, "those of the events but for a constant", advice
-                ),
+                note("times of the images", finding, "times of the events plus a constant", advice),
             )
         if (not timed or notes) and (gaps := _number_gaps(self.names)):
-            finding = f"as many as events, but their numbers leave out {some(gaps, 5)}"
-            advice = "see that no event is missing or too many as well"
+            finding = f"as many images as events, but image numbers skip {some(gaps, 5)}"
+            advice = "check that no event is missing or additional"
             notes += (note("names of the images", finding, "numbers without a gap", advice),)
         return notes
 
@@ -268,7 +266,7 @@ def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) ->
     events = [int(number[gap - start]) for gap in gaps]
     answer = setting("camera.skip_events", events[:8])
     return (
-        f"the images' numbers leave out {some(gaps, 5)}; if these were exposed and are lost, set"
+        f"the image numbers skip {some(gaps, 5)}; if these images were exposed and lost, set"
         f" {answer}"
     )
 
@@ -277,18 +275,18 @@ def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
     step = np.diff(time)
     if step.size == 0:
         return (
-            f"name those that have no partner in {named('camera.skip_events')} or"
-            f" {named('camera.skip_images')}"
+            f"list events without an image in {named('camera.skip_events')}, images without an"
+            f" event in {named('camera.skip_images')}"
         )
     if time.size == 2 * count and np.median(step[::2]) < 0.5 * np.median(
         step[1::2] if step.size > 1 else step
     ):
         ms = 1e3 * float(np.median(step[::2]))
         finding = f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse"
-        return f"{finding}; keep the edge you want with {named('camera.skip_events')}"
+        return f"{finding}; list the events of one edge in {named('camera.skip_events')}"
     k = int(np.argmax(step))
     where = (
-        f"the longest interval is {step[k]:.3f} s, behind event {number[k]}, the median"
+        f"the longest interval of events is {step[k]:.3f} s, after event {number[k]}, the median"
         f" {np.median(step):.3f} s"
     )
     key = "camera.skip_events" if time.size > count else "camera.skip_images"

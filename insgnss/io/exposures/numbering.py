@@ -46,10 +46,10 @@ def with_numbering_note(events: CameraEvents) -> CameraEvents:
         for k in skipped[:MOST_NAMED_PAIRS]
     ]
     more = f" and {skipped.size - MOST_NAMED_PAIRS} more" if skipped.size > MOST_NAMED_PAIRS else ""
-    note = Question("images", "numbers and times that go together").note(
-        f"a number lacks between {', '.join(places)}{more}, as far as two that follow each other",
-        "look at the table of names and stamps there: where a stamp was lost elsewhere, the images"
-        " from here to there have that of their neighbour",
+    note = Question("images", "numbers and times with the same gaps").note(
+        f"a number is missing between {', '.join(places)}{more}, the usual time between two images",
+        "check names and stamps there: if another row lost its stamp, all images between the two"
+        " rows have the stamp of their neighbour",
     )
     return replace(events, notes=(*events.notes, note))
 

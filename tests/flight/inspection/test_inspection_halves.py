@@ -53,7 +53,7 @@ def test_other_stamps_keep_the_integral_of_the_forces():
     assert samples.time.size >= t.size - 1
     assert np.abs(samples.accel - mean_force(samples.time, 0.01)).max() < 2e-5
     (note,) = samples.notes
-    assert "accelerometers (200 Hz) brought to the stamps of the gyros (100 Hz)" in note.found
+    assert "accelerometers (200 Hz) resampled to the gyros' stamps (100 Hz)" in note.found
 
 
 def test_rates_at_an_instant_are_interpolated():
@@ -79,9 +79,9 @@ def test_where_the_accelerometers_lack_the_imu_has_a_gap():
 
 def test_recordings_that_do_not_overlap_are_refused():
     t = 100.0 + 0.01 * np.arange(1000)
-    with pytest.raises(InputError, match="must be of one recording, on one clock"):
+    with pytest.raises(InputError, match="must be of one recording and one clock"):
         joined(half(t), half(t + 8.0, gyro=False))
-    with pytest.raises(InputError, match="increments under other stamps"):
+    with pytest.raises(InputError, match="its increments have other stamps"):
         joined(half(t, quantity="increments"), half(t + 0.001, False, "increments"))
 
 
@@ -145,7 +145,7 @@ def test_gyros_alone_are_refused_with_what_lacks(tmp_path, sim):
 
 def test_a_rate_without_stamps_is_refused(tmp_path, sim):
     written(tmp_path, sim)
-    with pytest.raises(insgnss.UsageError, match="two files need stamps"):
+    with pytest.raises(insgnss.UsageError, match="two files need time stamps"):
         read_imu(
             tmp_path / "Gyroscope.csv", accel_file=tmp_path / "TotalAcceleration.csv", rate_hz=100.0
         )

@@ -248,7 +248,7 @@ def test_deviations_printed_as_zero_are_half_of_the_last_digit(tmp_path):
     fixes = read_gnss(path)
     np.testing.assert_allclose(np.sqrt(fixes.cov_ned[:, 0, 0]), [0.01, 0.005, 0.02, 0.01])
     (note,) = fixes.notes
-    assert "sd_n 0 in 1 of 4 fixes taken as 0.005" in note.found
+    assert "sd_n is 0 in 1 of 4 fixes; 0.005 was used" in note.found
 
 
 # matrices

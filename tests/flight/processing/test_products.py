@@ -343,4 +343,4 @@ def test_each_file_of_a_receiver_is_a_measurement(tmp_path, of):
     for named, kind in ((None, InputError), (out, UsageError)):
         error = products.overwriting(flight, out, named)
         assert type(error) is kind
-        assert f"{names[of][1]} is not what report.json was made from" in str(error)
+        assert f"report.json was not made from {names[of][1]}" in str(error)

@@ -160,7 +160,7 @@ def test_a_command_shows_what_its_own_words_name(
         assert main(["batch" if "*" in words[0] else "process", *words, "--quiet"]) == 3
         seen = "".join(capsys.readouterr())
         assert SECRET not in seen
-        assert "keys.toml:1: is not as it should be; nothing of it is shown" in seen
+        assert "keys.toml:1: has an error; nothing of it is shown" in seen
     assert main(["process", str(file), "--out", str(sent.parent)]) == 3
     assert "unknown table or key" in capsys.readouterr().err
     monkeypatch.setenv(SHOWN_VARIABLE, str(sent.parent))

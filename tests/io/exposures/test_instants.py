@@ -69,7 +69,7 @@ def test_exposures_outside_are_named_and_counted():
 def test_exposures_after_a_counter_began_anew_are_told_with_its_range():
     """Oracle: micros of 32 bits, whose events all lie behind the wrap that the samples show."""
     lo, hi = 2.0**32 * 1e-6 - 100.0, 2.0**32 * 1e-6 + 260.0
-    with pytest.raises(InputError, match=r"camera\.time_offset_s = 4294\.967296 would put all"):
+    with pytest.raises(InputError, match=r"camera\.time_offset_s = 4294\.967296, which puts all"):
         refuse_outside(events(40.0, 41.0, 250.0), lo, hi)
     with pytest.raises(InputError, match="check the time scale"):
         refuse_outside(events(40.0, 41.0, 270.0), lo, hi)

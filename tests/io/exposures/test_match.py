@@ -87,7 +87,7 @@ def test_one_too_many_and_one_too_few_are_found_behind_equal_counts():
     ):
         name_events(observations, names, taken_s=taken)
     found = name_events(observations, names)
-    assert "leave out 111" in found.notes[0].found
+    assert "skip 111" in found.notes[0].found
 
 
 def test_gaps_in_the_numbers_tell_what_was_lost():
@@ -96,7 +96,7 @@ def test_gaps_in_the_numbers_tell_what_was_lost():
     with pytest.raises(
         InputError,
         match=(
-            r"60 camera events and 58 images.* leave out 105, 151; .* camera\.skip_events = \[5,"
+            r"60 camera events and 58 images.* skip 105, 151; .* camera\.skip_events = \[5,"
             r" 51\]"
         ),
     ):
@@ -120,8 +120,8 @@ def test_events_that_have_names_are_not_named_again():
     with pytest.raises(
         InputError,
         match=(
-            r"Events\.txt: the events have names of their own \(DSC00101\.JPG\).*leave the"
-            r" images out"
+            r"Events\.txt: the events already have image names \(DSC00101\.JPG\).*leave the"
+            r" list out"
         ),
     ):
         name_events(own, NAMES)
@@ -138,8 +138,8 @@ def test_without_any_hint_the_longest_interval_is_shown():
     with pytest.raises(
         InputError,
         match=(
-            r"60 camera events and 57 images.*longest interval is 2\d\.\d+ s, behind event 3, the"
-            r" median"
+            r"60 camera events and 57 images.*longest interval of events is 2\d\.\d+ s, after"
+            r" event 3, the median"
         ),
     ):
         name_events(flown(shots), NAMES[:57])
@@ -196,7 +196,7 @@ def test_events_of_other_files_are_matched_by_the_same_rules(tmp_path):
     with pytest.raises(
         InputError,
         match=(
-            r"events.txt: 60 camera events and 59 images.* leave out 108; .* camera\.skip_events ="
+            r"events.txt: 60 camera events and 59 images.* skip 108; .* camera\.skip_events ="
             r" \[8\]"
         ),
     ):
@@ -312,8 +312,8 @@ def test_times_that_do_not_tell_are_told():
     tangled[30] = tangled[29] - 0.4
     told = name_events(flown(SHOTS), NAMES, taken_s=tangled).notes
     assert (
-        "DSC00131.JPG was taken 0.400 s before DSC00130.JPG, by the images' own times; they are not"
-        " asked" in told[0].found
+        "DSC00131.JPG was taken 0.400 s before DSC00130.JPG, by the images' own times; these times"
+        " were not used" in told[0].found
     )
     gaps = name_events(flown(SHOTS), (*NAMES[:-1], "DSC00170.JPG"), taken_s=late).notes
     assert [check.name for check in gaps] == ["times of the images", "names of the images"]

@@ -140,7 +140,7 @@ def test_barometer_of_a_log(kind: str, request: pytest.FixtureRequest) -> None:
     assert heights.height[0] == pytest.approx(1000.0, abs=0.05)
     assert_allclose(np.diff(heights.height), 0.0917, rtol=0, atol=1e-3)
     assert heights.gps_week == 2008
-    assert any("tie its clock to GPST" in note.found for note in heights.notes)
+    assert any("relate its clock to GPST" in note.found for note in heights.notes)
     with pytest.raises(InputError, match="GPS week 2008"):
         read_barometer(path, gps_week=2000)
     with pytest.raises(InputError, match=r"no (message|topic) NONE"):
@@ -179,11 +179,11 @@ def test_damage_is_counted_and_limited(bin_log: Path) -> None:
     at = sorted(borders)[40]
     bin_log.write_bytes(data[:at] + b"garbage" + data[at:])
     assert any(
-        "7 bytes that are no message left out" in note.found
+        "7 bytes that belong to no message left out" in note.found
         for note in read_imu(bin_log, quantity="instant_rate").notes
     )
     bin_log.write_bytes(data[:at] + bytes(len(data) // 45) + data[at:])
-    with pytest.raises(InputError, match=r"bytes are no message \(limit 1%\)"):
+    with pytest.raises(InputError, match=r"bytes belong to no message \(limit 1%\)"):
         read_imu(bin_log, quantity="instant_rate")
     bin_log.write_bytes(data[:4] + b"\0" + data[5:])
     with pytest.raises(InputError, match="is no ArduPilot log"):
@@ -378,6 +378,8 @@ def test_a_log_without_fixes_keeps_the_autopilot_clock(tmp_path: Path, status: i
     imu = read_imu(path)
     assert_allclose(imu.time, 5.0 + 0.02 * np.arange(50))
     assert imu.gps_week is None
-    assert any("no fix of a receiver in the log" in note.found for note in imu.notes)
-    with pytest.raises(InputError, match=r"no message GPS|give positions of their own"):
+    assert any("no GNSS fix in the log" in note.found for note in imu.notes)
+    with pytest.raises(
+        InputError, match=r"no message GPS|give the GNSS positions in a separate file"
+    ):
         read_gnss(path)

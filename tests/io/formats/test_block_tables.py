@@ -86,12 +86,17 @@ def test_a_table_without_header_and_standard_deviations(tmp_path) -> None:
     [
         ("image_points", "y,sigma", "y,sigmapx", ":2: column 'sigmapx' is unknown; did you mean"),
         ("image_points", "x,y,sigma", "x,z,sigma", "does not name y"),
-        ("image_points", "x,y,sigma", "x[mm],y[mm],sigma", ":2: column 'x[mm]' is in 'mm'; px"),
+        (
+            "image_points",
+            "x,y,sigma",
+            "x[mm],y[mm],sigma",
+            ":2: column 'x[mm]' is in 'mm', but must be in px",
+        ),
         ("image_points", "2570.5688", "nan", ":3: 'nan' where a finite number must stand"),
         ("image_points", "2561.0327", "right", ":4: 'right' where a finite number must stand"),
         ("image_points", "412.5000,", "", ":5: 4 fields, expected 5"),
         ("image_points", ",0.2\n", ",-0.2\n", ":5: sigma -0.2 px; a standard deviation must be"),
-        ("image_points", "8002.tif,G03", ",G03", ":5: no name of the image"),
+        ("image_points", "8002.tif,G03", ",G03", ":5: the name of the image is missing"),
         (
             "image_points",
             "8002.tif,G03",
@@ -99,7 +104,12 @@ def test_a_table_without_header_and_standard_deviations(tmp_path) -> None:
             ":5: point 'T000017' is measured twice",
         ),
         ("ground_points", ",role", ",roll", ":2: column 'roll' is unknown; did you mean 'role'?"),
-        ("ground_points", "x,y,z,", "x[ft],y[ft],z[ft],", ":2: column 'x[ft]' is in 'ft'; m is"),
+        (
+            "ground_points",
+            "x,y,z,",
+            "x[ft],y[ft],z[ft],",
+            ":2: column 'x[ft]' is in 'ft', but must be in m",
+        ),
         ("ground_points", "sigma_z,", "", "does not have the 8 fields"),
         ("ground_points", ",check", ",checks", ":4: role 'checks'; did you mean 'check'?"),
         ("ground_points", "G04", "G03", ":4: point 'G03' is there twice, before in line 3"),

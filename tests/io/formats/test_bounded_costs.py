@@ -207,7 +207,7 @@ def test_steps_of_sqlite_are_limited_by_the_size_of_the_file(
     monkeypatch.setattr("insgnss.io.formats.text.database.INSTRUCTIONS_AT_A_TIME", 100)
     monkeypatch.setattr("insgnss.io.formats.text.database.BY_BYTE", 0)
     line = refused(lambda: read_colmap_database(file, ["a1"]))
-    assert "more steps than a file of its size needs (limit 1000)" in line
+    assert "more steps than a file of this size needs (limit 1000)" in line
 
 
 def test_json_and_toml_are_followed_to_a_hundred_levels(tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_json_and_toml_are_followed_to_a_hundred_levels(tmp_path: Path) -> None:
         assert isinstance(parse_json("x", text), list)
     for levels in (DEEPEST_NESTING + 1, 990, 10**5):
         lists = "[" * levels + "]" * levels
-        assert "x: objects or lists within each other more than 100 deep" in refused(
+        assert "x: has objects or lists nested more than 100 deep" in refused(
             lambda lists=lists: parse_json("x", lists)  # type: ignore[misc]
         )
         assert "(limit 100)" in refused(lambda lists=lists: parse_toml(tmp_path, f"a = {lists}"))  # type: ignore[misc]

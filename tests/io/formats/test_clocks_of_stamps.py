@@ -43,7 +43,7 @@ def test_a_counter_that_begins_anew_is_counted_on(tmp_path, modulus, tick, signe
         SHORT_LINES, ticks, None, f"{tick} s", "IMU rows", lambda i, k: False
     )
     np.testing.assert_allclose(tow, clean, atol=0.01)
-    assert "begins anew at imu.csv: line 1501" in told.found
+    assert "restarts at imu.csv: line 1501" in told.found
 
 
 def test_a_counter_in_a_file_and_a_week_are_counted_on(tmp_path):
@@ -239,7 +239,7 @@ def test_events_heights_and_samples_of_one_counter_stay_together(tmp_path):
     heights = read_barometer(tmp_path / "h.txt", units={"time": "us"})
     for record in (events, heights):
         np.testing.assert_allclose(record.time, instants, atol=1e-6)
-        assert any("begins anew" in note.found for note in record.notes)
+        assert any("the time restarts" in note.found for note in record.notes)
 
 
 def test_events_before_the_date_was_known_are_refused_by_line(tmp_path):
@@ -247,7 +247,9 @@ def test_events_before_the_date_was_known_are_refused_by_line(tmp_path):
     stamps = [12.0, 15.0, *(UNIX + 3.0 * np.arange(20))]
     path = tmp_path / "events.txt"
     path.write_text("".join(f"{k}.jpg {stamp:.3f}\n" for k, stamp in enumerate(stamps)))
-    with pytest.raises(InputError, match=r"events.txt:1: 2 rows were stamped before the date"):
+    with pytest.raises(
+        InputError, match=r"events.txt:1: 2 rows were stamped before the clock knew the date"
+    ):
         read_events(path, units={"time": "unix"})
 
 
@@ -264,7 +266,7 @@ def test_a_packet_counter_shows_what_a_rate_hides(tmp_path, first, step):
     np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header=header, comments="")
     imu = read_imu(path, rate_hz=RATE_HZ)
     np.testing.assert_allclose(imu.time, COUNT[kept], atol=1e-9)
-    assert "21 samples are lost, the first before" in imu.notes[-1].found
+    assert "21 samples are lost by the count of packets, the first before" in imu.notes[-1].found
     assert "imu.csv:502" in imu.notes[-1].found
     np.savetxt(path, table, fmt=["%05d", *["%.6f"] * 6], header="x" + header, comments="")
     assert np.ptp(np.diff(read_imu(path, rate_hz=RATE_HZ).time)) < 1e-9

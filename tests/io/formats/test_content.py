@@ -283,7 +283,7 @@ def test_autopilot_export() -> None:
     week = {"tow": "TimeMS", "week": "Week", "lat": "Lat", "lon": "Lng", "h": "Alt"}
     gps = read_gnss(path, variable="GPS", columns=week, units={"time": "ms"}, sigma_m=[2, 2, 4])
     assert (gps.gps_week, gps.time.size, gps.time[0]) == (1768, 3049, 511214.5)
-    assert "1 rows that contradict an earlier one of their stamp left out" in gps.notes[1].found
+    assert "1 rows left out that contradict an earlier row of their time" in gps.notes[1].found
     path = recording("apm_skywalker_x8/SwissLog1.mat")
     columns = {"tow": "IMUtime"} | {
         f"{s}{c}": f"{m}[{k}]"

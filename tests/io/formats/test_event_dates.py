@@ -69,7 +69,7 @@ def test_nothing_is_guessed(tmp_path):
     path = table(tmp_path, ROWS.format(""))
     with pytest.raises(InputError, match=r":1: dates do not say .* camera.time_scale: .*utc"):
         read_events(path)
-    with pytest.raises(UsageError, match="'local' is none"):
+    with pytest.raises(UsageError, match="'local' is unknown"):
         read_events(path, time_scale="local")
     with pytest.raises(InputError, match=r":2: .*where date and time must stand"):
         read_events(table(tmp_path, ROWS.format("").replace("12:19:06.323", "noon")))
@@ -153,7 +153,7 @@ def test_exif_is_a_last_resort(tmp_path):
     assert events.gps_week == week
     np.testing.assert_allclose(events.time, noon + np.array([4.5, 6.5]), atol=1e-6)
     np.testing.assert_allclose(events.sigma_s, 12.0**-0.5)
-    assert "a camera's own clock" in " ".join(check.found for check in events.notes)
+    assert "which have the camera's own clock" in " ".join(check.found for check in events.notes)
 
 
 def test_an_uncertain_time_is_in_every_covariance():

@@ -44,7 +44,9 @@ def test_local_positions_count_from_their_reference(tmp_path, vertical, stated):
     path = written(tmp_path / "a.csv", header, [NORTH_M, 0.0, up])
     how = {"sigma_m": (1.0, 1.0, 1.0)}
     if stated != "comment":
-        with pytest.raises(InputError, match=r"a\.csv:2: north east .* give it as gnss\.reference"):
+        with pytest.raises(
+            InputError, match=r"a\.csv:2: north east .* give this point as gnss\.reference"
+        ):
             read_gnss(path, **how)
         how["reference"] = point
     if stated == "mat":

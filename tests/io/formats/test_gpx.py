@@ -37,7 +37,7 @@ def test_a_track_is_read(tmp_path, space, geoid, undulation_m, height, noted):
     assert fixes.gps_week == 2008
     assert_allclose(fixes.height, height)
     assert_allclose(fixes.satellites, 9.0)
-    assert any("above the sea" in note.found for note in fixes.notes) == noted
+    assert any("above sea level" in note.found for note in fixes.notes) == noted
     (source,) = sources_of(path)
     assert (source.role, "sigma_m" in source.keys) == ("gnss", True)
 

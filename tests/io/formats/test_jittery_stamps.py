@@ -83,5 +83,5 @@ def test_a_file_with_jitter_is_read_in_the_order_of_its_lines(tmp_path):
         assert [note.name for note in imu.notes] == ["IMU rows"]
     table[:, 0] = np.repeat(CLEAN[:1000], 2)
     np.savetxt(path, table, fmt=["%.4f", *["%.6f"] * 6])
-    with pytest.raises(InputError, match="keep one row a stamp"):
+    with pytest.raises(InputError, match="keep one row for each time"):
         read_imu(path)

@@ -45,7 +45,7 @@ def test_kinds_are_believed_by_themselves(tmp_path, block):
     (found,) = filter(None, (re.search(r"(\S+) m up.*sigma \S+ \S+ (\S+) m", x) for x in texts))
     up, sigma = map(float, found.groups())
     assert abs(up - 4.5) < min(0.3, 5.0 * sigma + 0.05)
-    assert any("300 fixes of quality single oppose" in text for text in texts)
+    assert any("300 fixes of quality single point against" in text for text in texts)
 
 
 @pytest.mark.parametrize(("up_m", "sense"), [(0.2, 1.0), (0.0, 1.0)])

@@ -149,8 +149,11 @@ def test_psins_counts_and_header(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("34.246048", "134.246048"), "x.imu:4: latitude, longitude, height"),
-        (("0.1 0.2 0.3 100.0", "0.1 0.0 0.3 100.0"), "x.imu:5: the values of one count"),
+        (("34.246048", "134.246048"), "x.imu:4: this line must hold latitude, longitude, height"),
+        (
+            ("0.1 0.2 0.3 100.0", "0.1 0.0 0.3 100.0"),
+            "x.imu:5: this line must hold the values of one count",
+        ),
         (("1 2 3 4 5 6", "1 2 3 4 5"), "x.imu:6: 5 fields, expected 6"),
         (("-5 -6\n", "-5 -6"), "x.imu:7: truncated"),
         (("1 2 3 4 5 6\n-1 -2 -3 -4 -5 -6\n", ""), "ends behind its header"),
@@ -273,9 +276,7 @@ def test_nmea_within_the_lines_of_a_logger(
     np.testing.assert_array_equal(got.time, alone.time)
     np.testing.assert_array_equal(got.height, alone.height)
     counts = [note.found for note in got.notes]
-    assert counts == [
-        f"other text before or between the sentences in {places + 1} places; left out"
-    ] * bool(places)
+    assert counts == [f"text other than sentences in {places + 1} places left out"] * bool(places)
     (tmp_path / "x.nmea").write_text(rows + "PGGA,073115.40,4634.2,N*33\n")
     with pytest.raises(InputError, match=r"x\.nmea:7: no right checksum in 'PGGA"):
         read_gnss(tmp_path / "x.nmea")
@@ -356,7 +357,8 @@ def test_receivers_with_two_talkers_and_a_cut_log(tmp_path: Path) -> None:
     got = read_gnss(tmp_path / "x.nmea")
     assert got.time.size == 60
     assert [note.found.split(";")[0] for note in got.notes] == [
-        "left out 1 lines without a right checksum, 0 epochs without fix, 0 without GST",
+        "left out 1 lines without a right checksum, 0 epochs without fix, 0 of 120 fixes without"
+        " GST",
         "60 double rows left out, of 120",
     ]
 
@@ -382,7 +384,7 @@ def test_a_kind_of_sentence_whose_checksums_are_all_wrong_is_taken(tmp_path: Pat
         np.testing.assert_array_equal(got.time, good.time)
         assert got.gps_week == good.gps_week
         assert [note.found for note in got.notes if note not in good.notes] == [
-            "all 30 RMC have a wrong checksum beside right ones of other kinds; taken"
+            "all checksums of 30 RMC are wrong, of other kinds right; these were used"
         ]
         for dates, others in (
             ([right[0], *bad[1:]], fixes),

@@ -100,4 +100,4 @@ def test_exposures_of_a_stale_week_are_taken_from_their_times_of_week(tmp_path, 
     events = read_events(write(tmp_path, *lines))
     assert events.gps_week == 2023
     np.testing.assert_allclose(events.time, 604770.0 + 2.0 * np.arange(30))
-    assert "the week of 3 of 30 rows does not follow" in events.notes[0].found
+    assert "the GPS week of 3 of 30 rows contradicts" in events.notes[0].found

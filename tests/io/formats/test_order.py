@@ -66,7 +66,7 @@ def test_later_contradiction_is_left_out_and_counted(tmp_path: Path) -> None:
     imu = read_imu(imu_file(tmp_path, rows))
     assert np.array_equal(imu.gyro[499], TABLE[499, 1:4])
     assert (
-        "1 rows that contradict an earlier one of their stamp left out, the first at"
+        "1 rows left out that contradict an earlier row of their time, the first at"
         f" {TABLE[499, 0]:.3f} s, of 1001" in imu.notes[0].found
     )
 
@@ -112,7 +112,8 @@ def contradicting(rows: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("rows", "word"), [(late, "out-of-order rows sorted"), (contradicting, "rows that contradict")]
+    ("rows", "word"),
+    [(late, "out-of-order rows sorted"), (contradicting, "rows left out that contradict")],
 )
 def test_one_percent_is_the_limit(
     tmp_path: Path, rows: Callable[[int], np.ndarray], word: str
@@ -172,6 +173,6 @@ def test_rows_in_order_are_left_alone() -> None:
 def test_missing_end_of_the_last_line_is_told(tmp_path: Path) -> None:
     """Oracle: the file's last byte; whether 2.5 was 2.55 cannot be known."""
     (tmp_path / "e.txt").write_text("a 1.5\nb 2.5")
-    assert "the last line has no end" in read_events(tmp_path / "e.txt").notes[0].found
+    assert "the last line has no line break" in read_events(tmp_path / "e.txt").notes[0].found
     (tmp_path / "e.txt").write_text("a 1.5\nb 2.5\n")
     assert read_events(tmp_path / "e.txt").notes == ()

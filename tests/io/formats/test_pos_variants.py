@@ -195,16 +195,19 @@ def test_roots_of_zero_take_the_callers_sigma(tmp_path: Path) -> None:
     got = read_gnss(path, sigma_m=[1, 2, 3])
     assert_allclose(got.cov_ned[0], np.diag([1, 4, 9]))
     assert_allclose(got.cov_ned[1], covariance("llh", 1), rtol=0, atol=1e-12)
-    assert "1 of 3 epochs without standard deviations have sigma_m" in got.notes[0].found
+    assert "sigma_m used for 1 of 3 epochs without standard deviations" in got.notes[0].found
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("% ref pos", "% rev pos"), "holds baselines, and its header no base"),
-        (("46.500000000 6.5", "146.500000000 6.5"), "the base at 146.5 6.5 600 is no latitude"),
+        (("% ref pos", "% rev pos"), "holds baselines, but its header gives no base"),
+        (
+            ("46.500000000 6.5", "146.500000000 6.5"),
+            "the base position 146.5 6.5 600 is no latitude",
+        ),
         (("sden(m)", "what(m)"), "does not name sden"),
-        (("n-baseline(m)", "n"), "does not name n-baseline once"),
+        (("n-baseline(m)", "n"), "the header lacks n-baseline or has it twice"),
         ((" 1 16 ", " 9 16 "), "x.pos:5: 9 is no quality of RTKLIB"),
     ],
 )

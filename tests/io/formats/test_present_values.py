@@ -202,7 +202,7 @@ def test_a_message_without_its_sensor_and_an_image_without_its_number(tmp_path: 
     path.write_text(log + "CAM, 1500000, 3.5\n")
     imu = read_imu(path)
     assert imu.time.size == 29
-    assert any("1 IMU messages without the number of a sensor" in note.found for note in imu.notes)
+    assert any("1 IMU messages without a sensor number" in note.found for note in imu.notes)
     with pytest.raises(InputError, match="CAM 1: Img is"):
         read_events(path)
 

@@ -44,7 +44,7 @@ def test_rows_that_share_a_rounded_stamp_are_all_kept(tmp_path):
     np.savetxt(path, table, fmt=["%.2f", *["%.6f"] * 6])
     imu = read_imu(path)
     np.testing.assert_allclose(imu.time, time, atol=1e-9)
-    assert "60 stamps repeat beside one that is skipped" in imu.notes[0].found
+    assert "60 stamps occur twice beside a missing stamp" in imu.notes[0].found
 
 
 def test_rows_that_contradict_each_other_are_no_rounded_stamps():
@@ -109,7 +109,7 @@ def test_fixes_with_dates_for_stamps(tmp_path):
     fixes = read_gnss(path)
     assert fixes.gps_week == 1872
     assert fixes.time[0] == pytest.approx(4 * 86400.0 + 15 * 3600.0 + 2.25 + 17.0)
-    assert any("taken for UTC" in note.found for note in fixes.notes)
+    assert any("taken as UTC" in note.found for note in fixes.notes)
 
 
 def test_lines_of_another_length_are_counted(tmp_path):

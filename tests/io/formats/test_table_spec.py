@@ -88,16 +88,19 @@ def test_columns_by_header_layout_and_caller(tmp_path: Path) -> None:
     [
         (
             "id,east,sdd\nP1,5,0.1\n",
-            ":1: column 'sdd' is unknown; known are name, x, sigma; take it out",
+            ":1: column 'sdd' is unknown; known are name, x, sigma; delete it",
         ),
-        ("id,east [mm]\nP1,5\n", r":1: column 'east \[mm\]' is in 'mm'; m is read"),
+        ("id,east [mm]\nP1,5\n", r":1: column 'east \[mm\]' is in 'mm', but must be in m"),
         ("id,sd\nP1,5\n", ":1: the header 'id,sd' does not name x; set columns"),
         ("id,x,east\nP1,5,5\n", ":1: the header 'id,x,east' names x twice"),
-        ("P1,5,1,1\n", ":1: 4 fields and no header; without one the columns are name x; name x s"),
+        (
+            "P1,5,1,1\n",
+            ":1: 4 fields and no header; without a header the columns must be name x; name x s",
+        ),
         ("id,east\nP1,5\nP2,five\n", ":3: 'five' where a finite number must stand"),
         ("id,east\nP1,5\nP2,5\nP1,6\n", ":4: P1 is there twice, before in line 2; delete one"),
         ("id,east\nP1,5\nP2,-6\n", r":3: x -6 m; a standard deviation must be greater than zero"),
-        ('id,east\nP1,5\n"",6\n', ":3: no name of the point; write it"),
+        ('id,east\nP1,5\n"",6\n', ":3: the name of the point is missing; write it"),
     ],
 )
 def test_refusals_are_one_line_with_file_line_and_remedy(
@@ -177,4 +180,4 @@ def test_dates_stamp_a_barometer_too(tmp_path: Path) -> None:
     rows = "".join(f"2024-05-01T10:00:{k:02d}Z,{100 + k}\n" for k in range(5))
     read = read_barometer(written(tmp_path / "b.csv", f"time,height\n{rows}"))
     assert_array_equal(read.time, 3 * 86400.0 + 36018.0 + np.arange(5))
-    assert any("dates for stamps" in check.found for check in read.notes)
+    assert any("stamps are dates" in check.found for check in read.notes)

@@ -148,24 +148,27 @@ def test_json_of_allan_variances(tmp_path, page):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("tau_s,variance\n0.01,1\n", ":4: 'variance' over tau_s may be either"),
-        ("tau_s,power\n0.01,1\n", "must be named"),
+        ("tau_s,variance\n0.01,1\n", ":4: 'variance' beside tau_s may be a wavelet or Allan"),
+        ("tau_s,power\n0.01,1\n", "the header must name"),
         ("0.01,1\n0.02,0.5\n", "no header"),
         ("scale_s,tau_s,deviation\n0.02,0.01,1\n", "one column of scale_s, tau_s"),
         ("tau_s,deviation,low\n0.01,1,0.9\n", "only one end"),
         (
             "tau_s,deviation\n0.01,1\n0.05,1\n",
-            ":6: scale 0.1 s is 10 samples of 100 Hz; only powers of two",
+            ":6: scale 0.1 s is 10 samples of 100 Hz; only scales of 2, 4, 8",
         ),
         ("scale_s,variance\n0.01,1\n", "scale 0.01 s is 1 samples"),
         ("tau_s,deviation\n0.02,1\n0.01,1\n", ":6: scale 0.02 s follows 0.04 s"),
         ("tau_s,deviation\n0.02,1\n-0.02,1\n", ":6: scale -0.04 s"),
         (
             "tau_s,deviation\n0.01,1\n81.92,1\n",
-            ":6: scale 163.84 s is longer than the 4096 samples",
+            ":6: scale 163.84 s is longer than 4096 samples",
         ),
         ("tau_s,deviation\n0.01,-1\n", ":5: variance -0.5"),
-        ("tau_s,deviation,low,high\n0.01,1,1.1,1.2\n", ":5: the interval at scale 0.02 s"),
+        (
+            "tau_s,deviation,low,high\n0.01,1,1.1,1.2\n",
+            ":5: the confidence interval at scale 0.02 s",
+        ),
         ("tau_s,deviation\n0.01,one\n", ":5: 'one' where a finite number"),
         ("axis,tau_s,deviation\nyaw,0.01,1\n", ":5: axis 'yaw'; write gyro_x"),
     ],
@@ -180,9 +183,9 @@ def test_wrong_tables_are_refused_with_their_line(tmp_path, text, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("# samples = 99\n# axis = gyro_x\n", "rate_hz is not said"),
-        ("# rate_hz = 99\n# axis = gyro_x\n", "samples is not said"),
-        ("# rate_hz = 99\n# samples = 99\n", "axis is not said"),
+        ("# samples = 99\n# axis = gyro_x\n", "rate_hz is not stated"),
+        ("# rate_hz = 99\n# axis = gyro_x\n", "samples is not stated"),
+        ("# rate_hz = 99\n# samples = 99\n", "axis is not stated"),
         (
             "# rate_hz = 0\n# samples = 99\n# axis = gyro_x\n",
             ":1: rate_hz 0; it must be greater than zero",
@@ -207,7 +210,7 @@ SPOILED = {
     "type": ({"type": ["Gyroscope", "Gyroscope"]}, "must name the same axes"),
     "axis": ({"axis": ["Q"]}, "axis 'Gyroscope Q'"),
     "kind": ({"type": [1]}, "type '[1]'; text is expected"),
-    "curve": ({"wvar": {"Gyro. X": 3}}, "its curve is no object"),
+    "curve": ({"wvar": {"Gyro. X": 3}}, "its curve is no JSON object"),
 }
 
 
@@ -222,10 +225,10 @@ def test_wrong_json_is_refused(tmp_path, page, name):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"variance": [0.05]}, "are of 2, 1, 2, 2 values"),
+        ({"variance": [0.05]}, "have 2, 1, 2, 2 values"),
         ({"variance": [0.05, float("nan")]}, "finite numbers are expected"),
         ({"variance": [0.05, 10**309]}, "finite numbers are expected"),
-        ({"variance": [0.0509, 0.5]}, "the interval at scale 0.04 s"),
+        ({"variance": [0.0509, 0.5]}, "the confidence interval at scale 0.04 s"),
         ({"scales": [0.02, 0.05]}, "scale 0.05 s is 5 samples"),
         ({"alpha": [0.1]}, "intervals of 90 %"),
         ({"decomp": ["dwt"]}, "decomp 'dwt'; only 'modwt'"),
@@ -244,9 +247,9 @@ def test_wrong_curves_are_refused(tmp_path, page, change, words):
 
 def test_wrong_use_is_told(tmp_path, page):
     """Oracle: the names that are there."""
-    with pytest.raises(UsageError, match="several members; choose by member one of a, b"):
+    with pytest.raises(UsageError, match="several members; set member to one of a, b"):
         read_variances(write(tmp_path, {"a": page, "b": page}))
-    with pytest.raises(UsageError, match="no member 'c'; choose by member one of a, b"):
+    with pytest.raises(UsageError, match="no member 'c'; set member to one of a, b"):
         read_variances(write(tmp_path, {"a": page, "b": page}), member="c")
     with pytest.raises(UsageError, match="no member 'c'"):
         read_variances(write(tmp_path, page), member="c")

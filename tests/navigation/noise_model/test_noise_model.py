@@ -133,7 +133,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     model = load_noise_model("navchip")
     target = tmp_path / "noise.toml"
     target.mkdir()
-    with pytest.raises(UsageError, match="is a directory and in the way of a file"):
+    with pytest.raises(UsageError, match="is a directory where a file must be written"):
         write_noise_model(model, target)
     with pytest.raises(UsageError, match="the directory does not exist"):
         write_noise_model(model, tmp_path / "nowhere" / "noise.toml")

@@ -436,7 +436,7 @@ def test_each_doubt_keeps_the_static_model(tuned):
             lambda f: replace(f, imu=replace(f.imu, file=f.path.parent / "README.md")),
             {},
             UsageError,
-            "holds results of other measurements: README.md is not what",
+            "holds results of other measurements: .* was not made from README.md",
         ),
         (None, {"out": "flight.toml"}, UsageError, "input of this flight"),
         (None, {"out": "noise.txt"}, UsageError, r"end its name with \.toml"),

@@ -232,7 +232,7 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, *UNITS, "--out", tmp_path / "x.txt"], "end its name with .toml"),
         (
             [folder / "nameless.csv", *UNITS, "--out", folder / "imu.toml"],
-            "holds results of other measurements: nameless.csv is not what imu.json was made from",
+            "holds results of other measurements: imu.json was not made from nameless.csv",
         ),
         (
             [rest, *UNITS, "--columns", "gx=1,gy", *out],

@@ -135,8 +135,8 @@ def gnss_of_content(path: object, content: Content, options: ReadOptions) -> Gns
         rows = np.flatnonzero(is_new) + 1
         if rows.size == 0:
             raise InputError(
-                f"{path}: {repeat_column} never changes to a new value; no fix; set repeat_column"
-                " to what changes with each fix, or None"
+                f"{path}: {repeat_column} never changes, so no row is a new fix; set repeat_column"
+                " to a field that changes with each fix, or to None"
             )
         table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
     elif is_held(
@@ -144,6 +144,8 @@ def gnss_of_content(path: object, content: Content, options: ReadOptions) -> Gns
         [column for name, column in table.items() if name in OF_A_FIX],
     ):
         finding = "more than half of the rows repeat the fix before"
-        raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
+        raise InputError(
+            f"{path}: {finding}; set repeat_column to a field that changes with each fix"
+        )
     _finite(table, lines, () if options.sigma_m is None else OF_POSITION)
     return fixes_from_columns(table, lines, scales, options, geoid_m, (*settled.notes, *more))

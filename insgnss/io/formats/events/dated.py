@@ -83,7 +83,7 @@ def offset_of(time_scale: str) -> float | None:
         return None
     match = UTC_OFFSET.fullmatch(text)
     if match is None:
-        raise UsageError(f"time_scale {time_scale!r} is none; give {GIVE_SCALE}")
+        raise UsageError(f"time_scale {time_scale!r} is unknown; give {GIVE_SCALE}")
     sign, hours, minutes = match.groups()
     seconds = 3600.0 * int(hours or 0) + 60.0 * int(minutes or 0)
     return -seconds if sign == "-" else seconds
@@ -265,10 +265,10 @@ def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Finding, ...]
     sigma = digit / 12.0**0.5
     if digit < MATTERS_S:
         return time, sigma, ()
-    finding = f"stamps of {digit:g} s: standard deviation {sigma:.2g} s"
+    finding = f"stamps with a resolution of {digit:g} s: standard deviation {sigma:.2g} s"
     if digits == 0:
         time = time + 0.5
-        finding += ", taken in the middle of their seconds, which cameras cut off"
+        finding += ", half a second added, since cameras cut the decimals off"
     advice = (
         f"at 10 m/s these are {10.0 * sigma:.2g} m along the path; use the camera's event marks at"
         " the receiver (hot-shoe), or stamps of more digits"

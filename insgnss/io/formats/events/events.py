@@ -78,9 +78,11 @@ def events_in_order(
             where = str(lines.error_at(first[name], "")).removeprefix(lines.path).strip(": ")
             message = (
                 f"image {name[:80]} occurs twice, first in"
-                f" {where if ' ' in where else 'line ' + where}; is the first column the image?"
+                f" {where if ' ' in where else 'line ' + where}; delete one of them, or, if this"
             )
-            raise lines.error_at(row, f"{message} else set columns = [...] of image, week, tow")
+            raise lines.error_at(
+                row, f"{message} is no image name, set columns = [...] of image, week, tow"
+            )
     return CameraEvents(images, time, gps_week, lines.path, (*notes, *odd), sigma_s=sigma_s)
 
 

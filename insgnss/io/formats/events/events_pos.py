@@ -24,9 +24,9 @@ def read_events_pos(path: Source, options: ReadOptions = STATED_NOTHING) -> Came
     one_each = note(
         "event positions",
         f"{rows.time.size} time marks, {usual:.3g} s apart in the median; the program that wrote"
-        " them leaves out marks that follow another one within an epoch of the rover",
+        " them keeps only the first of several marks within one epoch of the rover",
         "as many events as images",
-        "where images are more than events take the rover's RINEX, which has all marks",
+        "if there are more images than events, use the rover's RINEX file, which has all marks",
     )
     notes = (numbering, one_each, *rows.notes)
     return CameraEvents(images, rows.time, rows.gps_week, str(path), notes)

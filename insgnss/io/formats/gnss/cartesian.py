@@ -98,7 +98,7 @@ def geodetic_columns(
         if reference is None:
             raise lines.error_at(
                 0,
-                f"{' '.join(names)} count from a point of their own; give it as gnss.reference ="
+                f"{' '.join(names)} count from a local origin; give this point as gnss.reference ="
                 " [latitude deg, longitude deg, ellipsoidal height m]",
             )
         plane = TangentPlane(np.radians(reference[0]), np.radians(reference[1]), reference[2])

@@ -123,7 +123,7 @@ def fixes_from_columns(
     unstated = int((assumed & (cols.get(ASSUMED, 0.0) == 0.0)).sum())
     if 0 < unstated < time.size:
         finding = f"{unstated} of {time.size} fixes state no standard deviation, or 0"
-        advice = "sigma_m was taken for them; correct it where these fixes are better or worse"
+        advice = "sigma_m was used for these fixes; correct sigma_m if they are better or worse"
         floor_notes += (note("GNSS rows", finding, "positive standard deviations", advice),)
     velocity, velocity_cov = _velocity(cols, scales, lines, options.sigma_velocity)
     quality = _quality(cols, lines, scales.quality) if "q" in cols else None
@@ -191,12 +191,12 @@ def with_floors_of_zeros(
             zero = cols[name] == 0.0
             floored[name] = np.where(zero, floor, cols[name])
             findings.append(
-                f"{name} 0 in {int(zero.sum())} of {zero.size} fixes taken as {floor:g}"
+                f"{name} is 0 in {int(zero.sum())} of {zero.size} fixes; {floor:g} was used"
             )
     if not findings:
         return cols, ()
     expected = "positive standard deviations"
-    advice = "they were printed with too few digits; half of the last one is the least they can be"
+    advice = "the file has too few decimals; half of the last decimal was used instead of 0"
     return floored, (note("GNSS rows", "; ".join(findings), expected, advice),)
 
 
@@ -214,7 +214,7 @@ def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.
     q = cols["q"]
     accepted = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
     message = (
-        f"quality {{:g}} is no code of {codes}; check the columns, or set units = {{{{ quality"
+        f"quality {{:g}} is no {codes} quality code; check the columns, or set units = {{{{ quality"
     )
     refuse_rows(lines, ~np.isin(q, list(accepted)), f'{message} = "nmea" }}}}', q)
     quality = q.astype(np.int64)
@@ -239,7 +239,7 @@ def _velocity(
     if missing := [name for name in needed if name not in cols]:
         raise InputError(
             f"{lines.path}: velocity without {' '.join(missing)}; name vn ve vd, or speed course"
-            " and vd, or '-' to leave all out"
+            " and vd, or leave out all velocity columns by '-'"
         )
     if polar:
         course = cols["course"] * scales.course

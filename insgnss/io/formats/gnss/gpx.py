@@ -68,8 +68,8 @@ def read_gpx(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     above = np.where(np.isfinite(geoid), geoid, options.undulation_m or 0.0)
     notes: tuple[Finding, ...] = ()
     if options.undulation_m is None and not np.isfinite(geoid).all():
-        finding = "elevations of GPX are above the sea as a rule; taken as above the ellipsoid"
-        advice = "set undulation_m: 0 where they are, else the geoid's height above it"
+        finding = "GPX elevations, usually above sea level, were taken as above the ellipsoid"
+        advice = "set undulation_m: 0 if they are, else the geoid's height above the ellipsoid"
         notes = (note("GNSS position", finding, "heights above the ellipsoid", advice),)
     described = {role: _column(texts, name) for name, role in GPX_ELEMENTS.items()}
     cols = {"tow": stamps, **columns, "h": columns["h"] + above, **described}

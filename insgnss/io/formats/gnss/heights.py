@@ -28,8 +28,8 @@ _STATED = re.compile(
     re.IGNORECASE,
 )
 GIVE = (
-    "give heights above the ellipsoid, or the geoid's height above it, gnss.undulation_m (compare:"
-    " --undulation-a, --undulation-b)"
+    "give heights above the ellipsoid, or the geoid's height above the ellipsoid, gnss.undulation_m"
+    " (compare: --undulation-a, --undulation-b)"
 )
 
 
@@ -83,12 +83,12 @@ def settled_undulation(
         raise InputError.at_line(path, line, f"{problem}; {GIVE}")
     if commented and not above_ellipsoid and (statement := _stated_geoid(path)):
         row, text = statement
-        problem = f"heights are above the geoid, not the ellipsoid, by {shown(text)}"
+        problem = f"heights are above the geoid, not the ellipsoid, according to {shown(text)}"
         raise InputError.at_line(path, row, f"{problem}; {GIVE} (0 where the comment is wrong)")
     if names and _EITHER.fullmatch(names[0]):
-        finding = f"heights are called {shown(fields[0])} and taken as above the ellipsoid"
-        advice = "set gnss.undulation_m: 0 where they are, else the geoid's height above it"
-        return 0.0, (note("GNSS position", finding, "a name that says above what", advice),)
+        finding = f"the heights {shown(fields[0])} were taken as above the ellipsoid"
+        advice = "set gnss.undulation_m: 0 if they are, else the geoid's height above the ellipsoid"
+        return 0.0, (note("GNSS position", finding, "a name that states the surface", advice),)
     return 0.0, ()
 
 
@@ -110,12 +110,12 @@ def refused_heights(path: object, fields: Sequence[str], commented: bool = False
     except InputError:
         return f"heights {shown(fields[0])} are above the geoid"
     statement = _stated_geoid(path) if commented else None
-    return f"heights are above the geoid by {shown(statement[1])}" if statement else ""
+    return f"heights are above the geoid according to {shown(statement[1])}" if statement else ""
 
 
 def above_already(heights: str, undulation_m: float) -> str:
     """Return the refusal of a geoid's height for `heights` that are above the ellipsoid."""
-    return f"{heights} are above the ellipsoid; leave gnss.undulation_m = {undulation_m:g} out"
+    return f"{heights} are above the ellipsoid already; remove gnss.undulation_m = {undulation_m:g}"
 
 
 def comments_in(path: object) -> list[tuple[int, str]]:

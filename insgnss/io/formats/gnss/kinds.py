@@ -79,12 +79,12 @@ def _turned(
     for kind in opposed:
         velocity[rows[kind]] *= -1.0
         finding = (
-            f"velocities of the {rows[kind].size} fixes of quality {_name(kind)} oppose the"
-            f" displacements of these fixes (correlation {likeness[kind]:.2f})"
+            f"velocities of the {rows[kind].size} fixes of quality {_name(kind)} point"
+            f" against the displacements between these fixes (correlation {likeness[kind]:.2f})"
         )
-        advice = "they were turned round; correct the file"
+        advice = "their signs were reversed; correct the file"
         findings.append(
-            note("GNSS velocity", finding, "velocities that displacements follow", advice)
+            note("GNSS velocity", finding, "velocities along the displacements", advice)
         )
     return replace(fixes, velocity_ned=velocity), tuple(findings)
 
@@ -127,11 +127,11 @@ def _offset(
     n, e, u = middle
     finding = (
         f"fixes of quality {_name(kinds[1])} lie {n:+.2f} m north, {e:+.2f} m east, {u:+.2f} m up"
-        f" of those of quality {_name(kinds[0])} (sigma {' '.join(f'{x:.2f}' for x in sigma)} m, by"
-        f" {len(d)} steps from one kind to the other)"
+        f" of those of quality {_name(kinds[0])} (sigma {' '.join(f'{x:.2f}' for x in sigma)} m,"
+        f" from {len(d)} changes between the two qualities)"
     )
     advice = (
-        f"leave the {_name(kinds[1])} fixes out, or correct their heights where these are above"
-        " another surface; gnss.quality_sigma_m says how far they may be off"
+        f"leave the {_name(kinds[1])} fixes out, or correct their heights if these refer to"
+        " another surface, or state in gnss.quality_sigma_m how wrong they may be"
     )
     return (note("GNSS kinds", finding, f"within {LEAST_OFFSET_M:g} m of each other", advice),)

@@ -177,9 +177,9 @@ def read_nmea(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
         notes += (undated_rows("GNSS rows", len(log.undated), f"line {log.fixes[0].line}"),)
     if sentences.unchecked:
         taken_so = ", ".join(f"{count} {kind}" for kind, count in sentences.unchecked.items())
-        finding = f"all {taken_so} have a wrong checksum beside right ones of other kinds; taken"
-        advice = "a program changed them without it: see whether it changed the dates"
-        notes += (note("GNSS checksums", finding, "right ones", advice),)
+        finding = f"all checksums of {taken_so} are wrong, of other kinds right; these were used"
+        advice = "a program changed these sentences, not their checksums; check their dates"
+        notes += (note("GNSS checksums", finding, "right checksums", advice),)
     if options.sigma_velocity is not None and log.track:
         cols |= _velocity(fixes, log, options.sigma_velocity)
         if without := sum(row.epoch not in log.track for row in fixes):
@@ -260,7 +260,7 @@ def _collect(
                 log.headings.append(_Heading(epoch, line.number, line.value(fields[1])))
             continue
         if len(fields) < LEAST_SENTENCE_FIELDS[kind]:
-            message = f"{kind} of {len(fields)} fields, {LEAST_SENTENCE_FIELDS[kind]} are the least"
+            message = f"{kind} of {len(fields)} fields; {LEAST_SENTENCE_FIELDS[kind]} are needed"
             raise line.error(f"{message}; {CORRECT}")
         if kind == "GSA":
             if epoch is not None:
@@ -303,7 +303,7 @@ def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | 
     if not separation and undulation_m is None:
         raise line.error(
             "GGA without geoid separation; the height above the ellipsoid is not known; let the"
-            " receiver write it, or set undulation_m"
+            " receiver write the geoid separation, or set undulation_m"
         )
     lat = _degrees(fields[2], fields[3], "NS", line)
     lon = _degrees(fields[4], fields[5], "EW", line)
@@ -374,7 +374,7 @@ def _left_out(n_bad: int, n_void: int, n_without: int, n_fixes: int) -> tuple[Fi
         return ()
     finding = (
         f"left out {n_bad} lines without a right checksum, {n_void} epochs without fix, {n_without}"
-        f" without GST; {n_fixes} fixes"
+        f" of {n_fixes} fixes without GST"
     )
     expected = "whole sentences, a fix and GST each epoch"
     advice = "check the logger and the receiver's settings"

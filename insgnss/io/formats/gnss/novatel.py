@@ -152,8 +152,8 @@ def _fields(line: FileLine, content: str, least: tuple[int, int]) -> OemLog:
     header, _, body = content.partition(";")
     log = OemLog(line, header.partition(",")[0], header.split(","), body.split(","))
     if len(log.header) < least[0] or len(log.body) < least[1]:
-        problem = f"{len(log.header)} fields and {len(log.body)} behind the semicolon"
-        raise line.error(f"{problem}, {least[0]} and {least[1]} are the least; delete the line")
+        problem = f"{len(log.header)} fields before and {len(log.body)} after the semicolon"
+        raise line.error(f"{problem}, at least {least[0]} and {least[1]} needed; delete the line")
     return log
 
 

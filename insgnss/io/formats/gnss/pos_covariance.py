@@ -42,8 +42,8 @@ def covariances(
     if zero.any():
         row, k = (int(i) for i in np.argwhere(zero)[0])
         message = (
-            f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; is it a"
-            " solution with a covariance?"
+            f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; did"
+            " RTKLIB write the standard deviations (out-outstd)?"
         )
         raise table.error_at(row, message)
     P = covariance_of_roots(roots)
@@ -52,8 +52,8 @@ def covariances(
     P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
     if unknown.any():
         P[unknown] = np.diag(np.asarray(sigma, dtype=np.float64) ** 2)
-        finding = f"{unknown.sum()} of {len(P)} epochs without standard deviations have sigma_m"
-        notes.append(note("GNSS rows", finding, "a covariance each", "sigma_m must suit them"))
+        finding = f"sigma_m used for {unknown.sum()} of {len(P)} epochs without standard deviations"
+        notes.append(note("GNSS rows", finding, "a covariance each", "check sigma_m for them"))
     return P, unknown
 
 
@@ -73,7 +73,7 @@ def _drop_odd_correlations(
         advice = "write more decimals or check the columns"
         raise table.error_at(row, f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); {advice}")
     P[bad] *= np.eye(3)
-    where = f"the first in line {table.lines[row]}; these keep their standard deviations only"
+    where = f"the first in line {table.lines[row]}; their correlations were left out"
     expected = "covariances that are positive definite"
     notes.append(note("GNSS rows", f"{summary}, {where}", expected, "write more decimals"))
 

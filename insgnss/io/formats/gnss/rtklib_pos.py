@@ -177,11 +177,11 @@ def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssF
     if not header.given:
         above = "geoid" if undulation_m else "ellipsoid"
         finding = f"no header; read as {header.scale}, heights above the {above}"
-        advice = "check both; gnss.undulation_m is the geoid's height, where they are above it"
+        advice = "check both; if the heights are above the geoid, set gnss.undulation_m"
         notes.append(note("GNSS rows", finding, "RTKLIB's header", advice))
     if header.kind != "x-ecef" and header.base and (problem := _no_place(header.base)):
-        advice = "its standard deviations are taken as they are; correct % ref pos of the header"
-        notes.append(note("GNSS rows", problem, "the place of the base", advice))
+        advice = "correct % ref pos in the header; the standard deviations were used unchanged"
+        notes.append(note("GNSS rows", problem, "the position of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
     cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, options.sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
@@ -224,7 +224,7 @@ def _columns(table: NumberTable, header: Header) -> dict[str, Array]:
     if len(names) != table.values.shape[1]:
         message = (
             f"{table.values.shape[1]} fields, but the header names {len(names)}:"
-            f" {' '.join(names)[:400]}; is it two files?"
+            f" {' '.join(names)[:400]}; was it put together from two files?"
         )
         raise table.error_at(0, message)
     needed = [
@@ -233,7 +233,7 @@ def _columns(table: NumberTable, header: Header) -> dict[str, Array]:
     ]
     twice = [name for name in names if names.count(name) > 1]
     if missing := [name for name in needed if name not in names] + twice:
-        message = f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}"
+        message = f"the header lacks {missing[0][:80]} or has it twice: {' '.join(names)[:400]}"
         raise InputError.in_file(table.path, f"{message}; let RTKLIB write the header")
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
@@ -303,7 +303,7 @@ def _position(
     with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
         radius = np.linalg.norm(given, axis=1)
     odd = (radius < 6e6) | (radius > 6e7)
-    _refuse(table, odd, radius, "{:.0f} m from the Earth's centre is no antenna")
+    _refuse(table, odd, radius, "{:.0f} m from the Earth's centre cannot be an antenna's position")
     lat, lon, height = ecef_to_geodetic(given)
     return lat, lon, height, np.swapaxes(rotation_en(lat, lon), 1, 2) @ C_e
 
@@ -315,7 +315,7 @@ def _above_ellipsoid(
     if header.ellipsoidal and header.given:
         return height
     if undulation_m is None and header.given:
-        message = f"heights are above the geoid (geodetic, by the header); {GIVE}"
+        message = f"heights are above the geoid (the header says geodetic); {GIVE}"
         raise InputError.in_file(table.path, message)
     return height + (undulation_m or 0.0)
 
@@ -327,8 +327,8 @@ def _base_frame(table: NumberTable, header: Header) -> tuple[Array, Array]:
     """
     if header.base is None:
         message = (
-            "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
-            " RTKLIB write out-solformat = llh"
+            "holds baselines, but its header gives no base (% ref pos : latitude longitude height);"
+            " set out-solformat = llh in RTKLIB"
         )
         raise InputError.in_file(table.path, message)
     if problem := _no_place(header.base):
@@ -341,7 +341,7 @@ def _no_place(geodetic: tuple[float, ...]) -> str:
     if abs(geodetic[0]) <= 90.0 and abs(geodetic[1]) <= 360.0:
         return ""
     numbers = " ".join(f"{x:g}" for x in geodetic)
-    return f"the base at {numbers} is no latitude, longitude, height"
+    return f"the base position {numbers} is no latitude, longitude, height"
 
 
 def _frame_at(geodetic: tuple[float, ...]) -> tuple[Array, Array]:
@@ -363,7 +363,7 @@ def _velocity(
     if names[0] not in cols:
         return None, None
     if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
-        finding = "velocities without standard deviations, or of zero, were not estimated and are"
+        finding = "velocities with no or zero standard deviations were not estimated and are"
         expected = "velocities with their standard deviations"
         advice = "let RTKLIB use Doppler, or leave velocities out"
         notes.append(note("GNSS rows", f"{finding} left out", expected, advice))

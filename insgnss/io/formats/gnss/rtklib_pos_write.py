@@ -72,7 +72,7 @@ def write_rtklib_pos(
     """
     if fixes.gps_week is None:
         raise InputError(
-            f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week"
+            f"{fixes.source or 'GnssFixes'}: no GPS week, which a .pos file needs; set gps_week"
         )
     zero = np.zeros(fixes.time.size)
     quality, ns, age, ratios = (
@@ -157,11 +157,11 @@ def write_antenna_pos(
     """
     if lever_m is None:
         whence = (
-            "from the camera, or of a trajectory from the IMU, such as --set"
+            "from the camera (for a trajectory: from the IMU), such as --set"
             " lever_m=0.462,-0.001,-0.065"
         )
         raise UsageError(
-            f"rtklib_pos holds the antenna's positions; give the lever arm to it {whence}"
+            f"rtklib_pos holds antenna positions; give the lever arm to the antenna {whence}"
         )
     if quality not in CODES:
         raise UsageError(

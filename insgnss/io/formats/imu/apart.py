@@ -56,8 +56,8 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
         return replace(gyro, accel=accel.accel, units=units, notes=notes)
     if gyro.quantity == "increments":
         raise InputError(
-            f"{accel.source}: increments under other stamps than those of {gyro.source}; write both"
-            " under one stamp, or rates"
+            f"{accel.source}: its increments have other stamps than those of {gyro.source}; write"
+            " both with the same stamps, or write rates"
         )
     force, there = _resampled(gyro.time, time, accel.accel, gyro.quantity)
     kept = np.count_nonzero(there)
@@ -65,18 +65,18 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
         raise InputError(
             f"{accel.source}: has samples for {kept} of the {there.size} gyro samples of"
             f" {gyro.source} ({time[0]:.3f} to {time[-1]:.3f} s against {gyro.time[0]:.3f} to"
-            f" {gyro.time[-1]:.3f} s); they must be of one recording, on one clock"
+            f" {gyro.time[-1]:.3f} s); both files must be of one recording and one clock"
         )
     rates = [1.0 / float(np.median(np.diff(t))) for t in (time, gyro.time)]
     inside = np.count_nonzero((gyro.time > time[0]) & (gyro.time <= time[-1]))
     missing = inside - kept  # the first may lack the begin of its interval
-    left = f"; {missing} gyro samples without any left out" if missing > 1 else ""
+    left = f"; {missing} gyro samples without accelerometers left out" if missing > 1 else ""
     done = note(
         "IMU files",
-        f"accelerometers ({rates[0]:.4g} Hz) brought to the stamps of the gyros ({rates[1]:.4g} Hz)"
+        f"accelerometers ({rates[0]:.4g} Hz) resampled to the gyros' stamps ({rates[1]:.4g} Hz)"
         f"{left}",
-        "both under one stamp",
-        "" if not left else "look at the gaps of the accelerometers",
+        "both with the same stamps",
+        "" if not left else "check the accelerometer file for gaps",
     )
     return replace(
         gyro,

@@ -89,8 +89,8 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
         return _read(path, options, required_columns(options.rate_hz))
     if options.rate_hz is not None:
         raise UsageError(
-            f"{path}: rate_hz: gyros and accelerometers in two files need stamps;"
-            " leave it out, and name the column of time tow in both"
+            f"{path}: rate_hz: gyros and accelerometers in two files need time"
+            " stamps; leave rate_hz out, and name the time column of both files tow"
         )
     gyro, accel = (
         _read(file, replace(options, columns=_of_one(options.columns, triad)), ("tow", *triad))
@@ -255,8 +255,8 @@ def _samples(
     if options.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
-                f"{lines.path}: rate_hz is given, but there is a column of time; leave rate_hz out,"
-                " or leave the column out of columns"
+                f"{lines.path}: rate_hz is given, but the file has a time column; leave rate_hz"
+                " out, or leave the time column out of columns"
             )
         time, counter_notes = _by_rate(clock, lines, len(gyro), options.rate_hz, same)
         notes = (*notes, *counter_notes)
@@ -297,6 +297,6 @@ def _by_rate(
     if missing := round(float(count.max())) + 1 - rows:
         row = int(np.argmax(np.diff(count) > 1.5)) + 1
         first = line_of(lines, row)
-        finding = f"by the packet counter {missing} samples are lost, the first before {first}"
+        finding = f"{missing} samples are lost by the count of packets, the first before {first}"
         notes = (*notes, note("IMU rows", finding, "every packet", "check the logger's buffer"))
     return count / rate_hz, notes

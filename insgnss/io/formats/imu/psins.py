@@ -139,10 +139,10 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
         or not 0.0 <= site[3] < 1e6
     ):
         expected = "latitude, longitude, height, t0, interval (ms) and g"
-        raise site_line.error(f"{expected} do not stand here; is it a PSINS log?")
+        raise site_line.error(f"this line must hold {expected}; is it a PSINS log?")
     if not all(0.0 < abs(value) < 1e9 for value in scale):
         expected = "the values of one count (arcsec, ug s)"
-        raise scale_line.error(f"{expected} do not stand here; is it a PSINS log?")
+        raise scale_line.error(f"this line must hold {expected}; is it a PSINS log?")
     rpy = (first[1] * DEG, first[0] * DEG, -first[2] * DEG)
     velocity = (first[4], first[3], -first[5])
     site_values = (site[0] * DEG, site[1] * DEG, site[2], site[3], 1e-3 * site[4], site[5])

@@ -139,7 +139,7 @@ def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> Pu
     for key in ("rate_hz", "samples"):
         if key not in stated:
             how = f"write it into a comment before the header, as in '# {key} = 250'"
-            raise at_header(f"{key} is not said; {how}")
+            raise at_header(f"{key} is not stated; {how}")
     rate, n = (_positive(path, *stated[key], key) for key in ("rate_hz", "samples"))
     names = np.array(_axis_names(table, index, stated))
     data = {key: table.floats(index[key]) for key in (time, value, "low", "high") if key in index}
@@ -169,7 +169,7 @@ def _axis_names(
         line, text = stated["axis"]
         return [_axis_name(text, partial(InputError.at_line, table.path, line))] * len(table.rows)
     message = (
-        "axis is not said; write it into a comment, as in '# axis = gyro_x', or into a column axis"
+        "axis is not stated; write it into a comment, as in '# axis = gyro_x', or a column axis"
     )
     raise InputError.at_line(table.path, table.layout.header_line, message)
 
@@ -184,13 +184,13 @@ def _meaning(index: dict[str, int], refuse: Refusal) -> tuple[str, str]:
         index["wavelet_variance"] = index.pop("variance")
     if "variance" in index:
         how = "name the column wavelet_variance or allan_variance"
-        raise refuse(f"'variance' over tau_s may be either; {how}")
+        raise refuse(f"'variance' beside tau_s may be a wavelet or Allan variance; {how}")
     value = [name for name in _VARIANCE_KINDS if name in index]
     if len(time) != 1 or len(value) != 1:
         needed = f"one column of {', '.join(_TIMES)} and one of {', '.join(_VARIANCE_KINDS)}"
-        raise refuse(f"{needed} must be named, {_EXAMPLE}")
+        raise refuse(f"the header must name {needed}, {_EXAMPLE}")
     if ("low" in index) != ("high" in index):
-        raise refuse("of the interval only one end is there; give both, low and high, or none")
+        raise refuse("the confidence interval has only one end; give both low and high, or neither")
     return time[0], value[0]
 
 
@@ -266,20 +266,20 @@ def _curve(
         problem = ""
         if level[k] < 1 or abs(exact[k] - level[k]) > _ROUNDING / math.log(2.0):
             of_samples = f"is {s * rate_hz:g} samples of {rate_hz:g} Hz"
-            problem = f"{of_samples}; only powers of two, from 2 on, can be fitted"
+            problem = f"{of_samples}; only scales of 2, 4, 8, 16, ... samples can be fitted"
         elif k and level[k] <= level[k - 1]:
             problem = f"follows {scale_s[k - 1]:g} s; scales must increase, each once"
         elif count[k] < 1:
-            problem = f"is longer than the {samples} samples of {rate_hz:g} Hz; correct these"
+            problem = f"is longer than {samples} samples at {rate_hz:g} Hz are; correct these"
         elif nu[k] <= 0.0:
             raise refuse(k, f"variance {nu[k]:g} at scale {s:g} s; it must be greater than zero")
         elif low is not None and high is not None and not 0.0 < low[k] < nu[k] < high[k]:
-            interval = f"the interval at scale {s:g} s does not hold its value"
-            raise refuse(k, f"{interval}, or starts below zero; leave it out")
+            interval = f"the confidence interval at scale {s:g} s does not contain the variance"
+            raise refuse(k, f"{interval}, or does not start above zero; leave the intervals out")
         if problem:
             raise refuse(k, f"scale {s:g} s {problem}")
     if not (np.abs(count) < MOST_COEFFICIENTS).all():
-        raise refuse(0, f"{count.max():g} coefficients at a scale; a recording has fewer")
+        raise refuse(0, f"{count.max():g} coefficients at a scale; correct the number of samples")
     if low is None or high is None:
         low, high = chi_square_interval(nu, np.maximum(count / 2.0**level, 1.0))
     return WaveletVariance(level, nu, low, high, count.astype(np.int64), rate_hz, samples)
@@ -302,7 +302,7 @@ def _read_json(
         raise refuse(f"{kind_of_curves}, type and axis must name the same axes, one or more")
     rate, n = (float(_numbers(content.get(key), key, refuse)[0]) for key in ("freq", "n"))
     if not (rate > 0.0 and n >= 4.0 and n % 1.0 == 0.0):
-        expected = "a rate in Hz and a number of samples are expected"
+        expected = "freq must be a rate in Hz, n a number of samples of 4 or more"
         raise refuse(f"freq {rate:g} and n {n:g}; {expected}")
     curves = {}
     for (label, curve), kind, letter in zip(named.items(), kinds, letters, strict=True):
@@ -312,7 +312,7 @@ def _read_json(
 
         axis = _axis_name(f"{kind} {letter}", refuse)
         if axis in curves or not isinstance(curve, dict):
-            raise refuse_curve(f"{axis} is there twice, or its curve is no object")
+            raise refuse_curve(f"{axis} occurs twice, or its curve is no JSON object")
         sensor = axis.partition("_")[0]
         factor = unit_factor(units[sensor], sensor) if sensor in units else 1.0
         columns = _json_columns(curve, kind_of_curves, refuse_curve)
@@ -336,8 +336,8 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
         else:
             members = ", ".join(content)
             raise UsageError(
-                f"{path}: {f'no member {member!r}' if member else 'several members'}; choose by"
-                f" member one of {members}"
+                f"{path}: {f'no member {member!r}' if member else 'several members'}; set"
+                f" member to one of {members}"
             )
         content = content[name]
     if not isinstance(content, dict):
@@ -347,7 +347,7 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
             " avar::avar return it",
         )
     if member is not None and name != member:
-        raise UsageError(f"{path}: no member {member!r}; leave it out, the file holds one sensor")
+        raise UsageError(f"{path}: no member {member!r}; leave member out, the file has one sensor")
     return content, name
 
 
@@ -360,11 +360,11 @@ def _json_columns(curve: dict[str, Any], kind: str, refuse: Refusal) -> dict[str
     if len({column.size for column in columns.values()}) != 1:
         keys = ", ".join(key for key, _ in JSON_NAMES[kind])
         sizes = ", ".join(str(column.size) for column in columns.values())
-        raise refuse(f"{keys} are of {sizes} values; as many of each are expected")
+        raise refuse(f"{keys} have {sizes} values; all must have equally many")
     if kind == "avar" or "alpha" not in curve:
         return columns
     if (alpha := float(_numbers(curve["alpha"], "alpha", refuse)[0])) != 0.05:
-        of_others = f"intervals of {100 * (1 - alpha):g} %"
+        of_others = f"confidence intervals of {100 * (1 - alpha):g} %"
         raise refuse(f"{of_others}; those of 95 % (alpha 0.05) are expected")
     return columns
 

@@ -98,7 +98,7 @@ def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ..
     columns += [np.interp(columns[0], stamp, column[first]) for column in forces]
     joined = dict(zip(("TimeUS", *IMU_FIELDS), columns, strict=True))
     finding = f"{accel.name} interpolated to the stamps of {gyro.name}"
-    done = note("IMU rows", finding, "one message for both", "or take variable = IMU")
+    done = note("IMU rows", finding, "one message for both", "variable = IMU has both")
     return LogMessage(gyro.name, joined, gyro.lines), (done,)
 
 

@@ -27,7 +27,7 @@ Tables = dict[str, dict[str, Array]]
 
 # GPS.Status and fix_type to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
 QUALITY_OF_FIX = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
-NO_FIX = "give positions of their own, gnss.file"
+NO_FIX = "give the GNSS positions in a separate file, gnss.file"
 
 
 class AbsentError(InputError):
@@ -62,7 +62,7 @@ class LogMessage:
 
     def refuse_infinite(self, columns: Mapping[str, Array]) -> None:
         """Refuse the first value that is not finite in columns (n,)."""
-        advice = "set variable to another of its messages, or export the rows without it as a table"
+        advice = "set variable to another message, or export the other rows as a table"
         for label, column in columns.items():
             message = f"{label} is {{}}; it must be finite: {advice}"
             refuse_rows(self.lines, ~np.isfinite(column), message, column)
@@ -99,7 +99,7 @@ class Fixes:
         """
         if not fixed.any():
             path, count = message.lines.path, f"{fixed.size} {message.name} messages"
-            raise AbsentError(f"{path}: none of {count} has a fix and a time; {NO_FIX}")
+            raise AbsentError(f"{path}: none of its {count} has both a fix and a time; {NO_FIX}")
         boot, week, tow = (time[fixed] for time in times)
         return cls(message.of(fixed), boot, weeks_in_step(week, tow), tow, week)
 

@@ -58,13 +58,13 @@ class BootClock:
     def note(self, name: str) -> Finding:
         """Return the note on the clock, for the record `name`."""
         if not self.messages:
-            finding = "no fix of a receiver in the log: stamps count from when it was switched on"
-            return note(name, finding, "GPST", "gnss.time_offset_s ties them to fixes of a file")
+            finding = "no GNSS fix in the log: its stamps count from the start of the autopilot"
+            return note(name, finding, "GPST", "gnss.time_offset_s relates fixes of a file to them")
         finding = (
-            f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"
-            f" spread {1e3 * self.spread_s:.0f} ms"
+            f"{self.messages} messages relate its clock to GPST: drift {1e6 * self.drift:+.0f}"
+            f" ppm, spread {1e3 * self.spread_s:.0f} ms"
         )
-        advice = "the receiver's mean latency stays in it; time_offset_s takes it out"
+        advice = "the times still contain the receiver's mean latency; time_offset_s removes it"
         return note(name, finding, "one clock", advice)
 
 
@@ -92,8 +92,8 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
     """
     if boot_s.size == 0:
         raise InputError(
-            f"{path}: no GNSS fix with a GPS time, so the autopilot's clock cannot be tied to it;"
-            " give IMU, positions and events as tables with stamps of one clock"
+            f"{path}: no GNSS fix with a GPS time, so the autopilot's clock has no relation to"
+            " GPS time; give IMU, positions and events as tables with stamps of one clock"
         )
     first = int(week[0])
     difference = (week - first) * WEEK_S + tow - boot_s
@@ -112,7 +112,7 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
         message = (
             f"GPS times of {boot_s.size} messages do not follow the autopilot's clock: spread"
             f" {spread:.3f} s about a drift of {1e6 * drift:+.0f} ppm (limit {SPREAD_LIMIT_S:.0f}"
-            f" s), step {step:.3f} s at its {boot_s[after]:.1f} s (limit {STEP_LIMIT_S:g} s)"
+            f" s), step {step:.3f} s at stamp {boot_s[after]:.1f} s (limit {STEP_LIMIT_S:g} s)"
         )
         raise InputError(f"{path}: {message}; split the log where the clock was set")
     over = int((offset + boot_s[0]) // WEEK_S)

@@ -47,16 +47,16 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     kinds, places = (np.empty(buf.size // 3 + 1, dtype=np.int64) for _ in range(2))
     n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
-        problem = f"is no ArduPilot log: no right message at byte {max(wrong, 0)}"
+        problem = f"is no ArduPilot log: no valid message at byte {max(wrong, 0)}"
     elif n_lost > LOST_LIMIT * buf.size:
-        problem = f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%})"
+        problem = f"{n_lost} of {buf.size} bytes belong to no message (limit {LOST_LIMIT:.0%})"
     else:
         problem = ""
     if problem:
         raise InputError.in_file(path, f"{problem}; copy it again from the card")
     kinds, places = kinds[:n], places[:n]
     tables: Tables = {}
-    odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
+    odd = [f"{n_lost} bytes that belong to no message left out"] if n_lost else []
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
         starts = places[kinds == kind]
         types = [FORMAT_TO_STRUCT.get(letter) for letter in form]
@@ -120,7 +120,7 @@ def _text(path: Source) -> Log:
     for name, values in rows.items():
         table = dict(zip(labels[name], np.array(values).T.copy(), strict=True))
         notes += _by_instance(tables, name, table)
-    notes += [] if complete else ["the last line has no end"]
+    notes += [] if complete else ["the last line has no line break, so it may be incomplete"]
     return Log(str(path), tables, tuple(notes))
 
 
@@ -152,5 +152,5 @@ def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> tuple[st
             label: column[instance == k] for label, column in table.items()
         }
     unnumbered = int(numbered.size - numbered.sum())
-    finding = f"{unnumbered} {name} messages without the number of a sensor left out"
+    finding = f"{unnumbered} {name} messages without a sensor number left out"
     return (finding,) if unnumbered else ()

@@ -59,8 +59,8 @@ def _opened(path: Source) -> Iterator[Any]:
     file = Path(path)
     bag = file.parent if file.suffix in BAG_ENDINGS else file
     if bag != file and not (bag / "metadata.yaml").is_file():
-        problem = "has no metadata.yaml beside it, which a ROS 2 bag needs"
-        raise InputError.in_file(path, f"{problem}; ros2 bag reindex makes one")
+        problem = "lacks the metadata.yaml in its directory that a ROS 2 bag needs"
+        raise InputError.in_file(path, f"{problem}; create one by ros2 bag reindex")
     for database in sorted(bag.iterdir()) if bag != file else ():
         if database.is_file() and is_database(database):
             with opened_database(database, ("messages", "topics"), BAG_KIND):
@@ -122,7 +122,7 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
             raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:
-            problem = f"no {IMU_MESSAGE} of {chosen or 'any topic'}; there are {names}"
+            problem = f"no {IMU_MESSAGE} in {chosen or 'any topic'}; topics with some: {names}"
             raise InputError.in_file(path, problem)
         table = _samples(reader, topics[chosen])
         count = sum(connection.msgcount for connection in topics[chosen])
@@ -131,7 +131,7 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
         raise InputError.in_file(path, problem)
     if not len(table) or not table[:, 0].max() > 0.0:
         problem = f"{chosen}: {len(table)} messages, and none has a stamp in its header"
-        raise InputError.in_file(path, f"{problem}; record a driver that stamps them")
+        raise InputError.in_file(path, f"{problem}; record with a driver that stamps its messages")
     units = {"gyro": "rad/s", "accel": "m/s^2"}
     units |= {"time": "unix"} if table[0, 0] > EPOCH_S else {}
     content = dict(zip(IMU_COLUMNS, table.T, strict=True))

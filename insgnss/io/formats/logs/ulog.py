@@ -155,7 +155,9 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
         stamp = message.columns.get("timestamp_sample", stamp)
         if not ((dt_gyro > 0.0) & (dt_accel > 0.0)).all():
             advice = "set variable to sensor_combined"
-            raise InputError(f"{path}: {message.name}: an interval of zero; {advice}")
+            raise InputError(
+                f"{path}: {message.name} has an integration interval of zero; {advice}"
+            )
         columns = [
             value / (MICRO * (dt_gyro if k < 3 else dt_accel)) for k, value in enumerate(values)
         ]

@@ -54,7 +54,7 @@ def gps_time(
         return _of_epoch(lines, seconds, epoch, gps_week)
     if week is not None and week.any():
         odd = (week != np.floor(week)) | (week < 0.0) | (week > 9999.0)
-        message = f"GPS week {{:g}} after {week[0]:g}; check the columns, or split the file"
+        message = f"GPS week {{:g}} in a file of week {week[0]:g}; check the columns, or split it"
         refuse_rows(lines, odd | (np.abs(week - week[0]) > 1.0), message, week)
         first = int(week[0])
         agree_on_week(lines, first, gps_week)
@@ -88,8 +88,8 @@ def examined_time(
     """
     tow, week, undated, notes = on_one_clock(lines, tow, week, unit, name, same)
     if undated:
-        message = f"{undated} rows were stamped before the date was known; delete these rows"
-        raise lines.error_at(0, f"{message}, or write their times into them")
+        message = f"{undated} rows were stamped before the clock knew the date; delete these rows"
+        raise lines.error_at(0, f"{message}, or correct their times")
     return *gps_time(lines, tow, week, gps_week, unit), notes
 
 
@@ -100,9 +100,12 @@ def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) ->
     """
     if epoch == "gps":
         if seconds.size == 0 or not seconds.min() >= 0.0:
-            problem = f"time {seconds.min():.3f} s lies before the start of GPS time"
+            problem = (
+                f"time {seconds.min():.3f} s lies before the start of GPS time (6 January 1980);"
+                " check unit and time scale of the time column"
+            )
             row = int(np.argmin(seconds))
-            raise lines.error_at(row, f"{problem}; check units = {{ time = ... }}")
+            raise lines.error_at(row, f"{problem}, units = {{ time = ... }}")
         first = int(seconds[0] // WEEK_S)
         time = seconds - first * WEEK_S
     else:
@@ -117,5 +120,5 @@ def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) ->
 def agree_on_week(lines: Lines, week: int, gps_week: int | None) -> None:
     """Refuse the week of the first row where the caller says another."""
     if gps_week is not None and week != gps_week:
-        message = f"GPS week {week}, but the flight is said to be of week {gps_week}"
-        raise lines.error_at(0, f"{message}; check gps_week or the file")
+        message = f"the times are of GPS week {week}, but gps_week is {gps_week}"
+        raise lines.error_at(0, f"{message}; correct gps_week, or take the right file")

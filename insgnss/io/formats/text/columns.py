@@ -30,9 +30,9 @@ from .units import check_units
 
 Columns = Sequence[str] | Mapping[str, str] | None
 DATES_FOR_STAMPS = (
-    "dates for stamps were taken for UTC",
+    "the stamps are dates and were taken as UTC",
     "the time scale of the stamps",
-    "give a clock of its own where they are of another time scale, or time_offset_s",
+    "if they are of another time scale, give times in seconds, or set time_offset_s",
 )
 METRES = "m metre metres meter meters"  # spellings of a unit, as `TableSpec.strict` has them
 
@@ -125,9 +125,9 @@ class TableSpec:
         for k, own in enumerate(layout.header_fields or () if self.strict else ()):
             name, unit = normalised(own)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
-                problem = f"is in {unit!r}; {units[0]} is read: convert it"
+                problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
             elif k not in index.values() and columns is None:
-                how = "take it out, or name the columns by columns = [...] with '-' for it"
+                how = "delete it, or list all columns in columns = [...] with '-' in its place"
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
                 continue
@@ -156,7 +156,7 @@ class TableSpec:
             taken, source = next((names for names in layouts if len(names) == n), []), "the default"
             if not taken:
                 message = (
-                    f"{n} fields and no header; without one the columns are"
+                    f"{n} fields and no header; without a header the columns must be"
                     f" {'; '.join(self.layouts)}; name them by columns = [...] of"
                     f" {', '.join(self.names)}"
                 )
@@ -215,7 +215,7 @@ def _uneven_header(path: str, layout: TextLayout) -> InputError:
         " data; set columns = [...]"
     )
     if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
-        message += ", or, where these are decimal commas between commas, write the numbers with"
+        message += ", or, if the numbers have decimal commas, write them with decimal"
         message += " points"
     return InputError.at_line(path, layout.header_line, message)
 
@@ -227,16 +227,16 @@ def _place_of(path: str, layout: TextLayout, column: str) -> int:
     if match := re.fullmatch(r"\[([0-9]+)\]", column):
         if 0 <= (index := int(match[1]) - 1) < layout.n_fields:
             return index
-        problem = f"there is no field {column}; there are {layout.n_fields}, counted from 1"
+        problem = f"there is no field {column}; the data have {layout.n_fields}, counted from 1"
         raise InputError.at_line(path, layout.first_line, f"columns: {problem}")
     if fields is None:
-        problem = f"there is none of {layout.n_fields} fields; give their places, [1] for the first"
+        problem = f"the file has no header; give the places of fields, [1] to [{layout.n_fields}]"
         message = f"columns names fields of the header, but {problem}"
         raise InputError.at_line(path, layout.first_line, message)
     if fields.count(column) == 1:
         return fields.index(column)
     if names.count(normalised(column)[0]) != 1:
-        problem = f"{column!r} does not stand once in the header {shown(layout.header, 400)}"
+        problem = f"{column!r} is missing or twice in the header {shown(layout.header, 400)}"
         raise InputError.at_line(path, layout.header_line, f"columns: {problem}")
     return names.index(normalised(column)[0])
 
@@ -367,7 +367,7 @@ class NamedTable:
         """
         texts = self.strings(column)
         empty = np.array([not text for text in texts])
-        refuse_rows(self, empty, f"no name of the {kind}; write it, or delete the line")
+        refuse_rows(self, empty, f"the name of the {kind} is missing; write it, or delete the line")
         names = tuple(dict.fromkeys(texts))
         row_by_name = {name: k for k, name in enumerate(names)}
         return names, np.array([row_by_name[name] for name in texts], dtype=np.int64)

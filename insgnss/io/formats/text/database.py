@@ -88,5 +88,5 @@ def opened_database(
     except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())[:120]
         if spent > left:
-            why = f"more steps than a file of its size needs (limit {left})"
+            why = f"reading takes more steps than a file of this size needs (limit {left})"
         raise InputError.in_file(path, f"is no {kind}: {why}; {advice}") from None

@@ -121,9 +121,9 @@ def open_end(name: str, complete: bool) -> tuple[Finding, ...]:
 
     Such a line may have been cut in a number.
     """
-    finding = "the last line has no end, so it may be cut"
-    advice = "compare it with the line before; end the file properly"
-    return () if complete else (note(name, finding, "a line's end", advice),)
+    finding = "the last line has no line break, so it may be incomplete"
+    advice = "compare this line with the one before, and end it with a line break"
+    return () if complete else (note(name, finding, "a line break at the end", advice),)
 
 
 def put_in_order(
@@ -167,20 +167,20 @@ def put_in_order(
             f"time {time[row]:.6f} s follows {time[first]:.6f} s with other values, as in"
             f" {len(clashes)} of {time.size} rows"
         )
-        remedy = "keep one row a stamp, or read the file by another clock"
+        remedy = "keep one row for each time, or take the time from another column"
         if row > 0 and (back := time[row - 1] - time[row]) > 0.0:
             message = (
                 f"the clock goes back by {back:.6f} s here, to {time[row]:.6f} s, and"
                 f" {len(clashes)} of {time.size} rows have the stamp of an earlier one"
             )
-            remedy = "split the file here, or add the step to all rows from here on"
+            remedy = "split the file here, or add the step to all times from here on"
         raise lines.error_at(
             row, f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; {remedy}"
         )
     done = [f"{doubles} double rows left out"] if doubles else []
     if clashes:
         done.append(
-            f"{len(clashes)} rows that contradict an earlier one of their stamp left out, the first"
+            f"{len(clashes)} rows left out that contradict an earlier row of their time, the first"
             f" at {time[min(clashes)[0]]:.3f} s"
         )
     out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))

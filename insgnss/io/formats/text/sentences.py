@@ -41,9 +41,9 @@ class Sentences:
 
     def notes(self, rows: str) -> tuple[Finding, ...]:
         """Return the notes on what else stands in the file, for the record `rows`."""
-        finding = f"other text before or between the sentences in {self.n_other} places; left out"
-        advice = "let the logger write the sentences alone where it lacks some"
-        return (note(rows, finding, "sentences", advice),) if self.n_other else ()
+        finding = f"text other than sentences in {self.n_other} places left out"
+        advice = "if sentences are missing, let the logger write nothing else into this file"
+        return (note(rows, finding, "sentences only", advice),) if self.n_other else ()
 
     def fields(self, *kinds: bytes) -> Iterator[tuple[FileLine, list[str]]]:
         """Yield line and fields of each sentence whose name ends in one of three letters.
@@ -83,7 +83,7 @@ def read_sentences(path: Source) -> Sentences:
     between = _other_text(buf, starts[:n], stars[:n])
     starts, stars, lines = starts[:n][~between], stars[:n][~between], lines[:n][~between]
     if (n := starts.size) == 0:
-        raise InputError.in_file(path, "holds no sentence; check that it is the log")
+        raise InputError.in_file(path, "holds no sentence ($...); check that this file is the log")
     good = stars > 0
     unchecked = _unchecked(buf, starts, stars) if good.mean() < 1.0 - BAD_SHARE_LIMIT else {}
     for rows in unchecked.values():

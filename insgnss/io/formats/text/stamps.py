@@ -139,7 +139,7 @@ def on_one_clock(
             undated = 0
         if undated:
             finding = f"{undated} rows before {line_of(lines, undated)} left out, of {seconds.size}"
-            advice = "they were stamped before the date was known"
+            advice = "they were stamped before the clock knew the date"
             notes.append(note(name, finding, "stamps of one clock", advice))
     else:
         undated = 0
@@ -169,9 +169,9 @@ def weeks_in_step(week: Array, tow: Array) -> Array:
 
 def stale_weeks(name: str, wrong: int, rows: int) -> Finding:
     """Return the note on weeks that do not follow from the times of week."""
-    finding = f"the week of {wrong} of {rows} rows does not follow from their times of week"
-    advice = "that of most rows was taken and counted on: the receiver named an old one"
-    return note(name, finding, "weeks that change where the times of week begin anew", advice)
+    finding = f"the GPS week of {wrong} of {rows} rows contradicts their times of week"
+    advice = "the receiver reported an outdated week; the week of most rows was used for all"
+    return note(name, finding, "weeks that change where the time of week restarts", advice)
 
 
 def _is_undated(stamp: float, lacks: float) -> bool:
@@ -181,8 +181,8 @@ def _is_undated(stamp: float, lacks: float) -> bool:
 
 def undated_rows(name: str, count: int, first: str) -> Finding:
     """Return the note on so many rows that were stamped before the date was known."""
-    finding = f"{count} rows before {first} left out: they were stamped before the date was known"
-    return note(name, finding, "stamps of one clock", "switch on earlier, if they are missed")
+    finding = f"{count} rows before {first} left out: stamped before the clock knew the date"
+    return note(name, finding, "stamps of one clock", "to keep such rows, switch on earlier")
 
 
 def line_of(lines: Lines, row: int) -> str:
@@ -209,8 +209,8 @@ def _unwrapped(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]]
 
 
 def _begins_anew(lines: Lines, name: str, row: int, length: float) -> Finding:
-    finding = f"the counter begins anew at {line_of(lines, row)}, after {length:.6f} s; counted on"
-    return note(name, finding, "a clock that counts on", "nothing to do")
+    finding = f"the time restarts at {line_of(lines, row)}, after {length:.6f} s; this was undone"
+    return note(name, finding, "a clock without restarts", "nothing to do")
 
 
 def _without_steps(
@@ -226,16 +226,16 @@ def _without_steps(
     anchor = int(np.flatnonzero(lacks <= lacks.min() + DAY_S)[-1])
     lacks -= lacks[anchor]
     out = time + np.repeat(lacks, np.diff([0, *(row for row, _ in steps), time.size]))
-    moved = "before it were moved to the clock after it"
+    moved = "before the step were shifted to the clock after the step"
     if anchor < len(steps):
-        moved = "without a date were moved to the clock that has one"
+        moved = "without a date were shifted to the clock that knows the date"
     count = f"{len(steps)} times, first" if len(steps) > 1 else "once,"
     finding = (
-        f"the clock was set in the recording {count} by {steps[0][1]:+.3f} s at"
+        f"the clock was set during the recording, {count} by {steps[0][1]:+.3f} s at"
         f" {line_of(lines, steps[0][0])}; the rows {moved}"
     )
-    advice = "no row is taken to be missing there; exposures of that clock need the same steps"
-    return out, (note(CLOCK_STEP, f"{name}: {finding}", "a clock that nobody sets", advice),)
+    advice = "no row is assumed missing there; exposures of the same clock need the same shift"
+    return out, (note(CLOCK_STEP, f"{name}: {finding}", "a clock without steps", advice),)
 
 
 def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, float]]:
@@ -326,7 +326,7 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
         return time, ()
     rate = f"an even {1.0 / interval:.6g} Hz"
     finding = f"stamps rounded to {1e3 * digit:g} ms at {rate} were spread evenly"
-    advice = "log more digits where the logger can; all stamps may be late by half of that digit"
+    advice = "log more digits if the logger can; all stamps may be late by half of the last digit"
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
 
@@ -354,8 +354,8 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     after = np.cumsum(length)[run] - 1 - np.arange(time.size)  # rows of the stamp after each
     out = time - usual * after * (mended & skip_before)[run]
     out[np.cumsum(length)[mended & skip_after] - 1] += usual
-    finding = f"{int((length - 1)[mended].sum())} stamps repeat beside one that is skipped"
-    advice = "they were put there: log more digits, or the sensor's clock, where the logger can"
+    finding = f"{int((length - 1)[mended].sum())} stamps occur twice beside a missing stamp"
+    advice = "such rows got the missing stamps; if the logger can, log more digits or sensor time"
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
 
@@ -395,7 +395,7 @@ def without_jitter(time: Array) -> tuple[Array, tuple[Finding, ...]]:
         f"stamps that scatter by {1e3 * np.std(delay):.2g} ms about an even"
         f" {1.0 / interval:.6g} Hz were spread evenly"
     )
-    advice = "let the sensor stamp its samples; all may be late by the logger's mean delay"
+    advice = "let the sensor stamp its samples; now all stamps may have the logger's mean delay"
     return out, (note("IMU rows", finding, "stamps of the sensor's clock", advice),)
 
 

@@ -364,7 +364,7 @@ def _refusal(
         problem = f"truncated: the file ends within this line, {quoted}"
         return at_the_line.error(f"{problem}; copy it again or delete the line")
     if max(len(before), len(behind)) == AROUND_FAULT_BYTES:
-        problem = f"a line of more than {AROUND_FAULT_BYTES} bytes: a number is missing, or none"
+        problem = f"a line of more than {AROUND_FAULT_BYTES} bytes with a missing or wrong number"
         return at_the_line.error(f"{quoted}, {problem}; {advice}")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
         problem = f"{len(fields)} fields, expected {layout.n_fields}: {quoted}"

@@ -103,7 +103,7 @@ def unit_factor(text: str, kind: str) -> float:
         raise UsageError(
             f"{shown(text)} is none of {', '.join(SENSOR_SCALES[kind])}, with or without a "
             "number before it"
-            " (of one count: 0.05 deg/s)"
+            " (the value of one count, such as 0.05 deg/s)"
         )
     if not 0.0 < number * factor < math.inf:
         raise UsageError(f"{shown(text)}: the number before a unit must be positive")

@@ -104,6 +104,6 @@ def parse_xml(path: object, data: bytes | IO[bytes], packed: float = math.inf) -
     for _ in range(DEEPEST_NESTING):
         level = [element for parent in level for element in parent]
     if level:
-        problem = f"elements within each other more than {DEEPEST_NESTING} deep"
+        problem = f"has elements nested more than {DEEPEST_NESTING} deep"
         raise InputError.in_file(path, f"{problem}; export it again")
     return root

@@ -202,14 +202,14 @@ def _sigma_at(path: Path, time: Array) -> Array:
     lines = NumberedRows(str(path), "record")
     check_increasing(lines, smrmsg.time)
     sigma = np.column_stack([smrmsg.sigma_position_m, smrmsg.sigma_velocity, smrmsg.sigma_rpy])
-    message = "a standard deviation is not positive; is it another format?"
+    message = "a standard deviation is not positive; is the file an smrmsg?"
     refuse_rows(lines, np.any(sigma <= 0.0, axis=1), message)
     beyond = max(smrmsg.time[0] - time.min(), time.max() - smrmsg.time[-1])
     if beyond > OVERHANG_S:
         span = f"{smrmsg.time[0]:.3f} to {smrmsg.time[-1]:.3f} s"
         message = (
             f"accuracies from {span}, but the SBET's times exceed them by {beyond:.3f} s (limit"
-            f" {OVERHANG_S} s); is it of another run?"
+            f" {OVERHANG_S} s); are both files of the same run?"
         )
         raise InputError.in_file(path, message)
     return columns_at(time, smrmsg.time, sigma)

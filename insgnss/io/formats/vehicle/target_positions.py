@@ -84,8 +84,8 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     if "image" not in table and "tow" not in table:
         raise table.error_at(
             0,
-            "neither image nor tow among its columns: nothing says when the target was there; name"
-            " the image that saw it, or the time (tow, and week)",
+            "no column image or tow, so the time of the target's positions is unknown; add the"
+            " image that shows the target, or the time (tow, and week)",
         )
     images, time, week = None, None, None
     if "image" in table:
@@ -102,7 +102,9 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     smallest = np.linalg.eigvalsh(correlation)[:, 0]
     if (smallest <= 1e-9).any():
         row = int(np.argmin(smallest))
-        raise table.error_at(row, "correlations that cannot be: no covariance has them; see units")
+        raise table.error_at(
+            row, "impossible correlations: no covariance matrix has them; check them"
+        )
     cov = sigma[:, :, None] * correlation * sigma[:, None, :]
     if time is not None:
         order = np.argsort(time, kind="stable")
@@ -138,7 +140,7 @@ def write_target_positions(
     columns, texts, numbers = OUT, [], []
     if positions.time is not None:
         if positions.gps_week is None:
-            raise InputError("target positions: stamps without GPS week; give it")
+            raise InputError("target positions: stamps without GPS week; set gps_week")
         columns = f"week=%d tow=%.6f {columns}"
         numbers = [np.full(len(positions.time), positions.gps_week), positions.time]
     if positions.images is not None:
