@@ -414,8 +414,8 @@ def _gaps(time: Array, interval: float) -> NDArray[np.intp]:
     """Rows of jittery stamps before which samples are lost: the level of the stamps rises there."""
     step = np.diff(time)
     excess = time - interval * np.arange(time.size)
-    near = step[np.abs(step - interval) < 20.0 * interval]
-    jitter = min(float(np.std(near)) / interval, 3.0) if near.size else 3.0
+    single = step[np.abs(step - interval) < 20.0 * interval]
+    jitter = min(float(np.std(single)) / interval, 3.0) if single.size else 3.0
     rows = int(max(LEVEL_ROWS, 16 * LEVEL_ROWS * jitter**2))
     k = np.flatnonzero(step > 1.5 * interval) + 1
     k = k[(k >= LEAST_LEVEL_ROWS) & (k <= time.size - LEAST_LEVEL_ROWS)]
