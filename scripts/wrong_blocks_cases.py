@@ -711,7 +711,7 @@ CASES = (
     Case(
         "camera file of half the size",
         camera_of(other_size(0.5)),
-        culprit="half|beside the image|size",
+        culprit="half|outside the image|size",
     ),
     Case(
         "camera file of twice the size",
@@ -721,7 +721,7 @@ CASES = (
     Case(
         "camera file of turned images",
         camera_of(other_size(1.0, True)),
-        culprit="beside the image|turned|exchanged",
+        culprit="outside the image|turned|exchanged",
     ),
     Case(
         "easting and northing exchanged",

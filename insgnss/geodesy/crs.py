@@ -380,7 +380,7 @@ def transformer_between(source: Any, target: Any) -> Any:
         if "not available" not in why:
             of_use = "" if target.area_of_use is None else f", made for {target.area_of_use.name}"
             why = why[:200].removeprefix("Error creating Transformer from CRS.")
-            why = why or f"PROJ knows no transformation from {source.name} to it{of_use}"
+            why = why or f"PROJ knows no transformation from {source.name} to this CRS{of_use}"
             raise InputError(f"CRS {target.name}: {why.rstrip('.')}; give another CRS") from None
         grid = why.rpartition("Grid ")[2].partition(" is not")[0]
         advice = (

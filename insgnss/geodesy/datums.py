@@ -126,9 +126,9 @@ def between_datums(
         return between_datums(*fixed, (plate, None), target)
     if len(epochs) > 1:
         raise InputError(
-            f"{datum_words(crs_from, source[1])} and {datum_words(crs_to, target[1])}: the ground"
-            " moves by centimetres a year, by how much here is not known; process the data of both"
-            " at one epoch"
+            f"{datum_words(crs_from, source[1])} and {datum_words(crs_to, target[1])}: plates move"
+            " by centimetres a year, and the motion at this place is not known; process both data"
+            " sets at one epoch"
         )
     if crs_from == crs_to:
         return lat, lon, h

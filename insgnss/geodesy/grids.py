@@ -189,10 +189,10 @@ def lacking_plan(name: str, grids: Sequence[str], best_m: float, used_m: float, 
     """
     used = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"
     return (
-        f"CRS {name}: its datum is reached to {best_m:g} m by the grid {' and '.join(grids)}, which"
-        f" is not installed, and to {used} without; get it by {sync_commands(grids)}, or name"
-        f" another CRS, or the datum of the base's coordinates where it is {datum} (gnss.datum);"
-        f" {DOCTOR}"
+        f"CRS {name}: the transformation to its datum is accurate to {best_m:g} m with the grid"
+        f" {' and '.join(grids)}, which is not installed, and to {used} without; get the grid by"
+        f" {sync_commands(grids)}, or name another CRS, or the datum of the base's coordinates"
+        f" where it is {datum} (gnss.datum); {DOCTOR}"
     )
 
 

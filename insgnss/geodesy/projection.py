@@ -337,8 +337,8 @@ class MapProjection:
         G[:, 2, 2] = 1.0
         if (np.linalg.det(J) < 0.0).any():
             raise UsageError(
-                f"CRS {self.name} counts in left-handed axes, in which no attitude can be given;"
-                " use its east-north sibling"
+                f"CRS {self.name} has left-handed axes, in which no attitude can be given; use its"
+                " east-north sibling"
             )
         angle = np.arctan2(J[:, 1, 0] - J[:, 0, 1], J[:, 0, 0] + J[:, 1, 1])
         G[:, 0, 0] = G[:, 1, 1] = np.cos(angle)

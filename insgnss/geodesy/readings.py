@@ -112,4 +112,4 @@ def advice(explanation: Explanation[Data] | None) -> str:
     str
         Begins with a semicolon.
     """
-    return "" if explanation is None else f"; it fits where {explanation.clauses()}: correct that"
+    return "" if explanation is None else f"; the data fit if {explanation.clauses()}: correct this"

@@ -62,8 +62,8 @@ def _refuse_coarse(who: str, values: Any, finest: float) -> None:
     largest = magnitude[np.isfinite(magnitude)].max(initial=0.0)
     if (step := float(np.spacing(largest))) > finest:
         raise InputError(
-            f"{who}: {values.dtype}, which holds {float(largest):.10g} to {step:.2g} only; give"
-            " float64 from the beginning, what was cut off does not come back"
+            f"{who}: {values.dtype} resolves values of {float(largest):.10g} to {step:.2g} only;"
+            " use float64 from the first reading on, since lost digits cannot be restored"
         )
 
 
@@ -130,7 +130,7 @@ def _where(record: Any, values: Array, row: int, column: list[int]) -> str:
     of_rows = time.ndim == 1 and time.size == values.shape[0]
     words = [f"column {', '.join(map(str, column))} (from 0)"] if column else []
     words += [f"time {time[row]:.6f} s"] if of_rows and np.isfinite(time[row]) else []
-    advice = "leave the row out (of IMU samples a missing row is a gap, which is bridged)"
+    advice = "leave the row out (a missing row of IMU samples is a gap, which is bridged)"
     return "".join([*(f", {word}" for word in words), f"; {advice}" if of_rows else ""])
 
 

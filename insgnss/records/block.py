@@ -67,11 +67,13 @@ class BrownCamera:
                 f" {self.unit_px:g} px; each must be positive"
             )
         if self.backward and self.fisheye:
-            raise InputError(f"camera {self.name}: a fisheye camera is a forward one")
+            raise InputError(
+                f"camera {self.name}: a fisheye camera cannot be backward; give it a forward model"
+            )
         if unknown := set(self.free) - set(INTERIOR):
             raise InputError(
                 f"camera {self.name}: {', '.join(sorted(unknown))} is no parameter of interior"
-                f" orientation; there are {', '.join(INTERIOR)}"
+                f" orientation; known are {', '.join(INTERIOR)}"
             )
 
     @property
@@ -183,7 +185,9 @@ class ImageObservations:
         for name in ("image", "point"):
             rows = frozen_integers(self, name)
             if rows.shape != (n,) or (rows < 0).any():
-                raise InputError(f"ImageObservations.{name}: {n} rows from 0 must stand there")
+                raise InputError(
+                    f"ImageObservations.{name}: expected {n} row numbers, counted from 0"
+                )
         if n and not self.sigma_px.min() > 0.0:
             raise InputError(
                 f"ImageObservations.sigma_px: {self.sigma_px.min():g} px in row"
@@ -241,7 +245,9 @@ class GroundPoints:
         frozen(self, "cov", (n, 3, 3))
         rows = frozen_integers(self, "point")
         if rows.shape != (n,):
-            raise InputError(f"GroundPoints.point: {rows.size} rows for {n} positions")
+            raise InputError(
+                f"GroundPoints.point: {rows.size} row numbers for {n} positions; give one for each"
+            )
         if n and (smallest := np.linalg.eigvalsh(self.cov)[:, 0]).min() <= 0.0:
             raise InputError(
                 f"GroundPoints.cov: of row {int(smallest.argmin())} not positive definite; give"
@@ -316,7 +322,8 @@ class ImageBlock:
         for name, (index, limit) in rows.items():
             if index.size and (index.min() < 0 or index.max() >= limit):
                 raise InputError(
-                    f"ImageBlock.{name}: row {int(index.max())} of {limit}; it points to nothing"
+                    f"ImageBlock.{name}: row {int(index.max())} does not exist; there are"
+                    f" {limit} rows"
                 )
 
     @property

@@ -175,7 +175,9 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
         else _one_of("events", columns, TIME_HEADERS)
     )
     if not time.size:
-        raise InputError("events: no exposure; leave events out where there is no camera")
+        raise InputError(
+            "events: no exposure in the table; leave events out if the flight had no camera"
+        )
     week = _of_week("events", time, _week(given, gps_week))
     if columns is not None and "image" in columns:
         names = tuple(str(name) for name in columns["image"])
@@ -257,7 +259,7 @@ def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array
             values = float_array(f"{who}: column {name}", columns[name], finest)
             return values
     there = ", ".join(map(str, columns)) or "none"
-    raise InputError(f"{who}: no column {names[0]}; there are {there}")
+    raise InputError(f"{who}: no column {names[0]}; the table has {there}")
 
 
 def _of_week(who: str, time: Array, week: int | None) -> int | None:

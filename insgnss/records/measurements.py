@@ -68,7 +68,7 @@ class OwnState:
                 limit = "above 0" if low else "0 or more"
                 raise InputError(f"OwnState {self.name!r}: {key} = {value:g}, expected {limit}")
         if self.unit in NOT_SI:
-            problem = f"unit {self.unit!r} is none of SI; give its sigma in {NOT_SI[self.unit]}"
+            problem = f"unit {self.unit!r} is not an SI unit; give its sigma in {NOT_SI[self.unit]}"
             raise InputError(f"OwnState {self.name!r}: {problem}")
         if time_s is not None and self.walk:
             raise InputError(

@@ -285,7 +285,7 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
         (
             {"gnss": {"tow": [1.0], "lat_deg": [46.5], "lon_deg": [6.5]}},
             insgnss.InputError,
-            "no column h_m; there are tow",
+            "no column h_m; the table has tow",
         ),
         (
             {"gnss": np.hstack([FIXES, np.ones((20, 3))])},

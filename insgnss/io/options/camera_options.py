@@ -248,7 +248,7 @@ class CameraInput:
         None,
         'scale of events given as dates that do not say it: "utc", "gpst", which is 18 s ahead, or '
         'of a camera in local time "utc+02:00"',
-        usual="what the file says, else it is asked for",
+        usual="what the file says; if it says nothing, an error asks for it",
         cli="--time-scale",
         metavar="SCALE",
         of_file=True,
@@ -261,11 +261,11 @@ class CameraInput:
     )
     clock: Literal["auto", "imu", "receiver"] = option(
         "auto",
-        'whose clock stamps the events, which are moved with its offset: "receiver": that of the '
-        'fixes, with gnss.time_offset_s and what is estimated of the time offset; "imu": that of '
-        'the samples, with imu.time_offset_s; "auto": "receiver" for events of the rover\'s RINEX, '
-        "and of a .MRK beside gnss.rover or a .pos of RTKLIB, else the stamps are those of the "
-        "IMU's clock as they stand",
+        "clock that stamps the events; its time offset is applied to them. "
+        '"receiver": clock of the fixes, with gnss.time_offset_s and the estimated time offset; '
+        '"imu": clock of the samples, with imu.time_offset_s; "auto": "receiver" for events of '
+        "the rover's RINEX, and of a .MRK beside gnss.rover or a .pos of RTKLIB, else the stamps "
+        "are used as times of the IMU's clock",
     )
     name: str = option(
         "",

@@ -42,25 +42,31 @@ class ComparisonOptions(Checked):
     """
 
     form_a: str | None = _form(
-        None, "of A, where it does not show it; one of the formats above", cli="--format-a"
+        None,
+        "format of A, if not recognised from the file; one of the formats above",
+        cli="--format-a",
     )
     form_b: str | None = _form(
-        None, "of B, where it does not show it; one of the formats above", cli="--format-b"
+        None,
+        "format of B, if not recognised from the file; one of the formats above",
+        cli="--format-b",
     )
     undulation_a_m: float | None = _undulation(None, f"{GEOID} A{GNSS}", cli="--undulation-a")
     undulation_b_m: float | None = _undulation(None, f"{GEOID} B{GNSS}", cli="--undulation-b")
     origin: tuple[float, float, float] | None = argument(
         None,
-        "deg, deg, m: of a tangent plane whose file does not say it",
+        "origin of the tangent plane (deg, deg, m), if the file does not give it",
         kind="place",
         metavar="LAT,LON,H",
     )
     crs: str | None = argument(
-        None, "of coordinates whose file does not name it, such as EPSG:2056", metavar="CRS"
+        None,
+        "CRS of the coordinates, if the file does not name it, such as EPSG:2056",
+        metavar="CRS",
     )
     coordinate_shift: tuple[float, float, float] | None = argument(
         None,
-        "what was subtracted from projected coordinates, in their unit",
+        "shift that was subtracted from projected coordinates, in their unit",
         kind="pair",
         metavar="E,N,H",
     )
@@ -68,7 +74,7 @@ class ComparisonOptions(Checked):
         None, "grid of geoid heights, for projected heights above sea level", metavar="GRID"
     )
     gps_week: int | None = argument(
-        None, "GPS week, of files with the time of week only", cli="--week"
+        None, "GPS week, for files that give the time of week only", cli="--week"
     )
     time_shift_s: float = argument(
         0.0, "seconds to be added to the times of B", cli="--shift", metavar="S"

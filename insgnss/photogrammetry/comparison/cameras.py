@@ -118,7 +118,8 @@ class CameraReport:
                     "Differences over the image, second minus first",
                     [
                         first,
-                        f"after a rotation by {about} deg, which attitudes take up: {remaining}",
+                        f"after a rotation by {about} deg, which the attitudes of the images"
+                        f" absorb: {remaining}",
                     ],
                 )
             )
@@ -127,8 +128,8 @@ class CameraReport:
                 f" (limit {ALIKE_PX:g} px)"
             )
             verdict = worst_of(
-                f"the calibrations agree to {ALIKE_PX:g} px rms, but for a rotation that attitudes"
-                " take up",
+                f"the calibrations agree to {ALIKE_PX:g} px rms, apart from a rotation that the"
+                " attitudes of the images absorb",
                 [disagree] if d.rms_after_rotation > ALIKE_PX else [],
             )
         notes = list(self.notes)
@@ -252,10 +253,14 @@ def _difference(a: BrownCamera, b: BrownCamera, notes: list[str]) -> PixelDiffer
     if inside.mean() < LEAST_SHARE:
         raise DataError(
             f"the cameras see {100.0 * inside.mean():.0f} % of the image in common: their"
-            " polynomials fold back within it; calibrate again with more points near the corners"
+            " distortion polynomials fold back inside the image; calibrate again with more points"
+            " near the corners"
         )
     if not inside.all():
-        notes.append(f"{(~inside).sum()} of {inside.size} points lie beyond a polynomial's fold")
+        notes.append(
+            f"{(~inside).sum()} of {inside.size} points lie beyond the radius where a distortion"
+            " polynomial folds back"
+        )
     d, (x, y) = d[inside], rays[inside].T
     f = b.of("f")
     # derivatives of pixels by a small rotation of the rays about x, y and the viewing direction

@@ -126,7 +126,7 @@ def _of_shift(file: object, reference: object, hints: Hints) -> str:
     e, n, h = hints.shift or (0.0, 0.0, 0.0)
     return (
         f"{file}: {e:.0f} {n:.0f} {h:.0f} were subtracted from its coordinates ({hints.crs}): whole"
-        f" kilometres, told by the positions of {reference}"
+        f" kilometres, found from the positions of {reference}"
     )
 
 
@@ -141,11 +141,11 @@ def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
     ]
     statement = f"positions of a are of {names[0]}, those of b of {names[1]}"
     if None in (a.datum, b.datum):
-        return b, (f"{statement}: compared as they stand; datums differ by up to 2 m",)
+        return b, (f"{statement}: compared without a transformation; datums differ by up to 2 m",)
     try:
         moved = b.moved(*between_datums(b.lat, b.lon, b.height, *datums[::-1]))
     except (InputError, UsageError) as refusal:
-        return b, (f"{statement}: compared as they stand, since {refusal}",)
+        return b, (f"{statement}: compared without a transformation, since {refusal}",)
     by = " by the motion of its plate" if None not in (a.epoch, b.epoch) else ""
     by *= a.epoch != b.epoch
     return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed{by}",)

@@ -134,8 +134,8 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
             f" {in_b[-1]:.3f} s"
         )
         raise DataError(
-            f"the times of the files do not meet: {spans} of the same week; check week and time"
-            " scale (UTC is 18 s behind GPST)"
+            f"the time spans of the files do not overlap: {spans} of the same week; check week and"
+            " time scale (UTC is 18 s behind GPST)"
         )
     rows = np.flatnonzero(inside)
     partner = interpolated(dense, samples, wanted[rows])

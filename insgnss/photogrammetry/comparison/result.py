@@ -64,7 +64,7 @@ class Mismatch:
         """Statement and evidence."""
         before, after = quantity(self.before, self.unit), quantity(self.after, self.unit)
         of = (
-            "differences of position beside their mean"
+            "position differences about their mean"
             if self.aspect == "position"
             else f"{self.aspect} differences"
         )
@@ -194,7 +194,10 @@ class Comparison(Charted):
                 Section("Recognised", [f.sentence() for f in self.findings] or [NO_MISMATCH]),
                 *charts,
                 Section("b minus a, axes east, north, up at the point", _table(self.components)),
-                Section("What remains after the recognised is taken off", _table(self.remaining)),
+                Section(
+                    "What remains after the recognised differences are removed",
+                    _table(self.remaining),
+                ),
                 Section(
                     "What was compared", [Table(files, ("", "file", "format", "positions of"))]
                 ),

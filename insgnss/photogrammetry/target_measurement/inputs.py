@@ -97,7 +97,7 @@ def inputs_of(request: TargetRequest) -> TargetInputs:
         read, own_crs = ground_of(request.ground, None)
         in_plane = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
         if in_plane is None or read is None:
-            raise InputError.in_file(request.ground, "no ground point; write one line each")
+            raise InputError.in_file(request.ground, "no ground point; write a line for each point")
         ground, as_read = in_plane, read
         predictions = predict(
             camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
@@ -108,8 +108,8 @@ def inputs_of(request: TargetRequest) -> TargetInputs:
     widened = replace(predictions, cov=predictions.cov + extra)
     if camera_cov is None:
         notes.append(
-            f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"
-            " are too small by what it is not"
+            f"{request.camera} has no [sigma]: the camera is taken as free of errors, so the"
+            " ellipses are too small by the errors it has"
         )
     crs = None if vehicle is not None else request.crs or own_crs
     return TargetInputs(request, eo, camera, ground, as_read, crs, widened, tuple(notes), vehicle)
@@ -143,21 +143,19 @@ def _unseen(
     counts = ", ".join(f"{count} {word}" for word, count in why.items() if count)
     if above <= 0.0:
         advice = (
-            f"the images lie {-above:.0f} m below the points: heights are of another reference"
-            " (geoid, ellipsoid), or the points of another place"
+            f"the images lie {-above:.0f} m below the points: their heights have different"
+            " references (geoid, ellipsoid), or the points belong to another place"
         )
     elif why["behind the camera"] > 0.9 * len(predictions):
-        advice = "the cameras look up: their axes are others, look at the mounting of the flight"
+        advice = "the cameras look upwards: check the camera axes in the mounting of the flight"
     elif distance.min() > 2.0 * above:
         advice = (
-            "they are of another place, or in other axes than the images: name their CRS, --crs"
+            "the points belong to another place or are in another CRS than assumed: name it, --crs"
         )
     else:
-        advice = (
-            "axes of the camera, its mounting or its camera constant are not those of the images"
-        )
+        advice = "the camera's axes, mounting or focal length do not fit the images: check them"
     return (
         f"no ground point lies in any image ({n} points, {len(eo.images)} images: {counts}); the"
-        f" nearest, {ground.points[p]!r}, is {distance[i, p]:.0f} m beside {eo.images[i]!r} and the"
+        f" nearest, {ground.points[p]!r}, is {distance[i, p]:.0f} m from {eo.images[i]!r} and the"
         f" images are {above:.0f} m above the points; {advice}"
     )

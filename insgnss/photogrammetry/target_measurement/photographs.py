@@ -70,14 +70,14 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
         if names.count(name) > 1 and Path(name).stem.lower() in wanted:
             twice = [path for path in paths if path.name == name][:2]
             raise InputError(
-                f"{twice[0]} and {twice[1]} have one name; give the directory of one flight"
+                f"{twice[0]} and {twice[1]} have the same name; give the directory of one flight"
             )
     rows = matched(images, names)
     if not (rows >= 0).any():
         raise InputError.in_file(
             directory,
             f"none of its {len(paths)} photographs ({names[0]}, ...) is an image of the orientation"
-            f" ({images[0]}, ...); the same names must stand in both",
+            f" ({images[0]}, ...); both must use the same names",
         )
     taken = set(rows[rows >= 0].tolist())
     return Photographs(
@@ -130,10 +130,12 @@ def _refuse_size(
 ) -> None:
     """Refuse a photograph of another size than the camera."""
     if has[0] * has[1] > LARGEST_PHOTOGRAPH_PX:
-        raise InputError.in_file(path, f"{has[0]} x {has[1]} pixels cannot be")
+        raise InputError.in_file(
+            path, f"{has[0]} x {has[1]} pixels are not plausible; copy it again"
+        )
     if wanted is None or tuple(has) == tuple(wanted):
         return
-    advice = "give the photographs as the camera took them, or the camera of these"
+    advice = "give the photographs as the camera took them, or the calibration for these"
     if tuple(has) == wanted[::-1]:
         advice = (
             f"it was turned (Orientation {orientation}): give the photographs as the camera took"

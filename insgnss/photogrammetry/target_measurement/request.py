@@ -62,10 +62,10 @@ class Target(Checked):
     arm_m: float | None = argument(
         None, "width of a cross's bars", unit="m", positive=True, usual="size / 6", cli="--arm"
     )
-    dark: bool = argument(False, "disc, cross or ring are darker than their ground")
+    dark: bool = argument(False, "disc, cross or ring are darker than their background")
     around: float | None = argument(
         None,
-        "diameter of the even ground about a disc, in its own",
+        "diameter of the uniform background around a disc, in diameters of the disc",
         positive=True,
         usual="1.6",
         metavar="N",
@@ -78,7 +78,9 @@ class Target(Checked):
         metavar="INNER OUTER",
     )
     picture: Path | None = argument(None, "image of a target, north up, square")
-    number: int | None = argument(None, "of --vehicle: what the ring of its target says")
+    number: int | None = argument(
+        None, "with --vehicle: number coded in the ring of the vehicle's target"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -193,6 +195,6 @@ class TargetRequest(Checked):
                 raise UsageError(f"targets: {name} {path} does not exist; check the path")
         if self.vehicle is not None and self.target.kind == "ring" and self.target.number is None:
             raise UsageError(
-                "targets: --number is missing: what the ring of the vehicle's target says; names of"
-                " its points are those of images"
+                "targets: --number is missing: give the number coded in the ring of the vehicle's"
+                " target (its points are named after the images)"
             )

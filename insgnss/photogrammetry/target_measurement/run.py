@@ -208,8 +208,8 @@ def _refuse_foreign(new: Path, goal: Path) -> None:
     with new.open("rb") as new_table, goal.open("rb") as old_table:
         if new_table.readline() != old_table.readline():
             raise UsageError(
-                f"targets predict: {goal} is there and no table of predictions; give another --out,"
-                " or --force"
+                f"targets predict: {goal} exists and is no table of predictions; give another"
+                " --out, or --force"
             )
 
 
@@ -266,8 +266,8 @@ def measure_targets(
     figures = _figures(inputs, photographs, windows)
     if not windows:
         raise DataError(
-            f"no ground point lies in an image that has a photograph in {request.images}; the"
-            " photographs of the others are missing there"
+            f"no ground point lies in an image that has a photograph in {request.images}; add the"
+            " photographs of the images that show ground points"
         )
     share = figures["measured"] / len(windows)
     few = share < FEW_MEASURED if len(windows) >= JUDGED else not share
@@ -361,8 +361,8 @@ def _refuse_size(inputs: TargetInputs) -> None:
     most = LARGEST_SHARE * min(inputs.camera.width, inputs.camera.height)
     if width > most:
         raise UsageError(
-            f"targets: --size {size:g}: targets of {size:g} m are {width:.0f} px wide, and"
-            f" {most:.0f} are the most (a fifth of the image); give metres"
+            f"targets: --size {size:g}: targets of {size:g} m are {width:.0f} px wide (limit"
+            f" {most:.0f} px, a fifth of the image); give the size in metres"
         )
 
 
@@ -376,8 +376,9 @@ def _size(inputs: TargetInputs, windows: list[Window]) -> list[str]:
     if abs(fitting / stated - 1.0) < OTHER_SIZE_SHARE:
         return []
     return [
-        f"targets look {fitting / stated:.3f} times as large as --size {stated:g}: {fitting:.4g} m"
-        " fits better, or the images are lower or higher above them than their orientation says"
+        f"targets look {fitting / stated:.3f} times as large as --size {stated:g}: correct it to"
+        f" {fitting:.4g} m, or the height of the images above the targets is wrong in the"
+        " orientation"
     ]
 
 
@@ -385,7 +386,7 @@ def _kind(reason: str) -> str:
     """A reason without the numbers of its window: the rule."""
     for start, rule in (
         ("its ring says", "another number in its ring"),
-        ("a second place", "another place that is as likely"),
+        ("a second place", "another place that matches as well"),
     ):
         if reason.startswith(start):
             return rule

@@ -137,11 +137,11 @@ def _decoded(
         return got, None
     code = read_ring(grey, ring, got.match.uv, got.match.to_pixel)
     if code is None:
-        why = "its ring leaves the image, or does not contrast"
+        why = "its ring extends beyond the image or has no contrast"
     elif code.clear < LEAST_CLEAR:
         why = (
-            f"its ring is not clear: a segment {code.clear:.2f} of the contrast from the middle of"
-            f" dark and bright, below {LEAST_CLEAR:g}"
+            f"its ring is not clear: a segment differs from medium grey by {code.clear:.2f} of the"
+            f" contrast, below {LEAST_CLEAR:g}"
         )
     elif wanted is None:
         why = f"its ring says {code.number}; the name of the point has no number"

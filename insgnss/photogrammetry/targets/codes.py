@@ -45,7 +45,8 @@ class Ring:
         if not (1.2 <= self.inner < self.outer <= 20.0) or not 4 <= self.bits <= 32:
             raise InputError(
                 f"ring of {self.bits} segments from {self.inner:g} to {self.outer:g} diameters of"
-                " the disc; 4 to 32 segments, from 1.2 diameters on and outwards"
+                " the disc; give 4 to 32 segments, an inner diameter of 1.2 or more, and a larger"
+                " outer one"
             )
 
 

@@ -136,7 +136,9 @@ def measure(
     if grey.ndim != 2:
         raise InputError(f"image of a target: shape {grey.shape}; grey values of rows and columns")
     if not all(np.isfinite(a).all() for a in (expected, C, B)):
-        raise InputError("prediction of a target: not finite; take the visible ones only")
+        raise InputError(
+            "prediction of a target: not finite; pass the predictions of visible points only"
+        )
     templates = [
         Template(signal, rotated(B, angle), B[:, 2])
         for angle in _azimuths(signal, azimuth_rad, limits)

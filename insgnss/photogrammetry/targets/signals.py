@@ -73,7 +73,9 @@ def disc(diameter_m: float, around: float = 1.6, bright: bool = True) -> Signal:
     """
     half = 0.5 * _positive("diameter of the disc", diameter_m)
     if not around > 1.0:
-        raise InputError(f"disc: even ground of {around:g} diameters about it; more than 1")
+        raise InputError(
+            f"disc: uniform background of {around:g} diameters of the disc; it must be more than 1"
+        )
     return Signal(
         "disc",
         half * around,

@@ -188,6 +188,9 @@ def pixels_of(camera: BrownCamera, xy: ArrayLike) -> Array:
         D[(xy * xy).sum(axis=1) >= fold_radius(camera.interior) ** 2] = np.nan
         return np.stack([cx + (f + b1) * D[:, 0] + b2 * D[:, 1], cy + f * D[:, 1]], axis=1)
     if not 1.0 + b1 > 0.0:
-        raise DataError(f"camera {camera.name}: b1 {b1:g} leaves its pixels no width; correct it")
+        raise DataError(
+            f"camera {camera.name}: b1 {b1:g} makes the width of its pixels zero or negative;"
+            " correct b1"
+        )
     a = camera.unit_px * undistorted(f / camera.unit_px * xy, camera.interior)
     return np.stack([cx + (a[:, 0] - b2 * a[:, 1]) / (1.0 + b1), cy + a[:, 1]], axis=1)

@@ -267,7 +267,7 @@ def _as_rotation(name: str, value: ArrayLike) -> Array:
     off = float(np.abs(M - C).max())
     if off > ROTATION_TOLERANCE:
         raise InputError(
-            f"{name}: no rotation, an entry is {off:.2g} off the nearest one (limit"
+            f"{name}: no rotation matrix, an entry differs by {off:.2g} from the nearest one (limit"
             f" {ROTATION_TOLERANCE:g}); check the digits"
         )
     return C

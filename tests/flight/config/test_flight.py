@@ -650,7 +650,7 @@ WRONG = {
     "no rotation": (
         _in("mounting", "camera_from_body = [[1, 0, 0], [0, 2, 0], [0, 0, 1]]"),
         6,
-        "mounting.camera_from_body: no rotation, an entry",
+        "mounting.camera_from_body: no rotation matrix, an entry",
     ),
     "short matrix": (
         _in("mounting", "boresight = [[1, 0, 0], [0, 1, 0]]"),

@@ -172,7 +172,7 @@ def test_an_older_result_is_not_mixed_with_this_one(
     (tmp_path / "x.txt").touch()
     capsys.readouterr()
     assert main([*argv, "--out", str(tmp_path / "x.txt")]) == 2
-    assert "is a file, but a directory must be written" in capsys.readouterr().err
+    assert "is a file, but the export writes a directory" in capsys.readouterr().err
 
 
 def _jpeg() -> bytes:

@@ -159,7 +159,7 @@ def test_databases_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         write_colmap(eo, tmp_path / "m", database=path)
     path.unlink()
     plain_database(path, ["a/8001.tif", "b/8001.tif", *scene.NAMES[1:]])
-    with pytest.raises(InputError, match="which of both"):
+    with pytest.raises(InputError, match="may mean either"):
         write_colmap(eo, tmp_path / "m", database=path)
     path.unlink()
     plain_database(path, scene.NAMES)
@@ -180,7 +180,7 @@ def test_rigs_of_several_cameras_are_refused(tmp_path: Path) -> None:
     """Oracle: pycolmap's rig of two cameras."""
     pycolmap = oracle("pycolmap")
     database(tmp_path / "d.db", pycolmap, two_in_a_rig=True)
-    with pytest.raises(UsageError, match="stands in a rig of several cameras"):
+    with pytest.raises(UsageError, match="belongs to a rig of several cameras"):
         write_colmap(scene.framed("tangent plane"), tmp_path / "m", database=tmp_path / "d.db")
 
 

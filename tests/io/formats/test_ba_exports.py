@@ -461,7 +461,7 @@ def test_reference_of_opensfm_is_not_replaced(tmp_path: Path) -> None:
     write_opensfm(worked("tangent plane"), tmp_path / "exif_overrides.json")
     (tmp_path / "reference_lla.json").write_text('{"latitude": 1, "longitude": 2, "altitude": 3}')
     (tmp_path / "exif_overrides.json").unlink()
-    with pytest.raises(UsageError, match="another reference stands there"):
+    with pytest.raises(UsageError, match="holds another reference than this export"):
         write_opensfm(worked("tangent plane"), tmp_path / "exif_overrides.json")
     assert not (tmp_path / "exif_overrides.json").exists()
 

@@ -121,8 +121,8 @@ def test_a_table_without_header_and_standard_deviations(tmp_path) -> None:
         ("camera_toml", "cx = 2590.441\n", "", "cx: is missing"),
         ("camera_toml", "5120", "5120.5", ":3: width: 5120.5 px; it is a whole number"),
         ("camera_toml", '"forward"', '"backward"', "unit_px: is missing"),
-        ("camera_toml", "k1 =", "unit_px = 156\nk1 =", ":8: unit_px: is of backward cameras"),
-        ("camera_toml", '"f", "cx"', '"f", "c"', ":13: free: 'c' is unknown or there twice"),
+        ("camera_toml", "k1 =", "unit_px = 156\nk1 =", ":8: unit_px: belongs to backward cameras"),
+        ("camera_toml", '"f", "cx"', '"f", "c"', ":13: free: 'c' is unknown or given twice"),
         ("camera_toml", "cy = 1971.87", "cy = '1971'", ":7: cy: '1971' is a text"),
     ],
 )
@@ -254,7 +254,7 @@ def test_tables_are_joined_by_names() -> None:
     assert block.check.point.tolist() == [2]
     assert not block.oriented.any()
     with pytest.raises(
-        InputError, match="no ground point is measured in any image: 'c' is not there"
+        InputError, match="no ground point is measured in any image: 'c' is missing"
     ):
         joined(of_table(measured(("a", "t", 1.0, 2.0)), camera(f=5600.0)), ground)
 
@@ -263,7 +263,7 @@ def test_tables_are_joined_by_names() -> None:
 def test_what_lies_beside_the_image_is_refused(pixel) -> None:
     """Oracle: the size of the image; the border itself belongs to it."""
     with pytest.raises(
-        InputError, match=re.escape("lies beside the image of 5120 x 3840 pixels (1 of 2")
+        InputError, match=re.escape("lies outside the image of 5120 x 3840 pixels (1 of 2")
     ):
         joined(of_table(measured(("a", "t", 0.0, 3840.0), ("b", "t", *pixel)), camera(f=5600.0)))
 

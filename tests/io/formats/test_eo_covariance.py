@@ -125,7 +125,7 @@ def test_common_errors_are_read_by_name_where_the_file_has_them(written, tmp_pat
     large[3, 0, 0] = 1.01 * np.sqrt(eo.cov[3, 0, 0])
     for change, message in (
         ({"common": factor[:3]}, r"common: shape \(3, 6, 2\) of 9 images"),
-        ({"common": large}, r"what image 3\.tif shares with others exceeds its cov6"),
+        ({"common": large}, r"image 3\.tif shares with other images exceeds its cov6"),
         ({"common": factor * np.nan}, "is not finite"),
         ({"segment": segment - 1}, "one segment, from 0"),
         ({"segment": None}, "no segment; process the flight again"),

@@ -142,9 +142,9 @@ def test_a_missing_or_foreign_archive_is_one_line(
     write_eo_json(scene(5), path)
     whole = beside.read_bytes()
     for content, message in (
-        (other, "does not belong to the eo.json beside it, whose sha256 is another"),
-        (whole[:-10], "does not belong to the eo.json beside it, whose sha256 is another"),
-        (None, "is missing, but the eo.json beside it has its numbers there"),
+        (other, "does not belong to the eo.json beside it, which states another sha256"),
+        (whole[:-10], "does not belong to the eo.json beside it, which states another sha256"),
+        (None, "is missing, but the eo.json beside it keeps its numbers in this file"),
     ):
         beside.unlink()
         if content is not None:

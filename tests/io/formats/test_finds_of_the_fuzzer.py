@@ -90,12 +90,12 @@ CASES = {
     "an aspect in other digits beside the camera": (
         read_dbat,
         SCRIPT.format("<aspect>\u0661</aspect>"),
-        "set_initial_values: <aspect> '\u0661' is no number of the camera",
+        "set_initial_values: <aspect> '\u0661' is not given as a number in <camera>",
     ),
     "first values that are not those of the camera": (
         read_dbat,
         SCRIPT.format("default"),
-        "set_initial_values: <cc> 'default' is no number of the camera",
+        "set_initial_values: <cc> 'default' is not given as a number in <camera>",
     ),
 }
 
@@ -110,10 +110,15 @@ COLMAP = {
 @pytest.mark.parametrize(
     ("name", "old", "new", "says"),
     [
-        ("images.txt", b"1.5", b"1e-400", "images.txt:2: .*: a number is missing, or none"),
-        ("images.txt", b" 7", b" 0.7e1", "images.txt:2: .*: a number is missing, or none"),
-        ("images.txt", b"1 1 0", b"1e1 1 0", "images.txt:1: .*: a number is missing, or none"),
-        ("cameras.txt", b"100", b"1e2", "cameras.txt:1: .*: a number is missing, or none"),
+        ("images.txt", b"1.5", b"1e-400", "images.txt:2: .*: a field is missing or is no number"),
+        ("images.txt", b" 7", b" 0.7e1", "images.txt:2: .*: a field is missing or is no number"),
+        (
+            "images.txt",
+            b"1 1 0",
+            b"1e1 1 0",
+            "images.txt:1: .*: a field is missing or is no number",
+        ),
+        ("cameras.txt", b"100", b"1e2", "cameras.txt:1: .*: a field is missing or is no number"),
         ("images.txt", b"a.jpg", b"\xff\xfe", "pycolmap does not read this model: 'utf-8'"),
     ],
 )

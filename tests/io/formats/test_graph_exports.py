@@ -399,14 +399,14 @@ def test_colmap_priors_without_pycolmap(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("camera", "message"),
     [
-        (None, "colmap holds a calibrated camera; give MODEL WIDTH"),
-        ("PINHOLE 5120 3840 5607", "camera PINHOLE: 1 parameters, it has 4"),
+        (None, "colmap needs a calibrated camera; give MODEL WIDTH"),
+        ("PINHOLE 5120 3840 5607", "camera PINHOLE: 1 parameters, the model has 4"),
         ("THIN 1 2 3", "camera model 'THIN' is none of COLMAP's"),
         ("PINHOLE wide 3840 1 1 1 1", "is not a model and numbers"),
         ("PINHOLE 5_120 3840 1 1 1 1", "is not a model and numbers"),
         ("PINHOLE 5120 3840 1 1 1 nan", "is not a model and numbers"),
         ("PINHOLE 5120", "is not a model and numbers"),
-        ("PINHOLE,5120,3840,1,1,1", "camera PINHOLE: 3 parameters, it has 4"),
+        ("PINHOLE,5120,3840,1,1,1", "camera PINHOLE: 3 parameters, the model has 4"),
         ("PINHOLE 0 3840 1 1 1 1", "size and focal lengths must be positive"),
     ],
 )
@@ -420,9 +420,9 @@ def test_colmap_cameras_refused(tmp_path: Path, camera: str | None, message: str
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("images SET camera_id = 'x'", "'x' where a whole number must stand"),
-        ("images SET camera_id = 1.5", "1.5 where a whole number must stand"),
-        ("images SET name = NULL", "None where the name of an image must stand"),
+        ("images SET camera_id = 'x'", "'x' in place of a whole number"),
+        ("images SET camera_id = 1.5", "1.5 in place of a whole number"),
+        ("images SET name = NULL", "None in place of an image name"),
         ("cameras SET width = '5%'", "'5%' x 3840 pixels.: size or parameters are no numbers"),
         ("cameras SET height = 0", "5120 x 0 pixels.: size or parameters are no numbers"),
         ("cameras SET params = '5607'", "size or parameters are no numbers"),
@@ -567,7 +567,7 @@ Change = Callable[[FramedOrientation], FramedOrientation]
         (
             lambda eo: replace(eo, frame=replace(eo.frame, scaled_from_m=500.0)),
             {},
-            "scaled stand in no CRS",
+            "OPF can name no CRS with scaled heights",
         ),
         (lambda eo: eo, {"camera": "PINHOLE 5120 3840 5607 5608 2560 1920"}, "one focal length"),
         (

@@ -511,14 +511,15 @@ def test_images_and_orientations_that_do_not_match(photos: Path, tmp_path: Path)
     eo = replace(flight(), images=("8001.tif", "8002.jpg", "9009.jpg"))
     with pytest.raises(
         InputError,
-        match=r"has no image '9009\.jpg' \(1 of 3 orientations lack theirs\).*--set missing=skip",
+        match=r"has no image '9009\.jpg' \(1 of 3 orientations lack their image\).*--set"
+        " missing=skip",
     ):
         write_image_tags(eo, tmp_path / "out", images=photos)
     fewer = replace(
         framed(exterior(block().C_mc[:2], block().position_m[:2]), "geographic"), images=NAMES[:2]
     )
     with pytest.raises(
-        InputError, match=r"8003\.JPG has no orientation \(1 of 3 images lack theirs\)"
+        InputError, match=r"8003\.JPG has no orientation \(1 of 3 images lack an orientation\)"
     ):
         write_image_tags(fewer, tmp_path / "out", images=photos)
     assert not (tmp_path / "out").exists()
@@ -579,7 +580,7 @@ def test_never_in_place(photos: Path, tmp_path: Path) -> None:
     [
         (b"\x89PNG\r\n", "is neither JPEG nor TIFF"),
         (b"\xff\xd8\xff\xe1\x40\x00Exif", "no JPEG from byte 2 of 10 on; it was cut off"),
-        (b"II\x2a\x00\x40\x00\x00\x00", "points to byte 66 of 8"),
+        (b"II\x2a\x00\x40\x00\x00\x00", "refers to byte 66, but the file ends at byte 8"),
         (b"II\x2b\x00\x08\x00", "is no TIFF"),
         (b"II\x2a\x00\x08\x00\x00\x00\xff\xff", "claims 65535 tags"),
     ],

@@ -61,7 +61,7 @@ def test_covariances_stand_in_the_frame(tmp_path):
     assert read_metashape_xml(path).cov_position is None
     short = both.replace(numbers(rotation), "1e-8 2e-8")
     path.write_text(whole.replace("</transform></camera>", f"</transform>{short}", 1))
-    with pytest.raises(InputError, match=r"rotation covariance of image .*: 2 numbers, 9 must"):
+    with pytest.raises(InputError, match=r"rotation covariance of image .*: 2 numbers, expected 9"):
         read_metashape_xml(path)
 
 

@@ -197,7 +197,9 @@ def test_lever_arms_of_100_m_and_delays_of_10_s_are_in_another_unit() -> None:
 
 def test_a_value_is_determined_or_not() -> None:
     """Oracle: the two exclude each other."""
-    with pytest.raises(InputError, match="antenna_m: it has a value and is called not determined"):
+    with pytest.raises(
+        InputError, match="antenna_m: has a value but is also listed in not_determined"
+    ):
         replace(MADE, not_determined={"antenna_m": "level flight"})
     only = replace(MADE, antenna_m=None, antenna_cov=None, not_determined={"antenna_m": "level"})
     assert re.search("^# antenna_m: level$", mounting_text(only), re.MULTILINE)

@@ -40,7 +40,7 @@ def test_the_file_of_other_poses_is_refused(tmp_path) -> None:
     (said,) = re.findall(r"```message\n(.*?)\n```", PAGE.read_text(), re.DOTALL)
     with pytest.raises(InputError, match=re.escape(said)):
         read_pose_covariance(path, NAMES, own)
-    with pytest.raises(InputError, match=r"image 9\.tif is another, or not there"):
+    with pytest.raises(InputError, match=r"image 9\.tif differs or is missing"):
         read_pose_covariance(path, ("9.tif",))
 
 

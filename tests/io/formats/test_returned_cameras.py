@@ -267,13 +267,16 @@ def changed(text: str, old: str, new: str) -> Callable[[Path], Path]:
         (changed(ROS, f", {K[2]}]", f", {K[2]}, 0.1, 0, 0]"), "a rational polynomial"),
         (changed(ROS, "image_width", "width_of_image"), "needs image_width"),
         (changed(KALIBR, "radtan", "fov"), "read is pinhole radtan, equidistant, none"),
-        (changed(PIX4D, "F ", "F "), "has no size of images in pixels"),
+        (changed(PIX4D, "F ", "F "), "lacks the image size in pixels"),
         (changed(INPHO, "$END", "$RADIAL_COEFFS : 0 1e-5\n$END"), "distortion is not read"),
         (changed(WEBODM, '"brown"', '"fisheye62"'), "is not Brown's"),
-        (changed("1 THIN_PRISM_FISHEYE 9 9 1 1 5 5 0 0 0 0 0 0 1 0\n", "x", "x"), "a thin prism"),
+        (
+            changed("1 THIN_PRISM_FISHEYE 9 9 1 1 5 5 0 0 0 0 0 0 1 0\n", "x", "x"),
+            "thin-prism terms",
+        ),
         (changed("1 FOV 10 10 1 1 5 5 0.1\n2 PINHOLE 10 10 1 1 5 5\n", "x", "x"), "not Brown's"),
         (changed("1 PINHOLE 9 9 1 1 5 5\n2 PINHOLE 9 9 1 1 5 5\n", "x", "x"), "has 2 cameras"),
-        (changed("nothing", "n", "n"), "no calibrated camera is known here"),
+        (changed("nothing", "n", "n"), "is not recognised as a calibrated camera"),
     ],
 )
 def test_cameras_that_are_refused(write: Callable[[Path], Path], why: str, tmp_path: Path) -> None:

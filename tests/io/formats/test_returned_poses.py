@@ -305,7 +305,7 @@ def test_damaged_files_are_one_line(tmp_path: Path) -> None:
         (text.replace("8002\t", "8002\t1\t"), r":4: 17 fields, expected 16"),
         (text.replace("\t0.9", "\t0.5"), "matrix is not that of omega"),
         ("# nothing\n", "no image has a pose"),
-        (text + text.splitlines()[-1] + "\n", "is there twice"),
+        (text + text.splitlines()[-1] + "\n", "occurs twice"),
     ):
         opk.write_text(change)
         with pytest.raises(InputError, match=message):
@@ -373,7 +373,12 @@ def test_a_value_that_cannot_be_read_is_named(tmp_path: Path, name: str) -> None
     [
         ("metashape_reference", "8002.tif,", "8002.tif,1,", "fields, the header has"),
         ("pix4d_external", "8001.tif ", "8001.tif 1,", ":2: 8 fields, expected 7"),
-        ("bentley", "<Metadata><SRSId>0<", "<Metadata><SRSId>7<", "SRSId '7' is no <SRS> of it"),
+        (
+            "bentley",
+            "<Metadata><SRSId>0<",
+            "<Metadata><SRSId>7<",
+            "SRSId '7' is not among the <SRS> of",
+        ),
         (
             "bentley",
             "<Photogroup>",

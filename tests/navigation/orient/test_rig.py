@@ -201,7 +201,7 @@ def test_a_master_whose_images_name_no_camera_is_refused(tmp_path) -> None:
     write_eo_json(rig(3), path)
     content = json.loads(path.read_text())
     for change, message in (
-        ({"camera": "left"}, "camera 'left' is none of them"),
+        ({"camera": "left"}, "camera 'left' is not listed in cameras"),
         ({"time_s": 99.0}, "its time does not follow"),
     ):
         content_now = json.loads(json.dumps(content))
@@ -242,7 +242,7 @@ def test_formats_keep_the_cameras_apart(tmp_path) -> None:
     [
         ("inpho_prj", {"focal_mm": 35.0, "ground_m": 400.0}, "focal_mm is that of one camera"),
         ("colmap", {"camera": f"nadir={PINHOLE}"}, "camera 'forward' is missing"),
-        ("colmap", {"camera": f"left={PINHOLE}"}, "'left' is none of the orientation"),
+        ("colmap", {"camera": f"left={PINHOLE}"}, "'left' is not in the orientation"),
         ("colmap", {"camera": f"nadir={PINHOLE};nadir={PINHOLE}"}, "'nadir' stands twice"),
     ],
 )

@@ -357,7 +357,7 @@ def test_refusals(flight: Written, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no image has the same name"):
         compare_files(flight["eo.json"], tmp_path / "EO.txt")
     late = replace(read_poses(flight["trajectory.csv"]), gps_week=2010)
-    with pytest.raises(DataError, match="the times of the files do not meet"):
+    with pytest.raises(DataError, match="the time spans of the files do not overlap"):
         compare_poses(read_poses(flight["eo.json"]), late)
 
 

@@ -273,4 +273,4 @@ def test_a_geocentric_model_without_its_shift(tmp_path: Path) -> None:
     for crs in ("EPSG:4978", None):
         done = compare_files(eo, folder, crs=crs)
         assert max(np.abs(part.difference).max() for part in done.components[:3]) < DIGITS_M
-        assert "whole kilometres, told by the positions" in " ".join(done.notes)
+        assert "whole kilometres, found from the positions" in " ".join(done.notes)

@@ -249,5 +249,5 @@ def test_decimal_commas(tmp_path: Path) -> None:
     path = written(site_at("Paris", tmp_path), same)
     head, rows = path.read_text().split("\n", 1)
     path.write_text(head + "\n" + rows.replace(".", ","))
-    with pytest.raises(InputError, match=r":2: .*are its decimal signs commas"):
+    with pytest.raises(InputError, match=r":2: .*are the decimal signs commas"):
         compare_files(site_at("Paris", tmp_path).eo, path, crs="EPSG:2154")

@@ -256,10 +256,10 @@ WRONG: list[tuple[Callable[[RenderedFlight], None], int, str]] = [
     (_spoil_turned, 3, "8001.jpg: 240 x 320 pixels, .* it was turned"),
     (_spoil_truncated, 3, "8001.jpg: not a photograph that can be read"),
     (_spoil_names, 3, "none of its 4 photographs"),
-    (_spoil_twice, 3, "have one name"),
+    (_spoil_twice, 3, "have the same name"),
     (_spoil_far, 3, "they stand in a CRS: name it"),
-    (_spoil_beside, 4, "no ground point lies in any image .* of another place"),
-    (_spoil_above, 4, "heights are of another reference"),
+    (_spoil_beside, 4, "no ground point lies in any image .* belong to another place"),
+    (_spoil_above, 4, "their heights have different references"),
     (_spoil_no_camera, 2, "CAMERA .* does not exist"),
     (_spoil_millimetres, 3, "f counts in pixels"),
 ]

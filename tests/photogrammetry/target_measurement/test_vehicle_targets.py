@@ -161,7 +161,7 @@ def test_the_target_and_its_size_are_measured(followed, tmp_path) -> None:
             "vehicle.csv: positions of the IMU, and vehicle.target_m (targets: --target-m",
         ),
         (["--target-m", "0", "0", "0"], "--target-m and --number belong to --vehicle"),
-        ([*VEHICLE, "--signal", "ring"], "--number is missing: what the ring"),
+        ([*VEHICLE, "--signal", "ring"], "--number is missing: give the number coded in the ring"),
     ],
 )
 def test_what_is_missing_is_said(followed, capsys, options, words) -> None:

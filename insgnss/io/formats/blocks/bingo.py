@@ -80,7 +80,7 @@ def read_bingo(
         elif len(words) <= 2:
             if words[0] in images:
                 raise InputError.at_line(
-                    path, line, f"image {shown(words[0])} is there twice; join its two blocks"
+                    path, line, f"image {shown(words[0])} occurs in two blocks; join them into one"
                 )
             images.append(words[0])
             within = line if inside and not within else within
@@ -92,15 +92,22 @@ def read_bingo(
             xy.append([number_in(word, path, line) for word in words[1:3]])
         else:
             raise InputError.at_line(
-                path, line, f"{shown(row)}: no image before; a block begins with image and camera"
+                path,
+                line,
+                f"{shown(row)}: stands before the first image; begin each block with image and"
+                " camera",
             )
     if ended and (within or inside):
-        problem = f"an image begins before the {END_MARK} of another, or a number is missing"
+        problem = f"the previous image lacks its final {END_MARK}, or this line lacks a number"
         if inside:
             problem = f"truncated: the file ends before the {END_MARK} of image {shown(images[-1])}"
         raise InputError.at_line(path, line if inside else within, problem)
     if not image_row:
-        raise InputError.in_file(path, "no observation; image, then point x y, then -99")
+        raise InputError.in_file(
+            path,
+            "no image observation; write a block of each image: image and camera, lines point x y,"
+            " -99",
+        )
     check_once(path, lines, [images[k] for k in image_row], point)
     uv = np.array(xy)
     if unit != "px":
@@ -108,5 +115,5 @@ def read_bingo(
         uv = 0.5 * np.array([width, height], dtype=np.float64) + scale * uv * (1.0, -1.0)
     names = file_names(images, path)
     measured, _ = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
-    unverified = "BINGO: that y runs up from the image's centre is unverified"
+    unverified = "BINGO: y is taken to run upwards from the image centre, which is unverified"
     return replace(of_table(measured), notes=() if unit == "px" else (unverified,))

@@ -73,7 +73,9 @@ def write_cameras(
     if form not in CAMERA_FORMS:
         raise UsageError(f"cameras as {form!r}; {near(form, CAMERA_FORMS)}")
     if not cameras or (len(cameras) > 1 and form != "colmap"):
-        raise UsageError(f"{path}: {len(cameras)} cameras; a file of {form} takes one: write each")
+        raise UsageError(
+            f"{path}: {len(cameras)} cameras; a file of {form} holds one: write each by itself"
+        )
     notes: list[str] = []
     ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
     given = covariances or [None] * len(cameras)
@@ -93,11 +95,13 @@ def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     values = ", ".join(f"{k} = {camera.of(k):g}" for k in lacking)
     if moved > LOST_PX:
         raise InputError(
-            f"camera {camera.name}: {form} has no place for {values}, which moves pixels by up to"
-            f" {moved:.3g} (limit {LOST_PX} px); calibrate with it zero in the camera's file and"
-            " not in camera.free, or write metashape or TOML"
+            f"camera {camera.name}: {form} cannot hold {values}, and leaving this out moves pixels"
+            f" by up to {moved:.3g} (limit {LOST_PX} px); calibrate with the value zero in the"
+            " camera's file and not in camera.free, or write metashape or TOML"
         )
-    notes.append(f"camera {camera.name}: {values} left out, {moved:.2g} px at most")
+    notes.append(
+        f"camera {camera.name}: {values} left out, which moves pixels by at most {moved:.2g} px"
+    )
     return without
 
 
@@ -160,13 +164,13 @@ def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
         misfit = float(np.abs(uv - _pixels(fitted, xy)).max())
     if not misfit <= EXACT_PX:
         raise InputError(
-            f"camera {camera.name}: is backward (measured to ideal), and no forward polynomial is"
-            f" nearer than {misfit:.3g} px (limit {EXACT_PX} px); calibrate a forward camera, or"
-            " write TOML"
+            f"camera {camera.name}: its model is backward (measured to ideal), and the best forward"
+            f" polynomial differs by {misfit:.3g} px (limit {EXACT_PX} px); calibrate a forward"
+            " camera, or write TOML"
         )
     notes.append(
-        f"camera {camera.name}: a forward polynomial stands for the backward one, {misfit:.2g} px"
-        " off at most"
+        f"camera {camera.name}: written as a forward polynomial, which differs from the backward"
+        f" one by at most {misfit:.2g} px"
     )
     return fitted
 

@@ -64,14 +64,18 @@ def read_camera_toml(path: Source) -> BrownCamera:
     if table.choice("pixel_origin", PIXEL_ORIGINS, PIXEL_ORIGINS[0]) == "centre":
         interior[1:3] += 0.5
     if not backward and "unit_px" in table.data:
-        raise table.error("unit_px", "is of backward cameras; the lengths of this one are in f")
+        raise table.error(
+            "unit_px", "belongs to backward cameras, and this camera is forward; leave unit_px out"
+        )
     if backward and "unit_px" not in table.data:
-        raise table.error("unit_px", "is missing; a backward camera counts in units of so many px")
+        raise table.error(
+            "unit_px", "is missing; give the unit of the backward camera's lengths in pixels"
+        )
     unit = _positive(table, "unit_px") if backward else 1.0
     free = table.texts("free", ())
     for name in free:
         if name not in INTERIOR or free.count(name) > 1:
-            raise table.error("free", f"{name!r} is unknown or there twice; {near(name, INTERIOR)}")
+            raise table.error("free", f"{name!r} is unknown or given twice; {near(name, INTERIOR)}")
     name = table.text("name", path.stem)
     return BrownCamera(name, width, height, interior, backward, unit, free, model == "fisheye")
 

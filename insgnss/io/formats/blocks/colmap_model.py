@@ -177,7 +177,7 @@ def _refuse_text(directory: Path) -> None:
                 good = good and all(words[k].isdigit() for k in (0, 2, 3))
             below = name == "images.txt" and not below
             if not good:
-                problem = f"{shown(text)}: a number is missing, or none"
+                problem = f"{shown(text)}: a field is missing or is no number"
                 raise InputError.at_line(path, line, f"{problem}; {PLAIN}")
 
 
@@ -227,13 +227,15 @@ def brown_of(path: Source, name: str, camera: ColmapCamera) -> BrownCamera:
         )
     value = camera.values
     if value.pop("sx1", 0.0) or value.pop("sy1", 0.0):
-        problem = f"camera {name}: {model} with sx1 or sy1 other than zero, a thin prism"
+        problem = (
+            f"camera {name}: {model} with thin-prism terms (sx1 or sy1 not zero) cannot be read"
+        )
         raise InputError.in_file(path, f"{problem}; reconstruct with OPENCV_FISHEYE")
     unlike = () if fisheye else ("k4", "k5", "k6")
     if rational := [name for name in unlike if value.pop(name, 0.0) != 0.0]:
         raise InputError.in_file(
             path,
-            f"camera {name}: {model} with {', '.join(rational)} other than zero, a rational"
-            " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
+            f"camera {name}: {model} with a rational polynomial ({', '.join(rational)} not zero)"
+            " cannot be read; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
         )
     return brown_camera(name, camera.width, camera.height, of_opencv(value), fisheye)

@@ -87,7 +87,8 @@ def read_dbat(path: Source) -> ImageBlock:
     cameras = _cameras(path, base, inputs, root)
     if len(cameras) != 1:
         raise InputError.in_file(
-            path, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
+            path,
+            f"{len(cameras)} cameras; only scripts of one camera can be read: split the script",
         )
     ids, names = _images(path, base, inputs)
     order = {number: row for row, number in enumerate(ids)}
@@ -324,8 +325,12 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
             continue
         element = camera.find(key)
         if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
-            problem = f"set_initial_values: <{key}> {shown(text)} is no number of the camera's"
-            raise InputError.in_file(path, f"{problem}; write it into <camera> and 'loaded' here")
+            problem = (
+                f"set_initial_values: <{key}> {shown(text)} is not given as a number in <camera>"
+            )
+            raise InputError.in_file(
+                path, f"{problem}; write the number into <camera> and 'loaded' here"
+            )
         element.text = text
 
 
@@ -340,8 +345,8 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     if model != BACKWARD_MODEL or unit != "mm":
         raise InputError.in_file(
             path,
-            f"camera {name}: model {model!r} in {unit!r}; read is {BACKWARD_MODEL} in mm: set"
-            " DBAT's camera to it and adjust again",
+            f"camera {name}: model {model!r} in {unit!r}; only {BACKWARD_MODEL} in mm can be read:"
+            " set DBAT's camera to it and adjust again",
         )
     width, height = of("image", 2)
     if not (
@@ -366,12 +371,16 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     K, P = (of(key) if camera.find(key) is not None else np.zeros(0) for key in "KP")
     if K.size > 4 or P.size not in (0, 2):
         raise InputError.in_file(
-            path, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
+            path,
+            f"camera {name}: {K.size} values in <K> and {P.size} in <P>; give at most 4 in <K> and"
+            " 2 (or none) in <P>",
         )
     for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
         if (text := camera.findtext(key)) is not None and whole(text) != count:
             raise InputError.in_file(
-                path, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
+                path,
+                f"camera {name}: <{key}> {shown(text)}, but {count} coefficients are given; correct"
+                " it",
             )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
@@ -400,7 +409,7 @@ def _free(path: Path, root: Element) -> dict[str, bool]:
             raise InputError.in_file(
                 path,
                 f"set_bundle_estimate_params: <{rule.tag}>{text_of(rule)}</{rule.tag}> is not"
-                f" understood; known are true and false of all, {', '.join(ESTIMATED)}",
+                f" understood; give true or false for all, {', '.join(ESTIMATED)}",
             )
         free |= dict.fromkeys(names, on)
     return free
@@ -419,7 +428,9 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     base = datum.get("ref_base", "longest")
     if first != "depend" or not 0 < whole(text) <= len(position):
         raise InputError.in_file(
-            path, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
+            path,
+            f"set_datum: {first!r} of camera {text!r} cannot be read; only 'depend' with the number"
+            " of an image can",
         )
     reference = whole(text) - 1
     apart = np.abs(position - position[reference])

@@ -78,8 +78,7 @@ def read_gcp_list(
             raise InputError.at_line(
                 path,
                 line,
-                f"{len(words)} fields: {shown(row.strip())}; x y z im_x im_y image must stand"
-                " there",
+                f"{len(words)} fields: {shown(row.strip())}; a line holds x y z im_x im_y image",
             )
         x, y, z, u, v = (number_in(word, path, line) for word in words[:5])
         here = (x, y, z)
@@ -193,7 +192,7 @@ def write_gcp_list(measured: ImagePoints, ground: GroundTable, crs: str, path: S
     """
     if not re.fullmatch(r"EPSG:\d+", crs):
         raise InputError(
-            f"gcp_list: CRS {crs!r} is no EPSG code, which the file asks for; give --crs"
+            f"gcp_list: CRS {crs!r} has no EPSG code, which gcp_list.txt requires; give --crs"
         )
     check_names(measured.images, None)
     check_names(measured.points, None, "point")
@@ -214,7 +213,7 @@ def write_gcp_list(measured: ImagePoints, ground: GroundTable, crs: str, path: S
             )
     if not rows:
         raise InputError(
-            "gcp_list: all points are check points, which the file does not know; give control"
+            "gcp_list: all points are check points, which gcp_list.txt cannot hold; give control"
             " points as well"
         )
     atomic_write(path, "".join([f"{code}\n", *rows]))

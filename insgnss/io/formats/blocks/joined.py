@@ -88,7 +88,7 @@ def joined(
     n = len(measured.images)
     if not source.cameras:
         raise InputError(
-            "no camera: the image observations come without one; give a camera file"
+            "no camera: the file of image observations holds none; give a camera file"
             " (data_specs/camera_toml.md)"
         )
     _within(measured, source.cameras, source.camera)
@@ -152,7 +152,7 @@ def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
         twice = int(taken[np.argmax(np.bincount(taken)[taken] > 1)])
         same = [names[i] for i in np.flatnonzero(rows == twice)[:2]]
         raise InputError(
-            f"images {same[0]!r} and {same[1]!r} would both be {others[twice]!r}; rename one"
+            f"images {same[0]!r} and {same[1]!r} both match the name {others[twice]!r}; rename one"
         )
     return rows
 
@@ -225,8 +225,8 @@ def _some(matches: int, names: Sequence[str], others: Sequence[str], missing: st
         if not close.startswith("did"):
             close = f"there are {', '.join(map(repr, list(others)[:3]))} ..."
         raise InputError(
-            f"no {missing}: {names[0]!r} is not there; {close}"
-            f"{'' if close.endswith('?') else ';'} the same names must stand in both"
+            f"no {missing}: {names[0]!r} is missing; {close}{'' if close.endswith('?') else ';'}"
+            " both files must use the same names"
         )
 
 
@@ -245,10 +245,10 @@ def _within(
         width, height = limit[row]
         raise InputError(
             f"image {measured.images[seen.image[row]]!r}, point"
-            f" {measured.points[seen.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies beside the image"
-            f" of {width:.0f} x {height:.0f} pixels ({int(out.sum())} of {len(out)} do);"
-            f" {_within_as(seen.uv, limit)}coordinates count from its upper left corner, right and"
-            " down, in pixels"
+            f" {measured.points[seen.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies outside the"
+            f" image of {width:.0f} x {height:.0f} pixels ({int(out.sum())} of {len(out)} do);"
+            f" {_within_as(seen.uv, limit)}give pixels from the image's upper left corner, x right"
+            " and y down"
         )
     if len(out) >= MANY:
         _spread(seen.uv, limit)
@@ -275,7 +275,7 @@ def _within_as(uv: Array, size: Array) -> str:
         if not (uv * times > size + BESIDE_PX).any() and (uv > -BESIDE_PX).all():
             return (
                 f"all of them lie within an image of {1 / times:g} times the size: the camera file"
-                " is of other images; "
+                " belongs to other images; "
             )
     return ""
 
@@ -288,7 +288,9 @@ def _spread(uv: Array, size: Array) -> None:
         f" {low[1]:.4g} to {high[1]:.4g} of images of {size[0, 0]:.0f} x {size[0, 1]:.0f} pixels"
     )
     if (high - low < CORNER * size.min(axis=0)).all():
-        raise InputError(f"{words}; they look like millimetres or normalised: give pixels")
+        raise InputError(
+            f"{words}; they look like millimetres or normalised coordinates: give pixels"
+        )
     if (high < QUARTER_TURN_SHARE * size.min(axis=0)).all():
         raise InputError(
             f"{words}, its upper left quarter; the camera file is of other images (of twice the"

@@ -170,7 +170,7 @@ def file_names(given: Sequence[str], path: object) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
         raise InputError.in_file(
-            path, f"image {shown(twice)} is there twice; give each a name of its own"
+            path, f"image {shown(twice)} occurs twice; give each image a name of its own"
         )
     return names
 

@@ -190,7 +190,7 @@ def _brown(
     if more := [key for key in ("p3", "p4") if read.pop(key, 0.0) != 0.0]:
         raise source.error(
             f"camera {shown(name)}: {', '.join(more)} other than zero, which Brown's polynomial"
-            " does not have; optimize the cameras without it and export again"
+            " does not have; optimize the cameras without these and export again"
         )
     old = "f" not in read
     if old:
@@ -210,8 +210,8 @@ def _brown(
         )
     if from_corner and not old and (read.get("p1", 0.0) or read.get("p2", 0.0)):
         notes.append(
-            f"camera {shown(name)}: P1 and P2 of a project before PhotoScan 1.4 are taken in the"
-            " order of later ones, which no file could confirm"
+            f"camera {shown(name)}: P1 and P2 of a project before PhotoScan 1.4 are read in the"
+            " order of later versions (not verified with a file)"
         )
     return {k: v for k, v in read.items() if k in INTERIOR} | {"cx": centre[0], "cy": centre[1]}
 
@@ -244,7 +244,7 @@ def _ground(of: Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str |
         raise of.source.error(f"marker {shown(twice[0])} is there twice; rename one of them")
     plane = [m.find("reference[@x][@y]") for m in markers]
     if flat := sum(reference is not None and reference.get("z") is None for reference in plane):
-        notes.append(f"{flat} markers without height are tie points")
+        notes.append(f"{flat} markers without height are used as tie points")
     named = [(labels[marker.get("id")], marker) for marker in markers]
     return of.references("markers", MARKER_M, named), labels
 
@@ -317,6 +317,8 @@ def _tie_points(
         return none, none, np.zeros((0, 2)), np.zeros(0)
     scale = np.concatenate(size)
     if not (scale >= 0.0).all():
-        raise of.frame_source.error("sizes of tie points that are negative or none; save it again")
+        raise of.frame_source.error(
+            "a tie point has a negative size or none; save the project again"
+        )
     scale[scale == 0.0] = 1.0
     return np.concatenate(image_row), np.concatenate(track), np.concatenate(uv), scale

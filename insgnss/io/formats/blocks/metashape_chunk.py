@@ -182,7 +182,9 @@ def chunk_poses(of: Chunk, images: Sequence[Element], notes: list[str]) -> Chunk
                 description = f"{key} covariance of image {images[k].get('label')}"
                 cov[k] = A @ _numbers(of.source, element, 9, description).reshape(3, 3) @ A.T
     if apart := int(np.isnan(position[posed, 0]).sum()):
-        notes.append(f"{apart} poses left out: they stand in components that are not connected")
+        notes.append(
+            f"{apart} poses left out: they belong to components that are not connected to the block"
+        )
     return ChunkPoses(position, C_mc, covariances[0], covariances[1], local)
 
 
@@ -294,7 +296,7 @@ def flag(source: ProjectFile, element: Element, key: str) -> bool:
 def _numbers(source: ProjectFile, element: Element, count: int, description: str) -> Array:
     words = text_of(element).split()
     if len(words) != count:
-        raise source.error(f"{description}: {len(words)} numbers, {count} must stand there")
+        raise source.error(f"{description}: {len(words)} numbers, expected {count}")
     return np.array([number_of(source, word, description) for word in words])
 
 
@@ -321,12 +323,13 @@ def chunk_of(root: Element, source: ProjectFile, wanted: str | None) -> Chunk:
         raise source.error(
             f"{len(chosen)} chunks have images, of {labels}; name one by chunk"
             if chosen
-            else f"no chunk has images ({labels}); markers without images tell nothing of a block"
+            else f"no chunk has images ({labels}); align images with the markers and save the"
+            " project"
         )
     _, _, element, where = chosen[0]
     frames = element.findall("./frames/frame")
     if len(frames) > 1:
-        raise where.error(f"{len(frames)} frames (a moving object); export the first alone")
+        raise where.error(f"{len(frames)} frames (a moving object); export only the first frame")
     if not frames:
         return Chunk(element, where, None, where)
     return Chunk(element, where, *where.opened(frames[0]))

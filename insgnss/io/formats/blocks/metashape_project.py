@@ -97,10 +97,10 @@ class ProjectFile:
             raise self.error(f"has no {name} inside; save the project again") from None
         except FileNotFoundError:
             raise self.error(
-                "no such file; a .psx needs the folder of its name ending in .files beside it"
+                "no such file; a project needs <name>.psx and, beside it, the folder <name>.files"
             ) from None
         except DAMAGED as error:
-            raise self.error(f"is no zip that can be read: {error}; copy it again") from None
+            raise self.error(f"is no readable zip archive: {error}; copy it again") from None
 
     def document(self) -> Element:
         """Return the root of the document.

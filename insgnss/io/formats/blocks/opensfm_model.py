@@ -173,7 +173,7 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
     largest = max(models, key=lambda model: len(model["shots"]))
     n_left = sum(len(model["shots"]) for model in models) - len(largest["shots"])
     return [largest], (
-        f"{n_left} images left out: they stand in {len(models) - 1} reconstructions that are not"
+        f"{n_left} images left out: they belong to {len(models) - 1} reconstructions that are not"
         " connected with the largest",
     )
 
@@ -280,7 +280,9 @@ def _tracks(
     """
     if not file.is_file():
         raise InputError.in_file(
-            file, "no such file; image observations stand in it: copy it beside the other"
+            file,
+            "no such file; copy it beside reconstruction.json, since it holds the image"
+            " observations",
         )
     lines = lines_of(decoded(file))
     version, first = 0, 0
@@ -305,10 +307,10 @@ def _tracks(
         xy.append([number_in(word, file, line) for word in words[3:5]])
         scale.append(number_in(words[5], file, line) if version else 1.0)
         if scale[-1] < 0.0:
-            raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it is zero or more")
+            raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it must not be negative")
     if not image_row:
         raise InputError.in_file(
-            file, "no observation of an image of the reconstruction; copy both of one run"
+            file, "observes no image of reconstruction.json; copy both files from the same run"
         )
     ratio = np.array(scale)
     good = ratio > 0.0  # zero: not known

@@ -215,6 +215,6 @@ def _sigmas(table: NamedTable, names: str, unit: str) -> Array | None:
     if len(lacking) == len(names.split()):
         return None
     if lacking:
-        message = f"{lacking[0]} is missing beside the other standard deviations"
+        message = f"{lacking[0]} is missing among the standard deviations; give all six or none"
         raise table.error_at(0, message)
     return table.positive(names, unit)[:, :, None] ** 2 * np.eye(3)

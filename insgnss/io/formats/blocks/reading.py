@@ -191,7 +191,9 @@ def _headed(row: str) -> bool:
 
 def _unknown(path: Path) -> InputError:
     words = "; ".join(word for _, _, word in FORMATS.values())
-    return InputError.in_file(path, f"no image observations are known here; read are {words}")
+    return InputError.in_file(
+        path, f"is not recognised as image observations; readable are {words}"
+    )
 
 
 def read_table_block(path: Source, **options: Any) -> MeasuredBlock:

@@ -116,9 +116,9 @@ def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Colmap
     for word in filter(None, (word.strip() for word in text.split(";"))):
         name, _, model = word.partition("=")
         if name.strip() not in names or name.strip() in given:
-            problem = "stands twice" if name.strip() in given else "is none of the orientation"
+            problem = "stands twice" if name.strip() in given else "is not in the orientation"
             cameras = ", ".join(filter(None, names)) or "one without a name"
-            raise UsageError(f"{who}: camera {name.strip()!r} {problem}; it has {cameras}")
+            raise UsageError(f"{who}: camera {name.strip()!r} {problem}; its cameras: {cameras}")
         given[name.strip()] = model
     if missing := [name for name in names if name not in given]:
         raise UsageError(
@@ -149,7 +149,7 @@ def camera_of(text: str | None, who: str) -> ColmapCamera:
         A camera that is missing, of another model, or with another number of parameters.
     """
     if not text:
-        raise UsageError(f"{who} holds a calibrated camera; {GIVE_CAMERA}")
+        raise UsageError(f"{who} needs a calibrated camera; {GIVE_CAMERA}")
     words = str(text).replace(",", " ").split()
     if words[0] not in NAMES:
         raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {GIVE_CAMERA}")
@@ -161,7 +161,7 @@ def camera_of(text: str | None, who: str) -> ColmapCamera:
         raise UsageError(f"camera {text!r} is not a model and numbers; {GIVE_CAMERA}")
     if len(parameters) != (count := len(NAMES[words[0]])):
         raise UsageError(
-            f"camera {words[0]}: {len(parameters)} parameters, it has {count}; {GIVE_CAMERA}"
+            f"camera {words[0]}: {len(parameters)} parameters, the model has {count}; {GIVE_CAMERA}"
         )
     camera = ColmapCamera(words[0], width, height, parameters)
     if min(width, height) <= 0 or min(camera.focal) <= 0.0:

@@ -177,8 +177,8 @@ def _calibrated(
         if (saved.width, saved.height) != (model.width, model.height):
             raise UsageError(
                 f"colmap: camera is {model.width} x {model.height} px, camera {number} of"
-                f" {database} {saved.width} x {saved.height}; give that of these images, or leave"
-                " it out for the cameras of the database"
+                f" {database} {saved.width} x {saved.height}; give the camera of these images, or"
+                " leave it out to use the cameras of the database"
             )
         if saved.model != model.model:
             raise UsageError(

@@ -111,12 +111,13 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
         rig, frame, count = frames.get(number, (None, None, 1))
         if count > 1:
             raise UsageError(
-                f"{path}: image {shown(name)} stands in a rig of several cameras, whose poses"
+                f"{path}: image {shown(name)} belongs to a rig of several cameras, whose poses"
                 " COLMAP takes from the rig; give a database without rigs"
             )
         if frames and frame is None:
             raise InputError.in_file(
-                path, f"image {shown(name)} stands in no frame; extract features again"
+                path,
+                f"image {shown(name)} belongs to no frame of the database; extract features again",
             )
         chosen.append(DatabaseImage(number, camera, name, rig, frame))
     used = sorted({image.camera for image in chosen})
@@ -162,15 +163,15 @@ def names_in_database(
         others = sorted(whole - {matches[0] for matches in choices if matches})
         has = f"; it has {shown(others[0])}" if others else ""
         message = (
-            f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}: call"
-            " ours as the database does (--rename OLD=NEW or a table), extract features of all"
-            " images, or leave out what is missing (--set missing=skip)"
+            f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}:"
+            " rename our images as in the database (--rename OLD=NEW or a table), extract features"
+            " of all images, or leave out what is missing (--set missing=skip)"
         )
         raise InputError.in_file(path, message)
     if doubles := [matches for matches in choices if len(matches) > 1]:
         message = (
-            f"has {shown(doubles[0][0])} and {shown(doubles[0][1])}: which of both the orientation"
-            " means is not known; name its images with their folders"
+            f"has {shown(doubles[0][0])} and {shown(doubles[0][1])}, and the orientation may mean"
+            " either; name its images with their folders"
         )
         raise InputError.in_file(path, message)
     return {k: matches[0] for k, matches in enumerate(choices) if matches}
@@ -200,7 +201,7 @@ def _frames(path: Source, connection: sqlite3.Connection) -> dict[int, tuple[int
 def _whole(path: Source, value: Any) -> int:
     """Return a whole number; a table of SQLite may hold anything in its place."""
     if type(value) is not int:
-        problem = f"{value!r:.60} where a whole number must stand; make the database anew"
+        problem = f"{value!r:.60} in place of a whole number; create the database again"
         raise InputError.in_file(path, problem)
     return value
 
@@ -208,7 +209,7 @@ def _whole(path: Source, value: Any) -> int:
 def _text(path: Source, value: Any) -> str:
     """Return the name of an image."""
     if not isinstance(value, str):
-        problem = f"{value!r:.60} where the name of an image must stand; make the database anew"
+        problem = f"{value!r:.60} in place of an image name; create the database again"
         raise InputError.in_file(path, problem)
     return value
 

@@ -62,7 +62,7 @@ if not given:
     print("labels of cameras must be the names in the file, with their endings")
 '''
 APPLIED = "Lever arm and bore-sight are applied: leave the GPS/INS offset of the camera at zero."
-NO_ANGLES = "There are no angles: of these Metashape keeps what the images say."
+NO_ANGLES = "The file has no angles: Metashape keeps the angles stored in the images."
 GPS_INS_OFFSET = (
     "Set the GPS/INS offset beside as well: the angles are those of the nominal camera."
 )

@@ -96,8 +96,9 @@ def _offset_text(eo: FramedOrientation) -> str:
             " it there"
         ),
         (
-            "the csv beside holds the angles of the nominal camera; without this offset the"
-            " bore-sight is missing, with the angles of another export it would count twice"
+            "use this offset only with the csv beside this file, which holds the angles of the"
+            " nominal camera: without the offset the bore-sight is missing, with another export it"
+            " counts twice"
         ),
         "the positions are those of the projection centre: the location stays 0",
     )

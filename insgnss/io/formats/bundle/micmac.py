@@ -119,7 +119,8 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
     if unfit is not None:
         raise UnfitName(
-            f"image name {unfit!r} makes no file name Orientation-<image>.xml; rename the image"
+            f"image name {unfit!r} cannot be part of a file name Orientation-<image>.xml; rename"
+            " the image"
         )
     directory = Path(path)
     own = {f"Orientation-{name}.xml" for name in eo.images}
@@ -171,7 +172,7 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         outer = root.find(".//Externe")
         convention = None if outer is None else outer.findtext("KnownConv")
         if outer is None or convention not in (None, "eConvApero_DistM2C"):
-            problem = f"convention {convention}; eConvApero_DistM2C, a matrix, is read"
+            problem = f"convention {convention}; only eConvApero_DistM2C, a matrix, can be read"
             raise InputError.in_file(file, problem)
         texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
         rows = [[finite(word) for word in (text or "").split()] for text in texts]

@@ -58,8 +58,8 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     present = destination(beside)
     if present.exists() and present.read_text(encoding="utf-8") != reference:
         raise UsageError(
-            f"{present}: another reference stands there, and the angles are to hold in this"
-            " export's; delete it or export elsewhere"
+            f"{present}: holds another reference than this export, which would make its angles"
+            " wrong; delete the file or export elsewhere"
         )
     # of position, of psi
     sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2))

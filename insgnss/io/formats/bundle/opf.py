@@ -165,8 +165,7 @@ def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
         )
     if frame.scaled_from_m is not None:
         raise UsageError(
-            "heights that were scaled stand in no CRS that OPF could name; export without the"
-            " ground's height"
+            "OPF can name no CRS with scaled heights; export without the ground's height"
         )
     if frame.wkt.startswith("COMPOUNDCRS"):
         return frame.wkt, frame.crs or _horizontal(frame.wkt)

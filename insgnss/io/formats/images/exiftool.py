@@ -56,7 +56,10 @@ def arguments(
         A name with a line break, which would end its argument.
     """
     if len(name.splitlines()) > 1:
-        raise InputError(f"image {name!r}: an argument of ExifTool is one line; rename the file")
+        raise InputError(
+            f"image {name!r}: the name has a line break, which ExifTool cannot take; rename the"
+            " file"
+        )
     old_exif = (old for uri, names in stale.items() if "/exif/" in uri for old in names)
     rows = [f"-XMP-exif:{OF_XMP.get(old, old)}=" for old in old_exif]
     for (prefix, uri), values in new.items():

@@ -261,12 +261,12 @@ def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, P
     if missing and not skip:
         raise InputError(
             f"{source}: has no image {missing[0]!r} ({len(missing)} of {len(eo.images)}"
-            f" orientations lack theirs); {hint}"
+            f" orientations lack their image); {hint}"
         )
     if spare and not skip:
         raise InputError(
             f"{source}: {spare[0].name} has no orientation ({len(spare)} of {len(files)} images"
-            f" lack theirs); {hint}"
+            f" lack an orientation); {hint}"
         )
     if not pairs:
         raise InputError(

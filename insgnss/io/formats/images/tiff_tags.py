@@ -189,7 +189,9 @@ class Tiff:
 
     def _bytes_at(self, offset: int, length: int) -> bytes:
         if offset <= 0 or offset + length > self._size:
-            raise self._broken(f"it points to byte {offset + length} of {self._size}")
+            raise self._broken(
+                f"it refers to byte {offset + length}, but the file ends at byte {self._size}"
+            )
         return self._read(offset, length)
 
     def _broken(self, message: str) -> InputError:

@@ -140,7 +140,9 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
     too_large = (common.factor**2).sum(axis=2) > variance * (1.0 + PART_TOLERANCE)
     if (off := too_large.any(axis=1)).any():
         name = eo.images[int(np.argmax(off))]
-        raise _foreign(path, f"what image {name} shares with others exceeds its cov6")
+        raise _foreign(
+            path, f"the covariance that image {name} shares with other images exceeds its cov6"
+        )
     return common
 
 
@@ -198,7 +200,7 @@ def _refuse_other_covariances(
     limit = AGREEMENT * sigma[:, :, None] * sigma[:, None, :]
     if (off := (np.abs(own - cov) > limit).any(axis=(1, 2))).any():
         name = eo.images[int(strip.rows[int(np.argmax(off))])]
-        raise _foreign(path, f"the covariance of image {name} is not its cov6")
+        raise _foreign(path, f"the covariance of image {name} differs from its cov6 in eo.json")
 
 
 def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:

@@ -290,8 +290,9 @@ def read_one_camera(path: Source, consumer: str) -> ExteriorOrientation:
         return eo
     names = eo.rig.names
     message = (
-        f"holds images of {len(names)} cameras ({', '.join(names)}), {consumer} takes those of one:"
-        f" insgnss export {Path(path).name} eo_json --camera {names[0]}, and give what it writes"
+        f"holds images of {len(names)} cameras ({', '.join(names)}), {consumer} takes those of one"
+        f" camera: run insgnss export {Path(path).name} eo_json --camera {names[0]}, and give the"
+        " file that it writes"
     )
     raise InputError.in_file(path, message)
 
@@ -346,7 +347,9 @@ def _rig(content: dict[str, Any], packed: eo_packed.Unpacked | None) -> RigImage
     numbers = {camera.name: k for k, camera in enumerate(cameras)}
     for image in images:
         if image["camera"] not in numbers:
-            raise ValueError(f"image {image['image']}: camera {image['camera']!r} is none of them")
+            raise ValueError(
+                f"image {image['image']}: camera {image['camera']!r} is not listed in cameras"
+            )
     number = np.array([numbers[image["camera"]] for image in images], dtype=np.int64)
     rig = RigImages(cameras, number)
     last = rig.next_of_camera < 0

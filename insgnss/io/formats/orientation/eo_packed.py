@@ -116,10 +116,12 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
         content = read_bytes(path)
     except OSError as error:
         why = "is missing" if isinstance(error, FileNotFoundError) else f"{error.strerror or error}"
-        message = f"{why}, but the eo.json beside it has its numbers there; {TAKE_BOTH}"
+        message = f"{why}, but the eo.json beside it keeps its numbers in this file; {TAKE_BOTH}"
         raise InputError.in_file(path, message) from None
     if hashlib.sha256(content).hexdigest() != digest:
-        message = f"does not belong to the eo.json beside it, whose sha256 is another; {TAKE_BOTH}"
+        message = (
+            f"does not belong to the eo.json beside it, which states another sha256; {TAKE_BOTH}"
+        )
         raise InputError.in_file(path, message)
     with (
         legible(path, f"is no whole numpy archive; {TAKE_BOTH}"),

@@ -255,7 +255,9 @@ def new_directory(
     """
     present = destination(directory)
     if present.exists() and not present.is_dir():
-        raise UsageError(f"{present}: is a file, a directory is written; give another name")
+        raise UsageError(
+            f"{present}: is a file, but the export writes a directory; give another name"
+        )
     files = sorted(os.listdir(present)) if present.is_dir() else []
     if other := [file for file in files if alike(file) and file not in own]:
         raise UsageError(

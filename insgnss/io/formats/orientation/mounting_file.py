@@ -168,7 +168,9 @@ class MountingFile:
                 raise InputError(f"date: {self.date!r} is no date such as 2018-07-06") from None
         twice = [key for key in self.not_determined if getattr(self, key, None) is not None]
         if twice:
-            raise InputError(f"{twice[0]}: it has a value and is called not determined")
+            raise InputError(
+                f"{twice[0]}: has a value but is also listed in not_determined; remove one"
+            )
 
     def values(self) -> dict[str, Any]:
         """Return what the file determines, by key of the flight file's [mounting], and the delay.

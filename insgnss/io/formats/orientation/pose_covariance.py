@@ -74,7 +74,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
     if missing is not None:
         raise InputError.in_file(
             path,
-            f"does not belong to these poses: image {missing} is another, or not there; take both"
+            f"does not belong to these poses: image {missing} differs or is missing; take both"
             " files of one run, or remove this one",
         )
     return cov

@@ -100,7 +100,7 @@ def read_camera(path: Source) -> BrownCamera:
         names = ", ".join(shown(camera.name) for camera in cameras[:3])
         raise InputError.in_file(
             path,
-            f"has {len(cameras)} cameras ({names}), one is needed: write it by itself, insgnss"
+            f"has {len(cameras)} cameras ({names}), one is needed: write one to a file by insgnss"
             " camera --name",
         )
     return cameras[0]
@@ -117,7 +117,7 @@ def recognised_camera(path: Path) -> str:
         if re.search(pattern, text, re.MULTILINE):
             return form
     raise InputError.in_file(
-        path, f"no calibrated camera is known here; read are {', '.join(BY_FORMAT)}"
+        path, f"is not recognised as a calibrated camera; readable are {', '.join(BY_FORMAT)}"
     )
 
 
@@ -135,7 +135,9 @@ def _opencv_camera(
     rational = np.concatenate([D, np.zeros(max(0, 8 - D.size))])
     if np.any(rational[8:]):
         raise InputError.in_file(
-            path, f"camera {name}: thin prism or tilt, which Brown's polynomial does not have"
+            path,
+            f"camera {name}: has thin-prism or tilt terms, which Brown's polynomial lacks;"
+            " calibrate without them",
         )
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_SHIFT_PX, CENTRE_SHIFT_PX)).tolist())]
     model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
@@ -168,7 +170,7 @@ def _opencv(path: Path) -> Cameras:
         xml = re.search(rf"(?is)<{key}\b.*?<data>(.*?)</data>", text)
         match = yaml or xml
         if match is None:
-            raise InputError.in_file(path, f"no {key}; write it by cv::FileStorage")
+            raise InputError.in_file(path, f"no {key}; write the file by cv::FileStorage")
         return match[1]
 
     def side(key: str) -> str | None:
@@ -236,7 +238,7 @@ def _pix4d_size(path: Path) -> tuple[int, int]:
             return whole(match[1]), whole(match[2])
     raise InputError.in_file(
         path,
-        "has no size of images in pixels; copy <project>_calibrated_camera_parameters.txt there",
+        "lacks the image size in pixels; copy <project>_calibrated_camera_parameters.txt beside it",
     )
 
 
@@ -262,7 +264,9 @@ def _bentley(path: Path) -> Cameras:
         unread = "AspectRatio other than 1" if value("AspectRatio", 1.0) != 1.0 else ""
         if unread or kind != PERSPECTIVE:
             unread = unread or f"CameraModelType {shown(kind)}"
-            message = f"camera {name}: {unread} is not read; export the camera from another program"
+            message = (
+                f"camera {name}: {unread} cannot be read; export the camera from another program"
+            )
             raise InputError.in_file(path, message)
         of = {
             key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")

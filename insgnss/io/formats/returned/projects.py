@@ -79,7 +79,10 @@ def read_bentley(path: Source) -> ReturnedPoses:
                 C.append(_rotation(pose, name, path).T @ Q)
                 names.append(name)
                 if system and system not in systems:
-                    problem = f"photograph {shown(name)}: SRSId {shown(system)} is no <SRS> of it"
+                    problem = (
+                        f"photograph {shown(name)}: SRSId {shown(system)} is not among the <SRS> of"
+                        " this file"
+                    )
                     raise InputError.in_file(path, f"{problem}; export again")
                 used.append(systems.get(system, ""))
     if len(set(used)) > 1:
@@ -93,7 +96,11 @@ def read_bentley(path: Source) -> ReturnedPoses:
         position[:, :2] = np.radians(position[:, :2])
     notes = (f"{left_out} photographs without pose are left out",) if left_out else ()
     if imported:
-        notes = (f"{imported} poses are those that were imported, no adjusted ones", *notes)
+        notes = (
+            f"{imported} poses are the imported ones, since the file has no adjusted pose of these"
+            " images",
+            *notes,
+        )
     rotations = checked_rotations(np.array(C), images, path)
     origin = (*np.radians(origin[:2]).tolist(), *origin[2:])
     return ReturnedPoses(images, position, rotations, kind, crs, origin, notes=notes)
@@ -184,7 +191,9 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
                 ]
                 if [len(v) for v in values] != [4, 3, 3, 3]:
                     raise InputError.at_line(
-                        path, start, "$EXT_ORI is not focal length, X, Y, Z and a matrix"
+                        path,
+                        start,
+                        "$EXT_ORI must hold the focal length, X, Y, Z and a 3 x 3 matrix",
                     )
                 file = photo.get("$PHOTO_FILE", photo.get("$PHOTO_NUM", (start, "")))[1]
                 names.append(file)

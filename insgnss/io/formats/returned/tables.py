@@ -245,7 +245,7 @@ def _name_xyz_opk(
         if line <= skipped or not words or words[0].lower() == first:
             continue
         if len(words) != columns:
-            commas = "; are its decimal signs commas? write points" if "," in text else ""
+            commas = "; are the decimal signs commas? write decimal points" if "," in text else ""
             raise InputError.at_line(
                 path, line, f"{len(words)} fields, expected {columns}: {shown(text)}{commas}"
             )
@@ -313,9 +313,7 @@ def _beside_pix4d(
     if project and beside.is_file():
         words = " ".join(lines_of(decoded(beside))).split()
         if len(words) != len(offset):
-            raise InputError.at_line(
-                beside, 1, f"{len(words)} numbers, 3 must stand there; copy it again"
-            )
+            raise InputError.at_line(beside, 1, f"{len(words)} numbers, expected 3; copy it again")
         offset = np.array(numbers(words, beside, 1))
     elif float(np.abs(position).max(initial=0.0)) < FAR_M:
         notes.append(
