@@ -536,7 +536,7 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             _toml("[camera]", '[camera]\nclock = "imu"'),
         ),
         INPUT,
-        ("clock step", "set in the recording once, by -0.370 s", "exposures that the IMU's clock"),
+        ("clock step", "set in the recording once, by -0.370 s", "add the step of the IMU's clock"),
     ),
     "IMU clock set ahead": (
         _columns(IMU, 0, lambda t: t + 12.3 * (t > t[0] + 60.0)),

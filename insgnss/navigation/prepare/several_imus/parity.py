@@ -208,7 +208,7 @@ def _agreement(
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
-    advice = "a calibration file with a common reference for both takes it off"
+    advice = "a calibration file for each IMU, with a common reference, removes this rotation"
     return PARITY.note(finding, advice)
 
 
