@@ -145,7 +145,7 @@ class GnssInput(Checked, table="gnss"):
     )
     reference: Triple | None = option(
         None,
-        "point from which positions north, east and down or up count, where the file has such",
+        "origin of the positions, where the file has north, east and down or up",
         kind="place",
         usual="a comment of the file",
         of_file=True,

@@ -263,8 +263,8 @@ def _relative(
     noise = options.pop("noise", None)
     if noise is None:
         raise UsageError(
-            f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set"
-            " noise=navchip"
+            f"export: {name} needs the noise of the gyroscopes for its weights; name their noise"
+            " model, such as --set noise=navchip"
         )
     return relative_of(framed, eo, noise, **options)
 

@@ -397,7 +397,11 @@ def noise_misfit(noise: NoiseModel) -> list[Finding]:
         "the sigmas of this flight are only as good as this noise model; tune again with a"
         " --model that fits (insgnss tune)"
     )
-    return [Question("noise model", "fits what it was estimated from").note(finding, advice)]
+    return [
+        Question(
+            "noise model", "a noise model that fits the recordings from which it was estimated"
+        ).note(finding, advice)
+    ]
 
 
 def _turn_on_bias(

@@ -331,7 +331,7 @@ def check_measurements(
         nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])
         finding = f"{measurement.name}: {rejected} of {offered} values rejected"
         bad, ratio = not offered or rejected > MOST_REJECTED_FIXES * offered, 1.0
-        question = Question("measurements", "some within the flight, most of them used")
+        question = Question("measurements", "some values within the flight, and most of them used")
         remedy = Step("check its clock, units, sign and what `predict` returns, or leave it out")
         if not offered:
             time, first, last = measurement.time, solutions[0].time[0], solutions[-1].time[-1]

@@ -227,8 +227,8 @@ def _unbroken(
     if cuts.size:
         share = (last - first) / (hi - lo)
         finding += (
-            f"; used is the longest span without, {time[first]:.1f} to {time[last - 1]:.1f} s,"
-            f" {share:.0%} of the samples"
+            f"; only the longest span without gaps is used, {time[first]:.1f} to"
+            f" {time[last - 1]:.1f} s, {share:.0%} of the samples"
         )
     if bridge_s:
         finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"

@@ -276,7 +276,9 @@ def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:
         if not closings:
             continue
         _, rows, added, misfit, paused = min(closings)
-        return Question("recognised clock", "a clock that nobody sets").contradiction(
+        return Question(
+            "recognised clock", "a clock that is not set during the recording"
+        ).contradiction(
             f"the IMU's clock was set by {step:+.3f} s between {start:.3f} and"
             f" {start + length:.3f} s, its samples {row} and {row + 1}: with this jump removed"
             f" the IMU explains {1.0 - misfit:.1%} of the motion that GNSS saw, with it"

@@ -26,8 +26,8 @@ class VehicleTable(Checked, table="vehicle"):
     )
     target: str = option(
         "K_",
-        "how the image observations call the target: a prefix before the name of the image "
-        "(K_IMG_0010), or one name in all images, which are divided by images then",
+        "name of the target in the image observations: a prefix before the name of the image"
+        " (K_IMG_0010), or one name in all images, then taken as another point in each image",
     )
     target_m: Triple | None = option(
         None,
