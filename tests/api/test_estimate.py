@@ -337,7 +337,7 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
             insgnss.UsageError,
             "^tangent_plane: must be latitude",
         ),
-        ({"progress": None}, insgnss.UsageError, "^progress = None: is no function"),
+        ({"progress": None}, insgnss.UsageError, "^progress = None: must be a function"),
         (
             {"noise": "tactical", "imu__noise": "consumer"},
             insgnss.UsageError,

@@ -89,8 +89,8 @@ def test_licence_of_the_library_is_in_the_page(tmp_path: Path, diagnostics, eo, 
 
 def test_keys_of_the_flight_file_are_printed_as_they_are() -> None:
     """A key that begins a sentence keeps its small letter: it is copied into the flight file."""
-    assert sentence("mounting.antenna_m = [1] would be it") == (
-        "mounting.antenna_m = [1] would be it."
+    assert sentence("mounting.antenna_m = [1] would correct it") == (
+        "mounting.antenna_m = [1] would correct it."
     )
     assert sentence("measure it, see gnss.sigma_m") == "Measure it, see gnss.sigma_m."
 

@@ -54,14 +54,16 @@ class BarometerInput(Checked, table="barometer"):
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     sigma_m: float = option(
         0.5,
-        "standard deviation of its white error, once a second: gusts, the air of the propellers",
+        "standard deviation of the white error of its heights, at one height a second: gusts,"
+        " propeller wash",
         unit="m",
         low=0.01,
         high=100.0,
     )
     bias_sigma_m: float = option(
         10.0,
-        "a-priori standard deviation of its bias, when its level has been taken from the fixes",
+        "a-priori standard deviation of the bias of its heights, after their level was taken"
+        " from the fixes",
         unit="m",
         low=0.1,
         high=1000.0,

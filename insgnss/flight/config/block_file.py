@@ -44,8 +44,8 @@ class ImagesInput(Checked, table="images"):
     )
     format: str = option(
         "auto",
-        "format of the file, such as metashape, colmap, opensfm, bingo; auto: as its name and first"
-        " bytes say",
+        "format of the file, such as metashape, colmap, opensfm, bingo; auto: recognised by its"
+        " name and first bytes",
         cli="--images-format",
     )
     sigma_px: float | None = option(
@@ -80,8 +80,8 @@ class CameraTable(Checked, table="camera"):
     )
     weighed: bool = option(
         False,
-        "the standard deviations of the camera's file are observations of what is estimated of it;"
-        " not those of an adjustment of the same images",
+        "take the camera file's values and standard deviations as observations of the estimated"
+        " parameters; not if they come from an adjustment of the same images",
         needs=("file",),
     )
 
@@ -109,8 +109,9 @@ class GroundTableInput(Checked, table="ground"):
     )
     crs: str | None = option(
         None,
-        "their CRS, such as EPSG:2056+5728 (with heights), or a tangent plane by its origin, such "
-        'as "origin 46.57 6.54 deg 0 m"; without it they stand in the tangent plane of an eo.json',
+        "their CRS, such as EPSG:2056+5728 (with heights), or a tangent plane by its origin,"
+        ' such as "origin 46.57 6.54 deg 0 m"; without it the coordinates are taken in the'
+        " tangent plane of an eo.json",
         usual="that of the file, or the tangent plane of eo.json",
         cli="--crs",
         metavar="CRS",
@@ -149,18 +150,19 @@ class AdjustmentTable(Checked, table="adjustment"):
     )
     datum: Datum = option(
         "control",
-        'what says where the block lies: "control": aerial or ground control, or the poses that a '
-        'script of DBAT holds; "minimal": the first image, and one coordinate of the image '
-        'farthest from it, as their program has them; "images", "points": a free network, whose '
-        "projection centres or object points as a whole stay where their first values are",
+        'datum of the block: "control": aerial or ground control, or the poses that a script of'
+        ' DBAT holds fixed; "minimal": the first image, and one coordinate of the image farthest'
+        ' from it, as their program has them; "images", "points": a free network, whose'
+        " projection centres or object points keep the mean position of their first values",
         cli="--datum",
     )
     reweight: tuple[str, ...] = option(
         ("image observations",),
-        "groups of observations whose variances are multiplied by their components: image "
-        "observations (not in mode fast_at, which has few), ground control, aerial control, "
-        "kinematic ground control, target sizes, distances; of the others a component that "
-        'contradicts them is reported; "none" of none',
+        "groups of observations whose variances are multiplied by their estimated variance"
+        " components: image observations (not in mode fast_at, which has few), ground control,"
+        " aerial control, kinematic ground control, target sizes, distances; for the other"
+        ' groups a component that contradicts the stated variances is only reported; "none": no'
+        " group",
         choices=(*OBSERVATION_GROUPS, "none"),
         cli="--reweight",
     )
@@ -178,10 +180,11 @@ class AdjustmentTable(Checked, table="adjustment"):
     )
     accept: tuple[str, ...] = option(
         (),
-        "observations whose contradiction is accepted, of image observations, ground control, "
-        "aerial control, kinematic ground control, target sizes, check points: of residuals beyond "
-        "five times what their standard deviations allow, or whose cause moves a projection centre "
-        "by five of its own, no orientation is written otherwise",
+        "groups of observations whose contradiction is accepted, out of image observations,"
+        " ground control, aerial control, kinematic ground control, target sizes, check points:"
+        " otherwise no orientation is written if residuals exceed five times what their standard"
+        " deviations allow, or if their cause moves a projection centre by five of its standard"
+        " deviations",
         choices=(*OBSERVATION_GROUPS, "check points"),
     )
 
@@ -192,7 +195,10 @@ class PlanTable(Checked, table="plan"):
 
     tie_points: float = option(52.0, "tie points for each image", low=1.0, high=1e5)
     matched: float = option(
-        0.6, "share of the images that see a tie point in which it is measured", low=0.05, high=1.0
+        0.6,
+        "of the images that see a tie point, the share in which the point is measured",
+        low=0.05,
+        high=1.0,
     )
     ground_m: float | None = option(
         None,

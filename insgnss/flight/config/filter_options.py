@@ -76,8 +76,8 @@ class FilterOptions(Checked, table="filter"):
     )
     time_offset: bool = option(
         False,
-        "estimate what is missing in the stamps of the fixes, and the rate of the one clock against"
-        " the other",
+        "estimate the time offset of the fixes, and the rate of their clock against that of the"
+        " IMU",
     )
     time_offset_sigma_s: float = option(
         0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
@@ -102,5 +102,5 @@ class FilterOptions(Checked, table="filter"):
         " shows that they are larger than stated",
     )
     robust: bool = option(
-        False, "take suspicious fixes with a larger covariance instead of all or nothing"
+        False, "give suspicious fixes a larger covariance instead of either using or rejecting them"
     )

@@ -124,8 +124,8 @@ class Output(Checked, table="output"):
     )
     trajectory_hz: float | None = option(
         10.0,
-        "rate of trajectory.csv and the SBET; a row within a quarter of its step of a fix stands"
-        ' at the fix; "imu" for every sample',
+        "rate of trajectory.csv and the SBET; a row that is less than a quarter of the row"
+        ' interval from a fix is moved to the time of the fix; "imu" for every sample',
         kind="rate",
         form='number or "imu"',
         unit="Hz",
@@ -149,15 +149,16 @@ class Output(Checked, table="output"):
     )
     need: str | None = option(
         None,
-        'accuracy that the images are wanted with: "control" (no ground control: 30, 30, 50 mm and'
-        ' 0.02, 0.02, 0.05 deg) or "start values" for an adjustment (1 m, 1 and 2 deg); without any'
-        " need the measure is what receiver and IMU give where all is well",
+        'required accuracy of the images: "control" (no ground control: 30, 30, 50 mm and 0.02,'
+        ' 0.02, 0.05 deg) or "start values" for an adjustment (1 m, 1 and 2 deg); without it,'
+        " the images are compared with what this receiver and IMU give in a good flight",
         kind="choice",
         choices=tuple(NEEDS),
     )
     need_m: Triple | None = sigmas("wanted standard deviations east, north, up of the images")
     need_deg: Triple | None = sigmas(
-        "the same of the rotations about these axes: two of tilt, and heading", unit="deg"
+        "wanted standard deviations of the rotations about these axes: two of tilt, and heading",
+        unit="deg",
     )
     crs: str | None = option(
         None,
@@ -171,8 +172,8 @@ class Output(Checked, table="output"):
     )
     ground_m: float | None = option(
         None,
-        "height of the ground in a projected CRS: heights above it are scaled as the projection "
-        "scales the plan; not needed with control points",
+        "height of the ground in a projected CRS: heights above it are multiplied by the map"
+        " scale factor of the projection; not needed with control points",
         needs=("crs",),
         unit="m",
         low=-500.0,
@@ -372,13 +373,16 @@ def refuse_week(week: int | None) -> None:
     today, _ = gps_from_calendar(datetime.now(UTC))
     if week < ROLLOVER:
         problem = (
-            f"counts modulo {ROLLOVER}: since then it has begun again twice, in 1999 and 2019; add"
-            f" {ROLLOVER} or {2 * ROLLOVER} to {week} ({_sunday(week + ROLLOVER)} or"
+            f"counts modulo {ROLLOVER}, which began again in 1999 and in 2019; add {ROLLOVER} or"
+            f" {2 * ROLLOVER} to {week} ({_sunday(week + ROLLOVER)} or"
             f" {_sunday(week + 2 * ROLLOVER)})"
         )
         raise OptionError("gps_week", problem, week)
     if week > today + 1:
-        problem = f"is the week from {_sunday(week)}, still to come: by this computer it is {today}"
+        problem = (
+            f"is the week from {_sunday(week)}, in the future: this computer's clock shows week"
+            f" {today}; check both"
+        )
         raise OptionError("gps_week", problem, week)
 
 

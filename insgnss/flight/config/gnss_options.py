@@ -68,8 +68,8 @@ class GnssInput(Checked, table="gnss"):
     )
     stationary: Triple | None = option(
         None,
-        "position of a sensor that stands there throughout, instead of gnss.file; a fix a second,"
-        " gnss.sigma_m 0.1 by default",
+        "instead of gnss.file: position of a sensor that stands still throughout the recording,"
+        " used as a fix a second; gnss.sigma_m is 0.1 by default",
         kind="place",
     )
     columns: "Columns" = columns_of_file(
@@ -117,14 +117,16 @@ class GnssInput(Checked, table="gnss"):
     sigma_velocity_mps: Triple | None = sigmas("the same of velocities", unit="m/s", of_file=True)
     time_offset_s: float = option(
         0.0,
-        "added to the stamps of this sensor; half a second and more is a difference of clocks, and"
-        " where the fixes count GPST the IMU is moved by it instead, so that products count GPST",
+        "added to the stamps of this sensor; half a second and more means two different clocks:"
+        " if the fixes count GPST, the IMU's stamps are moved by it instead, so that products"
+        " count GPST",
         unit="s",
     )
     time_sigma_s: float = option(
         2e-4,
-        "standard deviation of what the stamps of the fixes lack: what an IMU on the receiver's "
-        "PPS has, carried as a state, so that every covariance holds it; 0: exact",
+        "standard deviation of the time offset between fixes and IMU (default: IMU synchronised"
+        " by the receiver's PPS), carried as a state, so that every covariance includes it; 0:"
+        " exact",
         unit="s",
         low=0.0,
         high=1.0,
@@ -143,14 +145,15 @@ class GnssInput(Checked, table="gnss"):
     )
     reference: Triple | None = option(
         None,
-        "point from which positions north, east and down or up count, where the file has such",
+        "origin of the positions, where the file has north, east and down or up",
         kind="place",
         usual="a comment of the file",
         of_file=True,
     )
     moved_base: tuple[Triple, Triple] | None = option(
         None,
-        "old and new position of the base of ready positions, which all move with it",
+        "old and new position of the base of ready positions, which are all moved by the"
+        " difference",
         kind="moved",
         form="[old, new], each [latitude deg, longitude deg, ellipsoidal height m]",
         of_file=True,
@@ -169,9 +172,9 @@ class GnssInput(Checked, table="gnss"):
     )
     quality_sigma_m: Mapping[str, Triple] = option(
         lambda: dict(QUALITY_SIGMA_M),
-        "least standard deviations north, east, down of fixes of a quality, where the file has "
-        "the quality and has smaller ones; none by default with gnss.rover, where gnss.covariance "
-        "has floors",
+        "least standard deviations north, east, down of fixes of each quality; they replace"
+        " smaller ones of the file, which must have the quality; none by default with"
+        " gnss.rover, where gnss.covariance has floors",
         kind="quality_sigmas",
         unit="m",
         members=lambda: QUALITIES,
@@ -179,9 +182,9 @@ class GnssInput(Checked, table="gnss"):
     )
     calibrate_covariance: bool = option(
         True,
-        "of an RTKLIB `.pos` that holds quality, satellites and base (`ref pos` of its header): "
-        "fixed epochs that others do not confirm are taken as float, and all get covariances that "
-        "cover their errors, as those of PPK; false: as the file has them",
+        "for an RTKLIB `.pos` with quality, satellites and base (`ref pos` in its header): fixed"
+        " epochs that other epochs do not confirm are taken as float, and all get covariances"
+        " that cover their errors, as with PPK; false: as the file has them",
         of_file=True,
     )
     gm_sigma: float | Literal["auto", "off"] = option(
@@ -202,8 +205,9 @@ class GnssInput(Checked, table="gnss"):
     )
     covariance: CovarianceModel = option(
         lambda: MODEL,
-        "changes to the numbers that calibrate covariances, of PPK and of a ready `.pos` with "
-        "gnss.calibrate_covariance; refused where the file does not hold what that needs",
+        "changes to the factors and floors that calibrate the covariances of PPK, and of a ready"
+        " `.pos` with gnss.calibrate_covariance; refused for a file without quality, satellites"
+        " and base",
         kind="covariance",
         form="table, below",
         usual="as measured",

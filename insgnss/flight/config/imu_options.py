@@ -78,11 +78,11 @@ def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
         homes = [name for name in SENSOR_SCALES if is_unit(unit, name)]
         if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
             advice = (
-                f'it does not belong to quantity = "{quantity}"; use '
-                f"{', '.join(SENSOR_SCALES[kind])}"
+                f'{unit} does not belong to quantity = "{quantity}"; use'
+                f" {', '.join(SENSOR_SCALES[kind])}"
             )
         elif homes:
-            advice = f"it belongs to the other sensor; use {', '.join(SENSOR_SCALES[kind])}"
+            advice = f"{unit} belongs to the other sensor; use {', '.join(SENSOR_SCALES[kind])}"
         raise OptionError(f"imu.units.{sensor}", f"{unit!r} is no unit for it: {advice}")
 
 

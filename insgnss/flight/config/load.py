@@ -286,8 +286,9 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
     assumed = own if turn is None or made.set_in_body or "boresight" not in values else turn
     if (apart := float(np.abs(assumed - own).max())) > ROTATION_TOLERANCE:
         problem = (
-            f"the bore-sight was found with it; that of the flight file differs by {apart:.2g}"
-            f" (limit {ROTATION_TOLERANCE:g}): give the same mounting.camera_from_body"
+            "the bore-sight was calibrated with this rotation, and mounting.camera_from_body of"
+            f" the flight file differs by {apart:.2g} (limit {ROTATION_TOLERANCE:g}): give the"
+            " same one"
         )
         raise root.table("calibration").error("camera_from_body", problem)
     camera = flight.camera
@@ -328,7 +329,8 @@ def with_engine(flight: Flight, engine: str) -> Flight:
     raw = flight.gnss.raw
     if raw is None:
         raise UsageError(
-            f"--engine {engine} solves gnss.rover, which {flight.path} has not; leave it out"
+            f"--engine {engine} solves gnss.rover, and {flight.path} has no gnss.rover; leave"
+            " --engine out"
         )
     return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
 

@@ -29,9 +29,9 @@ class MountingTable:
     )
     antenna_sigma_m: float = option(
         0.005,
-        "standard deviation of each component of the lever arm from the IMU to the antenna: what a "
-        "caliper gives, carried as states, so that every covariance holds it; 0: exact, "
-        "never estimated but where filter.lever_arm asks for it",
+        "standard deviation of each component of the lever arm from the IMU to the antenna"
+        " (default: measured by caliper), carried as states, so that every covariance includes"
+        " it; 0: exact, estimated only with filter.lever_arm",
         unit="m",
         low=0.0,
         high=10.0,
@@ -58,9 +58,9 @@ class MountingTable:
     )
     max_age_days: float = option(
         365.0,
-        "of mounting.file: a flight farther from the date of its data is told to have the mounting "
-        "calibrated anew, since screws, dampers and lenses are touched within a season; nothing is "
-        "refused",
+        "of mounting.file: longest time between its data and the flight; beyond it a note"
+        " advises to calibrate the mounting anew, since screws, dampers and lenses are touched"
+        " within a season; nothing is refused",
         unit="d",
         low=0.0,
     )

@@ -136,8 +136,8 @@ def export(
         write_names(names, table)
     old, new = next(iter(names.items()))
     note = (
-        f"{len(names)} of {len(eo.images)} images are called otherwise here, such as {new!r} for"
-        f" {old!r}: {table.name} has all; rename their files alike for the program"
+        f"{len(names)} of {len(eo.images)} images have another name in this export, such as"
+        f" {new!r} for {old!r}; {table.name} lists all: rename the image files accordingly"
     )
     return replace(done, notes=(note, *done.notes), files=(done.file, table))
 
@@ -206,8 +206,8 @@ def _export(
     if target.crs is not None and is_globe(target.crs):
         if eo.datum is None:
             notes.append(
-                f"positions name no datum (gnss.datum): PROJ takes WGS 84 for {target.crs}, to some"
-                " metres"
+                "the datum of the positions is not stated (gnss.datum): PROJ takes WGS 84 for"
+                f" {target.crs}, which may be wrong by some metres"
             )
         eo, target = in_datum(eo, target.crs), replace(target, crs=None, frame=GEOGRAPHIC)
     kind = _kind(name, form, target)
@@ -263,8 +263,8 @@ def _relative(
     noise = options.pop("noise", None)
     if noise is None:
         raise UsageError(
-            f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set"
-            " noise=navchip"
+            f"export: {name} needs the noise of the gyroscopes for its weights; name their noise"
+            " model, such as --set noise=navchip"
         )
     return relative_of(framed, eo, noise, **options)
 
@@ -360,6 +360,6 @@ def _notes(
         yield f"heights are {projection.heights}, not above sea level"
     if framed.frame.scaled_from_m is None:
         yield (
-            "heights are not scaled by that of the projection, as tools with control points expect"
-            " it; --ground (ground_m in Python) scales them"
+            "heights are not multiplied by the map scale factor, as tools with control points"
+            " expect; --ground (ground_m in Python) scales them"
         )

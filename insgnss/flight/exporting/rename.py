@@ -93,8 +93,8 @@ def _names_of(rule: str | Path, images: list[str]) -> Callable[[str], str]:
         table = read_names(Path(rule))
         if not any(name in table for name in images):
             raise UsageError(
-                f"rename: {rule} names none of the {len(images)} images, such as {images[0]!r}; its"
-                " first column are the names that they have"
+                f"rename: {rule} names none of the {len(images)} images, such as {images[0]!r};"
+                " its first column must hold their present names"
             )
         return lambda name: table.get(name, name)
     text = str(rule)

@@ -71,13 +71,13 @@ def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> No
         code = re.sub(r"[^A-Za-z0-9+]+", "", frame.split()[0])
         other = out.with_name(f"{out.stem}_{code}{out.suffix}")
         raise UsageError(
-            f"export: {out} is the run's own, in {before}, and this export is in {frame}; give"
-            f" --out {other}, or --force"
+            f"export: {out} was written by the run itself, in {before}, and this export is in"
+            f" {frame}; give --out {other}, or --force"
         )
     if named:
         raise UsageError(
-            f"export: {changed[0]} is there and differs from this export (other inputs, options or"
-            " frame, or a file of others); give another --out, or --force"
+            f"export: {changed[0]} exists and differs from this export (other inputs, options or"
+            " frame, or not written by insgnss); give another --out, or --force"
         )
 
 

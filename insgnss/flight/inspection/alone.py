@@ -115,11 +115,11 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
     scatter = gyro_scatter(imu)
     mean = float(np.linalg.norm(imu.gyro.mean(axis=0)))
     if abs(mean / EARTH_RATE - 1.0) < NEAR_UNIT:
-        evidence = f"mean rate {mean:.4g}: the Earth's in rad/s is {EARTH_RATE:.4g}"
+        evidence = f"mean rate {mean:.4g}; the Earth turns by {EARTH_RATE:.4g} rad/s"
         return 1.0, answer("gyro unit", "rad/s", 0.95, evidence)
     evidence = (
-        f"scatter of a sample {scatter:.3g}; at rest only the Earth rate shows the unit,"
-        f" which the mean ({mean:.3g}) does not show"
+        f"scatter of a sample {scatter:.3g}; at rest only the Earth's rotation can show the unit,"
+        f" and the mean rate ({mean:.3g}) does not match it"
     )
     if scatter < NOISIEST_GYRO:
         return 1.0, unknown("gyro unit", evidence)
@@ -177,7 +177,12 @@ def _earth(mean: Array, sensing: Sensing) -> Finding:
         f" Earth's is {EARTH_RATE * deg_h:.2f}"
     )
     if sensing.sees_earth:
-        return answer("Earth rate", "seen", 0.95, f"{evidence}: heading can be had at rest")
+        return answer(
+            "Earth rate", "seen", 0.95, f"{evidence}: the heading can be determined at rest"
+        )
     return answer(
-        "Earth rate", "not seen", 0.95, f"{evidence}: at rest only roll and pitch can be had"
+        "Earth rate",
+        "not seen",
+        0.95,
+        f"{evidence}: at rest only roll and pitch can be determined, no heading",
     )

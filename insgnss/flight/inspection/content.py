@@ -226,7 +226,7 @@ def _gnss(
     if apart := classes_apart(gnss):
         floors = {quality.name.lower(): sigma for quality, (_, sigma, _) in apart.items()}
         why = "; ".join(finding for finding, _, _ in apart.values())
-        draft.add("gnss", "quality_sigma_m", floors, f"{why}: what they are worth")
+        draft.add("gnss", "quality_sigma_m", floors, f"{why}: standard deviations that cover this")
     if source.free_height:
         why = (
             "heights may be above the geoid; the geoid's height above the ellipsoid would then go"
@@ -250,7 +250,7 @@ def _gnss(
         "gnss",
         "time_offset_s",
         round(recognition.time_offset_s, 4),
-        why if significant else f"{why}; that is none within its sigma",
+        why if significant else f"{why}; not significantly different from zero",
         significant,
     )
 

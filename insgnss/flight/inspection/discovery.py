@@ -41,7 +41,7 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
     "gnss": ("GPS", "vehicle_gps_position", "sensor_gps"),
     "events": ("CAM", "camera_capture", "camera_trigger"),
 }
-LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
+LOG_SIGMA = "used where the log gives no standard deviations: typical of a single-point receiver"
 FIX_LOGS = {
     "nmea": "receiver log of NMEA sentences",
     "gpx": "track of GPX",
@@ -123,7 +123,9 @@ def _why_not(path: Path) -> str:
     if path.name.lower() in OWN_PRODUCTS:
         return "a product of insgnss"
     text = suffix not in ARRAY_ENDINGS
-    return (text and exposures_of(path)[1]) or "neither samples of an IMU nor fixes nor exposures"
+    return (
+        text and exposures_of(path)[1]
+    ) or "no IMU samples, GNSS fixes or exposures recognised in this file"
 
 
 def sources_of(path: Path) -> list[InputSource]:
@@ -195,7 +197,7 @@ def _fix_log(path: Path, form: str) -> InputSource:
     entry.set(
         "sigma_velocity_mps",
         velocity,
-        "RMC gives a velocity without standard deviations: those of a usual receiver",
+        "RMC gives no standard deviations of the velocity: these are typical of a receiver",
     )
     if not any(table.name.endswith("GST") for table in describe(path)):
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)

@@ -59,22 +59,26 @@ def clock_of_events(
     if gnss is None or events is None or of_gnss is None or of_events is None:
         return "imu", "no fixes, or no exposures", False
     if of_events.path == of_imu.path:
-        return "imu", "the log of the samples stamps them by its own clock", True
+        return "imu", "the exposures are in the log of the IMU, stamped by its clock", True
     if of_events.path == of_gnss.path:
-        return "receiver", "the file of the fixes holds them", True
+        return "receiver", "the exposures are in the file of the fixes", True
     if form == "mrk":
         return "receiver", "a file of marks (.MRK), which the receiver of the drone writes", True
     if form == "events_pos":
         return "receiver", "time marks of the receiver, as RTKLIB writes them", True
     if events.gps_week is not None and gnss.gps_week is not None and imu.gps_week is None:
-        why = "they carry GPS week or date as the fixes do; the samples count seconds of their own"
+        why = (
+            "the exposures carry GPS week or date as the fixes do; the samples only count"
+            " seconds of their own"
+        )
         return "receiver", why, True
     if _are_samples(events, imu):
         return "imu", "each stamp is that of a sample", True
     return (
         "receiver",
-        "the files do not tell whose clock stamps the exposures: the IMU's is taken; where the"
-        " receiver did it (event input, hot-shoe), say so: an offset of the fixes moves them too",
+        "the files do not show which clock stamps the exposures: the IMU's is assumed; if the"
+        ' receiver does (event input, hot-shoe), set "receiver": a time offset of the fixes then'
+        " moves the exposures, too",
         False,
     )
 
@@ -110,8 +114,8 @@ def scale_of_dates(
     if off[best] > OFF_LINES * count or off[second] < max(CLEARER * off[best], FEWEST_OFF):
         return source, events
     why = (
-        f"the file does not state the scale: as {best} {count - off[best]} of {count} exposures lie"
-        f" on lines, as {second} {count - off[second]}"
+        f"the file does not state the scale: as {best} {count - off[best]} of {count} exposures"
+        f" lie on straight flight lines, as {second} {count - off[second]}"
     )
     keys = source.keys | {"time_scale": best}
     return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best]

@@ -59,7 +59,7 @@ def unit_contradictions(source: InputSource, recognition: Recognition) -> Iterat
         text = f"{factor:.4g} times what the file says: {finding.evidence}"
         if units is None:
             question = Question(f"unit of {key}", f"the {key} values in the unit of its format")
-            advice = "the file is not what its format says; convert it"
+            advice = "the values are not in the unit that this format prescribes; convert the file"
             yield question.contradiction(text, advice)
         else:
             expected = f"the {key} values in the unit of {units[key]}, as its header says"

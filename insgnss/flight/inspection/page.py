@@ -50,7 +50,7 @@ def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) ->
     every = "every finding"
     if at_place:
         every = (
-            f"it keeps its place, which does not show {', '.join(at_place)}; every other finding"
+            f"it stays in one place, which does not show {', '.join(at_place)}; every other finding"
         )
     notes = [check.name for check in result.checks if check.verdict == "note"]
     doubts = {

@@ -12,8 +12,8 @@ Role = Literal["imu", "gnss", "events", "gyro", "accel"]  # the last two: half a
 
 SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
 NO_SIGMA = (
-    "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02,"
-    " 0.02, 0.04"
+    "no standard deviations in the file: these are typical of a single-point receiver; for RTK"
+    " take 0.02, 0.02, 0.04"
 )
 STEP_REASON = "the clock's usual step is"
 SAME_LENGTH = 0.1  # of the logarithm to base ten: recordings end up to a quarter apart
@@ -98,7 +98,10 @@ def on_one_clock(imu: InputSource, gnss: InputSource) -> tuple[InputSource, Inpu
     best = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
     if best == (imu, gnss) or overlap(best[0].span, best[1].span) < OVERLAP:
         return imu, gnss
-    why = {"columns": f"{best[1].why.get('columns', '')}; of the clocks those that run together"}
+    why = {
+        "columns": f"{best[1].why.get('columns', '')}; of several clocks, those in which IMU and"
+        " fixes overlap"
+    }
     return best[0], replace(best[1], why=best[1].why | why)
 
 

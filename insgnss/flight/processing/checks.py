@@ -353,13 +353,13 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> F
         if abs(days) > source.max_age_days:
             when = "before" if days < 0 else "after"
             odd.append(
-                f"flown {abs(days)} days {when} its data of {made.date} (limit"
+                f"flown {abs(days)} days {when} its calibration data of {made.date} (limit"
                 f" {source.max_age_days:g}, mounting.max_age_days)"
             )
     odd += _other_camera(made, camera_of(flight))
     for key in ("antenna_m", "imu_m"):
         if key in made.not_determined and not np.any(getattr(flight.mounting, key)):
-            odd.append(f"it did not determine {key}, and the flight file gives none")
+            odd.append(f"the calibration did not determine {key}, and the flight file gives none")
     name = "mounting file"
     expected = "the camera of the flight, calibrated near its date"
     if not odd:

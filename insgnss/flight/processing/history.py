@@ -122,7 +122,7 @@ def _clock(
     """Say it of one camera."""
     how = f"camera.clock = {camera.clock}"
     if clock == "imu":
-        moved = ", stamps as they stand"
+        moved = ", stamps not moved"
         if camera.clock != "auto":
             moved = f", moved by {offsets.imu:+.4f} s"
         yield f"camera events{which} of the IMU's clock ({how}){moved if offsets.imu else ''}"

@@ -39,7 +39,7 @@ class StepClock:
 
     def __post_init__(self) -> None:
         if not callable(self.progress):
-            problem = "is no function of one text; leave it out to hear nothing"
+            problem = "must be a function that takes one text; leave progress out for no messages"
             raise OptionError("progress", problem, self.progress)
 
     def step(self, name: str) -> None:

@@ -334,7 +334,8 @@ def with_dead_bands(
     note = Question("IMU noise", "readings that follow every slow turn").note(
         f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
         " length was added to the noise model",
-        "let the device write its raw rates with all digits: heading is worse by what they hide",
+        "let the device write its raw rates with all digits: the missing digits make the heading"
+        " worse",
     )
     return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
 
@@ -356,7 +357,10 @@ def _checks(
     if flight.gnss.stationary is None:
         of_motion = with_set_clock(of_motion, imu, gnss)
     if flight.camera is not None and flight.camera.clock == "imu":
-        unmoved = "exposures that the IMU's clock stamped before it was set: add its step to them"
+        unmoved = (
+            "add the step of the IMU's clock to the stamps of the exposures before the clock was"
+            " set"
+        )
         of_motion += [
             replace(check, verdict="contradiction", remedy=f"{unmoved}, or let the receiver stamp")
             for check in imu.notes
@@ -390,10 +394,14 @@ def noise_misfit(noise: NoiseModel) -> list[Finding]:
     more = len(noise.misfit) - 1
     finding = noise.misfit[0] + (f"; and {more} more, in its file" if more else "")
     advice = (
-        "sigmas of this flight are as good as this model; tune it again with one that fits (insgnss"
-        " tune, --model)"
+        "the sigmas of this flight are only as good as this noise model; tune again with a"
+        " --model that fits (insgnss tune)"
     )
-    return [Question("noise model", "fits what it was estimated from").note(finding, advice)]
+    return [
+        Question(
+            "noise model", "a noise model that fits the recordings from which it was estimated"
+        ).note(finding, advice)
+    ]
 
 
 def _turn_on_bias(

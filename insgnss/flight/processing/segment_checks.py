@@ -116,11 +116,14 @@ def check_exposure_clock(
         ]
         limit = max(CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA * float(np.median(np.concatenate(sigma))))
         if max(apart) > limit:
-            check = Question("exposure clock", f"no matter, to {1e3 * limit:.0f} mm").note(
-                f"taken as the IMU's; by the clock of the fixes they are up to {max(apart):.2f} m"
-                " elsewhere, and no data of the flight tell which of both it is",
+            check = Question(
+                "exposure clock", f"either clock gives the same images within {1e3 * limit:.0f} mm"
+            ).note(
+                "taken as the IMU's; with the receiver's clock the images would lie up to"
+                f" {max(apart):.2f} m elsewhere, and no data of the flight show which clock is"
+                " right",
                 Step(
-                    'say it: {} where the receiver stamps them, "imu" where the IMU does',
+                    'set {} if the receiver stamps the exposures, "imu" if the IMU does',
                     SetKey("camera.clock", "receiver"),
                 ),
             )
@@ -156,7 +159,7 @@ def check_residuals(
     yield Question("fixes minus solution", expected).note(
         f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
         f" {millimetres(1e3 * worst.mean_m[axis])} {NED_NAMES[axis]}, {sigmas:.1f} sigma",
-        "the solution leaves its fixes there: do not rely on positions or sigmas",
+        "the solution departs from the fixes there: do not rely on its positions or sigmas",
         when=sigmas > limit,
     )
 
@@ -198,9 +201,9 @@ def check_file_sigmas(
         return
     ratio, factor = wider
     yield Question("sigmas of the fixes", "no larger errors than the innovations need").note(
-        "as white errors they explain the innovations (NIS per degree of freedom"
-        f" {ratio:.2f}, white); with the errors that were adopted besides, sigmas of position"
-        f" are {factor:.1f} times as large",
+        "taken as white noise, the sigmas of the file already explain the innovations (NIS per"
+        f" degree of freedom {ratio:.2f}, white); with the larger errors that were adopted,"
+        f" sigmas of position are {factor:.1f} times as large",
         Step("set {} to take the sigmas of the file at their word", SetKey("gnss.gm_sigma", "off")),
     )
 
@@ -278,7 +281,7 @@ def check_motion(
         *(("filter.non_holonomic", False) if constrained else ("filter.zero_velocity", "off"))
     )
     measured = "zero-velocity updates or non-holonomic constraints"
-    remedy = Step("it does not move so: {}", key)
+    remedy = Step("if the vehicle does not move as assumed: {}", key)
     yield from _mostly_used("motion", segments, VELOCITY_CONSTRAINT, measured, remedy)
 
 
@@ -328,7 +331,7 @@ def check_measurements(
         nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])
         finding = f"{measurement.name}: {rejected} of {offered} values rejected"
         bad, ratio = not offered or rejected > MOST_REJECTED_FIXES * offered, 1.0
-        question = Question("measurements", "some within the flight, most of them used")
+        question = Question("measurements", "some values within the flight, and most of them used")
         remedy = Step("check its clock, units, sign and what `predict` returns, or leave it out")
         if not offered:
             time, first, last = measurement.time, solutions[0].time[0], solutions[-1].time[-1]
@@ -350,14 +353,14 @@ def check_measurements(
             remedy = Step("measure it again and correct the values, or give it a larger sigma")
         if wide and not bad:
             larger = Step(
-                "give the values standard deviations that are larger by this factor, or the states"
-                " that they lack: until then the sigmas of the flight are too small"
+                "multiply the standard deviations of the values by this factor, or add the error"
+                " states that are missing: until then the sigmas of the flight are too small"
             )
             yield question.note(finding, larger)
         elif narrow and not bad:
             units = Step(
-                "look at the unit of its sigma and of the sigmas of its states, rad for deg say:"
-                " as they stand the flight has next to nothing of it"
+                "check the units of its sigma and of the sigmas of its states, such as deg given"
+                " as rad: with these values the sensor has almost no effect on the solution"
             )
             yield question.note(finding, units)
         else:

@@ -37,15 +37,18 @@ class MeasurementInput:
 
     kind: str = option(
         ...,
-        "what it measures (measurement.md): heading, attitude, body velocity, a baseline from one"
-        " antenna to another, the magnetic field or the speed through the air; or a kind that is"
-        " installed beside",
+        "what the sensor measures (measurement.md): heading, attitude, body velocity, a baseline"
+        " from one antenna to another, the magnetic field or the speed through the air; or a"
+        " kind that an installed plugin adds",
         kind="choice",
         choices=_kinds,
     )
     file: Path = option(..., "table of times, values and standard deviations", kind="file")
     name: str | None = option(
-        None, "what the report calls it; no two share it", form="text", usual="the kind"
+        None,
+        "name of the sensor in the report; every sensor needs its own",
+        form="text",
+        usual="the kind",
     )
     columns: "Columns" = columns_of_file("as gnss.columns", of_file=True)
     units: Mapping[str, str] | None = option(

@@ -49,8 +49,8 @@ UNSEEN_SIGMA = 3.0  # median sigmas of a position: an error below is within what
 BY_CHANCE = 3.0
 TURNED_ELEMENT = 0.5  # of an element of two matrices: these are turned by some right angle
 STAMPED = (
-    "and see that {camera.clock} is the clock that stamps the exposures (imu or receiver): by the"
-    " other one they are off by as much"
+    "and check that {camera.clock} is the clock that stamps the exposures (imu or receiver):"
+    " with the wrong clock they are off by as much"
 )
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
 # instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
@@ -94,7 +94,7 @@ def advice(
     speed = rms_speed(solution)
     minutes = float(solution.time[-1] - solution.time[0]) / 60.0
     names = [" and ".join(map(str, rival.groups)) for rival in rivals]
-    either = f"; this flight does not tell it from {' or '.join([*names, *delays])}"
+    either = f"; this flight cannot tell this error from {' or '.join([*names, *delays])}"
     by = f", log evidence {suspected.evidence:.0f}{either if names or delays else ''}"
     beyond_chance = suspected.wide_evidence >= BY_CHANCE
     checks: list[tuple[float, Finding]] = []
@@ -174,7 +174,7 @@ def unseen(
         offset = SEEN * alone.get(TIME_OFFSET, np.inf)
         text = f"{TIME_OFFSET} below {1e3 * offset:.2g} ms"
         along = f"the offset moves them by up to {millimetres(offset * speed)} mm along track"
-        shared = "the offset moves no image, whose exposures have the same clock"
+        shared = "the offset moves no image, since their exposures have the same clock"
         errors.append((0.0, text, shared) if events_with_fixes else (offset * speed, text, along))
     if not errors:
         return None
@@ -183,8 +183,8 @@ def unseen(
     moved = ", ".join(dict.fromkeys(effects))
     text = f"this flight would not reveal errors of {', '.join(names)}: {moved}"
     remedy = Step(
-        "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
-        " turns, tilts and changes of speed show them"
+        "measure them, and state how accurately: {mounting.antenna_sigma_m},"
+        " {gnss.time_sigma_s}; turns, tilts and changes of speed in a flight reveal them"
     )
     ask = Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen")
     return ask.note(text, remedy, when=hidden)
@@ -274,8 +274,9 @@ def _lever_arm(
     if turns:
         matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
         first = (
-            f"another mounting.camera_from_body{matrix} would explain it with antenna_m as it is,"
-            " and turn the images as well: look at it first, nothing else of a flight shows it;"
+            f"another mounting.camera_from_body{matrix} would explain this with antenna_m"
+            " unchanged, and would turn the images as well: check the mounting first, since"
+            " nothing else in a flight shows a wrong one;"
         )
         advised = joined((first, advised), " else ")
     stated = f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off"
@@ -296,11 +297,12 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
     )
     how_well = f"antenna_sigma_m = {max(sigma, 1e-3):.3f}"
     if not exposures:
-        return f"mounting.antenna_m = {antenna} would be it, with {how_well}"
+        return f"mounting.antenna_m = {antenna} would correct it, with {how_well}"
     return (
-        f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would be it, with {how_well}:"
-        " the flight measures only the vector from IMU to antenna; if imu_m is the wrong one, all"
-        f" images move by {float(np.linalg.norm(value)):.3f} m; measure both before you change one"
+        f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would correct it, with"
+        f" {how_well}: the flight measures only the vector from IMU to antenna; if imu_m is the"
+        f" wrong one, all images move by {float(np.linalg.norm(value)):.3f} m; measure both"
+        " before you change one"
     )
 
 
@@ -355,10 +357,10 @@ def _late_samples(offset: float, sigma: float, interval_s: float) -> Remedy:
     if not least - slack <= -offset <= most + slack or slack > most:
         return ""
     return Step(
-        f"; or is each IMU sample no mean over its {1e3 * interval_s:.3g} ms: instantaneous"
-        " ({}), or every k-th kept of more (give all of them, or their means)? then the IMU's"
-        f" stamps are late: add {-offset:+.4f} to {{imu.time_offset_s}} instead, which keeps the"
-        " exposures right",
+        f"; or the IMU samples are not means over their {1e3 * interval_s:.3g} ms but"
+        f" instantaneous ({{}}), or only every k-th sample was kept (give all of them, or their"
+        f" means): then the IMU's stamps are late: add {-offset:+.4f} to {{imu.time_offset_s}}"
+        " instead, which keeps the exposures right",
         SetKey("imu.quantity", "instant_rate"),
     )
 
@@ -389,7 +391,7 @@ def _of_imu(
         for state in largest
     )
     key = SetKey(f"filter.{group.replace(' ', '_')}", True)
-    return Question(f"IMU {group}s", "within what the noise model has").note(
+    return Question(f"IMU {group}s", "within the sigmas of the noise model").note(
         f"{numbers}{by}; estimated",
         Step("calibrate the IMU ({imu.calibration}), or set {}", key),
     )

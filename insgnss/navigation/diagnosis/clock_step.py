@@ -323,16 +323,17 @@ def step_check(step: ClockStep) -> Finding:
     speed = rms_speed(step.solution)
     moves = f"{abs(step.size) * speed:.2f} m at {speed:.1f} m/s"
     if not np.isinf(step.evidence):
-        moves += f", log evidence {step.evidence:.0f} beyond any rate"
+        moves += f", log evidence {step.evidence:.0f} against any steady clock drift"
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
     whose = ""
     mended = (
-        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
-        f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
+        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's clock"
+        f" stepped, {to_imu} if the IMU's did, and correct the events of the clock that stepped"
+        " alike"
     )
     if step.of_imu:
-        whose = "; the IMU's stamps have a gap as long there, so its clock it is"
-        mended = f"add {to_imu} from there on, and to events of its clock"
+        whose = "; the IMU's stamps have an equally long gap there, so the IMU's clock stepped"
+        mended = f"add {to_imu} from there on, and to the events that the IMU's clock stamped"
     parts = (
         f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
@@ -350,7 +351,7 @@ def step_check(step: ClockStep) -> Finding:
             f" on they are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
     ask = Question(CLOCK_STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m")
-    advice = Step(f"{mended}: solved so, the flight follows its fixes{parts}")
+    advice = Step(f"{mended}: solved with this step, the flight follows its fixes{parts}")
     return ask.contradiction(sentence, advice)
 
 

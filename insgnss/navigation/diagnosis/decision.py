@@ -486,10 +486,15 @@ def _adopted(search: ErrorModelSearch, posed: Posed, state: _Search, model: Erro
                 break
         model = replace(model, fixes=with_larger_white_share(model.fixes))
     else:
-        sentence = f"{message(model.fixes)}; given up, the filter loses fixes with it"
+        sentence = (
+            f"{message(model.fixes)}; not adopted, since with this error the filter rejects fixes"
+        )
         return state.after_trial([name], (), sentence)
     if adopted is None:
-        sentence = f"{message(model.fixes)}; given up, it explains the whole flight no better"
+        sentence = (
+            f"{message(model.fixes)}; not adopted, since this error explains the whole flight no"
+            " better"
+        )
         return state.after_trial([name], (), sentence)
     model, solution = adopted
     return state.after_trial([name], (), message(model.fixes), (solution, model))

@@ -106,11 +106,11 @@ def hidden_drift(
     k, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     time = float(np.abs(before.problem.inc.marks[before.separation_epoch[k]]))
     return Question("drift", f"below {PARTED_SIGMAS:g} sigmas").note(
-        f"before larger errors were adopted forward and backward disagreed by"
-        f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]} "
-        f"{NED_LETTERS[int(column) % 3]} at"
-        f" TOW {time:.1f} s, and agreed elsewhere: about then the fixes or the IMU drifted for"
-        " seconds or minutes, which the adopted noise holds in the mean only",
+        "before larger errors were adopted forward and backward disagreed by"
+        f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]}"
+        f" {NED_LETTERS[int(column) % 3]} at TOW {time:.1f} s, and agreed elsewhere: about then"
+        " the fixes or the IMU drifted for seconds or minutes, which the adopted noise covers"
+        " only on average",
         "look at the quality of the fixes there; do not rely on the sigmas of images near it",
     )
 
@@ -275,7 +275,10 @@ class BiasStepCandidate(SlowBiasCandidate):
             when, remedy = " (at a gap of the IMU)", "look for what interrupted the IMU"
         elif not moves[:first].any() or (moves[near].any() and not moves[: np.argmax(near)].any()):
             when = " (when the motors start)"
-            remedy = "mount the IMU softer, or let the motors run before the rest"
+            remedy = (
+                "mount the IMU softer, or let the motors run before the stationary period at the"
+                " start"
+            )
         return Question("IMU bias step", AS_MODELLED).note(
             f"the biases step by about {gyro:.0f} deg/h and {accel:.1f} mg at TOW {time:.1f} s"
             f"{when}, log evidence {self.evidence:.0f}; estimated, and the sigmas of the images"

@@ -295,7 +295,10 @@ def incorrect_check(
         f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
         for s in spells
     )
-    done = "nothing tells which level is right: there the covariance is enlarged by the step"
+    done = (
+        "the data do not show which of the two levels is right: the covariance there is enlarged"
+        " by the step"
+    )
     if withheld:
         done = "they are left out"
     return Question("incorrect fixes", "one level throughout").note(

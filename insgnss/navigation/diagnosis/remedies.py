@@ -379,7 +379,7 @@ REMEDIES: tuple[Remedy, ...] = (
         "a gate too narrow for the start",
         lambda case: case.failed,
         _with_open_gate,
-        lambda _: "solved with an open gate first, which was closed about that solution",
+        lambda _: "solved first without an innovation gate, then with the gate about that solution",
     ),
     Remedy(
         "errors of the IMU, or larger noise",

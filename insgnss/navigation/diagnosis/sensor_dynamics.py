@@ -140,7 +140,7 @@ def load_bias_in_words(value: Array, sigma: Array) -> str:
         f"{axis} {one / MILLI_G:+.1f} +- {its_sigma / MILLI_G:.1f}"
         for axis, one, its_sigma in zip("xyz", value, sigma, strict=True)
     )
-    return f"accelerometer biases that grow with the load factor, by {biases} mg a g"
+    return f"accelerometer biases that grow with the load factor, by {biases} mg per g"
 
 
 @dataclass(frozen=True)

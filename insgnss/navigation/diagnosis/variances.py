@@ -94,8 +94,8 @@ TURN_ON = {  # a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
     "accel": 2e-3 * STANDARD_GRAVITY,
 }
 TURN_ON_ADVICE = (
-    "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or as its "
-    "recordings at rest tell"
+    "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or take"
+    " the values measured in its recordings at rest"
 )
 
 

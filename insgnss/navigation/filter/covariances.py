@@ -221,7 +221,9 @@ class SmoothedCovariances:
         if there.all():
             return self.kept[slot]
         if self.again is None:
-            raise ValueError("the increments are gone: covariances are those of Solution.rows")
+            raise ValueError(
+                "the increments were not kept: covariances exist only at Solution.rows"
+            )
         out = np.empty((wanted.size, self.kept.shape[1]))
         out[there] = self.kept[slot[there]]
         out[~there] = self.again.triangles(wanted[~there])

@@ -188,7 +188,9 @@ class EventChain:
         kept = self.read.state[: self.read.common]
         of_kept = T[..., kept]
         if np.count_nonzero(of_kept) < np.count_nonzero(T):
-            raise ValueError("of this state the chain keeps nothing: `StateLayout.read_of_events`")
+            raise ValueError(
+                "the chain of events does not keep this state; see `StateLayout.read_of_events`"
+            )
         slot = np.asarray(self.read.begin[events])[..., None] + np.arange(kept.size)
         return np.asarray(of_kept @ rows[slot])
 

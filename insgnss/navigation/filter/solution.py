@@ -343,8 +343,8 @@ def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> Non
         first = float(np.abs(problem.inc.marks[int(np.argmax(odd))]))
         raise DataError(
             f"the smoothed covariance has negative variances from {first:.1f} s on: the filter's"
-            " own is so large there that its digits do not hold the smoothed one; cut the flight"
-            " there with start_tow and end_tow"
+            " covariance is so large there that rounding errors exceed the smoothed covariance;"
+            " cut the flight there with start_tow and end_tow"
         )
 
 

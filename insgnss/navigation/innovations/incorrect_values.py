@@ -244,7 +244,7 @@ def _check(spells: list[ValueSpell]) -> Finding:
         )
     more = f" and {len(spells) - MOST_SPELLS_NAMED} more" if len(spells) > MOST_SPELLS_NAMED else ""
     return Question("measurements", "one level throughout").note(
-        "for seconds, values differ from what the flight without these sensors has:"
+        "for seconds, values differ from the flight solved without these sensors:"
         f" {'; '.join(texts)}{more}; they are left out",
         "look for what disturbed the sensor there: iron or currents, reflections, slip",
     )

@@ -206,7 +206,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     for name in names:
         if name not in possible:
             raise UsageError(
-                f"noise parameter {name!r} is none that this flight's filter has; use"
+                f"noise parameter {name!r} does not exist in the filter of this flight; use"
                 f" {', '.join(possible)}"
             )
     driven = [name for name in names if name in DRIVEN or name in CORRELATED_STATES]

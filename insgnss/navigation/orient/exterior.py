@@ -68,7 +68,9 @@ def exterior_orientation(
         at_exposure.time.shape != events.time.shape
         or (np.abs(at_exposure.time - events.time) > 1e-6).any()
     ):
-        raise InputError("exterior_orientation: the trajectory is not at the exposures' times")
+        raise InputError(
+            "exterior_orientation: the trajectory must be given at the times of the exposures"
+        )
     C_mn, C_mb = _axes(at_exposure, plane)
     lever_m = C_mb @ mounting.camera_lever_b
     J = pose_derivatives(at_exposure, mounting, plane)

@@ -94,7 +94,7 @@ def in_frame(
         frame = replace(frame, scaled_from_m=ground_m)
         history = (
             *history,
-            f"heights above the ground at {ground_m:.2f} m scaled by that of the projection",
+            f"heights above the ground at {ground_m:.2f} m multiplied by the map scale factor",
         )
     J = np.zeros((len(eo.images), 6, 6))
     J[:, :3, :3] = J[:, 3:, 3:] = C_fm

@@ -153,9 +153,8 @@ class _Seen:
                 near = self._misses(k, 0, self.time.size)
             if not near.shape[0]:
                 raise DataError(
-                    f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of an interval"
-                    " that long without a gap, to show how well it is bridged; record"
-                    " without gaps"
+                    f"gap of {length:.3f} s at {t:.3f} s: no gap-free part of the recording is"
+                    " long enough to show how well this gap is bridged; record without gaps"
                 )
             self._known[key] = np.mean(near**2, axis=0)
         return self._known[key]

@@ -227,8 +227,8 @@ def _unbroken(
     if cuts.size:
         share = (last - first) / (hi - lo)
         finding += (
-            f"; used is the longest span without, {time[first]:.1f} to {time[last - 1]:.1f} s,"
-            f" {share:.0%} of the samples"
+            f"; only the longest span without gaps is used, {time[first]:.1f} to"
+            f" {time[last - 1]:.1f} s, {share:.0%} of the samples"
         )
     if bridge_s:
         finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"
@@ -320,7 +320,9 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Finding:
         return ask.contradiction(finding, f"{advice}; gravity must be in them")
     if rate > MAX_BIAS:
         return ask.contradiction(
-            finding, "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count"
+            finding,
+            "the sensor turns, or its unit is another: give --gyro-unit, deg/s or the value"
+            " of one count",
         )
     return ask.ok(finding)
 
@@ -335,8 +337,8 @@ def _earth_rate(gyro: Array) -> list[Finding]:
         return []
     per_hour = 3600.0 * np.degrees([mean, EARTH_RATE, np.degrees(mean)])
     advice = (
-        "fine where the sensor takes its mean off at the start; else the values are of a larger"
-        f" unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
+        "fine if the sensor subtracts its mean at the start; otherwise the values are of a"
+        f" larger unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
     )
     least, earth = LEAST_EARTH * per_hour[1], per_hour[1]
     ask = Question("Earth's rate", f"{least:.3g} deg/h and more: the Earth turns by {earth:.4g}")

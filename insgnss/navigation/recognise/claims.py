@@ -200,7 +200,7 @@ def _compare_sign(recognition: Recognition, accel_sign: int) -> Finding:
     if not finding.confidence:
         return ask.note(statement, "the data do not determine the sign of the force")
     if recognition.exchanges:  # as mirrored readings have it: no sign of the force's own
-        return ask.note(statement, "of the left-handed axes alone, see recognised axes")
+        return ask.note(statement, "caused by the left-handed axes alone; see recognised axes")
     if recognition.accel_sign > 0:
         return ask.ok(statement)
     advice = Step(
@@ -276,11 +276,13 @@ def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:
         if not closings:
             continue
         _, rows, added, misfit, paused = min(closings)
-        return Question("recognised clock", "a clock that nobody sets").contradiction(
+        return Question(
+            "recognised clock", "a clock that is not set during the recording"
+        ).contradiction(
             f"the IMU's clock was set by {step:+.3f} s between {start:.3f} and"
-            f" {start + length:.3f} s, its samples {row} and {row + 1}: with the pause closed they"
-            f" explain {1.0 - misfit:.1%} of the motion that GNSS saw, else {1.0 - paused:.1%} at"
-            " most",
+            f" {start + length:.3f} s, its samples {row} and {row + 1}: with this jump removed"
+            f" the IMU explains {1.0 - misfit:.1%} of the motion that GNSS saw, with it"
+            f" {1.0 - paused:.1%} at most",
             Step(
                 f"add {added:+.3f} s to the stamps {rows} there, and to events of the same clock;"
                 " no single time offset mends it"

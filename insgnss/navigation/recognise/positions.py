@@ -90,7 +90,8 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         if np.corrcoef(down[:, 0], stated[:, 0])[0, 1] < REVERSED:
             finding = "the heights rise where the vertical velocity falls"
             advice = Step(
-                "it is of the other sense: in {gnss.columns} call it vu instead of vd, or vd of vu"
+                "the vertical velocity has the opposite sign: in {gnss.columns} call it vu"
+                " instead of vd, or vd instead of vu"
             )
             return ask.contradiction(finding, advice)
     return ask.ok(finding)

@@ -35,7 +35,7 @@ STRANGERS = (
     "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30"
     " s apart)?"
 )
-NOSE = "its nose does not follow its course, so the turns do not show the clock"
+NOSE = "the nose of the drone does not follow its course, so the turns do not show a time offset"
 # confidence of the forces in all answers, by which they overrule the turns (chosen)
 SURE_OF_FORCES = 0.99
 # confidence of the forces in the clock, by which they overrule the turns' lag (chosen)
@@ -89,7 +89,9 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
     -------
     Finding
     """
-    ask = Question("camera events", "in the time scale of the fixes: on lines, not in turns")
+    ask = Question(
+        "camera events", "in the time scale of the fixes: exposures on flight lines, not in turns"
+    )
     step = np.diff(events.time)
     finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
     finding += CLOCK_OWNERS[clock]
@@ -272,7 +274,7 @@ def check_turns(
         return ask.note(finding, NOSE)
     if of_clock and remedy != STRANGERS and 1.0 - rival**2 < RIVAL_MISFIT_RATIO * (1.0 - best**2):
         finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
-        return ask.note(finding, "the turns repeat themselves: no clock shows")
+        return ask.note(finding, "the turns repeat themselves, so they do not show a time offset")
     if verdict == "contradiction" and not _reliable(gnss, grid, width):
         return ask.note(finding, "the fixes are too poor, or too few, to show turns")
     return ask.answer(finding, verdict, remedy)

@@ -50,8 +50,8 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
     if not scan.score[scan.best] > LEAST_SCORE:
         sure = 0.0
     evidence = (
-        f"as {value} the gyros propagate the force so that it explains"
-        f" {_percent(scan.score[scan.best])} of the accelerations of GNSS"
+        f"as {value} the gyros give a propagated specific force that explains"
+        f" {_percent(scan.score[scan.best])} of the GNSS accelerations"
     )
     if others:
         evidence += f", as the next best unit {_percent(max(others))}"
@@ -143,7 +143,7 @@ def of_forward(ahead: ForwardAxis, moved: Propulsion, also: float) -> Finding:
     evidence += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
     evidence += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
     if ahead.speed < SLOW_MS:
-        evidence += "; so slow that forward depends on how it was held"
+        evidence += "; too slow to tell the forward direction from how the sensor was held"
     elif free:
         seen = "leans to change its speed, as" if moved.leans else "may be"
         evidence += f"; {seen} a multirotor, which may fly sideways or backwards"

@@ -61,7 +61,10 @@ def test_a_table_of_the_run_stays_in_its_frame(
     other = eo.with_name("metashape_EPSG2056.csv")
     assert main(argv) == 2
     error = capsys.readouterr().err
-    assert "metashape.csv is the run's own, in EPSG:4979 WGS 84, and this export is in" in error
+    assert (
+        "metashape.csv was written by the run itself, in EPSG:4979 WGS 84, and this export is in"
+        in error
+    )
     assert f"EPSG:2056 CH1903+ / LV95; give --out {other}, or --force" in error
     assert {path: path.read_bytes() for path in eo.parent.iterdir()} == before
     assert main(["export", str(eo), "metashape", "-q"]) == 0  # the same frame
@@ -78,7 +81,7 @@ def test_what_is_named_is_replaced_by_the_same_only(
     table.write_text("of the user")
     argv = ["export", str(eo), "generic_ascii", "--out", str(table), "-q"]
     assert main(argv) == 2
-    assert "table.txt is there and differs from this export" in capsys.readouterr().err
+    assert "table.txt exists and differs from this export" in capsys.readouterr().err
     assert table.read_text() == "of the user"
     assert main([*argv, "--force"]) == 0
     assert main(argv) == 0
@@ -87,7 +90,7 @@ def test_what_is_named_is_replaced_by_the_same_only(
     assert main([*model, "camera=PINHOLE 1280 960 1400 1400 640 480"]) == 0
     assert main([*model, "camera=PINHOLE 1280 960 1400 1400 640 480"]) == 0
     assert main([*model, "camera=PINHOLE 1280 960 1500 1500 640 480"]) == 2
-    assert "cameras.txt is there and differs" in capsys.readouterr().err
+    assert "cameras.txt exists and differs" in capsys.readouterr().err
     noise = ["export", "navchip", "kalibr", "--out", str(tmp_path / "imu.yaml"), "--set"]
     assert [main([*noise, f"rate={rate}", "-q"]) for rate in (200, 200, 100)] == [0, 0, 2]
 

@@ -296,7 +296,7 @@ def test_fixes_of_two_kinds_keep_the_deviations_that_they_state(
         expected[stated] = [0.02, 0.02, 0.04]
         assert fixes.sigma_assumed.tolist() == (~stated).tolist()
         assert "24 of 60 fixes state no" in " ".join(note.found for note in fixes.notes)
-        assert "24 of 60 fixes state none" in source.why["sigma_m"]
+        assert "24 of 60 fixes state no standard deviation" in source.why["sigma_m"]
         assert keys["units"] == {"quality": "nmea"}
     else:
         assert f"{why} of 60 rows" in " ".join(source.columns_left_out)

@@ -43,7 +43,7 @@ APART = 200_000.0 + 7.0 * np.arange(1, 8) + 0.0031
 @pytest.mark.parametrize(
     ("weeks", "stamps", "files", "clock", "sure"),
     [
-        # samples count seconds of their own, fixes and exposures have the week
+        # samples only count seconds of their own, fixes and exposures have the week
         ((None, 2000, 2000), APART, ("imu", "gnss", "events"), "receiver", True),
         # the stamps of samples, none of which is a round number
         ((2000, 2000, 2000), IMU_TIME[500::700], ("imu", "gnss", "events"), "imu", True),
@@ -84,7 +84,7 @@ def test_the_draft_says_that_it_is_not_told(tmp_path):
     assert found.draft is not None
     text = found.draft.text(place)
     assert '# clock = "receiver"' in text
-    assert "do not tell whose clock stamps the exposures" in " ".join(text.replace("#", "").split())
+    assert "do not show which clock stamps the exposures" in " ".join(text.replace("#", "").split())
     assert "clock" not in tomllib.loads(text)["camera"]
 
 

@@ -96,9 +96,13 @@ def test_a_mounting_that_fits_is_silent(images: Path, changes: dict[str, Any]) -
         ({"camera": "ILCE-7RM2"}, "2018-08-01", "the images are of 'FC6310'"),
         ({"image_size": (60, 40)}, "2018-08-01", "images of 60 x 40 and 40 x 30 pixels"),
         ({"focal_px": 40.0}, "2018-08-01", "(-31 %, limit 15 %)"),
-        ({}, "2019-07-07", "flown 366 days after its data of 2018-07-06 (limit 365"),
-        ({}, "2017-07-05", "flown 366 days before its data"),
-        ({"not_determined": {"imu_m": "-"}}, "2018-08-01", "it did not determine imu_m"),
+        ({}, "2019-07-07", "flown 366 days after its calibration data of 2018-07-06 (limit 365"),
+        ({}, "2017-07-05", "flown 366 days before its calibration data"),
+        (
+            {"not_determined": {"imu_m": "-"}},
+            "2018-08-01",
+            "the calibration did not determine imu_m",
+        ),
     ],
 )
 def test_a_mounting_of_another_camera_or_time_is_told(

@@ -137,6 +137,6 @@ def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, 
     after = decision._adopted(search, None, here, model)
     assert after.solution is (before if taken is None else solutions[taken])
     if taken is None:
-        assert "given up" in after.history[0]
+        assert "not adopted" in after.history[0]
     else:
         assert after.model.fixes.white_scale == pytest.approx((0.2 * 1.6**taken,) * 3)

@@ -67,8 +67,8 @@ def estimated(sim: Any, records: Any) -> insgnss.ProcessResult:
         ("ign6x1", 701, late_gyros, -8e-3, "gyro delay", "ms earlier than accelerometers"),
         ("ign8", 700, slow_receiver, 2.0, "receiver dynamics", "receiver of 2.0 Hz"),
         ("ign6x1", 701, slow_receiver, 1.0, "receiver dynamics", "receiver of 1.0 Hz"),
-        ("ign8", 700, rectifying, 10.0, "load-dependent bias", "mg a g"),
-        ("ign6x1", 701, rectifying, 10.0, "load-dependent bias", "mg a g"),
+        ("ign8", 700, rectifying, 10.0, "load-dependent bias", "mg per g"),
+        ("ign6x1", 701, rectifying, 10.0, "load-dependent bias", "mg per g"),
     ],
 )
 def test_what_follows_the_motion_is_named_and_no_constant(

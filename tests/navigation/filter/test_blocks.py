@@ -99,7 +99,7 @@ def test_blocks_give_what_the_passes_over_the_whole_flight_give(posed):
     nodes = nodes_of(problem.layout, problem.epochs.time[of_blocks.epoch])
     assert nodes[0].size > 5
     assert_array_equal(common_errors(of_blocks, *nodes, T), common_errors(chain, *nodes, T))
-    with pytest.raises(ValueError, match="of this state the chain keeps nothing"):
+    with pytest.raises(ValueError, match="the chain of events does not keep this state"):
         of_blocks.covariance_of(np.arange(5), np.tile(np.eye(problem.layout.size), (5, 1, 1)))
 
 
@@ -145,7 +145,7 @@ def test_without_increments_only_what_is_kept_is_told(posed, monkeypatch):
     assert bare.chain is None  # the largest of all that an image leaves
     assert_array_equal(bare.covariance(bare.rows), solution.covariance(solution.rows))
     assert_array_equal(bare.nav_covariance(), solution.nav_covariance())
-    with pytest.raises(ValueError, match=r"covariances are those of Solution\.rows"):
+    with pytest.raises(ValueError, match=r"covariances exist only at Solution\.rows"):
         bare.covariance(np.array([1]))
 
 

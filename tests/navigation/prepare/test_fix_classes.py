@@ -187,7 +187,7 @@ def test_an_island_of_fixes_that_one_run_alone_has_is_not_believed():
     assert (kind == ISOLATED).all()
     assert (trusted.quality == 2).all()
     assert np.sqrt(trusted.cov_ned[175, 1, 1]) > 2.02
-    assert "11 as islands that one run alone has fixed" in trusted.notes[-1].found
+    assert "11 as short spans that only one run has fixed" in trusted.notes[-1].found
     alone, kind = calibrate(fixes, np.full(400, 12), np.full(400, 2000.0))
     assert (kind == ISOLATED).all()
     assert (alone.quality == 2).all()

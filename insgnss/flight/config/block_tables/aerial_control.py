@@ -33,7 +33,8 @@ class AerialControlTable(Checked, table="aerial_control"):
     )
     initial: Path | None = option(
         None,
-        "poses whose attitudes are first values, in any format that `insgnss compare` reads",
+        "poses whose attitudes are the first values of the adjustment, in any format that"
+        " `insgnss compare` reads",
         usual="the poses of the image observations",
         cli="--initial",
     )
@@ -52,27 +53,28 @@ class AerialControlTable(Checked, table="aerial_control"):
     )
     covariance: Literal["auto", "strip", "chain", "image"] = option(
         "auto",
-        'which covariances weigh the poses: "strip": of whole flight lines, eo_covariance.npz '
-        'beside the file; "chain": of neighbours, which makes what is common to a line too small; '
-        '"image": of each image alone; "auto": the first of these that is there',
+        'which covariances weigh the poses: "strip": of whole flight lines, eo_covariance.npz'
+        ' beside the file; "chain": of neighbours, which understates errors common to a whole'
+        ' line; "image": of each image alone; "auto": the first of these that is there',
     )
     control: ControlKind = option(
         "Ap/Aa",
-        "what is observed of the poses, absolute (A) or relative to the neighbour in the flight "
-        "line (R): position (p) and attitude (a). Relative attitudes ask for no bore-sight, "
-        "relative positions for no datum of the fixes",
+        "what is observed of the poses, absolute (A) or relative to the neighbour in the flight"
+        " line (R): position (p) and attitude (a). Relative attitudes need no bore-sight,"
+        " relative positions need no datum of the fixes",
         cli="--control",
     )
     lines: tuple[str, ...] = option(
         (),
-        "flight lines with another control: name of one of its images and the control, such as "
-        '"IMG_0010 Rp/Ra"',
+        "flight lines with another kind of control: name of one image of the line and the kind,"
+        ' such as "IMG_0010 Rp/Ra"',
     )
     relative_weights: Literal["smoothed", "independent", "gyro"] = option(
         "smoothed",
-        'what weighs relative control: "smoothed": the covariance of all poses of the line; '
-        '"independent": each pair as of independent images (paper 003, equation 5); "gyro": the '
-        "same for positions, and for attitudes noise and drift of the gyroscopes (equation 6)",
+        'covariance of relative control: "smoothed": the covariance of all poses of the line;'
+        ' "independent": that of two independent images for each pair (paper 003, equation 5);'
+        ' "gyro": as "independent" for positions, from noise and drift of the gyroscopes for'
+        " attitudes (equation 6)",
         cli="--relative-weights",
     )
     gap_s: float = option(
@@ -91,45 +93,51 @@ class AerialControlTable(Checked, table="aerial_control"):
     )
     gyro_drift_degps: float = option(
         0.003,
-        "drift that is left of the gyroscopes, omega_b of equation 6",
+        "remaining drift of the gyroscopes, omega_b of equation 6",
         unit="deg/s",
         low=0.0,
         high=10.0,
     )
     gyro_vertical: float = option(
-        1.5, "by which the drift about the vertical is larger, k of paper 003", low=0.01, high=100.0
+        1.5,
+        "factor by which the drift of the gyroscopes is larger about the vertical, k of paper 003",
+        low=0.01,
+        high=100.0,
     )
     datum_sigma_m: float = option(
         5.0,
-        "standard deviation of the position of one image of each line of relative positions",
+        "in flight lines with relative positions: standard deviation of the absolute position of"
+        " one image",
         unit="m",
         low=1e-3,
         high=1e6,
     )
     datum_sigma_deg: float = option(
         2.0,
-        "the same of the attitude of one image of each line of relative attitudes",
+        "in flight lines with relative attitudes: standard deviation of the absolute attitude of"
+        " one image",
         unit="deg",
         low=1e-3,
         high=180.0,
     )
     boresight_sigma_deg: float = option(
         1.0,
-        "standard deviation of what is left of the bore-sight about each axis, which is estimated; "
-        "0: it is as the flight file has it",
+        "a-priori standard deviation, about each axis, of the remaining bore-sight error, which"
+        " is estimated; 0: the bore-sight of the flight file is exact",
         unit="deg",
         low=0.0,
         high=180.0,
         cli="--boresight-sigma",
     )
     lever_arm_sigma_m: Triple | None = sigmas(
-        "standard deviations of what is left of the lever arm, camera x, y, z, which is estimated",
+        "a-priori standard deviations of the remaining lever-arm error, camera x, y, z, which is"
+        " estimated",
         usual="it is as the flight file has it",
     )
     time_offset_sigma_s: float = option(
         0.0,
-        "standard deviation of the delay of the exposures behind their stamps, which is estimated; "
-        "0: there is none",
+        "a-priori standard deviation of the delay of the exposures behind their stamps, which is"
+        " estimated; 0: no delay",
         unit="s",
         low=0.0,
         high=10.0,

@@ -26,20 +26,20 @@ class VehicleTable(Checked, table="vehicle"):
     )
     target: str = option(
         "K_",
-        "how the image observations call the target: a prefix before the name of the image "
-        "(K_IMG_0010), or one name in all images, which are divided by images then",
+        "name of the target in the image observations: a prefix before the name of the image"
+        " (K_IMG_0010), or one name in all images, then taken as another point in each image",
     )
     target_m: Triple | None = option(
         None,
-        "the target from the point of the trajectory (of eo.json: from its camera), forward, "
-        "right, down in the axes of the vehicle",
+        "vector from the point of the trajectory (of eo.json: from its camera) to the target,"
+        " forward, right, down in the axes of the vehicle",
         unit="m",
         kind="lever",
         usual="zero of eo.json and of a table",
         needs=("file",),
     )
     target_sigma_m: Triple | None = sigmas(
-        "standard deviations of what is left of target_m, which is estimated",
+        "a-priori standard deviations of the remaining error of target_m, which is estimated",
         usual="it is as stated",
         needs=("file",),
     )
@@ -62,13 +62,13 @@ class VehicleTable(Checked, table="vehicle"):
     )
     correlated_share: float = option(
         0.75,
-        "of trajectory.csv and a table: share of the variances that lasts, with correlation_time_s"
-        "; the rest is white. eo.json has its own covariance",
+        "for trajectory.csv and a table: time-correlated share of the variances"
+        " (correlation_time_s); the rest is white. eo.json has its own covariance",
         low=0.0,
         high=1.0,
     )
     correlation_time_s: float = option(
-        300.0, "correlation time of the share that lasts", unit="s", low=0.01, high=1e6
+        300.0, "correlation time of the time-correlated share", unit="s", low=0.01, high=1e6
     )
     longest_gap_s: float = option(
         1.0,
@@ -95,7 +95,8 @@ class VehicleTable(Checked, table="vehicle"):
     )
     size_sigma_m: float = option(
         0.0,
-        "standard deviation of size_m, whose rest is estimated then; 0: it is as stated",
+        "a-priori standard deviation of the error of size_m, which is estimated; 0: size_m is"
+        " exact",
         unit="m",
         low=0.0,
         high=10.0,

@@ -294,7 +294,10 @@ def _quality(grid: UnknownTable, columns: dict[str, int], units: dict[str, str])
     if codes == "nmea":
         units["quality"] = codes
     elif codes is None and squashed(name) not in OF_QUALITY:
-        return {"q": "a quality whose codes nothing tells; RTKLIB's and NMEA's are opposites"}
+        return {
+            "q": "a quality, but nothing shows whether its codes are RTKLIB's or NMEA's, which"
+            " contradict each other"
+        }
     return {}
 
 

@@ -52,10 +52,13 @@ NMEA_CODES = (
     " float"
 )
 NO_CLOCK = (
-    f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities with it"
+    f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and noise densities"
+    " depend on it"
 )
-HELD_FIXES = "the rows between hold the last fix; this changes with each new one"
-NO_VELOCITY_SIGMA = "no standard deviations of the velocity in the file: those of a usual receiver"
+HELD_FIXES = "the rows between two fixes repeat the last fix; this column changes with each new fix"
+NO_VELOCITY_SIGMA = (
+    "no standard deviations of the velocity in the file: these are typical of a receiver"
+)
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 ARRAY_ENDINGS = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
@@ -216,8 +219,8 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
         and "repeat_column" not in GNSS_OPTIONS["gnss_text"]
     ):
         message = (
-            f"holds each fix until the next ({table.fields[roles.repeat_column]} changes with it),"
-            " which text tables are not read by"
+            f"repeats each fix until the next ({table.fields[roles.repeat_column]} changes with"
+            " each new fix), which is not supported in text tables"
         )
         raise InputError.in_file(
             path,
@@ -244,7 +247,10 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
         elif unstated := _unstated(table.grid, columns):
             fixes = f"{unstated} of {len(table.grid.values)} fixes"
-            reason = f"{fixes} state none, or 0: those of a single-point receiver"
+            reason = (
+                f"{fixes} state no standard deviation, or 0: these are typical of a single-point"
+                " receiver"
+            )
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
         if {"vn", "ve", "speed"} & columns.keys() and not {"sd_vn", "sd_v"} & columns.keys():
             sigma = SINGLE_POINT["sigma_velocity_mps"]

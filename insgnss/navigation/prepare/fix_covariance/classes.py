@@ -454,7 +454,8 @@ def _note(
     counts = {
         "because forward and backward runs contradict each other": rejected & apart,
         "because they are outliers from the path": rejected & outlier & ~apart,
-        "as islands that one run alone has fixed, in minutes that are not": rejected & island,
+        "as short spans that only one run has fixed, within minutes that are not fixed": rejected
+        & island,
         f"for fewer than {model.least_satellites} satellites or because fewer than"
         f" {100 * model.support_share:.0f} % of the epochs around them are fixed": (
             rejected & ~apart & ~outlier & ~island
@@ -464,14 +465,16 @@ def _note(
     advice = []
     if reasons:
         finding += f"; not {reasons}"
-        advice.append("those not validated are taken as float, with standard deviations that suit")
+        advice.append(
+            "epochs that are not validated are taken as float, with suitable standard deviations"
+        )
     if of_them := int((kind == DEGRADED).sum()):
         finding += (
             f"; {of_them} of the validated are degraded: of the epochs within {model.degraded_s:g}"
             f" s fewer than {100 * model.degraded_share:g} % are fixed"
         )
         advice.append(
-            "the degraded have standard deviations of centimetres, for reflections that nothing"
+            "degraded epochs get standard deviations of centimetres, for multipath that nothing"
             " else shows"
         )
     remedy = f"{'; '.join(advice)}; look at the figure of satellites and ratio"

@@ -88,9 +88,9 @@ def without_worthless(gnss: GnssFixes) -> GnssFixes:
     )
     expected = f"less than {WORTHLESS:g} times the sigma of the fixes on both sides"
     note = Question("GNSS quality", expected).note(
-        f"{kinds} left out: beside those of quality {gnss.quality[usual[0]]}"
-        f" ({np.median(sigma[usual]):.3g} m) they say nothing",
-        "gnss.quality_sigma_m says what they are worth",
+        f"{kinds} left out: between fixes of quality {gnss.quality[usual[0]]}"
+        f" ({np.median(sigma[usual]):.3g} m) they add no information",
+        "to use them, state their standard deviations in gnss.quality_sigma_m",
     )
     kept = gnss[~worthless]
     return replace(kept, notes=(*gnss.notes, note))

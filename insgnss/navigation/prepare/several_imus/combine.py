@@ -170,8 +170,8 @@ def _checked(
         )
     if np.abs(np.asarray(lever[0])).max() > 0.0:
         raise InputError(
-            f"lever arm {np.asarray(lever[0]).tolist()} m of the first IMU; lever arms are counted"
-            " from it, its own is zero"
+            f"lever arm {np.asarray(lever[0]).tolist()} m of the first IMU; lever arms are"
+            " counted from the first IMU, so its own must be zero"
         )
     if not (np.array(sigma) > 0.0).all():
         raise InputError(
@@ -184,8 +184,8 @@ def _checked(
         )
     if len({imu.gps_week for imu in imus} - {None}) > 1:
         raise InputError(
-            f"GPS weeks {[imu.gps_week for imu in imus]} of the IMUs differ; put them onto one"
-            " first"
+            f"GPS weeks {[imu.gps_week for imu in imus]} of the IMUs differ; convert all stamps"
+            " to one week first"
         )
     for k, imu in enumerate(imus[1:], 2):
         if min(imu.time[-1], imus[0].time[-1]) - max(imu.time[0], imus[0].time[0]) < 1.0:

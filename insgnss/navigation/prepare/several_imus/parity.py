@@ -208,7 +208,7 @@ def _agreement(
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
-    advice = "a calibration file with a common reference for both takes it off"
+    advice = "a calibration file for each IMU, with a common reference, removes this rotation"
     return PARITY.note(finding, advice)
 
 
@@ -231,9 +231,9 @@ def _vote(
     if votes[first] > 0.5 * bad.sum() or (
         votes[first] >= WINDOWS and votes[first] > 3 * np.delete(votes, first).max()
     ):
-        why = "every pair with it contradicts and those without it agree"
+        why = "every pair with this IMU contradicts, and the pairs without it agree"
         return first, f"{why}, in {votes[first]} of {bad.sum()} seconds"
-    return None, "no single one explains all: " + ", ".join(
+    return None, "no single faulty IMU explains all: " + ", ".join(
         f"{name} {n} of {bad.sum()} seconds" for name, n in zip(names, votes, strict=True)
     )
 
