@@ -23,7 +23,7 @@ def events(time, week=WEEK, source="flight.MRK"):
             0.0,
             "ok",
             (
-                "75 of the 75 events of flight.MRK and of the 80 of the rover's are the same, +0.0"
+                "75 of the 75 events of flight.MRK and of the 80 events of the rover match, +0.0"
                 " ms apart"
             ),
         ),

@@ -56,7 +56,10 @@ def test_a_drifting_clock_is_taken_off():
     )
     assert found.images == events.images
     assert found.notes[-1].verdict == "ok"
-    assert found.notes[-1].found == "+0.3703 to +0.4000 ms off GPST, taken off the camera events"
+    assert (
+        found.notes[-1].found
+        == "+0.3703 to +0.4000 ms off GPST, subtracted from the times of the camera events"
+    )
 
 
 def test_a_jump_comes_with_the_later_epoch():

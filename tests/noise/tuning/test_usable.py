@@ -52,7 +52,7 @@ def test_a_process_shorter_than_a_sample_is_white_to_a_filter():
     )
     noise, remarks = usable_axis(inference)
     assert noise.gauss_markov == ()
-    assert "white noise, and stands in the model as such" in remarks[0]
+    assert "white noise, and the model contains it as white noise" in remarks[0]
     assert "upper envelope" in remarks[-1]
     from scipy.signal import lfilter
 
