@@ -193,13 +193,13 @@ def test_a_base_that_is_metres_off_its_coordinates_is_told(fake):
 MISTAKES = {
     "exchanged": (
         (BASE_LLH[1], BASE_LLH[0], 70.0),
-        "with latitude and longitude exchanged they agree",
+        "with latitude and longitude exchanged the coordinates agree",
     ),
     "radians": (
         (*np.radians(BASE_LLH[:2]), 70.0),
-        "with latitude and longitude in radians they agree",
+        "with latitude and longitude in radians the coordinates agree",
     ),
-    "feet": ((*BASE_LLH[:2], 70.0 / 0.3048), "with the height in feet they agree"),
+    "feet": ((*BASE_LLH[:2], 70.0 / 0.3048), "with the height in feet the coordinates agree"),
     "sea level": (
         (*BASE_LLH[:2], 14.0),
         "only the height differs, the position by codes is 56 m above it: give the height above",

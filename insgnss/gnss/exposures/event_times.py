@@ -53,8 +53,8 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Fi
         )
         return Question(NAME, EXPECTED).note(finding, "are both of this flight and camera?")
     finding = (
-        f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size} of the"
-        " rover match"
+        f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size}"
+        " events of the rover are the same"
     )
     if abs(offset) <= SAME_PULSE_S:
         return Question(NAME, EXPECTED).ok(f"{finding}, {1e3 * offset:+.1f} ms apart")
