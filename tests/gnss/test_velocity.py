@@ -591,7 +591,8 @@ def test_what_gives_no_velocity_is_refused(navigation):
     path = turning(time)
     observations = observe(navigation, time, path)
     with pytest.raises(
-        DataError, match=r"made-up\.obs: no phase .* positions and navigation are of this flight"
+        DataError,
+        match=r"made-up\.obs: no satellite .* positions and navigation are of this flight",
     ):
         time_differenced_velocity(observations, navigation, fixes_of(time + 500.0, path))
     with pytest.raises(DataError, match="no phase"):
