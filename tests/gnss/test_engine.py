@@ -413,7 +413,7 @@ def test_a_path_that_is_no_program_is_told_as_such(monkeypatch, tmp_path):
     for engine in (tmp_path / "rnx2rtkp", tmp_path / "notes.txt", tmp_path):
         monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
         with pytest.raises(
-            UsageError, match="no program that can be run; .* use pyrtklib5, which is installed"
+            UsageError, match=r"no program that can be run; .* use pyrtklib5, which is installed"
         ) as info:
             engine_command(str(engine))
         assert "pip install" not in one_line(info)
