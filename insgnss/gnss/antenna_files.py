@@ -177,5 +177,5 @@ def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Findi
         f"{len(missing)} of {covered.size} images have no fixes around them: {some(missing, 5)}"
     )
     return Question("images without position", "fixes around every exposure").note(
-        finding, "the navigation with the IMU bridges the gap"
+        finding, "process the flight with its IMU, which bridges such gaps"
     )

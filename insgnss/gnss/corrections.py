@@ -77,7 +77,9 @@ def without_ionosphere(
     air: Atmosphere | Mapping[str, float] | None,
 ) -> tuple[GnssFixes, Finding]:
     """Return fixes with the correction of `ionosphere`, its covariance added, and a line on it."""
-    ask = Question("GNSS ionosphere", "a correction that the bands show; the engine leaves it out")
+    ask = Question(
+        "GNSS ionosphere", "a correction from two frequencies, which the engine does not apply"
+    )
     if engine_models_it(options):
         return fixes, ask.ok("left to the engine, which models it")
     correction = ionosphere_correction(
@@ -86,12 +88,12 @@ def without_ionosphere(
     )
     if correction is None:
         reason = (
-            f"left in: fewer than {LEAST_EPOCHS} epochs, or less than"
-            f" {LEAST_FLIGHT_S / 60.0:.0f} minutes, show it"
+            f"not corrected: fewer than {LEAST_EPOCHS} epochs, or less than"
+            f" {LEAST_FLIGHT_S / 60.0:.0f} minutes, determine the correction"
         )
         advice = (
-            "1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up"
-            f" to {FAR_M / 1e3:.0f} km away"
+            "errors of 1 to 2 mm/km may remain; the correction needs two frequencies of both"
+            f" receivers at fixed positions up to {FAR_M / 1e3:.0f} km from the base"
         )
         return fixes, ask.note(reason, advice)
     vertical, north, east, *local = correction.ionosphere.value.mean(axis=0)
@@ -106,10 +108,9 @@ def without_ionosphere(
     if correction.gain < LEAST_SHARE_REMOVED:
         sigma = 1e3 * float(np.median(correction.cov_ned[:, 2, 2]) ** 0.5)
         finding += (
-            f"; the gradient does not move heights, of whose variance the flight shows"
-            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_SHARE_REMOVED:.0f} %"
-            f" are needed):"
-            f" they are uncertain by {sigma:.1f} mm"
+            "; heights are not corrected for the gradient, which would take away only"
+            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_SHARE_REMOVED:.0f} % are"
+            f" needed) of their variance: they are uncertain by {sigma:.1f} mm"
         )
     return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
 
@@ -143,8 +144,8 @@ def with_velocity(
             )
     except DataError as error:
         advice = (
-            "velocities are those of the positions; look at the loss-of-lock flags and the"
-            " navigation files"
+            "velocities are computed from the positions instead; check the loss-of-lock flags and"
+            " the navigation files"
         )
         check = Question("GNSS velocity", "velocities").note(str(error), advice)
         return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
@@ -155,7 +156,10 @@ def with_velocity(
         f" {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
     )
     ask = Question("GNSS velocity", f"{100 * MOST_VELOCITIES:.0f} % at least")
-    advice = "the others have those of the positions; cycle slips or few satellites"
+    advice = (
+        "the other epochs have velocities computed from positions, because of cycle slips or few"
+        " satellites"
+    )
     check = ask.note(finding, advice, when=from_phase.mean() < MOST_VELOCITIES)
     return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
 

@@ -48,7 +48,8 @@ class CovarianceModel(CalibrationNumbers):
     ppm: Triple = option(MEASURED.ppm, "parts per million of the distance to the base", **_TRIPLE)
     acceleration_mps2: Triple = option(
         MEASURED.acceleration_mps2,
-        "largest acceleration; a single epoch that needs more to lie on the path is an outlier",
+        "largest acceleration; a single epoch that the path could reach only with more is an"
+        " outlier",
         unit="m/s^2",
         **_TRIPLE,
     )
@@ -74,10 +75,11 @@ class CovarianceModel(CalibrationNumbers):
     )
     island_share: float = _share(
         MEASURED.island_share,
-        "share of the epochs within island_s that must be fixed; half of it of a ready `.pos`",
+        "share of the epochs within island_s that must be fixed; half this share for a ready"
+        " `.pos`",
     )
     degraded_s: float = _time(
-        MEASURED.degraded_s, "time to either side in which a degraded epoch shows"
+        MEASURED.degraded_s, "time to either side over which degraded_share is counted"
     )
     degraded_share: float = _share(
         MEASURED.degraded_share,
@@ -87,7 +89,8 @@ class CovarianceModel(CalibrationNumbers):
     )
     gate: float = option(
         MEASURED.gate,
-        "chi-square of three of forward against backward: beyond it a fixed epoch is not validated",
+        "limit of the chi-square (3 degrees of freedom) of forward against backward; a fixed"
+        " epoch beyond it is not validated",
         low=1.0,
         high=1e4,
     )

@@ -126,8 +126,8 @@ class EngineOptions(EngineSettings):
             return
         if self.base_point is None:
             message = (
-                f"needs {named('gnss.base_point')}: is it the antenna's phase centre (apc), arp or"
-                " marker"
+                f"needs {named('gnss.base_point')}: say whether the position is that of the"
+                " antenna's phase centre (apc), its reference point (arp) or the marker"
             )
             raise OptionError("gnss.base_position", message)
         radius = sum(x * x for x in self.base_position_m) ** 0.5
@@ -232,8 +232,8 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, 
         f" predict a position to {sd:.0f} m"
     )
     advice = (
-        f"every epoch stands for itself; log faster in flight, or set {DYNAMICS_KEY} in"
-        f" {named('gnss.rtklib_options')}"
+        "every epoch is solved without the help of its neighbours; log faster in flight, or set"
+        f" {DYNAMICS_KEY} in {named('gnss.rtklib_options')}"
     )
     expected = f"on, with epochs every {longest:.1f} s at most"
     return (Question("engine dynamics", expected).note(finding, advice),)

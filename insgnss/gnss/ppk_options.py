@@ -26,10 +26,10 @@ ENGINES = ("auto", "pyrtklib5", "rnx2rtkp")
 OPTION_NAME = r"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+"
 _OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
 _SET_BY = {
-    "out-": "the output has the form that is read again",
+    "out-": "insgnss has to read the output",
     "ant1-pos": "the rover moves",
     "pos1-posmode": "it is always kinematic",
-    "pos1-soltype": "forward and backward are both run",
+    "pos1-soltype": "insgnss runs both forward and backward",
 }
 _SET_BY_KEY = {
     "file-": "gnss.antex",
@@ -101,7 +101,7 @@ class EngineSettings:
     )
     frequencies: int = option(
         2,
-        "frequencies to use, 1: L1, 2: and L2 or E5b, 3: and L5",
+        "frequencies to use, 1: L1, 2: also L2 or E5b, 3: also L5",
         low=1,
         high=3,
         choices=(1, 2, 3),
@@ -126,8 +126,8 @@ class EngineSettings:
     engine: str = option(
         "auto",
         'engine that solves: "pyrtklib5", or "rnx2rtkp", the program of that name on PATH; "auto": '
-        "the first of both that is installed; another program is named on the command line alone "
-        "(`insgnss process --engine`), so that a flight file of others runs none",
+        "the first of both that is installed; another program can be named only on the command "
+        "line (`insgnss process --engine`), so that a flight file from others cannot start it",
         kind="engine",
         cli="--engine",
         cli_meaning=(
@@ -136,7 +136,12 @@ class EngineSettings:
         ),
     )
     max_age_s: float = option(
-        30.0, "longest time to the base's epoch", unit="s", low=0.01, high=3600.0, cli="--max-age"
+        30.0,
+        "longest time between an epoch of the rover and the base's epoch used for it",
+        unit="s",
+        low=0.01,
+        high=3600.0,
+        cli="--max-age",
     )
     timeout_s: float = option(
         7200.0,
@@ -148,8 +153,8 @@ class EngineSettings:
     )
     acceleration_mps2: tuple[float, float] = option(
         (3.0, 1.0),
-        "process noise of the rover's acceleration, horizontal and vertical; the engine's dynamics "
-        "are off where epochs are too rare for it",
+        "process noise of the rover's acceleration, horizontal and vertical; the engine's"
+        " dynamics model is off where epochs are too far apart",
         unit="m/s^2",
         positive=True,
         cli="--acceleration",
@@ -213,7 +218,7 @@ def rtklib_problem(name: str, value: object) -> str:
         why = next(keys, "") or next(
             why for prefix, why in _SET_BY.items() if name.startswith(prefix)
         )
-        return f"{name[:60]} is not to be set there: {why}"
+        return f"{name[:60]} cannot be set there: {why}"
     if re.search(r"[\r\n#]", str(value)):
         return f"the value of {name} holds a # or the end of a line"
     return ""
@@ -250,7 +255,7 @@ class RawGnss(EngineSettings):
     )
     base_position: Triple | None = option(
         None,
-        "position of the base; held against the codes of the base, rinex.md",
+        "position of the base; checked against the codes of the base, see rinex.md",
         kind="place",
         usual="of the base's header, with a warning",
         cli="--base-position",

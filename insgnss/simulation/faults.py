@@ -201,8 +201,8 @@ class RowFaults:
                 )
         if self.reach < 1 or self.delay_s < 0.0:
             raise UsageError(
-                f"rows {self.reach} places and {self.delay_s} s late; use one place or more and no"
-                " negative time"
+                f"rows moved by {self.reach} places and {self.delay_s} s late; use one place or"
+                " more and no negative time"
             )
 
     def disturb(self, path: Path, rng: np.random.Generator) -> None:

@@ -536,15 +536,11 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             _toml("[camera]", '[camera]\nclock = "imu"'),
         ),
         INPUT,
-<<<<<<< HEAD
         (
             "clock step",
             "set during the recording, once, by -0.370 s",
-            "exposures that the IMU's clock",
+            "add the step of the IMU's clock",
         ),
-=======
-        ("clock step", "set in the recording once, by -0.370 s", "add the step of the IMU's clock"),
->>>>>>> tmp_s3
     ),
     "IMU clock set ahead": (
         _columns(IMU, 0, lambda t: t + 12.3 * (t > t[0] + 60.0)),

@@ -23,8 +23,8 @@ def events(time, week=WEEK, source="flight.MRK"):
             0.0,
             "ok",
             (
-                "75 of the 75 events of flight.MRK and of the 80 of the rover's are the same, +0.0"
-                " ms apart"
+                "75 of the 75 events of flight.MRK and of the 80 events of the rover are the same,"
+                " +0.0 ms apart"
             ),
         ),
         (0.002, "ok", "the same, +2.0 ms apart"),

@@ -683,7 +683,7 @@ def test_ppk_tells_what_it_did(tmp_path, shells):
         few, (rover, base), navigation, sky, raw.base_position_m, options, AIR
     )
     assert still is few
-    assert (note.verdict, note.found[:7]) == ("note", "left in")
+    assert (note.verdict, note.found[:13]) == ("note", "not corrected")
     engine = EngineOptions(rtklib_options={"pos1-ionoopt": "4"})
     same, told = without_ionosphere(
         fixes, (rover, base), navigation, sky, raw.base_position_m, engine, AIR

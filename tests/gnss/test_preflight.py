@@ -31,7 +31,7 @@ def wrong_input(fake, name):
     """Change one input of a solution that would go well; words of the error."""
     if name == "base of another day":
         fake.base.write_text(observations(day=5, approx=BASE))
-        return "no common time; is it the base of another day"
+        return "no common time; is this the base file of another day"
     if name == "single frequency":
         fake.rover.write_text(observations(types=("C1", "L1")))
         return "0% of its epochs have 4 satellites with phases of 2 frequencies"
@@ -66,7 +66,7 @@ def wrong_input(fake, name):
         fake.does(
             where_base={"pos": standing(step=0.001)}, where_rover={"pos": standing(step=0.002)}
         )
-        return "the base moves: .* so does the rover .* cut the file to the time in which it does"
+        return "the base moves: .* so does the rover .* cut its file to the time in which it does"
     if name == "the base moves, no word of the rover":
         fake.does(where_base={"pos": standing(step=0.001)}, where_rover={"pos": ""})
         return r"the base moves: .* are rover and base swapped\?$"
@@ -75,21 +75,21 @@ def wrong_input(fake, name):
             where_base={"pos": standing(lat=BASE_LLH[0] + 0.01)}, where_rover={"pos": standing()}
         )
         return (
-            "stands 111[0-9] m from the base coordinates, and the rover .* stands there: they are"
-            " swapped"
+            "stands 111[0-9] m from the base coordinates, but the rover .* stands at them: rover"
+            " and base are swapped"
         )
     if name == "swapped, 20 m apart":
         fake.does(
             where_base={"pos": standing(lat=BASE_LLH[0] + 2e-4)}, where_rover={"pos": standing()}
         )
         return (
-            "stands 2[0-9] m from the base coordinates, and the rover .* stands there: they are"
-            " swapped"
+            "stands 2[0-9] m from the base coordinates, but the rover .* stands at them: rover"
+            " and base are swapped"
         )
     if name == "coordinates of the rover's header":
         fake.rover.write_text(observations(approx=BASE))
         fake.base.write_text(observations(approx=(BASE[0] + 2.0, *BASE[1:])))
-        return "coordinates are those of the header of the rover .* are the two swapped"
+        return "coordinates are those in the header of the rover .* are rover and base swapped"
     if name == "coordinates of another place":
         fake.does(
             where_base={"pos": standing(lat=BASE_LLH[0] + 0.01)},
@@ -99,7 +99,7 @@ def wrong_input(fake, name):
             r"stands 111[0-9] m from the base coordinates \(limit 20 m\), by codes at"
             r" 53.290400,-9.057800,70.0"
         )
-        return f"{place}; check them, or are rover and base swapped"
+        return f"{place}; check the base coordinates, or are rover and base swapped"
     fake.does(where_base={"pos": ""})
     return "no position from codes"
 
@@ -193,20 +193,20 @@ def test_a_base_that_is_metres_off_its_coordinates_is_told(fake):
 MISTAKES = {
     "exchanged": (
         (BASE_LLH[1], BASE_LLH[0], 70.0),
-        "with latitude and longitude exchanged they agree",
+        "with latitude and longitude exchanged the coordinates agree",
     ),
     "radians": (
         (*np.radians(BASE_LLH[:2]), 70.0),
-        "with latitude and longitude in radians they agree",
+        "with latitude and longitude in radians the coordinates agree",
     ),
-    "feet": ((*BASE_LLH[:2], 70.0 / 0.3048), "with the height in feet they agree"),
+    "feet": ((*BASE_LLH[:2], 70.0 / 0.3048), "with the height in feet the coordinates agree"),
     "sea level": (
         (*BASE_LLH[:2], 14.0),
-        "only the height differs, the codes are 56 m above it: is it above sea level?",
+        "only the height differs, the position by codes is 56 m above it: give the height above",
     ),
     "too high": (
         (*BASE_LLH[:2], 95.0),
-        "only the height differs, the codes are 25 m below it: is it above sea level?",
+        "only the height differs, the position by codes is 25 m below it: give the height above",
     ),
 }
 
@@ -284,7 +284,7 @@ def test_a_base_that_ends_early_is_told(fake):
     (check,) = fake.solve(max_age_s=0.5).checks
     assert check.name == "epochs with a base"
     assert check.found.startswith("40.0% of 5 epochs")
-    assert check.advice == "give a base of the whole flight"
+    assert check.advice == "give base files that cover the whole flight"
 
 
 def test_an_age_below_the_pace_of_the_base_is_told_as_that(fake):
@@ -316,7 +316,7 @@ def test_a_third_frequency_that_nobody_observes_is_told(fake):
     rover, base = read_observations(fake.rover), read_observations(fake.base)
     (check,) = check_observations(rover, base, options)
     assert (check.name, check.verdict) == ("frequencies", "note")
-    assert "no phases of a third one in" in check.found
+    assert "no phases of a third frequency in" in check.found
     assert str(fake.rover) in check.found
     assert str(fake.base) in check.found
     fake.rover.write_text(observations(types=types))
@@ -354,7 +354,7 @@ def test_navigation_of_another_day_beside_the_right_one_is_told(fake, system):
         return
     (check,) = check_navigation(both, rover, EngineOptions())
     assert check.found.startswith(
-        "none of R for 2018-10-04 13:05:00 to 13:05:04 GPST, which are left out"
+        "none of R for 2018-10-04 13:05:00 to 13:05:04 GPST: these systems are left out"
     )
     assert check.found.endswith(what)
     assert check.advice == "give the navigation of that day"

@@ -56,7 +56,10 @@ def test_a_drifting_clock_is_taken_off():
     )
     assert found.images == events.images
     assert found.notes[-1].verdict == "ok"
-    assert found.notes[-1].found == "+0.3703 to +0.4000 ms off GPST, taken off the camera events"
+    assert (
+        found.notes[-1].found
+        == "+0.3703 to +0.4000 ms off GPST, subtracted from the times of the camera events"
+    )
 
 
 def test_a_jump_comes_with_the_later_epoch():
@@ -121,7 +124,7 @@ def test_time_marks_that_are_in_gpst_stay():
     rover = rover_of(STAMP, comments=("log: flight.ubx", "format: u-blox UBX, option: -TADJ=0.1"))
     found = to_gpst(events, rover, fixes_at(STAMP - 4e-4))
     np.testing.assert_array_equal(found.time, events.time)
-    assert "+0.4000 to +0.4000 ms off GPST, left on" in found.notes[-1].found
+    assert "+0.4000 to +0.4000 ms off GPST, not subtracted" in found.notes[-1].found
 
 
 def test_weeks_may_differ_and_other_flights_are_refused():

@@ -629,7 +629,7 @@ WRONG = {
     ),
     "more than the types": (
         FIRST.replace("         1.000", "         1.000           2.000"),
-        ":7: .* something stands behind the last type",
+        ":7: .* there is text behind the last type",
     ),
     "bad month": (
         FIRST + w.epoch2((2018, 13, 4, 12, 0, 1.0), {"G01": [1.0]}),

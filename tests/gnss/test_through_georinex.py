@@ -125,7 +125,7 @@ def test_what_has_no_kepler_elements_or_no_clock_is_counted(sky, tmp_path):
     for text, what in (
         (sp3_text(time, orbits, clocks, "UTC"), "times of SP3 in UTC; GPS time is read"),
         (sp3_text(time[:3], orbits, clocks), "no orbit of an hour at least in 3 epochs"),
-        (path.read_text()[:900], "georinex cannot read it|no orbit of an hour"),
+        (path.read_text()[:900], "georinex cannot read this file|no orbit of an hour"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=what) as refused:

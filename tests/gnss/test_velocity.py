@@ -591,10 +591,11 @@ def test_what_gives_no_velocity_is_refused(navigation):
     path = turning(time)
     observations = observe(navigation, time, path)
     with pytest.raises(
-        DataError, match=r"made-up\.obs: no phase .* positions and navigation are of this flight"
+        DataError,
+        match=r"made-up\.obs: no satellite .* positions and navigation are of this flight",
     ):
         time_differenced_velocity(observations, navigation, fixes_of(time + 500.0, path))
-    with pytest.raises(DataError, match="no phase"):
+    with pytest.raises(DataError, match="no satellite has a phase"):
         time_differenced_velocity(observations, navigation, fixes_of(time, path, week=WEEK + 1))
     with pytest.raises(DataError, match="none of 19 intervals has 40 satellites"):
         time_differenced_velocity(

@@ -69,13 +69,15 @@ class SelfTest:
     def finding(self) -> Finding:
         """Return it as a line of the examination."""
         numbers = (
-            f"{CIRCLE_S:g} s of a circle by the compiled strapdown end {self.off_m * 1e3:.2g} mm"
-            f" and {self.off_deg:.1g} deg from their closed form (limits {LIMIT_M * 1e3:g} mm,"
-            f" {LIMIT_DEG:g} deg); {self.compiled}, {self.seconds:.1f} s"
+            f"after {CIRCLE_S:g} s on a circle the compiled strapdown is off by"
+            f" {self.off_m * 1e3:.2g} mm and {self.off_deg:.1g} deg from the closed-form solution"
+            f" (limits {LIMIT_M * 1e3:g} mm, {LIMIT_DEG:g} deg); {self.compiled},"
+            f" {self.seconds:.1f} s"
         )
         advice = (
             "no result of this installation can be trusted: set NUMBA_CACHE_DIR to an empty"
-            " directory and try again, then other versions of numba and numpy"
+            " directory and try again; if that does not help, install other versions of numba and"
+            " numpy"
         )
         strapdown = Question("strapdown", topic="self-test")
         return strapdown.contradiction(numbers, advice, when=not self.passed)

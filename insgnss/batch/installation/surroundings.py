@@ -71,8 +71,10 @@ def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
     origin = f"for {name} by llvmlite {version}"
     if os.environ.get(NUMBA_VARIABLES[0]) == name and metadata.version("llvmlite") == version:
         return [question.ok(origin)]
-    advice = f"pip install llvmlite=={version}, if this processor is of that kind"
-    return [question.note(f"{origin}, not used here: the first run compiles", advice)]
+    advice = f"pip install llvmlite=={version}, if this computer's processor is a {name}"
+    return [
+        question.note(f"{origin}, not used here: the first run compiles the kernels anew", advice)
+    ]
 
 
 def _cache_finding(kernel: Any) -> Finding:
@@ -107,12 +109,13 @@ def grid_findings() -> list[Finding]:
     counts = {directory: sum(1 for _ in _grids(directory)) for directory in directories}
     held = ", ".join(f"{count} in {directory}" for directory, count in counts.items())
     get = (
-        "only heights above sea level and datum shifts need them: `pyproj sync --file NAME` gets"
-        " the one that a message names, `pyproj sync --bbox WEST,SOUTH,EAST,NORTH` all of an area"
+        "grids are needed for heights above sea level and datum shifts only: `pyproj sync --file"
+        " NAME` downloads the grid that a message names, `pyproj sync --bbox"
+        " WEST,SOUTH,EAST,NORTH` all grids of an area"
     )
     network = (
-        "on: PROJ may fetch grids while it runs; PROJ_NETWORK=OFF for results that do not hang on"
-        " it"
+        "on: PROJ may download grids during a run; set PROJ_NETWORK=OFF for results that do not"
+        " depend on the network"
         if is_network_enabled()
         else "off: only grids on this disk are used"
     )
@@ -138,10 +141,13 @@ def engine_finding() -> Finding:
     try:
         command = engine_command()
     except InsgnssError as error:
-        advice = f"only `insgnss ppk` and raw observations in flight files need one: {error}"
+        advice = (
+            "only `insgnss ppk` and flight files with raw GNSS observations need an engine:"
+            f" {error}"
+        )
         return engine.note("none", advice)
     if command[0] != sys.executable:
-        return engine.ok(f"{command[0]}, whose version its first solution tells")
+        return engine.ok(f"{command[0]}; its version is known only after its first solution")
     return engine.ok(f"{MODULE} {metadata.version(MODULE)} (RTKLIB as a wheel)")
 
 
@@ -150,7 +156,10 @@ def _installed_version() -> Finding:
     installed = _machine("installed as")
     version = installed_version("insgnss")
     if version is None:
-        value, advice = "not installed: it runs from its sources", "pip install . in the sources"
+        value, advice = (
+            "insgnss is not installed: it runs from its source directory",
+            "run pip install . in that directory",
+        )
         return installed.note(value, advice)
     if version == __version__:
         return installed.ok(version)
@@ -172,7 +181,7 @@ def _memory() -> Finding:
     memory, left = _machine("memory"), available()
     if left is None:
         return memory.answer("unknown: the system does not say", "unknown")
-    return memory.ok(f"{left / 1e9:.3g} GB may be taken")
+    return memory.ok(f"{left / 1e9:.3g} GB available")
 
 
 def _machine(name: str) -> Question:

@@ -91,7 +91,7 @@ class ArchiveResult:
             return None
         also = f", {len(self.orphans)} products of unknown inputs" if self.orphans else ""
         return DataError(
-            f"{bad} of {len(self.runs)} results cannot be made again from what is here{also}"
+            f"{bad} of {len(self.runs)} results cannot be made again from the files here{also}"
         )
 
     def summary(self) -> str:
@@ -107,7 +107,7 @@ class ArchiveResult:
                 lines.append(f"{where}: made again, the same byte for byte")
             lines += [f"{where}: note: {note}" for note in run.notes]
         lines += [
-            f"{relative(path, self.directory)}: nothing says what it was made from"
+            f"{relative(path, self.directory)}: no JSON document says from which inputs it was made"
             for path in self.orphans
         ]
         lines += [
@@ -216,7 +216,9 @@ def _examined(document: Path, remake: bool) -> Examined:
         problems.append(f"made by insgnss {made_by or 'of an unknown version'}, not {__version__}")
     notes = list(_other_versions(versions))
     if any("given as object" in str(value) for value in _leaves(content.get("flight"))):
-        problems.append("an input was given as an object in Python; no file holds it")
+        problems.append(
+            "an input was a Python object, not a file, so that the run cannot be repeated"
+        )
     if not problems and content.get("flight"):
         problems += _resolved_otherwise(content, base)
         if remake and not problems:
@@ -224,7 +226,9 @@ def _examined(document: Path, remake: bool) -> Examined:
             return Examined(document, tuple(problems), tuple(notes), not problems)
     elif not problems and remake:
         command = (content.get("run") or {}).get("command", "its verb")
-        notes.append(f"not made again, as --remake knows flights alone: {command}")
+        notes.append(
+            f"not made again: --remake repeats flights only, and this result was made by {command}"
+        )
     return Examined(document, tuple(problems), tuple(notes))
 
 
@@ -279,7 +283,7 @@ def _products(content: Mapping[str, Any], folder: Path) -> Iterator[str]:
         if how == "missing":
             yield f"product {name} is missing"
         else:
-            yield f"product {name} is not what the run wrote: changed since"
+            yield f"product {name} was changed after the run wrote it"
 
 
 def _other_versions(versions: Mapping[str, str]) -> Iterator[str]:
@@ -305,7 +309,10 @@ def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]
     if not other:
         return []
     command = (content.get("run") or {}).get("command", "another command")
-    return [f"the flight file alone says otherwise of {', '.join(other)}; it was made by {command}"]
+    return [
+        f"without further options the flight file gives other values of {', '.join(other)}; the"
+        f" result was made by {command}"
+    ]
 
 
 def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
@@ -325,7 +332,7 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
         except InsgnssError as error:
             return [f"cannot be processed again: {error}"]
         return [
-            f"product {name} comes out otherwise when it is made again"
+            f"product {name} differs when it is made again"
             for name, value in hashes.items()
             if not (out / name).is_file() or sha256(out / name) != value
         ]

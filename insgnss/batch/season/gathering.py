@@ -72,7 +72,8 @@ def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
         files = _below(path)
         if not files:
             raise UsageError(
-                f"{source}: no {FLIGHT_FILE} in this directory or below it; give that of the season"
+                f"{source}: no {FLIGHT_FILE} in this directory or below it; give the directory"
+                " that holds the season's flights"
             )
         return [SeasonFlight(file) for file in files]
     if is_file(path):
@@ -111,7 +112,10 @@ def _matching(pattern: str) -> list[SeasonFlight]:
             flights.append(SeasonFlight(match.absolute()))
     if not flights:
         count = "nothing" if not matches else f"{len(matches)} files, of which none is a flight"
-        raise UsageError(f"{pattern}: the pattern matches {count}; put it into quotation marks?")
+        raise UsageError(
+            f"{pattern}: the pattern matches {count}; correct it, and put it into quotation marks"
+            " so that the shell does not expand it"
+        )
     return flights
 
 
@@ -122,7 +126,9 @@ def _table(path: Path, overview: Path | None) -> list[SeasonFlight]:
         try:
             return _of_rows(path, list(rows), overview)
         except (csv.Error, UnicodeDecodeError) as error:
-            raise InputError.in_file(path, f"is no CSV file in UTF-8: {error}") from None
+            raise InputError.in_file(
+                path, f"is no CSV file in UTF-8: {error}; save the table as CSV in UTF-8"
+            ) from None
 
 
 def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[SeasonFlight]:
@@ -147,17 +153,25 @@ def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[S
         file = path.absolute().parent / of["flight"]
         file = file / FLIGHT_FILE if file.is_dir() else file
         if not of["flight"] or not is_file(file):
-            problem = f"flight {of['flight']!r} does not exist; paths are relative to {path.name}"
+            problem = (
+                f"flight {of['flight']!r} does not exist; paths are relative to the directory of"
+                f" {path.name}"
+            )
             raise InputError.at_line(path, number, problem)
         out = path.absolute().parent / of["out"] if of.get("out") else None
         homes = filter(None, (path.absolute().parent, overview))
         if out is not None and not any(inside(out, home) for home in homes):
             problem = f"out {of['out']!r} is outside of the directory of {path.name}"
-            advice = f"give a directory above it as --out, or lay {path.name} there"
+            advice = (
+                "give as --out a directory that contains this output directory, or move"
+                f" {path.name} into one"
+            )
             raise InputError.at_line(path, number, f"{problem}; {advice}")
         flights.append(SeasonFlight(file, of.get("name", ""), out))
     if not flights:
-        raise InputError.in_file(path, "names no flight; give a flight file or a directory a line")
+        raise InputError.in_file(
+            path, "names no flight; write one flight file or directory in each line"
+        )
     return flights
 
 

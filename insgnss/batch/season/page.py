@@ -23,9 +23,9 @@ PAGE_MARK = '<meta name="generator" content="insgnss batch">'
 """In the page, by which the next run knows that it may overwrite it."""
 TREND_INKS: tuple[Ink, ...] = ("first", "second", "third")
 TREND_CAPTION = (
-    "Each point is what one flight by itself says of the constant, with one standard deviation up"
-    " and down; the line is fitted by weights, dashed where it is no significant drift. The first"
-    " day is that of the season's first flight."
+    "Each point is the constant as one flight alone determines it, its bar one standard deviation"
+    " up and down; the line is a weighted fit, dashed where the drift is not significant. Days"
+    " count from the season's first flight."
 )
 
 
@@ -94,15 +94,15 @@ def _verdict(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Verdict:
     odd = [f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in trends if t.odd]
     bad = {
         f"{len(names[FAILED])} of {len(rows)} flights have no result": names[FAILED],
-        "these reports contradict their results": names["bad"],
+        "the reports of these flights contradict their results": names["bad"],
     }
     doubtful = {
         f"{len(names[WAITING])} of {len(rows)} flights were not reached": names[WAITING],
-        "constants do not stay as they are": odd,
-        "figures of these flights are beyond those of a good one": names["doubtful"],
+        "these constants of the equipment drift or scatter": odd,
+        "some figures of these flights are worse than those of a good flight": names["doubtful"],
     }
     return worst_of(
-        "every flight has a result, and no constant of an equipment drifts",
+        "every flight has a result, and no constant of the equipment drifts",
         *([f"{text}: {some(of)}" for text, of in kind.items() if of] for kind in (doubtful, bad)),
     )
 

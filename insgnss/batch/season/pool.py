@@ -137,22 +137,22 @@ class _Worker:
         forecast = f"memory forecast {self.task.forecast_bytes / GB:.1f} GB"
         if self._ended and room:
             reason = (
-                f"memory: its worker was ended at {self._ended / GB:.2f} GB of the {room / GB:.2f}"
-                f" GB that it may have when it runs alone ({forecast}); {TRY}"
+                f"memory: its process was stopped at {self._ended / GB:.2f} GB, although it ran"
+                f" alone and was allowed {room / GB:.2f} GB ({forecast}); {TRY}"
             )
         elif kills() > self._kills:
-            had = f", which had {self._most / GB:.2f} GB when last seen" if self._most else ""
-            limit = f", of {room / GB:.2f} GB that it might have" if room else ""
+            had = f" (it had {self._most / GB:.2f} GB when last seen)" if self._most else ""
+            limit = f", {room / GB:.2f} GB being allowed" if room else ""
             reason = (
-                f"memory: the system ended its worker for want of it{had}{limit}, when it ran alone"
-                f" ({forecast}); {TRY}"
+                f"memory: the system ended its process for lack of memory{had}{limit}, although it"
+                f" ran alone ({forecast}); {TRY}"
             )
         else:
             reason = (
-                f"its worker died again when it ran alone, {_how(self.process)}, and the system"
-                f" does not say that it was for memory ({forecast}, {self._most / GB:.1f} GB when"
-                f" last seen): ended from outside, or compiled code that crashed; insgnss process"
-                f" {self.task.file} shows it"
+                f"its process died again when it ran alone, {_how(self.process)}, and the system"
+                f" does not report a lack of memory as the cause ({forecast},"
+                f" {self._most / GB:.1f} GB when last seen): it was ended from outside, or"
+                f" compiled code crashed; run insgnss process {self.task.file} to see which"
             )
         return failed(self.task, reason, DataError.exit_code, time.monotonic() - self._since)
 

@@ -50,9 +50,10 @@ class SeasonRequest(Checked):
         "address of a Dask scheduler, tcp://HOST:8786, in place of this machine (needs Dask)",
         metavar="ADDRESS",
     )
-    again: bool = argument(False, "process flights whose products are in force as well")
+    again: bool = argument(False, "process also the flights whose products are up to date")
     force: bool = argument(
-        False, "overwrite results of other measurements, and a page or table of others"
+        False,
+        "overwrite results of other measurements, and a page or table that another program wrote",
     )
     parquet: bool = argument(False, "write season.parquet as well (needs pyarrow)")
 

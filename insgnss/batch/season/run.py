@@ -250,8 +250,8 @@ def _refuse_files_of_others(request: SeasonRequest) -> None:
         path = request.directory / name
         if not request.force and path.exists() and not is_ours(path, mark):
             raise UsageError(
-                f"batch: {path} is there and not of a season; give another directory with --out, or"
-                " --force"
+                f"batch: {path} exists and was not written by insgnss batch; give another"
+                " directory with --out, or --force to overwrite it"
             )
 
 

@@ -83,16 +83,16 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
         address, version = next(iter(odd.items()))
         raise UsageError(
             f"--scheduler {scheduler}: worker {address} has insgnss {version}, here it is"
-            f" {__version__}; install the same"
+            f" {__version__}; install the same version on both"
         )
     infos = client.scheduler_info(n_workers=-1)["workers"]
     threads = {address: int(info["nthreads"]) for address, info in infos.items()}
     if (most := max(threads.values(), default=1)) > 1:
         address = max(threads, key=lambda one: threads[one])
         raise UsageError(
-            f"--scheduler {scheduler}: worker {address} has {most} threads, 1 is right: flights in"
-            f" one process would share its warnings and its death; start `dask worker {scheduler}"
-            f" --nthreads 1 --nworkers {most}`"
+            f"--scheduler {scheduler}: worker {address} has {most} threads, but must have 1:"
+            " flights in one process would mix their warnings and crash together; start `dask"
+            f" worker {scheduler} --nthreads 1 --nworkers {most}`"
         )
 
 

@@ -61,7 +61,9 @@ def read_season(path: Path) -> list[Row]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError.in_file(path, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):
-        raise InputError.at_line(path, 1, f"is no season.csv; its first line is {SEASON_HEAD!r}")
+        raise InputError.at_line(
+            path, 1, f"is no season.csv: the first line must be {SEASON_HEAD!r}"
+        )
     try:
         head, *body = csv.reader(lines[1:])
     except (csv.Error, ValueError):

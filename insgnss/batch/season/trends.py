@@ -137,22 +137,22 @@ class SeasonTrend:
             return (
                 f"the {name} drifts by {monthly:+.3g} +- {sigma:.2g} {q.unit} a month,"
                 f" {abs(self.slope) * span:.3g} {q.unit} over {span:.0f} days"
-                f" ({abs(self.slope / self.slope_sigma):.1f} sigma, {self.days.size} flights): look"
-                " for what loosens or ages, and calibrate the mounting anew"
+                f" ({abs(self.slope / self.slope_sigma):.1f} sigma, {self.days.size} flights):"
+                " look for parts that loosen or age, and calibrate the mounting anew"
             )
         if self.finding == "scatter":
             worst = int(np.argmax(np.abs(self.residual / self.sigma)))
             return (
                 f"the {name} differs from flight to flight by more than its sigmas"
                 f" ({self.chi_square:.1f} times in variance, {self.days.size} flights), most at"
-                f" {self.names[worst]} ({self.residual[worst]:+.3g} {q.unit} off the line): what"
-                " was mounted anew, or bent, between flights"
+                f" {self.names[worst]} ({self.residual[worst]:+.3g} {q.unit} off the line): find"
+                " out what was remounted or bent between flights"
             )
         if self.finding == "steady":
             return f"the {name} shows no drift ({self.days.size} flights)"
-        few = f"{self.days.size} of {FEWEST_FLIGHTS} flights that a trend needs"
-        why = few if self.finding == "too few" else "all flights at one time"
-        return f"nothing is said of the {name}: {why}"
+        few = f"{self.days.size} of the {FEWEST_FLIGHTS} flights that a trend needs"
+        why = few if self.finding == "too few" else "all flights are of the same time"
+        return f"no trend of the {name} can be computed: {why}"
 
     @property
     def residual(self) -> Array:

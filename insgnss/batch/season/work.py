@@ -174,7 +174,7 @@ def not_reached(task: Task) -> Outcome:
     task : Task
         The flight.
     """
-    reason = "the run ended before it was done; give the same command again"
+    reason = "the run ended before this flight was processed; give the same command again"
     return Outcome(task.name, WAITING, _row_without_products(task, WAITING, reason))
 
 
@@ -269,8 +269,8 @@ def changed_since(names: Sequence[str]) -> str:
         Of the products.
     """
     return (
-        f"changed since: {some(names, MOST_NAMED_PRODUCTS)}: not what the run wrote, and kept"
-        " as changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
+        f"changed since: {some(names, MOST_NAMED_PRODUCTS)}: no longer as the run wrote them, and"
+        " not overwritten; `insgnss process` of this flight, or `batch --again`, writes them anew"
     )
 
 

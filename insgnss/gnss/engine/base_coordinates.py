@@ -143,14 +143,14 @@ def check_base_place(
     if options.base_position_m is not None:
         if _is_header_of_rover(given, base.header, rover.header):
             message = (
-                f"the base coordinates are those of the header of the rover {rover.header.path},"
-                " not of its own; are the two swapped?"
+                f"the base coordinates are those in the header of the rover {rover.header.path},"
+                " not those in the base's own; are rover and base swapped?"
             )
             raise InputError.in_file(base.header.path, message)
         if off > MEASURED_PLACE_M and _stands_at(given, off, rover, whereabouts):
             message = (
-                f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
-                " stands there: they are swapped"
+                f"stands {off:.0f} m from the base coordinates, but the rover {rover.header.path}"
+                " stands at them: rover and base are swapped; exchange the two files"
             )
             raise InputError.in_file(base.header.path, message)
     if off > OTHER_PLACE_M:
@@ -195,15 +195,15 @@ def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str
     }
     for mistake, taken in mistakes.items():
         if agree(*taken):
-            return f"with {mistake} they agree"
+            return f"with {mistake} the coordinates agree; correct them"
     above = float(ecef_to_geodetic(code_position)[2]) - height
     if agree(lat, lon, height + above):
         side = "above" if above > 0.0 else "below"
         return (
-            f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea"
-            " level? it must be above the ellipsoid"
+            f"only the height differs, the position by codes is {abs(above):.0f} m {side} it: give"
+            " the height above the ellipsoid, not above sea level"
         )
-    return "check them, or are rover and base swapped?"
+    return "check the base coordinates, or are rover and base swapped?"
 
 
 def _coordinates() -> str:
@@ -218,8 +218,8 @@ def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Wherea
         return "are rover and base swapped?"
     if moves:
         return (
-            f"so does the rover {rover.header.path}; a base must stand: cut the file to the time in"
-            " which it does"
+            f"so does the rover {rover.header.path}; a base must stand still: cut its file to the"
+            " time in which it does"
         )
     return f"the rover {rover.header.path} stands: are rover and base swapped?"
 
@@ -265,12 +265,12 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
     }[point]
     lat, lon, height = (float(x) for x in ecef_to_geodetic(np.array(position)))
     finding = f"{np.degrees(lat):.9f},{np.degrees(lon):.9f},{height:.4f}, taken as {name}"
-    ask = Question("base point", "what stands at the coordinates is said")
+    ask = Question("base point", "the point to which the coordinates refer is stated")
     if chosen or options.base_position_m is None:
         return ask.ok(finding)
     advice = (
         f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the"
-        " reference point, and as such 0.05 to 0.2 m below the phase centre"
+        " antenna's reference point, which is 0.05 to 0.2 m below the phase centre"
     )
     return ask.note(f"{finding}, as nothing says", advice)
 
@@ -291,7 +291,10 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
         checks.append(ask.note(finding, advice))
     elif off > MEASURED_PLACE_M:
         finding = f"{off:.1f} m from the position of {base.path} by codes"
-        advice = "check them, their datum and height (ellipsoidal); every position has their error"
+        advice = (
+            "check the base coordinates, their datum and height (ellipsoidal); every position has"
+            " their error"
+        )
         checks.append(
             Question("base coordinates", f"within {MEASURED_PLACE_M:.0f} m").note(finding, advice)
         )
@@ -302,8 +305,8 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
     ):
         finding = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
         advice = (
-            f"give {named('gnss.antex')}, or the coordinates of the phase centre; heights are off"
-            " by its offset, 0.05 to 0.2 m"
+            f"give {named('gnss.antex')}, or the coordinates of the phase centre; without them"
+            " heights are wrong by the antenna's phase centre offset, 0.05 to 0.2 m"
         )
         checks.append(Question("base antenna", "the phase centre").note(finding, advice))
     return tuple(checks)

@@ -27,7 +27,7 @@ from ..rinex.observations import read_observations
 
 MODULE = "pyrtklib5"
 MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3", "ULOG": "PX4"}
-BY_HAND = "convert it to RINEX by hand, and give that"
+BY_HAND = "convert the log to RINEX by hand, and give the RINEX file"
 HEAD_BYTES, LEAST_FRAMES = (
     1 << 14,
     3,

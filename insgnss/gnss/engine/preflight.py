@@ -76,7 +76,10 @@ def within_navigation(observations: Observations, navigation: Navigation) -> Obs
         f"{away.size} of {time.size} of {observations.header.path} left out, of {_date(away[0])} to"
         f" {_date(away[-1])}, days without navigation"
     )
-    advice = "the receiver did not know the date; if it did, add the navigation of these days"
+    advice = (
+        "the receiver did not know the date yet; if the dates are right, add the navigation files"
+        " of these days"
+    )
     check = Finding("epochs", finding, "days of the navigation", "note", advice)
     inner = observations.only(inside)
     return replace(inner, notes=(*inner.notes, check))
@@ -94,13 +97,13 @@ def _check_base_times(
     if not within_pace.any():
         message = (
             f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
-            " it the base of another day?"
+            " this the base file of another day?"
         )
         raise InputError.in_file(base.header.path, message)
     if not near.any():
         message = (
-            f"no epoch within max_age_s = {max_age_s:g} s of any of the rover {rover.header.path};"
-            f" {rare}"
+            f"has no epoch within max_age_s = {max_age_s:g} s of any epoch of the rover"
+            f" {rover.header.path}; {rare}"
         )
         raise InputError.in_file(base.header.path, message)
     if near.all():
@@ -110,7 +113,7 @@ def _check_base_times(
     reasons = {
         rare: inside & within_pace,
         "the base has gaps: give another, or raise max_age_s (--max-age)": inside & ~within_pace,
-        "give a base of the whole flight": ~inside,
+        "give base files that cover the whole flight": ~inside,
     }
     advice = "; ".join(reason for reason, those in reasons.items() if (those & ~near).any())
     return (Question("epochs with a base", f"all within {max_age_s:g} s").note(finding, advice),)
@@ -159,12 +162,12 @@ def _check_frequencies(observations: Observations, options: EngineOptions) -> No
     )
     if options.frequencies == 1:
         raise DataError(
-            f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}); are phases"
-            " logged?"
+            f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}); does the"
+            " receiver log carrier phases?"
         )
     advice = (
-        "log both, or set frequencies = 3 for L1 with L5, 1 for L1 alone, which seldom fixes in"
-        " flight"
+        "log both frequencies, or set frequencies = 3 for L1 with L5, or 1 for L1 alone, whose"
+        " ambiguities are seldom fixed in flight"
     )
     raise DataError(
         f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}; second:"
@@ -183,11 +186,11 @@ def _check_third(
         return ()
     lacking = [o.header.path for o, systems in zip((rover, base), have, strict=True) if not systems]
     finding = (
-        f"no phases of a third one in {' and '.join(lacking)}"
+        f"no phases of a third frequency in {' and '.join(lacking)}"
         if lacking
-        else "none whose third one is in both files"
+        else "no system has its third frequency in both files"
     )
-    advice = f"{setting('gnss.frequencies', 2)} says what is solved"
+    advice = f"{setting('gnss.frequencies', 2)} is what can be solved with these files"
     return (Question("frequencies", "systems with three in both").note(finding, advice),)
 
 
@@ -240,7 +243,10 @@ def check_navigation(
         raise InputError(f"{navigation.source}: {message}; give the navigation of these systems")
     missing = sorted(seen - have)
     mended = ", ".join(f"{count} {kind}" for kind, count in navigation.mended)
-    advice = "read all the same; fetch the file from another source if a system stays out"
+    advice = (
+        "the file was read nevertheless; fetch it from another source if a satellite system is"
+        " missing"
+    )
     note = Finding("navigation fields", mended, "fields as RINEX has them", "note", advice)
     checks = (note,) if mended else ()
     if not missing:
@@ -264,7 +270,7 @@ def check_navigation(
         raise InputError(
             f"{navigation.source}: {message}; {advice}, or leave G out of {named('gnss.systems')}"
         )
-    finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}, which are left out" + (
+    finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}: these systems are left out" + (
         f"; {given}" if given else ""
     )
     advice = "give the navigation of that day" if given else "add their navigation file"

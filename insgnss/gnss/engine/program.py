@@ -52,7 +52,7 @@ def engine_command(engine: str = "auto") -> list[str]:
         instead = (
             INSTALL
             if importlib.util.find_spec(MODULE) is None
-            else f"without it {MODULE} is taken, which is installed"
+            else f"leave the option out to use {MODULE}, which is installed"
         )
         raise OptionError("gnss.engine", f"no program that can be run; {instead}", engine)
     return [str(Path(program).resolve())]
@@ -80,8 +80,14 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
     requested = [line.split("=")[0] for line in text.splitlines()]
     ask = Question("engine options", "options that it knows")
     if OF_ALL_VERSIONS not in held:
-        finding = f"{command[0]} does not show which it knows: {' '.join(options.rtklib_options)}"
-        advice = "an unknown one is left out without a word; name the program itself"
+        finding = (
+            f"{command[0]} does not show whether it knows these options:"
+            f" {' '.join(options.rtklib_options)}"
+        )
+        advice = (
+            "an unknown option is ignored without a message; name the program itself, not a"
+            " script that calls it"
+        )
         return (ask.note(finding, advice),) if options.rtklib_options else ()
     unknown = [name for name in requested if name.encode() + b"\0" not in held]
     if wrong := [name for name in unknown if name in options.rtklib_options]:
@@ -91,7 +97,7 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         raise OptionError("gnss.rtklib_options", problem)
     if not unknown:
         return ()
-    advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
+    advice = "the engine uses its own defaults instead; RTKLIB EX 2.5.0 knows these options"
     return (ask.note(f"unknown to {command[0]}: {' '.join(unknown)}", advice),)
 
 

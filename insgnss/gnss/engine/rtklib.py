@@ -179,7 +179,7 @@ def _check_refused(ends: Mapping[str, "RunEnd"]) -> tuple[Finding, ...]:
     names = sorted({name for end in ends.values() for name in end.refused})
     if not names:
         return ()
-    advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 takes them"
+    advice = "the engine uses its own defaults instead; RTKLIB EX 2.5.0 accepts these values"
     finding = f"values that it refused: {' '.join(names)}"
     return (Question("engine options", "values that it takes").note(finding, advice),)
 

@@ -104,7 +104,8 @@ class Runs:
                 return read_rtklib_pos(where)
             self._check_program(end.statement)
         message = (
-            "no position from codes; does the navigation cover its satellites, are there codes?"
+            "no position from codes; check that the file has codes and that the navigation files"
+            " cover its satellites"
         )
         raise DataError(f"{observations.header.path}: {message}")
 
@@ -159,8 +160,8 @@ class Runs:
         end = self.run(direction, names, stop)
         if not stop.is_set() and not _has_epochs(self.scratch / f"{direction}.pos"):
             message = (
-                "the engine gave no epochs, though rover, base and navigation share their time;"
-                f" are their satellites the same? {end.statement}"
+                "the engine solved no epoch, although rover, base and navigation overlap in time;"
+                f" do they have satellites in common? {end.statement}"
             )
             raise DataError(f"{direction} solution: {message}")
         return end

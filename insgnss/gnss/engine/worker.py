@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> int:
         if not _is(value, NUMBERS.get(formats[name], str))
     ]
     if wrong:
-        return _failed(f"{wrong[0]} is no number of the kind that RTKLIB reads there", 2)
+        return _failed(f"{wrong[0]} is not a number as RTKLIB expects it for this option", 2)
     rtklib.resetsysopts()
     if not rtklib.loadopts(option_file, table.ptr):
         return _failed(f"{option_file}: the options cannot be read")

@@ -48,21 +48,21 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Fi
     source = events.source or "the file"
     if pairs < max(FEWEST_MATCHED, LEAST_SHARE * fewer):
         finding = (
-            f"no constant brings more than {pairs} of the {events.time.size} events of {source} to"
-            f" the {theirs.size} of the rover's"
+            f"no constant time offset matches more than {pairs} of the {events.time.size} events"
+            f" of {source} to the {theirs.size} events of the rover"
         )
-        return Question(NAME, EXPECTED).note(finding, "are they of this flight and camera?")
+        return Question(NAME, EXPECTED).note(finding, "are both of this flight and camera?")
     finding = (
-        f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size} of the"
-        " rover's are the same"
+        f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size}"
+        " events of the rover are the same"
     )
     if abs(offset) <= SAME_PULSE_S:
         return Question(NAME, EXPECTED).ok(f"{finding}, {1e3 * offset:+.1f} ms apart")
     utc = abs(offset + leap) <= SAME_PULSE_S
     finding += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
     advice = (
-        f"give them in GPST{'' if utc else ', at the pulses'}, or take those of the rover without"
-        " this file"
+        f"give the file's events in GPST{'' if utc else ', at the pulses'}, or leave the file out"
+        " to use the rover's events"
     )
     return Question(NAME, EXPECTED).contradiction(finding, advice)
 
@@ -93,5 +93,6 @@ def check_camera_delay(delay_s: float) -> Finding:
     if abs(delay_s) <= MOST_DELAY_S:
         return Question("camera delay", expected).ok(finding)
     return Question("camera delay", expected).note(
-        finding, "cameras expose within tenths of a second of their pulse; give it in seconds"
+        finding,
+        "cameras expose within tenths of a second of their pulse; give the delay in seconds",
     )

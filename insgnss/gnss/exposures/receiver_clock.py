@@ -60,10 +60,10 @@ def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> Ca
     """
     stamp, clock = clock_error(rover, fixes)
     if any(MARKS_IN_GPST in line.lower() for line in rover.header.records.get("COMMENT", ())):
-        finding = f"{_span(clock)} off GPST, left on the camera events"
+        finding = f"{_span(clock)} off GPST, not subtracted from the times of the camera events"
         clock_note = Question(
             "receiver clock",
-            "time marks of u-blox, as its converter writes them, which are in GPST",
+            "time marks of u-blox, which its converter writes in GPST",
         ).ok(finding)
         return replace(events, notes=(*events.notes, clock_note))
     week = rover.gps_week if events.gps_week is None else events.gps_week
@@ -127,7 +127,7 @@ def _span(clock: Array) -> str:
 
 
 def _clock_note(clock: Array, unsure: Array) -> Finding:
-    finding = f"{_span(clock)} off GPST, taken off the camera events"
+    finding = f"{_span(clock)} off GPST, subtracted from the times of the camera events"
     if not unsure.size:
         return Question("receiver clock", "below 1 ms").ok(finding)
     finding += (
@@ -135,5 +135,5 @@ def _clock_note(clock: Array, unsure: Array) -> Finding:
         f" behind them within {LONG_GAP_S:g} s"
     )
     return Question("receiver clock", "positions around each event").note(
-        finding, "their clock is that of the nearest positions"
+        finding, "their clock error is taken from the nearest positions"
     )

@@ -293,7 +293,7 @@ def wet_delay_correction(
         )
         raise DataError(
             f"{fixes.source or 'positions'}: {message}; check that positions and observations"
-            " belong together, or switch it off"
+            " belong together, or switch the correction off"
         )
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
     zenith, slope = np.where(corrected, zenith, 0.0), np.where(corrected[:, None], slope, 0.0)

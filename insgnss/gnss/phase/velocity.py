@@ -180,8 +180,8 @@ def time_differenced_velocity(
     pairs = phase_pairs(observations, navigation, modelled, options) if first.size else None
     if pairs is None or pairs.y.size == 0:
         message = (
-            "no phase is there in two neighbouring epochs with a position, an ephemeris and no loss"
-            " of lock"
+            "no satellite has a phase in two neighbouring epochs with a position, an ephemeris"
+            " and no loss of lock"
         )
         raise DataError(f"{observations.header.path}: {message}; {OF_ANOTHER_FLIGHT}")
     return _solve(observations, antenna, pairs, options)

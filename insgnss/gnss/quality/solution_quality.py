@@ -113,8 +113,8 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
     )
     size = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
     advice = (
-        f"they get {size} m and count as single; dynamics of an engine need epochs every second"
-        " or so"
+        f"they get {size} m and count as single; an engine's dynamics model needs an epoch about"
+        " every second"
     )
     note = Question("GNSS covariance", "a covariance each").note(finding, advice)
     others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
@@ -304,8 +304,8 @@ def _check_rate(n: Mapping[str, Any]) -> Finding:
     finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
     finding += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
     advice = (
-        "check base coordinates, antenna, navigation files and the mask; float epochs carry"
-        " decimetres, and the IMU must bridge them"
+        "check base coordinates, antenna, navigation files and the mask; float epochs have errors"
+        " of decimetres, and the IMU must bridge them"
     )
     ask = Question("GNSS fix rate", f"{100 * GOOD_RATE:.0f} % at least")
     return ask.note(finding, advice, when=n["fix_rate_observed"] < GOOD_RATE)
@@ -325,17 +325,18 @@ def _check_unsolved(n: Mapping[str, Any]) -> Finding:
     )
     bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
     advice = (
-        "too few satellites, or no epoch of the base within max_age_s: does its file last as long?"
+        "too few satellites, or no epoch of the base within max_age_s: does the base's file cover"
+        " the whole flight?"
     )
     return ask.note(finding, advice, when=bad)
 
 
 def _check_degraded(n: Mapping[str, Any]) -> Finding:
     degraded = n["classes"][FIX_CLASSES[DEGRADED]]
-    finding = f"{degraded} fixed epochs, in minutes of which a good part is not fixed"
+    finding = f"{degraded} fixed epochs, in minutes in which a good part of the epochs is not fixed"
     advice = (
-        "what obstructs or reflects there also moves what is fixed, by centimetres: they have"
-        " standard deviations of such size"
+        "obstructions and reflections there also shift fixed positions by centimetres: their"
+        " standard deviations were enlarged to that size"
     )
     return Question("GNSS degraded fixes", "none").note(finding, advice, when=degraded > 0)
 
@@ -378,8 +379,8 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
     if rms is not None:
         finding += f", rms where both are fixed {_in_mm(rms)} north, east, down"
     advice = (
-        "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down"
-        " by their whole difference"
+        "one of the two runs had an incorrect ambiguity fix there: the standard deviations"
+        " of these epochs cover the whole difference"
     )
     ask = Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most")
     return ask.note(finding, advice, when=s["contradicting"] > APART_SHARE * epochs)

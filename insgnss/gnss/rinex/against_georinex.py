@@ -137,9 +137,9 @@ def compare_with_georinex(
         with warnings.catch_warnings(action="ignore"):
             table = georinex.load(io.StringIO(text), useindicators=True)
         if table.time.size == 0:
-            raise ValueError("no epoch is one to it")
+            raise ValueError("georinex finds no epoch in the file")
     except (AssertionError, LookupError, TypeError, ValueError) as error:
-        message = f"georinex cannot read it: {words_of(error)}; insgnss ppk reads it"
+        message = f"georinex cannot read this file: {words_of(error)}; insgnss ppk can"
         raise InputError.in_file(path, message) from None
     start = int(GPS_EPOCH_UNIX_S + ours.gps_week * WEEK_S) * 10**9
     our_stamps = start + 100 * np.rint(1e7 * ours.time).astype(np.int64)

@@ -72,7 +72,7 @@ def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tup
     records, invalid = _chosen(observations, ALL_VALID)
     if len(invalid) < len(records):
         return camera_events(observations), ()
-    finding = f"{_those(records, invalid)}, and are left out: there are no exposures"
+    finding = f"{_those(records, invalid)}, and are left out, so that no exposures remain"
     return None, (note("time marks", finding, "valid ones", _keep()),) if invalid else ()
 
 
@@ -97,8 +97,8 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
     records, invalid = _chosen(observations, wanted)
     if not records and observations.events.size:
         message = (
-            f"no external event has a record line with {shown(wanted.events_containing)}; read the"
-            " lines of the events"
+            f"no external event has a record line with {shown(wanted.events_containing)}; look up"
+            " the text of the events in the file"
         )
         raise InputError.in_file(path, message)
     if not records:
@@ -111,7 +111,7 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
         return records, ()
     those = _those(records, invalid)
     if wanted.invalid_events:
-        advice = "their stamps may be off by anything"
+        advice = "their time stamps may be wrong by any amount"
         return records, (note("time marks", f"{those}, and are taken", "valid ones", advice),)
     if len(invalid) == len(records):
         raise InputError.at_line(path, invalid[0].line, f"camera events: {those}; {_keep()}")

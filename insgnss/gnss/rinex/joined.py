@@ -99,7 +99,8 @@ def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
         if one != another:
             message = (
                 f"{name} is not that of {first.path}: {str(another)[:60]}, not {str(one)[:60]};"
-                " files of one receiver and setting are joined, convert them alike"
+                " only files of one receiver and setting can be joined: convert all with the same"
+                " options"
             )
             raise InputError.in_file(other.path, message)
     if first.approx_position_m is None or other.approx_position_m is None:

@@ -295,7 +295,9 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     first = lines[0] if lines else ""
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
         message = "no RINEX navigation file (RINEX VERSION / TYPE with N or G), nor SP3"
-        raise InputError.at_line(path, 1, f"{message}; are the files in the right places?")
+        raise InputError.at_line(
+            path, 1, f"{message}; were rover, base and navigation files exchanged?"
+        )
     version = _number(path, 0, 0, first[:9].strip())
     if not 2.0 <= version < 5.0:
         message = f"RINEX {version:.2f}; 2, 3 and 4 are read, convert it to 3.04"

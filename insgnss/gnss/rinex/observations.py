@@ -318,8 +318,8 @@ class _Reading:
             twice = f"this satellite stands twice in the epoch of line {state[k.LINE]}"
             return f"{seen}: {twice}; {COPY_AGAIN}"
         return (
-            "a field of 14 columns is no number with a decimal point, or something stands behind"
-            f" the last type: {seen}; {COPY_AGAIN}"
+            "a field of 14 columns is no number with a decimal point, or there is text behind the"
+            f" last type of observation: {seen}; {COPY_AGAIN}"
         )
 
     def refuse_cut_line(self) -> None:

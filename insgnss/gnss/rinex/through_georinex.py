@@ -137,7 +137,7 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
         with warnings.catch_warnings(action="ignore"):
             table = georinex.load_sp3(io.StringIO(text), None)
     except (AssertionError, ValueError, IndexError) as error:
-        message = f"georinex cannot read it: {words_of(error)}; fetch the file again"
+        message = f"georinex cannot read this file: {words_of(error)}; fetch the file again"
         raise InputError.in_file(path, message) from None
     time = table.time.values.astype("datetime64[ns]").astype(np.int64) / 1e9 - GPS_EPOCH_UNIX_S
     position, clock = 1e3 * table.position.values, 1e-6 * table.clock.values

@@ -199,7 +199,8 @@ def _chosen(
     available = {int(j) for curve in curves for j in curve.level}
     if unknown := sorted(set(levels) - available):
         raise UsageError(
-            f"level {unknown[0]} is in no curve; theirs are {min(available)} to {max(available)}"
+            f"level {unknown[0]} is in no curve; the curves have levels {min(available)} to"
+            f" {max(available)}"
         )
     for i, curve in enumerate(curves, start=1):
         if not np.isin(curve.level, list(levels)).any():

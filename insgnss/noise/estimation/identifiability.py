@@ -195,8 +195,10 @@ def _too_weak(
     """Why the strength of a process cannot be distinguished from zero, or nothing."""
     kind = "driving noise" if process.kind == GAUSS_MARKOV else "density"
     if strength.value == 0.0:
-        return "the best fit has none of it" + (
-            "" if math.isfinite(strength.high) else f", and its {kind} is not bounded"
+        return "the best fit sets it to zero" + (
+            ""
+            if math.isfinite(strength.high)
+            else f", and the interval of its {kind} has no upper end"
         )
     if (clear := _clearness(fitted, process, inverses)) < _SEEN:
         return (

@@ -114,7 +114,10 @@ def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str]
         singular = [i for i, W in enumerate(weights, start=1) if not np.isfinite(W).all()]
         if singular:
             which = f"the covariance of the wavelet variance of curve {singular[0]}"
-            return fitted, f"{which} is singular at step {step}; weights of the step before"
+            return (
+                fitted,
+                f"{which} is singular at step {step}; the weights of the previous step are kept",
+            )
         scored_fits += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
         if step <= iterations:
             after = fit_alike(first, first.curves, weights)

@@ -268,8 +268,8 @@ def _biweight_scale(q: Array, wanted: float, level: int) -> float:
     some = q[:: -(-q.size // _SAMPLE)].copy()
     if (middle := float(np.median(some))) == 0.0:
         raise DataError(
-            f"level {level}: most coefficients are zero, of a coarsely quantized channel; leave out"
-            " robust, it has no answer"
+            f"level {level}: most coefficients are zero, as of a coarsely quantized channel, so"
+            " that the robust variance does not exist; leave out robust"
         )
     k = np.geomspace(low := wanted / float(some.mean()), max(2.0 * low, 1.0 / middle), 100)
     value = np.array([biweight_mean(some, each)[0] for each in k])

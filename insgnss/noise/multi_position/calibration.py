@@ -129,8 +129,8 @@ def calibrate_multi_position(
     if positions < FEWEST_POSITIONS:
         raise DataError(
             f"{imu.source or 'IMU'}: {positions} positions found in {len(periods)} stationary"
-            f" periods, {FEWEST_POSITIONS} needed; rest the sensor for 5 s and more in each, faces"
-            " and edges up and down"
+            f" periods, {FEWEST_POSITIONS} needed; rest the sensor for at least 5 s in each"
+            " position, with each face and edge up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
     accel = calibrate_accelerometers(periods, gravity, sigma)

@@ -198,7 +198,7 @@ def _ranking(
         return ranked(curves, candidates), notes
     except UsageError as error:  # a singular covariance, of scales that hardly differ
         why = str(error).partition(";")[0]
-        notes += (f"the models compete with the weights of the intervals: {why}",)
+        notes += (f"the models are compared with the weights of the intervals: {why}",)
         return ranked(curves, candidates, weights="interval"), notes
 
 

@@ -64,8 +64,10 @@ class TuneOptions(Checked):
     columns: tuple[str, ...] | Mapping[str, str] | None = _reading(
         None, "tow,gx,gy,gz,ax,ay,az in their order, or tow=Time,gx=...", kind="columns"
     )
-    gyro_unit: str | None = _unit(None, "rad/s, deg/s, deg/h or that of one count, '0.05 deg/s'")
-    accel_unit: str | None = _unit(None, "m/s^2, g, mg or that of one count, '3.33 mg'")
+    gyro_unit: str | None = _unit(
+        None, "rad/s, deg/s, deg/h or the size of one count, '0.05 deg/s'"
+    )
+    accel_unit: str | None = _unit(None, "m/s^2, g, mg or the size of one count, '3.33 mg'")
     time_unit: str | None = _unit(None, "s, ms, us, ns, unix, unix_ms, ... of the column of time")
     quantity: Literal["mean_rate", "increments", "instant_rate"] | None = _reading(
         None, "what a sample is", usual="mean_rate"
@@ -83,8 +85,8 @@ class TuneOptions(Checked):
         "processes QN WN GM RW DR, such as WN+3GM, or several with commas to choose from",
         usual=" ".join(FAMILY),
     )
-    gyro_model: str | None = _sum(None, "of the gyroscopes, where it is another")
-    accel_model: str | None = _sum(None, "of the accelerometers, where it is another")
+    gyro_model: str | None = _sum(None, "model of the gyroscopes, where it differs")
+    accel_model: str | None = _sum(None, "model of the accelerometers, where it differs")
     axes: Axes = argument("separate", "a model an axis, or one for the three", group="model")
     levels: str | None = _model(
         None, "scales to fit: 3-, 2-14, 1,2,5- (level j: differences of means of 2^(j-1) samples)"
@@ -93,7 +95,9 @@ class TuneOptions(Checked):
         "auto", "efficient second step", usual="where the model fits", group="model"
     )
     robust: bool | None = _model(
-        None, "wavelet variances that disturbances do not move (default: where there are some)"
+        None,
+        "robust wavelet variances, insensitive to disturbances (default: where there are"
+        " disturbances)",
     )
     sampling: Sampling = argument("point", "what a sample is of the process", group="model")
     bootstrap: int = _model(0, "replicates for the J test and, from 100, intervals", low=0)
@@ -119,7 +123,10 @@ class TuneOptions(Checked):
         0.0, "fill gaps up to this length by straight lines", unit="s", low=0.0, cli="--bridge"
     )
     accept: tuple[str, ...] = _reading(
-        (), "name of a check that shall not stop", repeated=True, metavar="CHECK"
+        (),
+        "name of a check whose failure shall not stop the tuning",
+        repeated=True,
+        metavar="CHECK",
     )
     only: str | None = _reading(
         None,

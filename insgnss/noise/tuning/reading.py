@@ -136,7 +136,7 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
     if unit == "s" or "the header gives" in why:
         return imu
     unit_note = Question("IMU time", "a column of seconds").note(
-        f"{unit}: {why}", "--time-unit and --columns say it otherwise"
+        f"{unit}: {why}", "--time-unit and --columns state another unit or column"
     )
     return replace(imu, notes=(*imu.notes, unit_note))
 
@@ -200,7 +200,7 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
         units = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
         if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in units):
             raise no_unit(
-                path, sensor, f"of the {sensor} columns", f"{example} or that of one count"
+                path, sensor, f"of the {sensor} columns", f"{example} or the size of one count"
             )
 
 

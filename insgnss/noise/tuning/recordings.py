@@ -144,9 +144,12 @@ def _variances(
     try:
         curves = taken(True)
     except DataError as error:
-        advice = f"they are in the variances, since robust ones cannot be had: {error}"
+        advice = f"they distort the variances, since robust variances cannot be computed: {error}"
         return taken(False), [ask.note(finding, advice)]
-    advice = "robust variances, which a few of them do not move; --no-robust takes plain ones"
+    advice = (
+        "robust variances are used, which a few disturbances do not distort; --no-robust uses"
+        " plain ones"
+    )
     return curves, [ask.note(finding, advice)]
 
 
@@ -171,7 +174,7 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
     if options.rate_hz is not None and (
         head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)
     ):
-        raise UsageError(f"{path}: the variances carry their rate; leave --rate out")
+        raise UsageError(f"{path}: the file of variances states its rate; leave --rate out")
     stated = {"gyro": options.gyro_unit, "accel": options.accel_unit}
     units = {sensor: unit for sensor, unit in stated.items() if unit}
     variances = read_variances(

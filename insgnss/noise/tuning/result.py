@@ -97,8 +97,8 @@ class TuneResult(Shown):
         if misfits := [t.name for t in tested if goodness_p(t) < FITS_P]:
             doubtful.append(
                 f"the J test contradicts {len(misfits)} of {len(tested)} models"
-                f" ({', '.join(misfits)}; by chance one in {1.0 / FITS_P:.0f} does); below it is"
-                " said by how much of the deviation"
+                f" ({', '.join(misfits)}; by chance one in {1.0 / FITS_P:.0f} does); the size of"
+                " each misfit is listed below"
             )
         if self.model is None:
             doubtful.append("no noise model was written: a sensor or an axis is missing")

@@ -19,8 +19,8 @@ from .in_flight.estimation import FlightTuning, chosen_parameters, estimate, tun
 from .in_flight.files import planned, write
 
 TOGETHER = (
-    "each IMU was tuned alone: noise that shakes all of them at once, as vibration does, does not"
-    " average out as `process` takes it to where it combines them"
+    "each IMU was tuned alone: noise that all IMUs have in common, such as vibration, does not"
+    " average out, although `process` assumes that it does where it combines the IMUs"
 )
 
 

@@ -160,7 +160,7 @@ def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
 def no_unit(path: Path, sensor: str, of: str, example: str) -> UsageError:
     """Return the refusal of a file that does not say the unit of its numbers."""
     advice = f"give --{sensor}-unit, such as {example}"
-    return UsageError(f"{path}: nothing says the unit {of}; {advice}")
+    return UsageError(f"{path}: neither the file nor an option states the unit {of}; {advice}")
 
 
 def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:

@@ -54,7 +54,7 @@ def turn_on_sigmas(
     rates = np.linalg.norm(gyro, axis=1)
     if (np.abs(rates / EARTH_RATE - 1.0) < SEES_EARTH).all():
         bias = float(np.sqrt(np.mean((rates - EARTH_RATE) ** 2)))
-        how = f"what |mean rate| is off the Earth's {EARTH_RATE / DEG_PER_H:.2f} deg/h"
+        how = f"difference of |mean rate| from the Earth's {EARTH_RATE / DEG_PER_H:.2f} deg/h"
     else:
         bias = float(np.sqrt(np.mean(gyro**2)))
         how = f"rms of the means, the Earth's rotation included{_spread(gyro, DEG_PER_H, 'deg/h')}"

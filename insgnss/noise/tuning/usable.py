@@ -84,8 +84,8 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
                 errors.get("random_walk", 0.0), strength.standard_error
             )
             remarks.append(
-                f"Gauss-Markov {k} has no end in what was recorded: it acts as a random walk, and"
-                " stands in the model as such"
+                f"Gauss-Markov {k} has a correlation time beyond the recording: it acts as a"
+                " random walk, and the model contains it as a random walk"
             )
         elif f"gauss_markov_{k}" in short:
             density = _white_density(process, dt, fit.sampling)
@@ -94,15 +94,15 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             time_s = f"{process.correlation_time_s:.3g} s"
             remarks.append(
                 f"Gauss-Markov {k} ({time_s}) is too short to be distinguished from white noise,"
-                " and stands in the model as such"
+                " and the model contains it as white noise"
             )
         else:
             processes.append(process)
             number = len(processes)
             if f"gauss_markov_{k}" in unbounded:
                 remarks.append(
-                    f"Gauss-Markov {k} may as well be white noise, and stands in the model as it"
-                    f" was fitted, with {process.correlation_time_s:.3g} s"
+                    f"Gauss-Markov {k} may as well be white noise, but the model contains it as"
+                    f" fitted, with {process.correlation_time_s:.3g} s"
                 )
             errors |= {
                 str(NoiseTerm(e.term.kind, number)): e.standard_error
@@ -185,8 +185,9 @@ def envelope(axis: AxisNoise, fit: NoiseFit) -> tuple[str, ...]:
     if least.ratio < 1.0:
         raise DataError(
             f"the noise model would have {least.ratio:.3g} times the deviation of the"
-            f" {fit.composition} that was fitted, at {least.scale_s:.3g} s, which is beyond its"
-            " confidence: it is not written; name a model with fewer processes (--model)"
+            f" {fit.composition} that was fitted, at {least.scale_s:.3g} s, which is outside the"
+            " fit's confidence interval: no noise model is written; name a model with fewer"
+            " processes (--model)"
         )
     most, scales = max(excesses, key=lambda d: d.ratio), [d.scale_s for d in excesses]
     return (

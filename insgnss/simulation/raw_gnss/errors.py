@@ -58,8 +58,10 @@ class Tracking:
     outage_s: tuple[float, float] = option(
         (1.0, 8.0), "shortest and longest loss of a satellite", unit="s", positive=True
     )
-    turn_factor: float = option(5.0, "factor of both rates in a bank", low=0.0)
-    turn_bank_deg: float = option(15.0, "bank beyond which it acts", unit="deg", low=0.0)
+    turn_factor: float = option(5.0, "factor on slips and losses while the aircraft banks", low=0.0)
+    turn_bank_deg: float = option(
+        15.0, "bank angle beyond which turn_factor acts", unit="deg", low=0.0
+    )
 
     def __post_init__(self) -> None:
         check(self, "tracking")

@@ -64,15 +64,17 @@ class RawGnssOptions:
     clock_jump_s: float = option(0.0, "size of its jumps, 0: none", unit="s", low=0.0)
     hardware_bias_m: float = option(3.0, "standard deviation of hardware biases", unit="m", low=0.0)
     glonass_code_bias_m: float = option(
-        0.3, "the same of a GLONASS frequency number", unit="m", low=0.0
+        0.3, "standard deviation of code biases of a GLONASS frequency number", unit="m", low=0.0
     )
-    glonass_phase_bias_m: float = option(0.001, "rover against base, times the number", unit="m")
+    glonass_phase_bias_m: float = option(
+        0.001, "phase bias of rover against base, times the GLONASS frequency number", unit="m"
+    )
     broadcast_error_m: float = option(
         1.0, "standard deviation of orbits and clocks, each axis", unit="m", low=0.0
     )
     tracking: Tracking = field(default_factory=Tracking)
     base_share: float = option(
-        0.1, "share of the rover's tracking rates at the base", low=0.0, high=1.0
+        0.1, "rates of slips and losses at the base as a share of the rover's", low=0.0, high=1.0
     )
 
     def __post_init__(self) -> None:

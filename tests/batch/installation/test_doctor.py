@@ -175,7 +175,7 @@ def test_the_engine_is_that_of_ppk(monkeypatch):
     from insgnss.gnss.engine import program
 
     monkeypatch.setattr(program, "engine_command", lambda: ["/opt/rnx2rtkp"])
-    assert engine_finding().found.startswith("/opt/rnx2rtkp, ")
+    assert engine_finding().found.startswith("/opt/rnx2rtkp; ")
 
     def none():
         raise UsageError("no GNSS engine: pip install x")

@@ -64,7 +64,7 @@ def test_each_thing_that_is_missing_or_other_is_named(archive: Path) -> None:
     assert problems(archive)[0].startswith("input in.csv is missing (looked for in")
     (block / "in.csv").write_text("block\n")
     (block / "out" / "poses.csv").write_text("1 2 4\n")
-    assert problems(archive) == ["product poses.csv is not what the run wrote: changed since"]
+    assert problems(archive) == ["product poses.csv was changed after the run wrote it"]
     (block / "out" / "poses.csv").unlink()
     assert problems(archive) == ["product poses.csv is missing"]
     document = archive / "rover" / "out" / "ppk.json"
@@ -83,11 +83,16 @@ def test_objects_of_python_and_products_without_document_are_named(archive: Path
         archive / "block" / "out" / "adjust.json",
         flight={"imu": {"file": "given as object: <ImuSamples>"}},
     )
-    assert problems(archive) == ["an input was given as an object in Python; no file holds it"]
+    assert problems(archive) == [
+        "an input was a Python object, not a file, so that the run cannot be repeated"
+    ]
     (archive / "old").mkdir()
     (archive / "old" / "eo.json").write_text("{}")
     assert examined(archive).orphans == (archive / "old" / "eo.json",)
-    assert "eo.json: nothing says what it was made from" in examined(archive).summary()
+    assert (
+        "eo.json: no JSON document says from which inputs it was made"
+        in examined(archive).summary()
+    )
     (archive / "noise.toml").write_text("n")
     products = {"noise.toml": sha("n")}
     made = {"versions": {"insgnss": __version__}, "inputs_sha256": {}, "products_sha256": products}

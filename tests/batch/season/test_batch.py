@@ -127,8 +127,8 @@ def test_a_flight_that_kills_its_workers_is_one_failure(tmp_path: Path) -> None:
     assert len(failed) == 1, [(row["name"], row["reason"]) for row in failed]
     assert all(row["reason"] for row in failed)
     reason = next(row["reason"] for row in document["flights"] if row["name"] == "f001")
-    assert "its worker died again when it ran alone, by SIGKILL" in reason
-    assert "the system does not say that it was for memory (memory forecast 0." in reason
+    assert "its process died again when it ran alone, by SIGKILL" in reason
+    assert "the system does not report a lack of memory as the cause (memory forecast 0." in reason
 
 
 def ports_of(processes: list[int]) -> list[str]:

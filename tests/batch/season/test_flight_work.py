@@ -65,11 +65,11 @@ def test_a_product_that_was_changed_is_named_and_kept(flight: Path) -> None:
     again = run(flight)
     assert again.status == "kept"
     assert is_changed(again.row)
-    assert "metashape.csv: not what the run wrote" in again.reason
+    assert "metashape.csv: no longer as the run wrote them" in again.reason
     assert "--again" in again.reason
     assert product.read_bytes() == written + b"# mine\n"
     said = str(examine_archive(flight, False, lambda *_: None))
-    assert "metashape.csv is not what the run wrote" in said
+    assert "metashape.csv was changed after the run wrote it" in said
     assert not is_changed(run(flight, again=True).row)
     assert product.read_bytes() == written
 
@@ -137,5 +137,5 @@ def test_an_archive_is_made_again_byte_for_byte(flight: Path) -> None:
     text = report.read_text()
     changed(report, '"gate_sigma": 6', '"gate_sigma": 7')
     (result,) = examine_archive(flight, False, lambda _: None).runs
-    assert "the flight file alone says otherwise of gnss" in result.problems[0]
+    assert "the flight file gives other values of gnss" in result.problems[0]
     report.write_text(text)

@@ -139,5 +139,5 @@ def test_a_worker_of_several_threads_is_refused(tmp_path: Path, scheduler: Clust
         done = batch(".", "--scheduler", address, cwd=tmp_path)
         third.kill()
     assert done.returncode == 2
-    assert "has 4 threads, 1 is right" in done.stderr
+    assert "has 4 threads, but must have 1" in done.stderr
     assert f"`dask worker {address} --nthreads 1 --nworkers 4`" in done.stderr

@@ -113,7 +113,7 @@ def test_the_mood_follows_flights_and_trends() -> None:
     doubtful = [*good[:-1], good[-1] | {"judgement": "doubtful"}]
     assert season_document(doubtful, (), "h").verdict[:2] == (
         "doubtful",
-        "figures of these flights are beyond those of a good one: f011",
+        "some figures of these flights are worse than those of a good flight: f011",
     )
     drifts = [one | {"lever_arm_down_m": 0.01 * k} for k, one in enumerate(good)]
     mood, why, _ = season_document(drifts, trends(drifts), "h").verdict

@@ -501,7 +501,7 @@ WRONG = {
     "option that is set": (
         RAW + "rtklib_options = { pos1-elmask = 10 }\n",
         7,
-        "gnss.rtklib_options: pos1-elmask is not to be set there: gnss.elev",
+        "gnss.rtklib_options: pos1-elmask cannot be set there: gnss.elev",
     ),
     "option that is a list": (
         RAW + "rtklib_options = { pos2-arminfix = [10] }\n",

@@ -162,10 +162,10 @@ def test_arguments_are_made_of_the_declarations():
         (
             {"rtklib_options": {"pos1-elmask": "10"}},
             (
-                "gnss.rtklib_options: pos1-elmask is not to be set there: gnss.elevation_mask_deg"
+                "gnss.rtklib_options: pos1-elmask cannot be set there: gnss.elevation_mask_deg"
                 " sets it"
             ),
-            "--rtklib-options: pos1-elmask is not to be set there: --mask sets it",
+            "--rtklib-options: pos1-elmask cannot be set there: --mask sets it",
         ),
     ],
 )

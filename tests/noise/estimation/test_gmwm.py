@@ -326,7 +326,11 @@ def test_wrong_use_is_refused_in_one_line():
             DataError,
             "8 scales for the 9 parameters of QN.WN.3GM.RW",
         ),
-        ({"levels": [1, 2, 30]}, UsageError, "level 30 is in no curve; theirs are 1 to 8"),
+        (
+            {"levels": [1, 2, 30]},
+            UsageError,
+            "level 30 is in no curve; the curves have levels 1 to 8",
+        ),
         ({"weights": []}, UsageError, "0 weight matrices for 1 curves"),
         (
             {"weights": [np.eye(J + 1)]},

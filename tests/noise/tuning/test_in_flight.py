@@ -398,7 +398,7 @@ def test_each_doubt_keeps_the_static_model(tuned):
         ((replace(noise, chance=0.01), 0, 0), "chance"),
         (
             (replace(noise, chance=0.01, gain=0.5 * chi2.isf(1e-3, 2), duration_s=300.0), 0, 0),
-            "10 min of such a flight show it",
+            "10 min of such a flight would be enough to determine them",
         ),
         ((replace(noise, at_best=coloured), 0, 0), "stay correlated, 0.40"),
         (

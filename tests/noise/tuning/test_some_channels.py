@@ -56,7 +56,9 @@ def test_what_a_file_lacks_is_no_channel(tmp_path: Path) -> None:
 def test_nothing_says_the_unit_of_the_one_axis(tmp_path: Path) -> None:
     """Oracle: the option that is missing; that of the sensor that is not there is not asked for."""
     path = table(tmp_path / "z.csv", "time[s],gz", TIME, VALUES[:, 2])
-    with pytest.raises(UsageError, match="nothing says the unit of the gyro columns"):
+    with pytest.raises(
+        UsageError, match="neither the file nor an option states the unit of the gyro columns"
+    ):
         read_samples(path, TuneOptions())
     assert [*read_samples(path, TuneOptions(gyro_unit="rad/s"))[1]] == [k == 2 for k in range(6)]
 

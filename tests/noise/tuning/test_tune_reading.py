@@ -142,7 +142,10 @@ def test_units_behind_names_need_no_option(rest, tmp_path, capsys):
     )
     code, said = run(capsys, path, "--out", tmp_path / "y.toml")
     assert code == 2
-    assert "nothing says the unit of the gyro columns; give --gyro-unit" in said
+    assert (
+        "neither the file nor an option states the unit of the gyro columns; give --gyro-unit"
+        in said
+    )
 
 
 def test_another_imu_is_not_pooled(rest, tmp_path, capsys):
@@ -219,7 +222,7 @@ def test_messages_speak_of_options(rest, tmp_path, capsys):
         capsys, several, *UNITS, "--variable", "one", "--rate", "100", "--out", tmp_path / "x.toml"
     )
     assert code == 2
-    assert "the variances carry their rate; leave --rate out" in said
+    assert "the file of variances states its rate; leave --rate out" in said
     own = tmp_path / "own.json"
     own.write_text('{\n "recordings": [\n  {"file": "a.npy"}]}')
     code, said = run(capsys, own, *UNITS, "--out", tmp_path / "x.toml")

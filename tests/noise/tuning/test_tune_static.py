@@ -220,11 +220,11 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, *UNITS, "--model", "WN", "--levels", "40-", *out], "no such level; there are 1 to"),
         (
             [rest, "--rate", "50", *out],
-            "nothing says the unit of the gyro columns; give --gyro-unit",
+            "nor an option states the unit of the gyro columns; give --gyro-unit",
         ),
         (
             [rest, "--rate", "50", "--gyro-unit", "rad/s", *out],
-            "nothing says the unit of the accel columns; give --accel-unit",
+            "nor an option states the unit of the accel columns; give --accel-unit",
         ),
         ([rest, *UNITS[:4], *out], "give the sensor's rate in samples a second, --rate HZ"),
         ([rest, rest, *UNITS, *out], "given twice"),
@@ -241,7 +241,7 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, *UNITS, "--columns", "gx,gy,gz,ax,ay,ax", *out], "names ax twice"),
         (
             [folder / "nameless.csv", *out],
-            "nothing says the unit that the gyro variances are of; give --gyro-unit, such as rad/s",
+            "states the unit that the gyro variances are of; give --gyro-unit, such as rad/s",
         ),
         ([rest, *UNITS, "--bootstrap", "1", *out], "give 2 replicates at least"),
         ([rest, *UNITS, "--seed", "-1", *out], "--seed -1: must be 0 or more"),

@@ -52,7 +52,7 @@ def test_a_process_shorter_than_a_sample_is_white_to_a_filter():
     )
     noise, remarks = usable_axis(inference)
     assert noise.gauss_markov == ()
-    assert "white noise, and stands in the model as such" in remarks[0]
+    assert "white noise, and the model contains it as white noise" in remarks[0]
     assert "upper envelope" in remarks[-1]
     from scipy.signal import lfilter
 
@@ -85,7 +85,7 @@ def test_a_process_whoseinterval_reaches_a_sample_stays_as_it_was_fitted():
     level = np.arange(1, 17)
     assert_allclose(haar_variance(noise, level, RATE), haar_variance(truth, level, RATE), rtol=1e-3)
     assert_allclose(noise.white_noise, 10.8 * DEG_H, rtol=1e-3)
-    assert "stands in the model as it was fitted, with 71 s" in remarks[0]
+    assert "the model contains it as fitted, with 71 s" in remarks[0]
 
 
 def test_what_falls_short_of_the_fit_is_refused_and_what_exceeds_it_told():

@@ -87,8 +87,8 @@ def tune_flight(
     target = planned(flight, out, force)
     if flight.imu.further:
         raise InputError(
-            f"{flight.path}: imu.further: the noise of several IMUs in one cannot be distinguished;"
-            " `tune_each` takes each alone"
+            f"{flight.path}: imu.further: the noise of several combined IMUs cannot be"
+            " distinguished; use `tune_each`, which tunes each IMU alone"
         )
     return write(estimate(flight, chosen, progress), flight, target)
 
@@ -295,7 +295,7 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
         held = " and ".join(TERMS[name] for name, _ in noise.held)
         doubts.append(
             f"but the innovations rule out {held} as the static model has it, by {noise.loss:.1f}"
-            " in -2 log L, and determine no other"
+            " in -2 log L, and determine no other value"
         )
     for name, ratio in beyond:
         doubts.append(
@@ -305,14 +305,15 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
     if doubts:
         doubts.append(
             "the drifts of the static model are not those of this IMU: name the noise model of a"
-            " sensor of its kind in imu.noise, or tune its recordings at rest, and come back"
+            " sensor of its kind in imu.noise, or tune its recordings at rest, and then repeat"
+            " this command"
         )
     if not noise.white:
         w = noise.at_best.whiteness
         doubts.append(
             f"but the innovations stay correlated, {np.abs(w.lag_one).max():.2f} from fix to fix"
-            f" and {w.together.max():.2f} over {w.lags} fixes (limit {WHITE_ENOUGH:g}): something"
-            " else than white errors and this IMU noise shapes them, such as fixes that the"
-            " receiver has filtered, and the factors would stand in for it"
+            f" and {w.together.max():.2f} over {w.lags} fixes (limit {WHITE_ENOUGH:g}): they have"
+            " another cause than white errors and IMU noise, such as fixes that the receiver has"
+            " filtered, and the factors would absorb it"
         )
     return doubts

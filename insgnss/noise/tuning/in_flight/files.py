@@ -43,7 +43,8 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     taken = [str(file) for file in (target, *beside(target)) if file.resolve() in inputs]
     if taken:
         raise UsageError(
-            f"{taken[0]}: is an input of this flight and stays as it is; give another --out FILE"
+            f"{taken[0]}: is an input of this flight and is never overwritten; give another --out"
+            " FILE"
         )
     if not force:
         refuse_others(target, measurements(flight))

@@ -128,7 +128,7 @@ class FlightTuning(Shown):
             hashes={r.file: r.sha256 for r in self.model.recordings},
             settings={"static model": self.static.name, "key of the flight file": self.key},
             files=self.files,
-            next=f"to use it: {use} (a path from there)" if use else "",
+            next=f"to use it: {use} (a path relative to the flight file)" if use else "",
         )
 
     def summary(self) -> str:

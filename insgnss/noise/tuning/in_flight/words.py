@@ -108,8 +108,8 @@ def _advice(n: "InFlightNoise") -> list[str]:
         k = n.names.index(name)
         size = f"{n.factor[k]:.2f} +- {n.sigma(name):.2f} times what the fixes claim"
         out.append(
-            f"{TERMS[name]}: {size}; it was estimated beside the IMU's noise, so that neither"
-            " stands for the other; correct the sigmas"
+            f"{TERMS[name]}: {size}; it was estimated together with the IMU's noise, so that"
+            " neither is mistaken for the other; correct the sigmas of the fixes"
         )
     return out
 
@@ -145,7 +145,7 @@ def spectrum_parts(
         folded = f"{line.frequency_hz:.2f} Hz (or folded from +-{straight.rate_hz:.0f} Hz)"
         yield (
             f"line {line.channel} {folded}: rms {line.rms:.2g} {rate}; swings by {line.swing:.2g}"
-            f" {angle} and goes no further"
+            f" {angle}, without a lasting drift"
         )
     if len(strongest) > MANY_LINES:
         yield f"and {len(strongest) - MANY_LINES} more lines"
@@ -211,7 +211,10 @@ def longer_flight(noise: "InFlightNoise") -> list[str]:
     minutes = np.ceil(
         noise.duration_s / 60.0 * float(chdtri(noise.free, SIGNIFICANT_CHANCE)) / noise.gain
     )
-    return [f"if the factors are as estimated, {minutes:.0f} min of such a flight show it"]
+    return [
+        f"if the factors are as estimated, {minutes:.0f} min of such a flight would be enough to"
+        " determine them"
+    ]
 
 
 def chance_of(p: float) -> str:

@@ -188,7 +188,7 @@ def ranked(t: "Tuned") -> Iterator[str]:
         f"{t.ranking.criterion}, over recordings left out" if crossed else t.ranking.criterion
     )
     rule = (
-        "; of those as good the smallest with all parameters determined goes first"
+        "; of equally good models the smallest with all parameters determined is preferred"
         if t.ranking.chosen is not best
         else ""
     )
