@@ -43,8 +43,8 @@ _COLUMN_ADVICE = (
     (r"(?<![-\w])columns(?= =|:| names| does)", "--columns"),
     (r"\bout of columns\b", "out of --columns"),
     (r"(?<![-\w])rate_hz\b", "--rate"),
-    (r"\bby member\b", "by --variable"),
-    (r"\bset variable to\b", "give --variable,"),
+    (r"\bset (?:member|variable) to\b", "give --variable,"),
+    (r"\bleave member out\b", "leave --variable out"),
     (r"\band variable where\b", "and --variable where"),
     (r" in the flight file\b", ""),
 )

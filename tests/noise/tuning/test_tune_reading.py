@@ -217,7 +217,7 @@ def test_messages_speak_of_options(rest, tmp_path, capsys):
     several.write_text(json.dumps({"one": member, "two": member}))
     code, said = run(capsys, several, *UNITS, "--out", tmp_path / "x.toml")
     assert code == 2
-    assert "choose by --variable one of one, two" in said
+    assert "give --variable, one of one, two" in said
     code, said = run(
         capsys, several, *UNITS, "--variable", "one", "--rate", "100", "--out", tmp_path / "x.toml"
     )

@@ -261,7 +261,7 @@ WRONG: list[tuple[Callable[[RenderedFlight], None], int, str]] = [
     (_spoil_beside, 4, "no ground point lies in any image .* belong to another place"),
     (_spoil_above, 4, "their heights have different references"),
     (_spoil_no_camera, 2, "CAMERA .* does not exist"),
-    (_spoil_millimetres, 3, "f counts in pixels"),
+    (_spoil_millimetres, 3, "f is in pixels"),
 ]
 
 
