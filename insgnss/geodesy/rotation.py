@@ -130,6 +130,28 @@ def vector_from_rotation(C: ArrayLike) -> Array:
     return factor[..., None] * q[..., 1:]
 
 
+def inverse_right_jacobian(v: ArrayLike) -> Array:
+    """Return the derivative of log(exp(v) exp(d)) by d at d = 0.
+
+    Parameters
+    ----------
+    v : ndarray, (..., 3)
+        Rotation vectors shorter than pi, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        The derivatives, I + [v x] / 2 + ...
+    """
+    v = np.asarray(v, dtype=np.float64)
+    angle = np.sqrt((v * v).sum(axis=-1))[..., None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    second = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
+    V = skew(v)
+    return np.asarray(np.eye(3) + 0.5 * V + np.where(small, 1.0 / 12.0, second) * (V @ V))
+
+
 def quaternion_from_rotation(C: ArrayLike) -> Array:
     """Return the unit quaternion of a rotation matrix, from (R.2).
 

@@ -190,14 +190,8 @@ def strip_covariances(
         f"covariance of all poses of each of {len(strips)} strips, {together} of {len(eo)} images,"
         f" at most {max((strip.rows.size for strip in strips), default=0)} in one"
     )
-    note += (
-        (
-            f"; left out {left_out} strips, whose covariance is not positive definite to the digits"
-            " computed"
-        )
-        if left_out
-        else ""
-    )
+    if left_out:
+        note += f"; left out {left_out} strips, whose covariance is not positive definite"
     return tuple(strips), common, note
 
 

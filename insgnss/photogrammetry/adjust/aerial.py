@@ -36,11 +36,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...geodesy.rotation import rotation_from_vector, skew, vector_from_rotation
+from ...geodesy.rotation import (
+    inverse_right_jacobian,
+    rotation_from_vector,
+    skew,
+    vector_from_rotation,
+)
 from ...records import ExteriorOrientation
 from ...records.block import Array
 from .groups import (
-    inverse_right_jacobian,
     keys_of_parameters,
     refuse_other_parameters,
     refuse_other_shapes,

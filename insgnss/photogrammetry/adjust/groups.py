@@ -16,16 +16,14 @@ from typing import Protocol
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...geodesy.rotation import skew, vector_from_rotation
+from ...geodesy.rotation import inverse_right_jacobian, vector_from_rotation
 from ...records.block import Array, GroundPoints
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
+# sigma of inner constraints, of the network's size: far below what images determine, and no worse
+# for the condition of the normal matrix than a good block is
 HELD_SHARE = 1e-7
-"""Standard deviation of inner constraints, of the network's size: far below what images determine,
-and no worse for the condition of the normal matrix than a good block is."""
-
-# reciprocal condition, estimated to a factor of ten, from which on a scaled covariance needs no
-# eigenvalues: ten times the least that `weight_of` takes
+# reciprocal condition from which on a scaled covariance needs no eigenvalues: ten times the least
 WELL = 1e-12
 
 
@@ -169,28 +167,6 @@ def _by_cholesky(matrix: Array) -> Array | None:
         return None
     lower = np.tril(dpotri(factor, lower=1)[0])
     return np.asarray(lower + np.tril(lower, -1).T)
-
-
-def inverse_right_jacobian(v: Array) -> Array:
-    """Return the derivative of log(exp(v) exp(d)) by d at d = 0.
-
-    Parameters
-    ----------
-    v : ndarray, (..., 3)
-        Rotation vectors shorter than pi, rad.
-
-    Returns
-    -------
-    ndarray, (..., 3, 3)
-        The derivatives, I + [v x] / 2 + ...
-    """
-    v = np.asarray(v, dtype=np.float64)
-    angle = np.sqrt((v * v).sum(axis=-1))[..., None, None]
-    small = angle < 1e-4
-    safe = np.where(small, 1.0, angle)
-    second = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
-    V = skew(v)
-    return np.asarray(np.eye(3) + 0.5 * V + np.where(small, 1.0 / 12.0, second) * (V @ V))
 
 
 @dataclass(frozen=True, eq=False)

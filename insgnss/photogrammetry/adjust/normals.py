@@ -18,8 +18,7 @@ SMALLEST_EIGENVALUE = 1e-14
 """Of the normal matrix with unit diagonal. Without datum, or without scale, rounding leaves some
 1e-16; a strip of 60 images that hangs on three control points in a line has 1e-13, a good block
 1e-5."""
-SPARSE_UNKNOWNS = 100
-"""Unknowns of a group from which on its Jacobian is taken for sparse."""
+SPARSE_UNKNOWNS = 100  # unknowns of a group from which on its Jacobian is taken for sparse (chosen)
 POSE_NAMES = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")
 
 

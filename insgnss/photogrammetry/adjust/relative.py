@@ -41,10 +41,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
+from ...geodesy.rotation import (
+    inverse_right_jacobian,
+    rotation_from_vector,
+    vector_from_rotation,
+)
 from ...records.block import Array
 from .aerial import COMMON_OF_TRAJECTORY, EXPOSURE_DELAY, StripControl, put
-from .groups import PoseObservation, inverse_right_jacobian, refuse_other_shapes
+from .groups import PoseObservation, refuse_other_shapes
 from .unknowns import POSE, Key, Unknowns
 
 if TYPE_CHECKING:

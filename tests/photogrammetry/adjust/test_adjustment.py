@@ -9,13 +9,16 @@ from test_image_kernels import computed
 
 from insgnss.base.advance import listening
 from insgnss.base.errors import DataError
-from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
+from insgnss.geodesy.rotation import (
+    inverse_right_jacobian,
+    rotation_from_vector,
+    vector_from_rotation,
+)
 from insgnss.photogrammetry.adjust.adjustment import adjusted
 from insgnss.photogrammetry.adjust.groups import (
     InteriorObservation,
     PoseObservation,
     control_points,
-    inverse_right_jacobian,
     weight_of,
 )
 from insgnss.photogrammetry.adjust.normals import problem_of
