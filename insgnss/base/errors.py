@@ -13,7 +13,7 @@ from typing import Any
 from .received.trusted import contents_withheld, instead, without_text
 from .wording import named, setting
 
-ABSENT: Any = object()
+UNSET: Any = object()
 WORDS_SHOWN = 120  # characters of a library's message: the rest is its own affair (chosen)
 _ENDS = re.compile("[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]+")
 
@@ -53,9 +53,9 @@ class OptionError(UsageError):
         The value, where the message is to show it.
     """
 
-    def __init__(self, key: str, problem: str, value: Any = ABSENT) -> None:
+    def __init__(self, key: str, problem: str, value: Any = UNSET) -> None:
         self.key, self.problem, self.value = key, problem, value
-        option = named(key) if value is ABSENT else setting(key, value)
+        option = named(key) if value is UNSET else setting(key, value)
         super().__init__(f"{option}: {problem}")
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ABSENT, InputError, OptionError, near
+from .errors import UNSET, InputError, OptionError, near
 from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST_NESTING, too_deep
@@ -70,7 +70,7 @@ class OptionTable:
     data: Mapping[str, Any]
     sources: Mapping[str, KeySource] = field(default_factory=dict)
 
-    def error(self, key: str, problem: str, value: Any = ABSENT) -> InputError:
+    def error(self, key: str, problem: str, value: Any = UNSET) -> InputError:
         """Return an error at the line of `key`, of its table where the key is absent."""
         full = self.full(key)
         source = self.source(key)
@@ -81,7 +81,7 @@ class OptionTable:
         # a key of ours, or one that is nearly so, is no text of others, wherever the file lies
         with trusting([source.path]) if ours else nullcontext():
             text = str(value).lower() if isinstance(value, bool) else reprlib.repr(value)
-            shown = "" if value is ABSENT else f" = {text}"
+            shown = "" if value is UNSET else f" = {text}"
             return InputError.at_line(source.path, line, f"{full}{shown}: {problem}")
 
     def refusal(self, error: OptionError) -> InputError:

@@ -21,10 +21,10 @@ from insgnss.gnss.rinex.navigation_message import (
     GLONASS,
     I0,
     KIND,
+    MESSAGE_VALUES,
     ROOT_A,
     STATE,
     TOE,
-    VALUE_WIDTH,
     Navigation,
 )
 from insgnss.gnss.satellites.orbits import ranges, satellite_states, select_messages, sky
@@ -209,7 +209,7 @@ def test_one_seed_is_one_constellation(navigation):
     alone = constellation(WEEK, START, END, "G", seed=3)
     assert_array_equal(alone.table, navigation.table[np.char.startswith(navigation.satellite, "G")])
     assert isinstance(alone, Navigation)
-    assert alone.table.shape[1] == VALUE_WIDTH
+    assert alone.table.shape[1] == MESSAGE_VALUES
 
 
 def test_impossible_requests_are_refused():

@@ -288,7 +288,7 @@ def messages():
     random, of the right size.
     """
     rng = np.random.default_rng(8)
-    table = np.zeros((4, message.VALUE_WIDTH))
+    table = np.zeros((4, message.MESSAGE_VALUES))
     for k, toe in enumerate((597600.0, 604800.0, 612000.0)):
         row = table[k]
         row[list(message.ORBIT_PLACES)] = rng.uniform(-1.0, 1.0, len(message.ORBIT_PLACES)) * 1e-6

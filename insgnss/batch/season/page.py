@@ -42,7 +42,7 @@ def season_document(
     ----------
     rows : sequence of dict
         Rows of the table, paths relative to the page.
-    trends : sequence of Trend
+    trends : sequence of SeasonTrend
         Trends of its equipments.
     headline : str
         The result in one sentence, without full stop.
@@ -145,7 +145,7 @@ def charts(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Iterator[Chart
     ----------
     rows : sequence of dict
         Rows of the table.
-    trends : sequence of Trend
+    trends : sequence of SeasonTrend
         Of its equipments.
     """
     groups: dict[tuple[str, str], list[SeasonTrend]] = {}

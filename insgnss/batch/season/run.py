@@ -38,7 +38,7 @@ class SeasonResult:
         Rows of the table, paths relative to it.
     outcomes : tuple of Outcome
         Of the flights.
-    trends : tuple of Trend
+    trends : tuple of SeasonTrend
         Of the equipments.
     files : tuple of Path
         Table and page.

@@ -227,7 +227,7 @@ def trends(rows: Iterable[Row]) -> list[SeasonTrend]:
 
     Returns
     -------
-    list of Trend
+    list of SeasonTrend
         By equipment, then in the order of `TREND_QUANTITIES`; a bore-sight has one where
         calibrations gave it.
     """

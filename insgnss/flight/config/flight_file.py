@@ -236,7 +236,7 @@ class Flight(Checked):
         Tables of that name; the camera is None where there is none.
     mounting : Mounting
         Lever arms and bore-sight, of the first camera of a rig.
-    tangent_plane : TangentPlane or None
+    tangent_plane : TangentPlaneOptions or None
         Table of that name, of which Python may give latitude and longitude, deg, and ellipsoidal
         height, m; None: its origin is at the first fix.
     output : Output

@@ -36,7 +36,7 @@ def with_included(
 
     Parameters
     ----------
-    root : Table
+    root : OptionTable
         The flight file.
     keys : mapping
         The keys that each table may hold.

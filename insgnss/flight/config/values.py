@@ -41,7 +41,7 @@ def take(table: OptionTable, kind: type, without: Iterable[str] = ()) -> dict[st
 
     Parameters
     ----------
-    table : Table
+    table : OptionTable
         Its name says which options a shared dataclass has there.
     kind : type
         The dataclass that declares the options.
@@ -93,7 +93,7 @@ def record_of(
 
     Parameters
     ----------
-    table : Table
+    table : OptionTable
         A table of the file.
     kind : type
         The dataclass that declares its options.

@@ -43,7 +43,7 @@ def export_positions(
         One of `POSITION_FORMATS`.
     path : Path
         The file.
-    target : Target, optional
+    target : ExportFrame, optional
         A projected CRS and its grid of geoid heights; geographic coordinates by default, above the
         geoid of the grid where there is one.
 

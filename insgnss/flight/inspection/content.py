@@ -48,7 +48,7 @@ def draft_flight(
         The recording.
     sensing : Sensing
         What its samples show of the sensor.
-    axes : Axes
+    axes : AxesFound
         Of the IMU.
     alone : Alone
         What was found without a receiver.

@@ -93,7 +93,7 @@ def scale_of_dates(
 
     Parameters
     ----------
-    source : Source
+    source : InputSource
         Of the exposures, read as UTC.
     events : CameraEvents
     gnss : GnssFixes

@@ -135,14 +135,14 @@ def likely_axes(source: InputSource, imu: ImuSamples, recognition: Recognition |
 
     Parameters
     ----------
-    source : Source
+    source : InputSource
     imu : ImuSamples
         In m/s^2 of specific force.
     recognition : Recognition or None
 
     Returns
     -------
-    Axes
+    AxesFound
     """
     if recognition is not None and recognition.axes is not None:
         finding, vertical = recognition.finding("axes"), recognition.finding("vertical axis")

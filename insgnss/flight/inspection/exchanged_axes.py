@@ -19,7 +19,7 @@ def right_handed(
 
     Parameters
     ----------
-    source : Source
+    source : InputSource
         The samples as the flight file would name them.
     imu : ImuSamples
         As the file has them.

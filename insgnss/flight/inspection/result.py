@@ -53,7 +53,7 @@ class Recorded:
     ----------
     name : str
         Of the directory, or of the one file given.
-    sources : tuple of Source
+    sources : tuple of InputSource
         The samples first.
     left_out : tuple of Path, str
         Files that are no source, each with the reason.

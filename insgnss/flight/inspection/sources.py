@@ -51,7 +51,7 @@ class InputSource:
         Keys of the flight file's table, and the reason of each.
     span : tuple of float, s, or None
         First and last stamp on the file's own clock, where a table gives them.
-    other_clocks : tuple of Source
+    other_clocks : tuple of InputSource
         The same source stamped by another of its clocks.
     header_units : dict of str to str, or None
         Of gyro and accel, as far as the file gives them; None where the format fixes them.

@@ -124,7 +124,7 @@ def propagate(problem: EstimationProblem, epoch: int, state: NominalState) -> Re
 
     Returns
     -------
-    Interval
+    ReferenceInterval
         Nominal at `epoch`, transition and process noise.
     """
     inc, epochs, layout = problem.inc, problem.epochs, problem.layout

@@ -62,7 +62,8 @@ def measurement(
     ----------
     problem : the estimation problem.
     epoch : index of the epoch.
-    kind : POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU or BAROMETER of `navigation.filter.codes`,
+    kind : POSITION_ROW, VELOCITY_ROW, VELOCITY_CONSTRAINT, ZARU, BAROMETER_ROW of
+    `navigation.filter.codes`,
         or N_KINDS and more of the problem's `measurements`.
     state : the nominal at the epoch.
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.

@@ -122,7 +122,7 @@ def advance(
 
     Returns
     -------
-    State
+    NominalState
         At the sample's end.
     """
     turn, J = rotation(phi)

@@ -105,7 +105,7 @@ def kinds() -> Mapping[str, SensorKind]:
 
     Returns
     -------
-    mapping of str to Kind
+    mapping of str to SensorKind
         An installed one cannot replace a shipped one.
     """
     shipped = import_module(".shipped", __package__).KINDS

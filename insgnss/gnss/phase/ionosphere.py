@@ -193,7 +193,7 @@ class IonosphereCorrection:
         m, zero where the fix is not fixed, or far.
     cov_ned : ndarray, shape (n, 3, 3)
         m^2.
-    ionosphere : Ionosphere
+    ionosphere : KnottedIonosphere
         The estimate that it is computed from.
     gain : float
         (I.7), the share of the variance of a height that the estimate takes away; below
@@ -268,7 +268,7 @@ def moved_by(
     ----------
     each : ndarray, shape (n, 3, 5)
         North, east, down, m, per unit of V, G and L.
-    ionosphere : Ionosphere
+    ionosphere : KnottedIonosphere
         The estimate.
     time : ndarray, shape (n,)
         s.

@@ -158,7 +158,7 @@ def solution_numbers(
 
     Parameters
     ----------
-    solution : Solution
+    solution : EngineSolution
         The combined solution.
     calibrated : GnssFixes
         Its fixes with the covariances of `navigation.prepare.fix_covariance.classes`.

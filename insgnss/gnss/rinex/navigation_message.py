@@ -46,7 +46,7 @@ KIND, TOE, TOC, AF0, AF1, AF2 = 0, 1, 2, 3, 4, 5
 ROOT_A, ECC, M0, DELTA_N, I0, I_DOT, NODE0, NODE_DOT, PERIGEE = 6, 7, 8, 9, 10, 11, 12, 13, 14
 CUC, CUS, CRC, CRS, CIC, CIS = 15, 16, 17, 18, 19, 20  # corrections by cosine and sine
 MU, RATE, SOW = 21, 22, 23  # `CONSTANTS` of the system, and seconds of the week
-VALUE_WIDTH = 24  # of a message in the table
+MESSAGE_VALUES = 24  # of a message in the table
 STATE = 6  # first of the nine of GLONASS
 KEPLER, GEOSTATIONARY, GLONASS = 0.0, 1.0, 2.0  # what KIND holds
 
@@ -99,7 +99,7 @@ class Navigation:
     ----------
     satellite : ndarray of str, shape (k,)
         Such as "G05".
-    table : ndarray, shape (k, COLUMNS)
+    table : ndarray, shape (k, MESSAGE_VALUES)
         Elements, times in GPST seconds of `gps_week`.
     channel : ndarray of int, shape (k,)
         Frequency number of a GLONASS satellite, else 0.
@@ -371,7 +371,7 @@ def _healthy(message: _Message) -> bool:
 def _row(path: Source, message: _Message, week: int) -> Array:
     """The message as a row of the table, its times in seconds of `week`."""
     system, values = message.satellite[0], message.values
-    row = np.zeros(VALUE_WIDTH)
+    row = np.zeros(MESSAGE_VALUES)
     toc_week, toc = gps_from_calendar(message.toc, "utc" if system == "R" else "gpst")
     if system == "R":
         row[KIND], row[AF0], row[AF1] = GLONASS, values[0], values[1]

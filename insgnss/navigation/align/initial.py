@@ -34,6 +34,7 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Increments
 from ..filter.codes import (
+    ABSENT,
     ACCEL0,
     AZ,
     BIAS,
@@ -42,7 +43,6 @@ from ..filter.codes import (
     IMU_STATES,
     N_CHANNELS,
     N_NAV,
-    NO_SENSOR,
     POS,
     POSITION_ROW,
     PSI,
@@ -307,7 +307,7 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
         for values in (ep.gap, ep.bias_step)
     )
     # nothing is asked of the camera's events, whose covariances would be carried along
-    no_event = np.full(epochs.size, NO_SENSOR)
+    no_event = np.full(epochs.size, ABSENT)
     of_interval = {"gap": gap, "bias_step": step, "event": no_event}
     other = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, **of_interval}
     return replace(back, backward=True, epochs=ep._replace(**other))

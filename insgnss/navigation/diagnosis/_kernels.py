@@ -1,7 +1,7 @@
 """What constants that the filter takes as known do to its innovations (Y.1)."""
 
 from ...base.compilation import njit
-from ..filter.codes import ACCEL0, AIDING_ERROR, DRIFT_CODE, IMU0, N_NAV, NO_SENSOR
+from ..filter.codes import ABSENT, ACCEL0, AIDING_ERROR, DRIFT_CODE, IMU0, N_NAV
 from ..filter.kernels.update import one_after_another, take_off, weigh
 
 
@@ -49,8 +49,8 @@ def follow_constants(
         (c,) the state, counted from the first of navigation, whose column each constant has, or
         ABSENT for one that is a state itself.
     factor : ndarray
-        (c,) what the column is multiplied with, as of a state: DRIFT, the channel whose measured
-        value it is, or AIDING_ERROR for nothing.
+        (c,) what the column is multiplied with, as of a state: DRIFT_CODE, the channel whose
+        measured value it is, or AIDING_ERROR for nothing.
     since : ndarray
         (c,) s since the start, from which on an AIDING_ERROR acts: a step.
     jump : ndarray
@@ -84,7 +84,7 @@ def follow_constants(
                             row[a] += t * U[k, a]
             for a in range(count):
                 f = factor[a]
-                if like[a] != NO_SENSOR and f != DRIFT_CODE and f != AIDING_ERROR:
+                if like[a] != ABSENT and f != DRIFT_CODE and f != AIDING_ERROR:
                     mean = value[f] / total
                     for r in range(N_NAV):
                         top[r, a] += mean * F[e, r, like[a]]
@@ -106,7 +106,7 @@ def follow_constants(
             h, gain, leading = H[e, first : first + 3], K[e, first : first + 3], used[first]
             weigh(U, h, leading, V)
             for a in range(count):
-                if like[a] != NO_SENSOR and like[a] < min(wide, leading):
+                if like[a] != ABSENT and like[a] < min(wide, leading):
                     f = factor[a]
                     if f == DRIFT_CODE:
                         for i in range(3):

@@ -155,7 +155,7 @@ def rejected_spells(
 
     Returns
     -------
-    list of Spell
+    list of FixSpell
         From the first to the last of the rejected fixes and covariance resets that are less than
         `APART_S` apart, with the largest innovation.
     """
@@ -186,7 +186,7 @@ def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) 
 
     Returns
     -------
-    list of Spell
+    list of FixSpell
         Every other one of those between the steps, those that are shorter in all.
     """
     verdict = history.verdict[:, POSITION_ROW]
@@ -237,7 +237,7 @@ def undecided_spells(solution: Solution) -> list[FixSpell]:
 
     Returns
     -------
-    list of Spell
+    list of FixSpell
         None where the steps do not close: noise, or a filter that lost the fixes.
     """
     spells = spells_apart(solution.problem, solution)
@@ -251,7 +251,7 @@ def with_steps(solution: Solution, spells: list[FixSpell]) -> Solution:
     ----------
     solution : Solution
         The solved flight, whose covariances of neighbouring events are changed in place.
-    spells : list of Spell
+    spells : list of FixSpell
         The spells.
 
     Returns
@@ -279,7 +279,7 @@ def incorrect_check(
     ----------
     problem : EstimationProblem
         The problem.
-    spells : tuple of Spell
+    spells : tuple of FixSpell
         The spells.
     withheld : bool
         Whether their fixes are withheld; else the covariance is enlarged.

@@ -79,7 +79,7 @@ class Case:
         A contradiction that ends the run, the remark that follows it, and the checks to accept.
     followed : Sensitivity or None
         What went along with the first filter pass.
-    spells : tuple of Spell
+    spells : tuple of FixSpell
         Spells of incorrect fixes that are withheld.
     other_imu : bool
         Whether a remedy changed the error model of the IMU; no other model is searched then.

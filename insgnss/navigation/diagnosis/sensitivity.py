@@ -33,7 +33,7 @@ import numpy as np
 
 from ...records import Array
 from ...records.states import State
-from ..filter.codes import AIDING_ERROR, BIAS, DRIFT_CODE, N_CHANNELS, N_NAV, NO_SENSOR
+from ..filter.codes import ABSENT, AIDING_ERROR, BIAS, DRIFT_CODE, N_CHANNELS, N_NAV
 from ..filter.kernels.records import Epochs, FilterHistory, IntegrationIntervals
 from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem
@@ -97,7 +97,7 @@ class Constants:
         Constants
             c of them.
         """
-        none = np.full(since.size, NO_SENSOR)
+        none = np.full(since.size, ABSENT)
         like, factor = np.full_like(none, N_NAV + layout.offset), np.full_like(none, AIDING_ERROR)
         steps = tuple(State(f"step at {time:.2f} s", unit="s") for time in since)
         zero, wide = np.zeros(since.size), np.full(since.size, wide_s)
@@ -126,15 +126,15 @@ class Constants:
             constant, channel = wide.states[s], int(wide.channel[s])
             if constant in own.states:
                 k = own.states.index(constant)
-                rows.append((N_NAV + k, NO_SENSOR, NO_SENSOR, float(own.sigma0[k])))
+                rows.append((N_NAV + k, ABSENT, ABSENT, float(own.sigma0[k])))
                 continue
             if s == wide.rate:
                 acts_like, times = own.offset, DRIFT_CODE
             else:
                 acts_like, times = _bias_of(own, channel), int(wide.factor[s])
-            if acts_like == NO_SENSOR or (times < 0 and times != DRIFT_CODE):
+            if acts_like == ABSENT or (times < 0 and times != DRIFT_CODE):
                 return None
-            rows.append((NO_SENSOR, N_NAV + acts_like, times, 0.0))
+            rows.append((ABSENT, N_NAV + acts_like, times, 0.0))
         constants = tuple(wide.states[s] for s in states)
         state, like, factor, stated = (np.array(column) for column in zip(*rows, strict=True))
         return cls(constants, state, like, factor, stated, wide.sigma0[states])
@@ -143,7 +143,7 @@ class Constants:
 def _bias_of(layout: StateLayout, channel: int) -> int:
     """Return a state that is the constant bias of a channel, or ABSENT."""
     is_bias = (layout.channel == channel) & (layout.factor == BIAS) & (layout.beta == 0.0)
-    return int(np.argmax(is_bias)) if is_bias.any() else NO_SENSOR
+    return int(np.argmax(is_bias)) if is_bias.any() else ABSENT
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class Sensitivity:
         """Return that before the first epoch."""
         count = len(constants.states)
         errors = np.zeros((problem.layout.size, count))
-        of_states = np.flatnonzero(constants.state != NO_SENSOR)
+        of_states = np.flatnonzero(constants.state != ABSENT)
         errors[constants.state[of_states], of_states] = 1.0
         return cls(problem, constants, errors, np.zeros((count, count)), np.zeros(count))
 

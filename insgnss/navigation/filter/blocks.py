@@ -30,7 +30,7 @@ import numpy as np
 
 from ...base.advance import through
 from ...records import Array
-from .codes import N_NAV, NO_SENSOR
+from .codes import ABSENT, N_NAV
 from .event_chain import EventChain, EventTransitions, events_of, nodes_of
 from .filter import (
     first_state,
@@ -124,13 +124,13 @@ class BlockwisePasses:
         m = epochs.stop.size
         self.size = block or EPOCHS_OF_BLOCK
         self.first = np.arange(0, m, self.size)
-        self.outages = bool((outages(epochs) != NO_SENSOR).any())
+        self.outages = bool((outages(epochs) != ABSENT).any())
         each = record_bytes(layout.size, measured_slots(epochs, layout)[1].size, self.outages)
         self.whole = m * each <= whole_bytes  # whether all records are kept
         # the row in front of a block is that of the epoch before it
         room = (m if self.whole else min(self.size, m)) + 1
         self.history = make_history(epochs, layout, records=room)
-        self.held = NO_SENSOR  # the block whose records are there, where not all of them are
+        self.held = ABSENT  # the block whose records are there, where not all of them are
         self.checkpoints: list[FilterState] = []
         self.adjoints: list[SmootherState] = []
         self.transitions: EventTransitions | None = None
@@ -345,7 +345,7 @@ class BlockAgain:
         first = b * self.size
         last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
         own = _piece_of_epochs(epochs, front, last)
-        own = own._replace(event=np.full(last - front, NO_SENSOR, dtype=np.int64))
+        own = own._replace(event=np.full(last - front, ABSENT, dtype=np.int64))
         outage = _relabelled(self.outage[front:last])
         room = history_room(
             *(last - front, n, last - front, self.slot, self.used, outage, last - front, 0)
@@ -361,7 +361,7 @@ class BlockAgain:
         room, front, begin = self.records(b)
         count, n = room.m.shape
         smoothed = Smoothed.of(count, n, rows - front, EventRows.of(0), 0)
-        state, no_event = _copied(self.adjoints[b]), np.full(count, NO_SENSOR, dtype=np.int64)
+        state, no_event = _copied(self.adjoints[b]), np.full(count, ABSENT, dtype=np.int64)
         run_backward(no_event, room, True, state, begin, smoothed)
         return smoothed.kept
 
@@ -420,7 +420,7 @@ def _unread(history: FilterHistory) -> FilterHistory:
 
 def _relabelled(outage: np.ndarray) -> np.ndarray:
     """Return slots of the process noise that are the rows of the epochs themselves."""
-    return np.where(outage != NO_SENSOR, np.arange(outage.size), NO_SENSOR)
+    return np.where(outage != ABSENT, np.arange(outage.size), ABSENT)
 
 
 def _copied(state: State) -> State:

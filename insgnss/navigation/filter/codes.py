@@ -26,7 +26,7 @@ N_CHANNELS = 6  # number of channels
 BIAS = -1  # one
 DRIFT_CODE = -2  # seconds since the start
 AIDING_ERROR = -3  # nothing: an error of the fixes or of a barometer, in their measurement alone
-NO_SENSOR = -1  # instead of the number of a state (or of a row, an event) that there is not
+ABSENT = -1  # instead of the number of a state (or of a row, an event) that there is not
 
 # Groups of fixes with error models of their own.
 FIXED_GROUP = 0  # the usual: ambiguities fixed, or a recording in which all fixes are of one kind

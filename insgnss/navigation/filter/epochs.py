@@ -12,11 +12,11 @@ from ...records import Array, GnssFixes, Increments
 from ...records.qualities import Quality
 from .codes import (
     ABOUT_STATES,
+    ABSENT,
     FIXED_GROUP,
     N_CHANNELS,
     NHC,
     NO_CONSTRAINT,
-    NO_SENSOR,
     OF_STATES,
     UNFIXED_GROUP,
     ZUPT,
@@ -84,7 +84,7 @@ def make_epochs(
         velocity_cov[fix_index] = C_ln @ fixes.velocity_cov_ned @ np.swapaxes(C_ln, -1, -2)
     group = np.full(m, FIXED_GROUP, dtype=np.int64)
     group[fix_index] = np.where(unfixed_solutions(fixes)[0], UNFIXED_GROUP, FIXED_GROUP)
-    event = np.full(m, NO_SENSOR, dtype=np.int64)
+    event = np.full(m, ABSENT, dtype=np.int64)
     event[event_index] = np.arange(event_index.size)
     return Epochs(
         stop=inc.stop,

@@ -78,11 +78,11 @@ from ...base.errors import DataError
 from ...base.quantiles import chi_square_quantile
 from ...records import Array
 from .codes import (
+    ABSENT,
     COVARIANCE_RESET,
     N_NAV,
     N_NOMINAL,
     NO_CONSTRAINT,
-    NO_SENSOR,
     NOT_MEASURED,
     POSITION_ROW,
     REJECTED,
@@ -157,8 +157,8 @@ def make_history(
     m = epochs.stop.size
     rows = min(m, 1) if not smoothed else m if records is None else records
     slot, used = measured_slots(epochs, layout)
-    outage = outages(epochs) if smoothed else np.full(m, NO_SENSOR, dtype=np.int64)
-    noises = int(outage.max(initial=NO_SENSOR)) + 1
+    outage = outages(epochs) if smoothed else np.full(m, ABSENT, dtype=np.int64)
+    noises = int(outage.max(initial=ABSENT)) + 1
     if noises and records is not None:
         noises = records
     events = int(epochs.event.max()) + 1 if m else 0
@@ -235,10 +235,10 @@ def outages(epochs: Epochs) -> np.ndarray:
         (m,) of the interval before each epoch, or ABSENT.
     """
     m, fixes = epochs.stop.size, np.flatnonzero(epochs.has_position & ~epochs.withheld)
-    number = np.full(m, NO_SENSOR, dtype=np.int64)
+    number = np.full(m, ABSENT, dtype=np.int64)
     for k in np.flatnonzero(np.diff(epochs.time[fixes]) > OUTAGE_S):
         number[fixes[k] + 1 : fixes[k + 1] + 1] = 0
-    within = number != NO_SENSOR
+    within = number != ABSENT
     number[within] = np.arange(np.count_nonzero(within))
     return number
 
@@ -290,7 +290,7 @@ def measured_slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
         (kinds,) first row of each kind, and (nz,) columns that each row uses.
     """
     present, columns = measured_kinds(epochs, layout)
-    slot = np.where(present, 3 * (np.cumsum(present) - 1), NO_SENSOR).astype(np.int64)
+    slot = np.where(present, 3 * (np.cumsum(present) - 1), ABSENT).astype(np.int64)
     return slot, np.repeat(columns[present], 3).astype(np.int64)
 
 

@@ -48,7 +48,7 @@ from ...records.states import (
     State,
 )
 from ..noise_model.model import AxisNoise, NoiseModel
-from .codes import AIDING_ERROR, BIAS, DRIFT_CODE, N_CHANNELS, N_NAV, NO_SENSOR
+from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT_CODE, N_CHANNELS, N_NAV
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
@@ -156,7 +156,8 @@ class StateLayout:
         (ns,) what each is.
     channel, factor : ndarray
         (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
-        DRIFT, AIDING_ERROR (`navigation.filter.codes`) or the channel whose measured rate it is.
+        DRIFT_CODE, AIDING_ERROR (`navigation.filter.codes`) or the channel whose measured rate it
+        is.
     beta, drive : Array
         (ns,) inverse correlation time, 1/s, and PSD of the driving noise.
     sigma0 : Array
@@ -191,17 +192,17 @@ class StateLayout:
     @property
     def lever(self) -> int:
         """The first state of the lever arm's error, or ABSENT."""
-        return self._first.get(LEVER_ARM, NO_SENSOR)
+        return self._first.get(LEVER_ARM, ABSENT)
 
     @property
     def offset(self) -> int:
         """The state of the time offset, or ABSENT."""
-        return self._first.get(TIME_OFFSET.group, NO_SENSOR)
+        return self._first.get(TIME_OFFSET.group, ABSENT)
 
     @property
     def rate(self) -> int:
         """The state of the rate of the time offset, or ABSENT."""
-        return self._first.get(CLOCK_RATE.group, NO_SENSOR)
+        return self._first.get(CLOCK_RATE.group, ABSENT)
 
     @property
     def read_of_events(self) -> np.ndarray:
@@ -213,22 +214,22 @@ class StateLayout:
     @property
     def gm(self) -> int:
         """The first state of the time-correlated error of all fixes, or ABSENT."""
-        return self._first.get(CORRELATED_ERROR, NO_SENSOR)
+        return self._first.get(CORRELATED_ERROR, ABSENT)
 
     @property
     def unfixed_gm(self) -> int:
         """The first state of that which float and code solutions have besides, or ABSENT."""
-        return self._first.get(UNFIXED_ERROR, NO_SENSOR)
+        return self._first.get(UNFIXED_ERROR, ABSENT)
 
     @property
     def velocity_gm(self) -> int:
         """The first state of that of the velocities, or ABSENT."""
-        return self._first.get(VELOCITY_ERROR, NO_SENSOR)
+        return self._first.get(VELOCITY_ERROR, ABSENT)
 
     @property
     def barometer(self) -> int:
         """The state of a barometer's bias, with that of its scale factor behind it, or ABSENT."""
-        return self._first.get(BAROMETER_BIAS, NO_SENSOR)
+        return self._first.get(BAROMETER_BIAS, ABSENT)
 
     @property
     def size(self) -> int:
@@ -269,7 +270,7 @@ class StateLayout:
     @property
     def of_fixes(self) -> bool:
         """Whether errors of the fixes are among the states."""
-        return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != NO_SENSOR
+        return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != ABSENT
 
     def channel_sum(self) -> Array:
         """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""

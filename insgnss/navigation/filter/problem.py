@@ -7,7 +7,7 @@ import numpy as np
 from ...geodesy.frames import LocalFrame
 from ...records import Array, Increments
 from ...records.measurements import Measurement
-from .codes import N_KINDS, NO_SENSOR
+from .codes import ABSENT, N_KINDS
 from .kernels.records import Epochs
 from .layout import StateLayout
 
@@ -174,7 +174,7 @@ def with_epochs(
     ep = problem.epochs
     own = ("stop", "time", "rate", "event")
     taken = {name: getattr(ep, name)[index] for name in ep._fields if name not in own}
-    event = np.full(index.size, NO_SENSOR, dtype=np.int64)
+    event = np.full(index.size, ABSENT, dtype=np.int64)
     epochs = ep._replace(
         stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken
     )

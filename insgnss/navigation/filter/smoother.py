@@ -51,7 +51,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...records import Array
-from .codes import N_NAV, NAV, NO_SENSOR
+from .codes import ABSENT, N_NAV, NAV
 
 TINY = 1e-300  # keeps a division by zero away
 # relative eigenvalue of the information from which on a direction is determined
@@ -259,7 +259,7 @@ class Smoothed(NamedTuple):
     @property
     def rows(self) -> np.ndarray:
         """The epochs (k,) of which the whole covariance is kept."""
-        return np.flatnonzero(self.slot != NO_SENSOR)
+        return np.flatnonzero(self.slot != ABSENT)
 
     @property
     def P(self) -> Array | None:
@@ -269,7 +269,7 @@ class Smoothed(NamedTuple):
     @property
     def separation_epoch(self) -> np.ndarray:
         """The epochs (s,) at which the forward/backward separation was worked out."""
-        return np.flatnonzero(self.keep != NO_SENSOR)
+        return np.flatnonzero(self.keep != ABSENT)
 
     def piece(self, first: int, last: int) -> "Smoothed":
         """Return the room of some consecutive epochs.
@@ -330,7 +330,7 @@ def numbered(m: int, rows: np.ndarray) -> np.ndarray:
     ndarray
         (m,) 0..k - 1, or ABSENT.
     """
-    out = np.full(m, NO_SENSOR, dtype=np.int64)
+    out = np.full(m, ABSENT, dtype=np.int64)
     out[rows] = np.arange(rows.size)
     return out
 

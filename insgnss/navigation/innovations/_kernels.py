@@ -11,13 +11,13 @@ import numpy as np
 
 from ...base.compilation import njit
 from ..filter.codes import (
+    ABSENT,
     COVARIANCE_RESET,
     IMU0,
     IMU_STATES,
     N_NAV,
     N_NOMINAL,
     NAV,
-    NO_SENSOR,
     NOT_MEASURED,
     POSITION_ROW,
     REJECTED,
@@ -322,11 +322,11 @@ def run_linear(lin, share, of_part, scale, of_kind, total, white, nis, verdict):
     only = np.zeros(share.size)
     for component in range(len(P0)):
         P += share[component] * P0[component]
-        if of_part[component] != NO_SENSOR:
+        if of_part[component] != ABSENT:
             # added to in place, see `navigation.filter.kernels.copies`
             slopes = dP[of_part[component]]
             slopes += 2.0 * share[component] * P0[component]
-    cost, rejected_since = 0.0, NO_SENSOR
+    cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):
         if e > 0:
             F, D = lin.F[e], lin.D[e]
@@ -356,7 +356,7 @@ def run_linear(lin, share, of_part, scale, of_kind, total, white, nis, verdict):
             log_R = 2.0 * np.log(L[0, 0] * L[1, 1] * L[2, 2])
             verdict[e, j] = USED
             if nis[e, j] > gate:
-                if lin.kind[j] == POSITION_ROW and rejected_since == NO_SENSOR:
+                if lin.kind[j] == POSITION_ROW and rejected_since == ABSENT:
                     rejected_since = e
                 if (
                     lin.kind[j] != POSITION_ROW
@@ -365,18 +365,18 @@ def run_linear(lin, share, of_part, scale, of_kind, total, white, nis, verdict):
                 ):
                     verdict[e, j] = REJECTED
                     cost += gate + log_R + 3.0 * np.log(scale[j])
-                    if of_kind[j] != NO_SENSOR:
+                    if of_kind[j] != ABSENT:
                         total[0, of_kind[j]] += 6.0
                     continue
                 reset_covariance(P, out[0], reset)
                 verdict[e, j] = COVARIANCE_RESET
             if lin.kind[j] == POSITION_ROW:
-                rejected_since = NO_SENSOR
+                rejected_since = ABSENT
             cost += log_R
             forward_solve3(L, H)
             forward_solve3(L, nu)
             dr[:] = 0.0
-            if of_kind[j] != NO_SENSOR:
+            if of_kind[j] != ABSENT:
                 dr[of_kind[j]] = 2.0 * scale[j]
             for i in range(3):
                 S, y = update_with_slopes(

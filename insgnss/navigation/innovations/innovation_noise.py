@@ -126,11 +126,11 @@ class InFlightNoise:
         Number of factors that were estimated.
     chance : float
         Probability of the gain under the static model.
-    before, after : Innovations
+    before, after : WhitenedInnovations
         Innovations with the static model and with the estimated IMU, the fixes as they claim.
-    at_best : Innovations
+    at_best : WhitenedInnovations
         Innovations with everything as estimated.
-    static_at_best : Innovations
+    static_at_best : WhitenedInnovations
         Innovations with the static IMU and everything else as estimated with it.
     duration_s : float
         Length of the motion used, s.
@@ -346,7 +346,7 @@ def innovations(evaluated: Evaluated) -> WhitenedInnovations:
 
     Returns
     -------
-    Innovations
+    WhitenedInnovations
         Its figures.
     """
     return WhitenedInnovations(

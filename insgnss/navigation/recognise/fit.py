@@ -284,7 +284,7 @@ def fit(
 
     Returns
     -------
-    Fit or None
+    RecognitionFit or None
         None where the lag runs away from its start, or out of the recording.
     """
     model = _Model(propagated, acc, sign)

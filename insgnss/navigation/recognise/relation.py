@@ -52,7 +52,7 @@ class Relation:
         Best score with the gyros' sense reversed.
     propagated : PropagatedForce
         With the best of all these.
-    fit : Fit or None
+    fit : RecognitionFit or None
         The most certain fit; None where the scans explain nothing.
     acc : Accelerations
         Those of the fit.

@@ -138,7 +138,7 @@ def fit(
 
     Returns
     -------
-    Fit
+    NoiseFit
         The fitted processes.
 
     Raises

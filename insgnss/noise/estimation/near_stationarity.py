@@ -40,9 +40,9 @@ class NearStationarity:
         Number of draws.
     shares : ndarray, (R,)
         Share of each recording in the statistic.
-    joint : Fit
+    joint : NoiseFit
         Fit of all recordings.
-    single : tuple of Fit
+    single : tuple of NoiseFit
         Fit of each.
     spread : tuple of (str, float, float)
         Of each parameter the standard deviation of its logarithm over the recordings, and what it
@@ -71,7 +71,7 @@ def near_stationarity(
 
     Parameters
     ----------
-    joint : Fit
+    joint : NoiseFit
         Fit of all curves; its weights are replaced by efficient ones.
     recordings : sequence of int, optional
         Number of the recording of each curve, where one has several (axes); by default each its

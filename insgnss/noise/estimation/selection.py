@@ -64,7 +64,7 @@ class CandidateModel:
 
     Parameters
     ----------
-    fit : Fit
+    fit : NoiseFit
         Its fit.
     wic, optimism : float
         The criterion, which is objective + optimism, and the optimism.

@@ -65,14 +65,14 @@ def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma:
 
     Parameters
     ----------
-    groups : mapping of str to Group
+    groups : mapping of str to ResidualGroup
         Groups of residuals by name.
     prior, prior_sigma : ndarray, (p,)
         Where the parameters start and how far they may go.
 
     Returns
     -------
-    Fit
+    GroupFit
         The solution.
 
     Raises

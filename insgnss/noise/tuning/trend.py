@@ -76,7 +76,7 @@ def warm_up(
 
     Returns
     -------
-    Trend
+    AxisTrend
         The strongest trend.
     """
     K = blocks.size

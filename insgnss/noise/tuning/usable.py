@@ -147,7 +147,7 @@ def departures(axis: AxisNoise, fit: NoiseFit) -> tuple[Departure, ...]:
     ----------
     axis : AxisNoise
         The model, as written.
-    fit : Fit
+    fit : NoiseFit
         What was fitted.
 
     Returns

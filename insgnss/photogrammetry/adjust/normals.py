@@ -32,7 +32,7 @@ class Problem:
         Cameras, images and image observations.
     groups : tuple of ObservationGroup
         All other observations.
-    layout : Layout
+    layout : UnknownLayout
         Where the unknowns stand.
     rays : Rays
         Image observations in the order of their points, as the kernels take them.
@@ -301,7 +301,7 @@ def columns_of(
 
     Parameters
     ----------
-    layout : Layout
+    layout : UnknownLayout
         Where the unknowns stand.
     keys : tuple
         Blocks of the group.

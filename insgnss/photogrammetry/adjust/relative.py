@@ -123,7 +123,7 @@ class RelativeAerialControl(StripControl):
         Name of the variance component.
     common : ndarray, optional
         (m, q) the observations by each of the common errors, where they are a parameter.
-    observed : Observed
+    observed : ObservedStrip
         What of the poses is observed, and the pairs.
     """
 
@@ -198,7 +198,7 @@ def operator(C_mc: Array, observed: ObservedStrip) -> "csr_array":
     ----------
     C_mc : ndarray, (n, 3, 3)
         Observed attitudes of the strip.
-    observed : Observed
+    observed : ObservedStrip
         What is observed.
 
     Returns
@@ -250,7 +250,7 @@ def as_printed(
         Covariance of the poses of the strip; what is absolute keeps all of its part.
     C_mc : ndarray, (n, 3, 3)
         Observed attitudes of the strip.
-    observed : Observed
+    observed : ObservedStrip
         What is observed.
     time : ndarray, (n,)
         Stamps, s.

@@ -53,7 +53,7 @@ class Unknowns:
 
         Parameters
         ----------
-        layout : Layout
+        layout : UnknownLayout
             Where the unknowns stand.
         dx : ndarray, (u,)
             Corrections of all columns of the layout.
@@ -265,7 +265,7 @@ def layout_of(
 
     Returns
     -------
-    Layout
+    UnknownLayout
         The columns. A point is kept where a group ties it to another block.
     """
     n, c = len(block.images), len(block.cameras)

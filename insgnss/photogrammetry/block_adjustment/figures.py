@@ -28,7 +28,7 @@ def figures_of(solved: AdjustedBlock) -> dict[str, Any]:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
 
     Returns

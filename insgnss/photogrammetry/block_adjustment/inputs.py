@@ -100,7 +100,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
 
     Returns
     -------
-    Inputs
+    BlockInputs
         The block.
 
     Raises

@@ -85,7 +85,7 @@ def judged(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     figures : mapping
         Its figures.

@@ -38,7 +38,7 @@ def document_of(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     figures : mapping
         Its figures.
@@ -91,7 +91,7 @@ def input_files(solved: AdjustedBlock) -> list[Path]:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
 
     Returns
@@ -112,7 +112,7 @@ def ground_of(solved: AdjustedBlock) -> Ground:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
 
     Returns

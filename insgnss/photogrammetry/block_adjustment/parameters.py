@@ -210,7 +210,7 @@ def priors(file: BlockFile, parameters: Sequence[BlockParameter]) -> list[Parame
     ----------
     file : BlockFile
         The block file.
-    parameters : sequence of Parameter
+    parameters : sequence of BlockParameter
         Which of them.
 
     Returns
@@ -237,7 +237,7 @@ def estimates(
     ----------
     file : BlockFile
         The block file.
-    parameters : sequence of Parameter
+    parameters : sequence of BlockParameter
         Which of them.
     precision : Precision
         The adjustment.

@@ -90,14 +90,14 @@ def in_tangent_plane(union: JoinedBlock, notes: list[str]) -> JoinedBlock:
 
     Parameters
     ----------
-    union : Joined
+    union : JoinedBlock
         Poses in Earth-centred, Earth-fixed axes.
     notes : list of str
         Gets a sentence with the origin.
 
     Returns
     -------
-    Joined
+    JoinedBlock
         The same otherwise.
     """
     lat, lon, h = (float(x) for x in ecef_to_geodetic(np.nanmean(union.position_m, axis=0)))
@@ -139,7 +139,7 @@ def in_own_datum(
     ----------
     block : ImageBlock
         The block.
-    union : Joined
+    union : JoinedBlock
         Poses in the program's axes, and which of their components its datum holds.
     kind : str
         As adjustment.datum.

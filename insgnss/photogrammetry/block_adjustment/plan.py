@@ -60,7 +60,7 @@ class Plan(Shown):
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block at its solution.
     figures : dict
         As of an adjusted block, residuals are zero; next_control_point is where one more control

@@ -50,7 +50,7 @@ def refuse_implausible(inputs: BlockInputs, failed: bool = False) -> None:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
     failed : bool
         Whether its adjustment has failed, so that less is enough to name what is wrong.
@@ -85,7 +85,7 @@ def worse_than_stated(inputs: BlockInputs) -> str:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
 
     Returns

@@ -75,7 +75,7 @@ def written(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     figures : dict
         Its figures; the products are added to them.
@@ -148,7 +148,7 @@ def adjusted_orientation(solved: AdjustedBlock, judgement: Judgement) -> Exterio
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     judgement : Judgement
         What is said of it.
@@ -215,7 +215,7 @@ def write_poses(solved: AdjustedBlock, path: Path) -> None:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     path : path
         The file.
@@ -246,7 +246,7 @@ def write_points(solved: AdjustedBlock, path: Path) -> None:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     path : path
         The file.
@@ -274,7 +274,7 @@ def write_residuals(solved: AdjustedBlock, path: Path) -> None:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
     path : path
         The file.
@@ -302,7 +302,7 @@ def adjusted_cameras(solved: AdjustedBlock) -> tuple[BrownCamera, ...]:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
 
     Returns
@@ -318,7 +318,7 @@ def covariances(solved: AdjustedBlock) -> list[InteriorCovariance | None]:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
 
     Returns
@@ -362,7 +362,7 @@ def adjusted_mounting(solved: AdjustedBlock) -> MountingFile | None:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The block.
 
     Returns

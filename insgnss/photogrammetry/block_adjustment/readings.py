@@ -163,12 +163,12 @@ def as_given(inputs: BlockInputs) -> BlockReading:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
 
     Returns
     -------
-    Reading
+    BlockReading
         The block as it is given.
     """
     block, obs = inputs.block, inputs.block.observations
@@ -188,12 +188,12 @@ def some_rays(reading: BlockReading) -> BlockReading:
 
     Parameters
     ----------
-    reading : Reading
+    reading : BlockReading
         All rays.
 
     Returns
     -------
-    Reading
+    BlockReading
         With `MOST_RAYS` of them, about.
     """
     count = np.bincount(reading.point)
@@ -211,9 +211,9 @@ def readings(inputs: BlockInputs, few: BlockReading) -> Iterator[Candidate[Block
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
-    few : Reading
+    few : BlockReading
         As it is given.
 
     Yields

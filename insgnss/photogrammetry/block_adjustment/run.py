@@ -34,7 +34,7 @@ class AdjustmentResult(Shown):
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         Values and covariances.
     figures : dict
         What adjust.json holds.

@@ -32,7 +32,7 @@ class AdjustedBlock:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         What it started from.
     control : Control
         Its aerial control.
@@ -78,14 +78,14 @@ def solved(inputs: BlockInputs, progress: Progress) -> AdjustedBlock:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
     progress : callable
         Is called with the name of each step.
 
     Returns
     -------
-    Solved
+    AdjustedBlock
         The adjustment.
 
     Raises
@@ -171,7 +171,7 @@ def set_up(
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
     control : Control
         Its aerial control.
@@ -201,7 +201,7 @@ def groups_of(
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
     control : Control
         Its aerial control.

@@ -59,7 +59,7 @@ def refuse_unfit(inputs: BlockInputs, flight: Flight) -> None:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
     flight : Flight
         The flight file of its orientation.
@@ -114,7 +114,7 @@ def corrected_trajectory(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The adjusted block: first values, what was rejected, weights of the image observations.
     flight : Flight
         The flight file of its orientation.

@@ -167,7 +167,7 @@ def trials(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The adjusted block.
     excess : float
         By how much the cost is larger than its expectation.
@@ -290,7 +290,7 @@ def shift_of_check_points(solved: AdjustedBlock) -> Trial | None:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The adjusted block.
 
     Returns
@@ -313,7 +313,7 @@ def converging(inputs: BlockInputs, progress: Callable[[str], None]) -> Trial | 
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
     progress : callable
         Is called with the name of each step.

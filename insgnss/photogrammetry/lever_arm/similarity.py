@@ -197,7 +197,7 @@ def similarity_lever_arm(
     ----------
     poses : PosedAntennas
         Adjusted poses and antenna positions.
-    ground : GroundPoints, optional
+    ground : PairedPoints, optional
         Ground points in both frames.
 
     Returns

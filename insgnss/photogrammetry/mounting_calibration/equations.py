@@ -125,7 +125,7 @@ def first_frame(block: CameraPoses, flight: CovariantPoses, rows: Rows, frame: s
     ----------
     block : CameraPoses
         Images that both know.
-    flight : FlightPoses
+    flight : CovariantPoses
         The flight.
     rows : ndarray
         Rows of the block's images.
@@ -154,7 +154,7 @@ class Model:
     ----------
     block : CameraPoses
         The n images that both know.
-    flight : FlightPoses
+    flight : CovariantPoses
         The flight.
     rows : ndarray
         (n,) rows of these images in the flight's orientation.

@@ -58,11 +58,11 @@ class MountingResult:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The last solution.
     stated : Stated
         What the flight file has.
-    components : tuple of Component
+    components : tuple of MountingComponent
         A verdict each.
     mounting : Mounting
         What was found, with the flight file's values where nothing was determined.
@@ -284,11 +284,11 @@ def determined(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The adjusted mounting.
     stated : Stated
         The flight file's.
-    judged : tuple of Component
+    judged : tuple of MountingComponent
         The verdicts.
 
     Returns
@@ -297,7 +297,7 @@ def determined(
         Lever arms and bore-sight.
     delay_s : float
         The delay.
-    judged : tuple of Component
+    judged : tuple of MountingComponent
         The verdicts with these values.
     """
     names, J, values, before = linear_functions(solved, stated)

@@ -150,7 +150,7 @@ def facts_of(solved: AdjustedMounting) -> Facts:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The adjusted mounting.
 
     Returns
@@ -178,14 +178,14 @@ def components(solved: AdjustedMounting, stated: Stated) -> tuple[MountingCompon
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The adjusted mounting.
     stated : Stated
         What the flight file says.
 
     Returns
     -------
-    tuple of Component
+    tuple of MountingComponent
         Antenna, bore-sight, delay, the IMU's lever arm, and the shift of a georeferenced block.
     """
     names, J, values, before = linear_functions(solved, stated)
@@ -252,7 +252,7 @@ def linear_functions(
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The adjusted mounting.
     stated : Stated
         The flight file's.
@@ -421,7 +421,7 @@ def misread_boresight(stated: Stated, judged: Sequence[MountingComponent], B: Ar
     ----------
     stated : Stated
         The flight file's.
-    judged : sequence of Component
+    judged : sequence of MountingComponent
         The verdicts.
     B : ndarray, (3, 3)
         The bore-sight that was found.

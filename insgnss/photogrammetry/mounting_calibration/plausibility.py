@@ -113,7 +113,7 @@ def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> PoseMisfit:
 
     Returns
     -------
-    Misfit
+    PoseMisfit
         Root mean squares about the mean.
     """
     if (fitted := similarity_of_poses(X, C, X_o, C_o)) is None:  # in one point
@@ -134,11 +134,11 @@ def refuse_implausible(
     ----------
     block : CameraPoses
         The n images that both know, in the order of `rows`.
-    flight : FlightPoses
+    flight : CovariantPoses
         The flight.
     rows : ndarray
         (n,) rows of the images in the flight's orientation.
-    path : Path, optional
+    path : FlightPath, optional
         The flight at other times.
 
     Raises
@@ -236,7 +236,7 @@ def gross_errors(solved: AdjustedMounting) -> tuple[NDArray[np.bool_], tuple[str
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The adjusted mounting.
 
     Returns
@@ -266,7 +266,7 @@ def refuse_frame(solved: AdjustedMounting) -> None:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedMounting
         The adjusted mounting.
 
     Raises

@@ -74,7 +74,7 @@ class AdjustedMounting:
     ----------
     block : CameraPoses
         The block, as far as both know its images.
-    flight : FlightPoses
+    flight : CovariantPoses
         The flight.
     rows : ndarray
         (n,) rows of the block's images in the flight's orientation.
@@ -278,7 +278,7 @@ def solve(
     ----------
     block : CameraPoses
         The n images that both know.
-    flight : FlightPoses
+    flight : CovariantPoses
         The flight.
     rows : ndarray
         (n,) rows of these images in the flight's orientation, increasing.
@@ -287,7 +287,7 @@ def solve(
 
     Returns
     -------
-    Solved
+    AdjustedMounting
         Values, covariance, residuals.
 
     Raises

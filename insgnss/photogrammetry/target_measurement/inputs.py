@@ -25,7 +25,7 @@ class TargetInputs:
 
     Parameters
     ----------
-    request : Request
+    request : TargetRequest
         What was asked for.
     eo : ExteriorOrientation
         The exterior orientation.
@@ -61,12 +61,12 @@ def inputs_of(request: TargetRequest) -> TargetInputs:
 
     Parameters
     ----------
-    request : Request
+    request : TargetRequest
         The request.
 
     Returns
     -------
-    Inputs
+    TargetInputs
         Of points of which at least one lies in an image.
 
     Raises

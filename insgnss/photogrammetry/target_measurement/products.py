@@ -54,7 +54,7 @@ def write_predictions(inputs: TargetInputs, path: Path) -> None:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     path : Path
         The file, written whole or not at all.
@@ -99,7 +99,7 @@ def measured_points(inputs: TargetInputs, windows: Sequence[Window]) -> ImagePoi
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     windows : sequence of Window
         All windows.
@@ -132,7 +132,7 @@ def write_rejected(inputs: TargetInputs, windows: Sequence[Window], path: Path) 
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     windows : sequence of Window
         All windows.
@@ -162,7 +162,7 @@ def write_measured(inputs: TargetInputs, windows: Sequence[Window], into: Path) 
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     windows : sequence of Window
         All windows; at least one is accepted.

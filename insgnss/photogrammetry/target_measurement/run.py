@@ -49,7 +49,7 @@ class PredictionResult(Shown):
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight, its ground points and their predictions.
     figures : dict
         What `--json` prints.
@@ -139,7 +139,7 @@ def predict_targets(
 
     Parameters
     ----------
-    request : Request
+    request : TargetRequest
         Files of the flight.
     out : Path, optional
         The table; by default predictions.csv in a directory beside the orientation.
@@ -224,7 +224,7 @@ def measure_targets(
 
     Parameters
     ----------
-    request : Request
+    request : TargetRequest
         Files of the flight, its photographs and what the targets look like.
     out : Path, optional
         Directory of the products; by default a directory beside the orientation.

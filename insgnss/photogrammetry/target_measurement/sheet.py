@@ -35,7 +35,7 @@ def sheet_sections(inputs: TargetInputs, windows: Sequence[Window]) -> Iterator[
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     windows : sequence of Window
         All windows.

@@ -28,7 +28,7 @@ def target_sizes(inputs: TargetInputs, windows: Sequence[Window]) -> TargetSizes
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and the vehicle.
     windows : sequence of Window
         All windows.

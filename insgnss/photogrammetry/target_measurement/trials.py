@@ -27,7 +27,7 @@ def advice(inputs: TargetInputs, photographs: Photographs, progress: Callable[[s
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     photographs : Photographs
         Files of its images.

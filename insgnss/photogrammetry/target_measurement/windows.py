@@ -30,13 +30,13 @@ class Window:
     ----------
     row : int
         Row of the prediction.
-    measurement : Measurement
+    measurement : MeasuredTarget
         What became of it.
     grey : ndarray of uint8
         Grey values about the prediction, for the contact sheet.
     corner : tuple of int
         Column and row of the image at which `grey` begins.
-    code : Reading or None
+    code : RingReading or None
         What a ring-coded target says.
     """
 
@@ -57,7 +57,7 @@ def windows_of(
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : TargetInputs
         The flight and its ground points.
     photographs : Photographs
         Files of its images.

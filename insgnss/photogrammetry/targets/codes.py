@@ -86,7 +86,7 @@ def read_ring(
 
     Returns
     -------
-    Reading or None
+    RingReading or None
         None where the ring leaves the image or nothing about the disc contrasts with it.
     """
     from scipy.ndimage import map_coordinates, uniform_filter1d

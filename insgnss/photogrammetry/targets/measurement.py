@@ -122,7 +122,7 @@ def measure(
 
     Returns
     -------
-    Measurement
+    MeasuredTarget
         The measurement, or why there is none.
 
     Raises

@@ -272,7 +272,7 @@ def named(panel: Panel) -> list[tuple[str, Ink, str]]:
 
     Parameters
     ----------
-    panel : Axes
+    panel : Panel
         The panel.
 
     Returns

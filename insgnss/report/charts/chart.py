@@ -124,7 +124,7 @@ class Chart:
         A heading.
     reading : str
         How to read it, in whole sentences.
-    panels : sequence of Axes
+    panels : sequence of Panel
         From the top.
     label : str
         Quantity and unit of the horizontal axis.

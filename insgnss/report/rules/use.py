@@ -123,7 +123,7 @@ def use(
     ----------
     f : mapping
         Figures of the run, of `summary`.
-    judged : Places
+    judged : JudgedPlaces
         The images, or the epochs of the trajectory.
     need_m, need_deg : sequence of float, optional
         (3,) needed standard deviations of positions, m, and rotations, deg; east, north, up.

@@ -43,6 +43,7 @@ from ...gnss.rinex.navigation_message import (
     KEPLER,
     KIND,
     M0,
+    MESSAGE_VALUES,
     MU,
     NODE0,
     NODE_DOT,
@@ -53,7 +54,6 @@ from ...gnss.rinex.navigation_message import (
     STATE,
     TOC,
     TOE,
-    VALUE_WIDTH,
     Navigation,
 )
 from ...gnss.rinex.systems import CONSTANTS
@@ -132,7 +132,7 @@ def _grid(start: float, end: float, spacing: float, offset: float) -> Array:
 
 
 def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
-    """(31, COLUMNS) elements at `toe`, sow and toc as if it lay in the week."""
+    """(31, MESSAGE_VALUES) elements at `toe`, sow and toc as if it lay in the week."""
     plane = np.repeat(np.arange(len(GPS_PER_PLANE)), GPS_PER_PLANE)
     slot = np.concatenate([np.arange(count) / count for count in GPS_PER_PLANE])
     n = plane.size
@@ -140,7 +140,7 @@ def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
     def normal(mean: float, sd: float) -> Array:
         return np.asarray(mean + sd * rng.standard_normal(n))
 
-    row = np.zeros((n, VALUE_WIDTH))
+    row = np.zeros((n, MESSAGE_VALUES))
     row[:, KIND], row[:, TOE], row[:, TOC], row[:, SOW] = KEPLER, toe, toe, toe
     row[:, MU], row[:, RATE] = CONSTANTS["G"]
     row[:, AF0], row[:, AF1] = rng.uniform(-5e-4, 5e-4, n), normal(0.0, 4e-12)
@@ -161,7 +161,7 @@ def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
 
 
 def _kepler_messages(elements: Array, toe: Array) -> Array:
-    """Messages (k, COLUMNS) of `elements` (COLUMNS,) at toe (k,) s (C.1, C.2).
+    """Messages (k, MESSAGE_VALUES) of `elements` (MESSAGE_VALUES,) at toe (k,) s (C.1, C.2).
 
     toe is of the first one's week.
     """
@@ -186,12 +186,12 @@ def _turn(angle: Array) -> Array:
 
 
 def _glonass_messages(toe: Array, rng: np.random.Generator) -> Array:
-    """(24, k, COLUMNS) messages at toe (k,) s: states of orbits that start at the first."""
+    """(24, k, MESSAGE_VALUES) messages at toe (k,) s: states of orbits that start at the first."""
     n = len(GLONASS_CHANNELS)
     position, velocity = _glonass_start(rng)
     lunisolar: Array = LUNISOLAR_STEP * rng.integers(-3, 4, (n, 3)).astype(np.float64)
     af0, af1 = rng.uniform(-2e-4, 2e-4, n), 1e-12 * rng.standard_normal(n)
-    row = np.zeros((n, toe.size, VALUE_WIDTH))
+    row = np.zeros((n, toe.size, MESSAGE_VALUES))
     row[:, :, KIND] = GLONASS
     row[:, :, TOE] = row[:, :, TOC] = toe
     row[:, :, AF1] = af1[:, None]

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import DataError
 from insgnss.navigation.filter.codes import (
+    ABSENT,
     COVARIANCE_RESET,
     NHC,
     NO_CONSTRAINT,
-    NO_SENSOR,
     NOT_MEASURED,
     REJECTED,
     USED,
@@ -189,11 +189,11 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
     H, K = rng.normal(size=(m, 6, width)), 0.1 * rng.normal(size=(m, 6, n))
     S = np.ones((m, 6))
     S[2], S[4, 3:] = 0.0, 0.0
-    event = np.full(m, NO_SENSOR)
+    event = np.full(m, ABSENT)
     event[[1, 4, 6]] = [0, 1, 2]
     transitions = EventTransitions.before(3, n)
     slot, used = np.array([0, 3]), np.full(6, width)
-    room = history_room(m, n, m, slot, used, np.full(m, NO_SENSOR), 0, 3)
+    room = history_room(m, n, m, slot, used, np.full(m, ABSENT), 0, 3)
     event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, transitions)
     expected, product = [], None
     for e in range(m):
@@ -205,7 +205,7 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
                 if S[e, first] > 0.0:
                     for i in range(first, first + 3):
                         product = product - np.outer(K[e, i], H[e, i] @ product)
-        if event[e] != NO_SENSOR:
+        if event[e] != ABSENT:
             expected.append(np.eye(n) if product is None else product)
             product = np.eye(n)
     assert_allclose(transitions.of_events, expected, atol=1e-12)
@@ -334,21 +334,21 @@ def test_outages_and_rows_that_are_kept() -> None:
         has_position=has,
         withheld=withheld,
         stop=np.arange(9),
-        event=np.full(9, NO_SENSOR),
+        event=np.full(9, ABSENT),
     )
-    assert outages(epochs).tolist() == [NO_SENSOR, NO_SENSOR, 0, 1, 2, 3, 4, 5, NO_SENSOR]
+    assert outages(epochs).tolist() == [ABSENT, ABSENT, 0, 1, 2, 3, 4, 5, ABSENT]
     withheld[7] = True
     time[7:] = 12.0
     assert outages(epochs).tolist() == [
-        NO_SENSOR,
-        NO_SENSOR,
+        ABSENT,
+        ABSENT,
         0,
         1,
         2,
         3,
-        NO_SENSOR,
-        NO_SENSOR,
-        NO_SENSOR,
+        ABSENT,
+        ABSENT,
+        ABSENT,
     ]
     epochs.event[5] = 0
     problem = SimpleNamespace(epochs=epochs)
@@ -369,7 +369,7 @@ def test_where_the_triples_of_a_kind_stand() -> None:
     )
     for of_fixes, columns in ((True, 30), (False, 9)):
         slot, used = measured_slots(epochs, SimpleNamespace(size=30, of_fixes=of_fixes))
-        assert slot.tolist() == [0, NO_SENSOR, 3, NO_SENSOR, 6, 9]
+        assert slot.tolist() == [0, ABSENT, 3, ABSENT, 6, 9]
         assert used.tolist() == [columns] * 3 + [9] * 3 + [30] * 6
 
 

@@ -6,7 +6,7 @@ from flown import NO_GATE, error_of, fly, passes_in_one, start_near
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import DataError
-from insgnss.navigation.filter.codes import COVARIANCE_RESET, NO_SENSOR, POSITION_ROW
+from insgnss.navigation.filter.codes import ABSENT, COVARIANCE_RESET, POSITION_ROW
 from insgnss.navigation.filter.filter import make_history, run_filter
 from insgnss.navigation.filter.solution import refuse_negative_variances, solve
 from insgnss.simulation.scenario import GnssOptions
@@ -75,7 +75,7 @@ def test_covariances_are_those_of_extended_precision(flown, smoothed):
     if np.finfo(np.longdouble).eps > 1e-18:
         pytest.skip("no extended precision on this machine")
     forward, full, _ = smoothed
-    within = np.flatnonzero(forward.outage != NO_SENSOR)
+    within = np.flatnonzero(forward.outage != ABSENT)
     first, last = within[0] - 1, within[-1]
     every, _ = extended(forward, last, first, full.P[last])
     small = 1.0

@@ -34,7 +34,7 @@ def clocks(grid: UnknownTable, longest_step: float) -> dict[int, str]:
 
     Parameters
     ----------
-    grid : Grid
+    grid : UnknownTable
         Names give the candidates where there are any; the step gives the unit.
     longest_step : float, s
         Of the sensor; 0.5 for an IMU, 30 for GNSS.

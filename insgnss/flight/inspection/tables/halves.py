@@ -36,7 +36,7 @@ def half_of_imu(
     Parameters
     ----------
     path : Path
-    table : Table
+    table : GridTable
     source_of : function
         Makes samples of columns.
 
@@ -114,12 +114,12 @@ def of_two_halves(
 
     Parameters
     ----------
-    gyros, accels : tuple of Source
+    gyros, accels : tuple of InputSource
         The candidates; raw ones ("uncalibrated") count where there are no others.
 
     Returns
     -------
-    Source or None
+    InputSource or None
         None without any.
 
     Raises

@@ -204,7 +204,7 @@ def brown_of(path: Source, name: str, camera: ColmapCamera) -> BrownCamera:
         Its file, for the message.
     name : str
         Its name.
-    camera : Camera
+    camera : ColmapCamera
         Model, size and parameters.
 
     Returns

@@ -72,7 +72,7 @@ def joined(
 
     Returns
     -------
-    Joined
+    JoinedBlock
         The block; other images without observations are left out.
 
     Raises

@@ -102,7 +102,7 @@ def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Colmap
 
     Returns
     -------
-    tuple of Camera
+    tuple of ColmapCamera
         One a name.
 
     Raises
@@ -140,7 +140,7 @@ def camera_of(text: str | None, who: str) -> ColmapCamera:
 
     Returns
     -------
-    Camera
+    ColmapCamera
         The camera.
 
     Raises

@@ -56,7 +56,7 @@ class PosRows:
     ----------
     header : Header
         The header.
-    table : Table
+    table : NumberTable
         The rows as they stand.
     columns : dict
         Arrays (n,) by RTKLIB's name.

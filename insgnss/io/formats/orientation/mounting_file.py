@@ -360,7 +360,7 @@ def read_mounting_file(
     -------
     mounting : MountingFile
         What it holds.
-    table : Table
+    table : OptionTable
         The file, whose errors know their line.
 
     Raises

@@ -41,7 +41,8 @@ def gps_time(
     gps_week : int, optional
         The caller's week.
     unit : str
-        Unit of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
+        Unit of `tow`, of SENSOR_SCALES["time"]; of a clock with an epoch (unix, gps) the week
+        follows.
 
     Raises
     ------

@@ -99,7 +99,7 @@ class TableSpec:
         ----------
         path : str
             The file, for messages.
-        layout : Layout
+        layout : TextLayout
             How it is written.
         columns : sequence or mapping, optional
             Canonical name of each column, "-" or any other name leaving one out; or canonical name

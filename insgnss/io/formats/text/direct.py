@@ -71,7 +71,7 @@ def read_columns(buf: Bytes, layout: TextLayout, wanted: Wanted) -> dict[str, Ar
     ----------
     buf : ndarray or FileBytes
         Bytes of the file, which end in a newline.
-    layout : Layout
+    layout : TextLayout
         How it is written.
     wanted : mapping
         The arrays; other columns of the table are parsed and dropped.

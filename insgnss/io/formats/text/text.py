@@ -52,7 +52,7 @@ class NumberTable(AtLines):
     ----------
     path : str
         The file.
-    layout : Layout
+    layout : TextLayout
         How it is written.
     values : ndarray
         (n, m) numbers; not-a-number where a field is none.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ....base.compilation import njit
-from ..codes import IMU0, N_NAV, NO_SENSOR
+from ..codes import ABSENT, IMU0, N_NAV
 from .copies import copy_matrix, copy_vector
 from .outage import gain_within, smooth_across
 from .update import remove_triple, weigh
@@ -47,7 +47,7 @@ def run_backward(event, history, full, state, begin, out):
     g = np.zeros((3, n))
     for e in range(event.size - 1, begin - 1, -1):
         P = history.P[e]
-        if out.keep[e] != NO_SENSOR:
+        if out.keep[e] != ABSENT:
             copy_matrix(Lam, out.information[out.keep[e]])
             copy_vector(lam, out.adjoint[out.keep[e]])
         estimate = out.delta[e]
@@ -65,8 +65,8 @@ def run_backward(event, history, full, state, begin, out):
                 for c in range(N_NAV):
                     nav[r, c] = P[r, c] - 0.5 * (BN[r, c] + BN[c, r])
                 cancelled = cancelled or (within and not nav[r, r] > CANCELLED * P[r, r])
-            whole = out.slot[e] != NO_SENSOR or outage != NO_SENSOR or cancelled
-            if whole or (chained and j != NO_SENSOR):
+            whole = out.slot[e] != ABSENT or outage != ABSENT or cancelled
+            if whole or (chained and j != ABSENT):
                 np.dot(Lam, P, A)
             if whole:
                 np.dot(P, A, B)
@@ -74,7 +74,7 @@ def run_backward(event, history, full, state, begin, out):
                     for c in range(n):
                         smoothed[r, c] = P[r, c] - 0.5 * (B[r, c] + B[c, r])
                 copy_matrix(nav, smoothed)
-            if j != NO_SENSOR:
+            if j != ABSENT:
                 cross = history.cross[j]
                 np.dot(AN, cross.T, BN)
                 for r in range(N_NAV):
@@ -91,7 +91,7 @@ def run_backward(event, history, full, state, begin, out):
                 F, D, W, Qbb = state.F, state.D, state.W, state.Qbb
                 if smooth_across(P, F, D, W, Qbb, smoothed_later, smoothed):
                     copy_matrix(smoothed[:N_NAV, :N_NAV], nav)
-                    if j != NO_SENSOR and gain_within(P, smoothed, gain):
+                    if j != ABSENT and gain_within(P, smoothed, gain):
                         np.dot(history.cross[j], gain, M)
                         copy_matrix(M[:, :N_NAV], out.event_cross[j])
                         if chained:
@@ -102,14 +102,14 @@ def run_backward(event, history, full, state, begin, out):
                 for c in range(r + 1):
                     out.nav_cov[e, t] = nav[r, c]
                     t += 1
-            if out.slot[e] != NO_SENSOR:
+            if out.slot[e] != ABSENT:
                 t = 0
                 for r in range(n):
                     for c in range(r + 1):
                         out.kept[out.slot[e], t] = smoothed[r, c]
                         t += 1
-            state.within[0] = outage != NO_SENSOR
-            if outage != NO_SENSOR:
+            state.within[0] = outage != ABSENT
+            if outage != ABSENT:
                 copy_matrix(smoothed, smoothed_later)
                 copy_matrix(history.F[e], state.F)
                 copy_vector(history.D[e], state.D)

@@ -4,13 +4,13 @@ import numpy as np
 
 from ....base.compilation import njit
 from ..codes import (
+    ABSENT,
     AX,
     AY,
     AZ,
     COVARIANCE_RESET,
     IMU0,
     N_NAV,
-    NO_SENSOR,
     NOT_MEASURED,
     POSITION_ROW,
     REJECTED,
@@ -110,7 +110,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
                 add_gap_noise(W[0], work.column, work.last_block[0], epochs.gap[e])
             if epochs.bias_step[e, 0] > 0.0:
                 add_bias_step(Qbb[0], model, epochs.bias_step[e])
-            if history.outage[e] != NO_SENSOR:
+            if history.outage[e] != ABSENT:
                 copy_matrix(W[0], history.W[history.outage[e]])
                 copy_vector(Qbb[0], history.Qbb[history.outage[e]])
             predict_covariance(P, F, D, W[0], Qbb[0], X, nine)
@@ -135,7 +135,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
         for kind in range(history.slot.size):
             history.verdict[e, kind] = NOT_MEASURED
             b = history.slot[kind]
-            if b == NO_SENSOR:
+            if b == ABSENT:
                 continue
             if not measured_triple(
                 kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple
@@ -184,7 +184,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
         copy_matrix(P, history.P[row])
         for k in range(N_NAV):
             history.sigma[e, k] = np.sqrt(P[k, k])
-        if epochs.event[e] != NO_SENSOR:
+        if epochs.event[e] != ABSENT:
             copy_matrix(cross, history.cross[epochs.event[e]])
             copy_matrix(P[:N_NAV], cross)
             track_cross = True

@@ -221,7 +221,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
     Parameters
     ----------
     kind : int
-        POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU, BAROMETER, or N_KINDS and more.
+        POSITION_ROW, VELOCITY_ROW, VELOCITY_CONSTRAINT, ZARU, BAROMETER_ROW, or N_KINDS and more.
     e : int
         The epoch.
     epochs : Epochs

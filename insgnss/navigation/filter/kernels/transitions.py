@@ -5,7 +5,7 @@ forwards and backwards from information about the events (B.12, B.13).
 import numpy as np
 
 from ....base.compilation import njit
-from ..codes import IMU0, N_NAV, NO_SENSOR
+from ..codes import ABSENT, IMU0, N_NAV
 from .copies import copy_matrix
 from .prediction import predict_errors
 from .update import one_after_another, take_off, weigh
@@ -54,7 +54,7 @@ def event_transitions(event, history, begin, transitions):
         if begun[0] != 0:
             predict_errors(h.F[e], h.D[e], M, top)
             update_errors(h.H[e], h.K[e], h.S[e], h.used, M, rows)
-        if event[e] != NO_SENSOR:
+        if event[e] != ABSENT:
             copy_matrix(M, transitions.of_events[event[e]])
             M[:] = 0.0
             for r in range(n):
@@ -88,7 +88,7 @@ def correct_forwards(history, slot, information, begin, d, rows):
             copy_matrix(d[e - 1], d[e])
             predict_errors(h.F[e], h.D[e], d[e], top)
         update_errors(h.H[e], h.K[e], h.S[e], h.used, d[e], rows[e])
-        if slot[e] != NO_SENSOR:
+        if slot[e] != ABSENT:
             np.dot(h.P[e], information[slot[e]], added)
             d[e] += added
 
@@ -109,7 +109,7 @@ def correct_backwards(history, slot, information, begin, d, rows, r):
     for e in range(slot.size - 1, begin - 1, -1):
         np.dot(h.P[e], r, added)
         d[e] += added
-        if slot[e] != NO_SENSOR:
+        if slot[e] != ABSENT:
             r += information[slot[e]]
         for i in range(h.used.size - 1, -1, -1):
             if h.S[e, i] <= 0.0:

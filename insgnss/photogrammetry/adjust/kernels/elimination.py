@@ -31,7 +31,7 @@ def address(places, r, c):
 
     Parameters
     ----------
-    places : Places
+    places : EntryPlaces
         Where entries stand.
     r, c : int
         Row and column, in any order.
@@ -52,7 +52,7 @@ def add_between(places, columns, N, stored):
 
     Parameters
     ----------
-    places : Places
+    places : EntryPlaces
         Where entries stand.
     columns : ndarray of int, (n,)
         The columns, each once.
@@ -72,7 +72,7 @@ def take_between(places, columns, stored, out):
 
     Parameters
     ----------
-    places : Places
+    places : EntryPlaces
         Where entries stand.
     columns : ndarray of int, (n,)
         The columns.
@@ -100,7 +100,7 @@ def normal_equations(rays, values, damping, own_V, own_g, s, places, S, g, g_red
         (np, 3, 3) and (np, 3) what groups say of each point alone.
     s : Scratch
         Working arrays.
-    places : Places
+    places : EntryPlaces
         Where the entries of the normal matrix stand.
     S : ndarray
         Normal matrix, added to.

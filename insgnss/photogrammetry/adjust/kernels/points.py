@@ -82,7 +82,7 @@ def scratch_for(rays: Rays, n_cameras: int) -> PointArrays:
 
     Returns
     -------
-    Scratch
+    PointArrays
         The arrays.
     """
     r, k = max(int(np.diff(rays.start).max(initial=1)), 1), rays.columns.size
@@ -114,7 +114,7 @@ def linearise_point(rays, values, p, s, with_W=True):
         The observations, and where they are linearised.
     p : int
         Row of the point.
-    s : Scratch
+    s : PointArrays
         L, e, ray, column, W and row are written; J^T P J and J^T P e of the point are added to V
         and g.
     with_W : bool
@@ -209,7 +209,7 @@ def take_own(own_V, own_g, p, s):
         (np, 3, 3) and (np, 3) what groups say of each point alone.
     p : int
         Row of the point.
-    s : Scratch
+    s : PointArrays
         V and g are written.
     """
     for a in range(3):
@@ -224,7 +224,7 @@ def times_inverse(s, n):
 
     Parameters
     ----------
-    s : Scratch
+    s : PointArrays
         T is written.
     n : int
         Rows of W.

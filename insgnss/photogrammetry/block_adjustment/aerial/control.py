@@ -73,7 +73,7 @@ def control_of(inputs: BlockInputs, whole: Sequence[tuple[Rows, Array]] | None =
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block and its orientation.
     whole : sequence of tuple, optional
         Rows of the orientation and the covariance of their poses, in the place of flight lines.
@@ -144,7 +144,7 @@ def processed_with(inputs: BlockInputs) -> Mapping[str, Any] | None:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block.
 
     Returns
@@ -188,7 +188,7 @@ def motion_of_images(inputs: BlockInputs) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block and its orientation.
 
     Returns

@@ -112,7 +112,7 @@ def absolute_group(
 
     Parameters
     ----------
-    strip : Strip
+    strip : StripErrors
         Its images and their errors.
     control : str
         "Ap/Aa", or "Ap" of positions alone.
@@ -148,7 +148,7 @@ def relative_groups(
 
     Parameters
     ----------
-    strip : Strip
+    strip : StripErrors
         Its images and their errors.
     control : str
         "Ap/Ra", "Rp/Ra" or "Rp".

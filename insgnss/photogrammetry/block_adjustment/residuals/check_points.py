@@ -69,7 +69,7 @@ def check_points(solved: AdjustedBlock) -> CheckPoints:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The adjusted block.
 
     Returns

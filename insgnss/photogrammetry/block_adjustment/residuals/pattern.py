@@ -51,7 +51,7 @@ def patterns(solved: AdjustedBlock) -> tuple[Pattern, ...]:
 
     Parameters
     ----------
-    solved : Solved
+    solved : AdjustedBlock
         The adjusted block.
 
     Returns

@@ -18,7 +18,7 @@ def vehicle_control(
 
     Parameters
     ----------
-    inputs : Inputs
+    inputs : BlockInputs
         The block, its vehicle, and what the block file estimates of it.
     blocks : dict
         Parameters of the aerial control; a delay of the exposures moves the target as well.
