@@ -119,7 +119,8 @@ class ExportRequest(Checked):
         "overwrite a table that process wrote in another frame, or an existing --out that differs",
     )
     proof: bool = argument(
-        False, "write a synthetic scene in FORMAT, to load in the real tool, into DIR"
+        False,
+        "write a synthetic scene in FORMAT into DIR, to try the import in the program of FORMAT",
     )
 
 

@@ -89,7 +89,9 @@ class EngineSettings:
         cli_default="apc, with a note",
     )
     antex: Path | None = option(
-        None, "ANTEX file of antenna phase centres, for a base point arp or marker", cli="--antex"
+        None,
+        "ANTEX file of antenna phase centres; needed where the base point is an arp or a marker",
+        cli="--antex",
     )
     systems: str = option(
         "GREJC",

@@ -197,7 +197,7 @@ class RowFaults:
         for name in ("duplicated", "reordered", "delayed"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise UsageError(
-                    f"{name} rows: a share of {getattr(self, name)}; it lies between 0 and 1"
+                    f"{name} rows: the share is {getattr(self, name)}; it must lie between 0 and 1"
                 )
         if self.reach < 1 or self.delay_s < 0.0:
             raise UsageError(

@@ -73,8 +73,8 @@ def within_navigation(observations: Observations, navigation: Navigation) -> Obs
         return observations
     away = time[~inside]
     finding = (
-        f"{away.size} of {time.size} of {observations.header.path} left out, of {_date(away[0])} to"
-        f" {_date(away[-1])}, days without navigation"
+        f"{away.size} of {time.size} epochs of {observations.header.path} left out, of"
+        f" {_date(away[0])} to {_date(away[-1])}: the navigation file has no data of these days"
     )
     advice = (
         "the receiver did not know the date yet; if the dates are right, add the navigation files"

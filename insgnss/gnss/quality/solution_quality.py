@@ -113,8 +113,8 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
     )
     size = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
     advice = (
-        f"they get {size} m and count as single; an engine's dynamics model needs an epoch about"
-        " every second"
+        f"these epochs get standard deviations of {size} m and count as single-point solutions; an"
+        " engine's dynamics model needs an epoch about every second"
     )
     note = Question("GNSS covariance", "a covariance each").note(finding, advice)
     others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)

@@ -323,7 +323,7 @@ def step_check(step: ClockStep) -> Finding:
     speed = rms_speed(step.solution)
     moves = f"{abs(step.size) * speed:.2f} m at {speed:.1f} m/s"
     if not np.isinf(step.evidence):
-        moves += f", log evidence {step.evidence:.0f} against any steady clock drift"
+        moves += f", log evidence {step.evidence:.0f} of a step over any steady clock drift"
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
     whose = ""
     mended = (

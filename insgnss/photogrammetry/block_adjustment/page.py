@@ -270,7 +270,9 @@ def _check_points(figures: Mapping[str, Any], enu: tuple[str, ...]) -> Section:
             ("root mean square", "", *_millimetres(together["rms_m"], ".1f"), ""),
             ("largest", "", *_millimetres(together["largest_m"]), f"{mean:.2f} together"),
         ]
-    square = "normalised square, expected 1, by chance up to 3.8"
+    square = (
+        "difference squared over its variance: 1 is expected, over 3.8 stands once in 20 by chance"
+    )
     table = Table(rows, ("point", "images", *enu, square), True, "points")
     return _of_page("Check points: surveyed minus adjusted", table)
 

@@ -160,7 +160,8 @@ class SimilarityOptions(FrameOptions, PoseOptions):
         metavar="H,V",
     )
     ground: Path | None = argument(
-        None, "ground points, which are measured in images; CAMERAS itself for its markers"
+        None,
+        "ground points measured in the images; give the CAMERAS file again for the markers in it",
     )
     points: Path | None = argument(
         None, "image observations of ground points, where CAMERAS has none"

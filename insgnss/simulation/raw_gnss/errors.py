@@ -66,7 +66,7 @@ class Tracking:
     def __post_init__(self) -> None:
         check(self, "tracking")
         if self.outage_s[0] > self.outage_s[1]:
-            problem = "must be the shorter and the longer time of an outage"
+            problem = "must be the shortest and the longest duration of an outage, s"
             raise OptionError("tracking.outage_s", problem, self.outage_s)
 
     def times(self, share: float) -> "Tracking":

@@ -263,7 +263,10 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
     images = [image for image in of.all("cameras", "camera") if image.get("id") is not None]
     references = of.references("cameras", CAMERA_M, [(i.get("label") or "", i) for i in images])
     if references is None:
-        raise of.source.error("no image has reference coordinates; import them, or give a table")
+        raise of.source.error(
+            "no image has reference coordinates; import them in Metashape, or give a table of "
+            "positions"
+        )
     names = file_names(references.points, of.source.path)
     no_checks = np.zeros(len(names), dtype=bool)
     return replace(references, points=names, check=no_checks), of.crs("camera")

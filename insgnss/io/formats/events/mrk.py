@@ -150,8 +150,8 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
         i += 2 if name in NAMES else 1
     if len(unnamed) not in (LEAST_MRK_VALUES, LEAST_MRK_VALUES + 3):
         message = (
-            f"{len(unnamed)} values without a name, expected number, time of week and three"
-            " standard deviations, or the first two"
+            f"{len(unnamed)} values without a name; five are expected (number, time of week, three"
+            " standard deviations) or two (number, time of week)"
         )
         raise line.error(f"{message}: {shown(text.strip())}; copy the file again")
     row |= dict(zip(("number", "tow", *FIX_SIGMAS), unnamed, strict=False))

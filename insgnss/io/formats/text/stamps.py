@@ -209,7 +209,10 @@ def _unwrapped(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]]
 
 
 def _begins_anew(lines: Lines, name: str, row: int, length: float) -> Finding:
-    finding = f"the time restarts at {line_of(lines, row)}, after {length:.6f} s; this was undone"
+    finding = (
+        f"the time restarts at {line_of(lines, row)}, after {length:.6f} s of recording; the times"
+        " behind it were shifted so that they go on"
+    )
     return note(name, finding, "a clock without restarts", "nothing to do")
 
 
