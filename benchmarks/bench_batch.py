@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from insgnss.batch.season import pool
-from insgnss.batch.season.page import SeasonPage
+from insgnss.batch.season.page import page_html, season_document
 from insgnss.batch.season.row import ROW_COLUMNS, Row
 from insgnss.batch.season.tables import csv_text
 from insgnss.batch.season.trends import trends
@@ -115,7 +115,7 @@ def growth(most: int) -> None:
         rows = [outcome.row for outcome in outcomes]
         start = time.perf_counter()
         table = sum(len(text) for text in csv_text(rows))
-        page = sum(len(text) for text in SeasonPage(rows, trends(rows), "h").html())
+        page = sum(len(text) for text in page_html(season_document(rows, trends(rows), "h")))
         written = time.perf_counter() - start
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(

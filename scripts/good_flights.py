@@ -45,7 +45,7 @@ import insgnss
 from insgnss.geodesy.earth import curvature_radii
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
-from insgnss.navigation.recognise.axes import axes_words
+from insgnss.navigation.prepare.axes import axes_words
 from insgnss.records.qualities import Quality
 from insgnss.simulation.flights import FlightMotion, fly
 from insgnss.simulation.ground import drive, walk

@@ -154,9 +154,9 @@ def test_a_moving_receiver_is_fixed(tmp_path):
 
 WRONG_OPTIONS = [
     ("pos2-arminfxi", "3", "no option pos2-arminfxi; did you mean pos2-arminfix"),
-    ("pos2-arminfix", "ten", "pos2-arminfix = ten is no number"),
-    ("pos2-arminfix", "1.5", r"pos2-arminfix = 1\.5 is no number"),
-    ("stats-eratio1", "", "stats-eratio1 =  is no number"),
+    ("pos2-arminfix", "ten", "pos2-arminfix = ten is not a number"),
+    ("pos2-arminfix", "1.5", r"pos2-arminfix = 1\.5 is not a number"),
+    ("stats-eratio1", "", "stats-eratio1 =  is not a number"),
     ("pos2-armode", "always", "the engine refused pos2-armode = always$"),
 ]
 

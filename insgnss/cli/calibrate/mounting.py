@@ -5,8 +5,8 @@ flight and poses of its images, and finds lever arms, bore-sight and camera dela
 """
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -129,11 +129,20 @@ def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: t
     """Return the verb of a calibration of two files, which the module of its name holds."""
 
     def run(options: argparse.Namespace, progress: Progress) -> Judged:
-        room = import_module("...photogrammetry.mounting_calibration", __package__).__name__
-        calibrate = getattr(import_module(f"{room}.{name}_files"), f"calibrate_{name}")
+        from ...photogrammetry.mounting_calibration.materialise_files import calibrate_materialise
+        from ...photogrammetry.mounting_calibration.similarity_files import calibrate_similarity
+        from ...photogrammetry.mounting_calibration.tripod_files import calibrate_tripod
+
+        calibrate: dict[str, Callable[..., CalibratedMounting]] = {
+            "tripod": calibrate_tripod,
+            "similarity": calibrate_similarity,
+            "materialise": calibrate_materialise,
+        }
         progress("calibrating")
         files = [getattr(options, field.name) for field in fields(inputs)]
-        return _finished(options, progress, calibrate(*files, options.records[chosen]), *files)
+        return _finished(
+            options, progress, calibrate[name](*files, options.records[chosen]), *files
+        )
 
     return Verb(name, meaning, example, (inputs, chosen, MountingProducts), run)
 
