@@ -201,7 +201,7 @@ def test_epochs_of_other_days_than_the_navigation_are_left_out(tmp_path):
         assert_array_equal(getattr(odd, name), getattr(right, name))
     (note,) = odd.notes
     assert note.verdict == "note"
-    assert "3 of 32 of" in note.found
+    assert "3 of 32 epochs of" in note.found
     assert "1980-01-06 00:00:10 to 1980-01-06 00:00:12" in note.found
     other = replace(right, time=right.time + 9 * 86400.0)
     assert within_navigation(other, navigation) is other
