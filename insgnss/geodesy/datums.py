@@ -19,9 +19,8 @@ Array = NDArray[np.float64]
 
 FITTING = 20.0  # distance (units of a CRS) up to which coordinates fit it: an adjustment moves less
 OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked at with it
-AGREEING_M = (
-    1.0  # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
-)
+# distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
+AGREEING_M = 1.0
 # degrees up to which numbers are longitude and latitude of a place: as metres they are next to none
 SAME_PLACE_DEG = 0.1
 PLATES = (

@@ -48,7 +48,7 @@ WIDE_LEVER_ARM_M, WIDE_TIME_OFFSET_S, WIDE_CLOCK_RATE = 0.2, 0.05, 2e-4
 WIDE_SCALE, WIDE_MISALIGNMENT_RAD = 0.01, 0.008
 """A-priori sigmas under which constants are suspected (`navigation.diagnosis.constants`)."""
 
-FAR_SIGMAS = 10.0
+FAR_FACTOR = 10.0
 """Factor of those of the fixes' constants under which a filter looks for any of them: a drawing
 that was read in the wrong unit is metres off, a clock half a second.
 """
@@ -182,10 +182,10 @@ def with_every_constant(model: ErrorModel) -> ErrorModel:
     Returns
     -------
     ErrorModel
-        The model with lever arm, time offset and clock rate, `FAR_SIGMAS` times wide, and scale
+        The model with lever arm, time offset and clock rate, `FAR_FACTOR` times wide, and scale
         factors and misalignments.
     """
-    return with_constants(model, (*OF_FIXES, State(SCALE_FACTOR), State(MISALIGNMENT)), FAR_SIGMAS)
+    return with_constants(model, (*OF_FIXES, State(SCALE_FACTOR), State(MISALIGNMENT)), FAR_FACTOR)
 
 
 def with_time_correlated_error(

@@ -54,7 +54,7 @@ from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .advice import NEGLIGIBLE_M
-from .candidates import FAR_SIGMAS, WIDE_TIME_OFFSET_S, widened, without_other_aiding
+from .candidates import FAR_FACTOR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
 from .estimated import fix_counts, rms_speed
 from .evidence import follows, misfit
 from .sensitivity import Constants, Sensitivity
@@ -367,7 +367,7 @@ def _scanned(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
 ) -> tuple[Solution, Array, Array, Array]:
     """Return the solution, and of a step at each instant its size, its sigma and (Z.1)."""
-    wide = FAR_SIGMAS * WIDE_TIME_OFFSET_S
+    wide = FAR_FACTOR * WIDE_TIME_OFFSET_S
     steps = Sensitivity.before(problem, Constants.steps(problem.layout, since, jump, wide))
     solution = solve(problem, start, "off", separations=0, follower=steps.through)
     J, j = np.diag(steps.information), steps.vector

@@ -24,8 +24,8 @@ matrices only.
 A flight in which nothing is wrong, as most are, needs no pass of its own for it: the filter of the
 flight file follows the constants beside (`navigation.diagnosis.sensitivity`), which gives I and b
 where the innovations depend on them linearly, as they do near the flight file's numbers. Where that
-evidence comes within `UNSETTLED_SIGMAS` of `TAKEN_SIGMAS`, or fixes were rejected, the pass is run,
-and it alone counts.
+evidence comes within `UNSETTLED_SIGMAS` of `TAKEN_EVIDENCE`, or fixes were rejected, the pass is
+run, and it alone counts.
 
 A constant that the flight file states as exact (a sigma of 0) is no state: where another hypothesis
 explains as much, that is taken; where none does, the contradiction is shown, nothing estimated.
@@ -62,7 +62,7 @@ from ..filter.filter import make_history, run_filter
 from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution
-from .candidates import FAR_SIGMAS, with_a_priori, with_layout, without_other_aiding
+from .candidates import FAR_FACTOR, with_a_priori, with_layout, without_other_aiding
 from .estimated import fix_counts
 from .sensitivity import LONGEST_INTERVAL_S, Constants, Sensitivity
 
@@ -70,8 +70,8 @@ MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
 # log evidence from which a hypothesis becomes states. From 1.5 on 4 of 90 right flights of three
 # minutes had one, by chance among nine groups; from 4 on none, and no wrong constant is lost by it
-TAKEN_SIGMAS = 4.0
-PRIOR_FACTORS = (0.1, 1.0, FAR_SIGMAS)  # of the a-priori sigmas of the fixes' constants
+TAKEN_EVIDENCE = 4.0
+PRIOR_FACTORS = (0.1, 1.0, FAR_FACTOR)  # of the a-priori sigmas of the fixes' constants
 # of the wide a-priori sigma: a flight that reaches it says something of a constant
 TELLING_SHARE = 0.5
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
@@ -164,7 +164,7 @@ class ConstantsEvidence:
     @cached_property
     def _may_be_suspected(self) -> dict[State, list[State]]:
         """The candidates of each group that have no wide sigma yet."""
-        narrow = self.stated < np.where(self.of_fixes, self.wide / FAR_SIGMAS, self.wide)
+        narrow = self.stated < np.where(self.of_fixes, self.wide / FAR_FACTOR, self.wide)
         of_group: dict[State, list[State]] = {}
         for group, state, is_narrow in zip(self.group, self.states, narrow, strict=True):
             if is_narrow and group.group not in self.requested:
@@ -199,7 +199,7 @@ class ConstantsEvidence:
         Hypothesis or None
             The one of fewest groups within `OTHERS` of the strongest, of those that leave alone
             what is stated as exact where there are any, and single axes of the IMU where they
-            explain as much as all; None where that is not beyond `TAKEN_SIGMAS`: nothing is
+            explain as much as all; None where that is not beyond `TAKEN_EVIDENCE`: nothing is
             suspected.
         """
         every = self.hypotheses
@@ -208,7 +208,7 @@ class ConstantsEvidence:
         close = [one for one in every if one.evidence > every[0].evidence - OTHERS]
         close = [one for one in close if not self.denied(one)] or close
         simplest = min(close, key=lambda one: (len(one.groups), -one.evidence))
-        if simplest.evidence < TAKEN_SIGMAS:
+        if simplest.evidence < TAKEN_EVIDENCE:
             return None
         as_simple = [one for one in close if len(one.groups) == len(simplest.groups)]
         return max(map(self._of_single_axes, as_simple), key=lambda one: one.evidence)
@@ -298,7 +298,7 @@ class ConstantsEvidence:
             if not groups:
                 continue
             evidence = self._offset_at(middle_s) if TIME_OFFSET in groups else self
-            _, (estimate,), (cov,) = evidence._evaluate([(groups, FAR_SIGMAS)])
+            _, (estimate,), (cov,) = evidence._evaluate([(groups, FAR_FACTOR)])
             for k in np.flatnonzero([group in groups for group in self.group]):
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING_SHARE:
@@ -334,7 +334,7 @@ class ConstantsEvidence:
         stated = self.stated / self.wide
         is_suspected = np.array([self._is_suspected(suspected) for suspected, _ in cases])
         factors = np.array([factor for _, factor in cases])
-        suspected_sigma = np.where(self.of_fixes, factors[:, None] / FAR_SIGMAS, 1.0)
+        suspected_sigma = np.where(self.of_fixes, factors[:, None] / FAR_FACTOR, 1.0)
         W = np.where(is_suspected, np.maximum(suspected_sigma, stated), stated)
         A = np.eye(stated.size) + W[:, :, None] * self.information * W[:, None, :]
         cov = W[:, :, None] * np.linalg.inv(A) * W[:, None, :]
@@ -457,7 +457,7 @@ def settled_evidence(
     sigmas = constants.wide, constants.stated
     evidence = ConstantsEvidence(constants.states, *sigmas, *data, requested, exact)
     every = evidence.hypotheses
-    return None if every and every[0].evidence > TAKEN_SIGMAS - UNSETTLED_SIGMAS else evidence
+    return None if every and every[0].evidence > TAKEN_EVIDENCE - UNSETTLED_SIGMAS else evidence
 
 
 def group_of(state: State) -> State | None:

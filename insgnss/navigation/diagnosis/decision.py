@@ -16,7 +16,7 @@ from ..filter.layout import SLOW_STATE
 from ..filter.problem import InitialState
 from ..filter.solution import Solution
 from .advice import advice, message, unseen, variance_check
-from .candidates import FAR_SIGMAS, ErrorModel, with_constants, with_larger_white_share
+from .candidates import FAR_FACTOR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
     OTHERS,
@@ -203,7 +203,7 @@ def step_under(
     Finding or None
         None where nothing steps.
     """
-    layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR_SIGMAS))
+    layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR_FACTOR))
     step = find_clock_step(*posed, layout, against, search.second_pass, search.progress)
     return None if step is None else step_check(step)
 

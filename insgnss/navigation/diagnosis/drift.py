@@ -46,7 +46,7 @@ from ..filter.layout import SLOW_BIAS, SLOW_STATE, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .candidates import ErrorModel, widened
-from .constants import TAKEN_SIGMAS
+from .constants import TAKEN_EVIDENCE
 from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
 
@@ -230,7 +230,7 @@ def slow_bias_candidate(
     time_s = best_of(TIMES_S)
     for factor in FINER if np.isfinite(time_s) else ():
         time_s = best_of((time_s / factor, time_s * factor))
-    if evidence[time_s] < TAKEN_SIGMAS:
+    if evidence[time_s] < TAKEN_EVIDENCE:
         return None
     best = _with_slow_bias(model, problem, time_s)
     posed = replace(problem, layout=search.layout(best))

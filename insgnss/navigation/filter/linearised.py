@@ -36,9 +36,8 @@ from .kernels.records import Epochs
 from .problem import EstimationProblem, MeasuredRows
 from .strapdown import nav_difference
 
-LINEAR_SHARE = (
-    0.01  # standard deviations that another linearisation may move a prediction by (chosen)
-)
+# standard deviations that another linearisation may move a prediction by (chosen)
+LINEAR_SIGMAS = 0.01
 # m, m/s, rad, rad/s by which a central difference moves the nine errors of navigation and the
 # biases of the gyros: rounding and curvature leave some 1e-9 of a derivative
 DIFFERENCE_STEPS = np.repeat([1e-2, 1e-2, 1e-5, 1e-6], 3)
@@ -100,7 +99,7 @@ def linearised_about(
     -------
     problem : EstimationProblem
         With derivatives, residuals and covariances about the solution; as it was where that would
-        change less than `LINEAR_SHARE`.
+        change less than `LINEAR_SIGMAS`.
     change : float
         What the linearisation so far predicts of the measurements at this solution differs from
         their prediction by so many standard deviations, at most; infinite where there was none.
@@ -119,7 +118,7 @@ def linearised_about(
         residual = measurement.minus(measured.rows, prediction(problem, measured, about[index]))
         epochs.linear_residual[index, g, : residual.shape[1]] = residual
         change = max(change, _change(measured, before, epochs, g))
-    if change <= LINEAR_SHARE:
+    if change <= LINEAR_SIGMAS:
         return problem, change
     for g, measured in enumerate(problem.measurements):
         _linearise(problem, measured, epochs, g)

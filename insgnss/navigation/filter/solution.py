@@ -24,7 +24,7 @@ from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU_STATES, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain, SharedError, events_of
-from .linearised import LINEAR_SHARE, linearised_about
+from .linearised import LINEAR_SIGMAS, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
 
@@ -276,7 +276,7 @@ def solve(
             _refuse_unsettled(passes.problem, change)
             break
         moving = second_pass != "off" and _nonlinear(smoothed.delta, history.sigma)
-        if not (another or moving or change > LINEAR_SHARE):
+        if not (another or moving or change > LINEAR_SIGMAS):
             break
         move(history.nav, history.x, smoothed.delta)
         passes.problem = again

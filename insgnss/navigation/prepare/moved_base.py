@@ -29,9 +29,8 @@ from ...records.cameras.camera_positions import CameraPositions
 
 Position = tuple[float, float, float]
 SATELLITES_M = 2.0e7  # R of (MB.2): least distance of a satellite of GPS, m
-FARTHEST_BASE_M = (
-    3e5  # of a position from its base (m): PPK reaches 100 km, exchanged angles go beyond
-)
+# of a position from its base (m): PPK reaches 100 km, exchanged angles go beyond
+FARTHEST_BASE_M = 3e5
 SAME_M = 1.0  # between r0 and the base that a file of fixes states (m): its header has centimetres
 
 

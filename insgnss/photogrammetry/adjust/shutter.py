@@ -28,9 +28,8 @@ from .unknowns import Unknowns
 
 STEP_S = 1e-4  # of numerical derivatives: a camera moves by millimetres in it
 FEWEST_VELOCITIES = 3  # images whose velocities are known, below which nothing is tried
-SEPARATED = (
-    1e-4  # least share of a^T W a that other unknowns leave: else r is as good as one of them
-)
+# least share of a^T W a that other unknowns leave: else r is as good as one of them
+SEPARATED = 1e-4
 
 
 def pixels_by_readout(problem: Problem, values: Unknowns, motion: tuple[Array, Array]) -> Array:

@@ -38,9 +38,8 @@ DISTANCES = TableSpec(
     text=True,
     strict=METRES,
 )
-FEWEST_FREE_RAYS = (
-    3  # of a point of a free network: of two, one that is rejected leaves it undetermined
-)
+# of a point of a free network: of two, one that is rejected leaves it undetermined
+FEWEST_FREE_RAYS = 3
 MOST_FREE_POINTS = 1500  # of a free network (chosen): its normal matrix of points is dense, 160 MB
 FEWEST_COMMON = 3  # images, or ground points: fewer leave a similarity (S.1) a rotation
 

@@ -23,9 +23,8 @@ from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
 from .inputs import BlockInputs
 
-FEWEST_RAYS_JUDGED = (
-    60  # below which no reading is judged (chosen): three or four unknowns are fitted
-)
+# below which no reading is judged (chosen): three or four unknowns are fitted
+FEWEST_RAYS_JUDGED = 60
 MOST_RAYS = 500  # of one reading (chosen): dozens of readings are fitted
 # steps of a fit, and after how many a hopeless one is given up; longest step (rad, s) (chosen)
 MOST_READING_STEPS, FEW_STEPS, LONGEST_READING_STEP = 10, 3, 0.2

@@ -47,9 +47,8 @@ from .solve import AdjustedBlock, ground_groups, set_up
 
 TRAJECTORY_DIRECTORY = "trajectory"
 ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
-STANDING_SIGMAS = (
-    0.05  # standard deviations after the images (chosen): changes no figure that is shown
-)
+# standard deviations after the images (chosen): changes no figure that is shown
+STANDING_SIGMAS = 0.05
 MOST_ROUNDS = 6  # linearisations (chosen); two or three settle an outage of 90 s
 MOST_IMAGES = 1000  # of a flight: some 3 GB for matrices of all poses
 

@@ -46,7 +46,9 @@ GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
 SHIFT_M = 2e4  # longest shift: datums lie within 1 km, base stations of drones within this
 HEIGHT_M = 5e3  # longest shift of heights: those above the place of take-off lack its height
-LEAST_SCALE = 0.01  # largest scale of a grid: the widest zones and the highest plateaus have 0.2 %
+LARGEST_SCALE = (
+    0.01  # largest scale of a grid: the widest zones and the highest plateaus have 0.2 %
+)
 WAY_S = 30.0  # longest time along the way, over which no velocity is constant
 # what a lever arm's vertical part may be uncertain by, where it is separated from a height shift
 SEPARATE_M = 0.02
@@ -239,7 +241,7 @@ def _of_block(a: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         words = (
             f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
         )
-        values, beyond = {"scale": scale}, max(beside, abs(scale) / LEAST_SCALE)
+        values, beyond = {"scale": scale}, max(beside, abs(scale) / LARGEST_SCALE)
         yield taken_off("scale", words, by(from_centre, scale), 3, values, beyond)
 
 

@@ -31,7 +31,7 @@ CAMERA_HEIGHTS_M = -500.0, 15e3
 # least |z| of a geocentric point (m): nearer to the equator, z is as small as a height in a map's
 # coordinates, and 6.4e6 m may be a northing
 OFF_EQUATOR_M = 2e4
-DEGREES_APART = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
+LARGEST_EXTENT_DEG = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
 STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no flight is 1 m wide
 
 
@@ -159,7 +159,7 @@ def _recognised(x: Array, path: Path) -> Framed:
     extent = float(np.ptp(x[:, :2], axis=0).max())
     angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
     height = float(np.median(np.abs(x[:, 2])))
-    if angles and 0.0 < extent < DEGREES_APART and height > STEEP * extent:
+    if angles and 0.0 < extent < LARGEST_EXTENT_DEG and height > STEEP * extent:
         note = f"{path.name} names no CRS; X and Y are taken as degrees: as metres the flight would"
         note += f" be {extent:.4f} m long at a height of {height:.0f} m"
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])

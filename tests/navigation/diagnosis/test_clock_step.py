@@ -11,7 +11,7 @@ from flown import Flown, fly, start_near
 from numpy.testing import assert_allclose
 
 from insgnss.navigation.diagnosis.candidates import (
-    FAR_SIGMAS,
+    FAR_FACTOR,
     ErrorModel,
     with_constants,
     with_layout,
@@ -34,7 +34,7 @@ Times = Callable[[np.ndarray], np.ndarray]
 
 
 def with_clock() -> StateLayout:
-    model = with_constants(ErrorModel(FixErrors()), [TIME_OFFSET], FAR_SIGMAS)
+    model = with_constants(ErrorModel(FixErrors()), [TIME_OFFSET], FAR_FACTOR)
     return state_layout(load_noise_model("navchip"), False, False, model.fixes)
 
 

@@ -22,7 +22,7 @@ from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.filter.codes import N_KINDS, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import state_layout
-from insgnss.navigation.filter.linearised import LINEAR_SHARE, linearised_about, with_measurements
+from insgnss.navigation.filter.linearised import LINEAR_SIGMAS, linearised_about, with_measurements
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records.measurements import Measurement, Motion, OwnState
@@ -144,12 +144,12 @@ def test_derivative_is_the_change_of_the_innovation():
     solution = solve(flown.problem, start)
     assert solution.passes >= 2
     _, change = linearised_about(solution.problem, solution.nav, solution.x)
-    assert change < LINEAR_SHARE
+    assert change < LINEAR_SIGMAS
     states = len(flown.problem.layout.states)
     x = solution.x.copy()
     x[:, states - 1] += 0.5  # of the distance's bias, m, which is linear
     _, change = linearised_about(solution.problem, solution.nav, x)
-    assert change < LINEAR_SHARE
+    assert change < LINEAR_SIGMAS
     nav = solution.nav.copy()
     nav[:, 0] += 10.0  # of a distance of some 50 m, whose second derivative makes a metre
     _, change = linearised_about(solution.problem, nav, x)

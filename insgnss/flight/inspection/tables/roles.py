@@ -33,9 +33,8 @@ GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
-STATED_SCORE = (
-    0.1  # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
-)
+# least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
+STATED_SHARE = 0.1
 # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
 MEAN_OVER_SCATTER = 0.8
 RATIO_OF_SENSORS = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
@@ -248,7 +247,7 @@ def _not_finite(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         for role, k in columns.items()
         if role not in ("lat", "lon", "h")
         and (count := int((~np.isfinite(grid.values[:, k])).sum()))
-        and not (role in POSITION_SIGMAS and count < (1.0 - STATED_SCORE) * len(grid.values))
+        and not (role in POSITION_SIGMAS and count < (1.0 - STATED_SHARE) * len(grid.values))
     }
 
 
@@ -264,7 +263,7 @@ def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         column = np.nan_to_num(grid.values[:, k])
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
             continue
-        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED_SCORE:
+        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
             bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"

@@ -12,7 +12,7 @@ about Z again:
     R = Rz(-heading) Rx(tilt) Rz(roll)                                                         (K.1)
 
 so that heading is the azimuth of the viewing direction and tilt its angle from the nadir. In the
-nadir (tilt below `NADIR_COSINE`) the two turns about Z are one: heading is the azimuth of the
+nadir (tilt below `NADIR_SINE`) the two turns about Z are one: heading is the azimuth of the
 image's top
 there, roll 0. Near it heading and roll are large and nearly opposite, which is exact all the same;
 yaw, pitch, roll of the image's top stand beside them as data.
@@ -32,7 +32,7 @@ from ..orientation.poses import local_sigma, sea_level, sentences, true_north_yp
 from ..text.text import Source
 
 # sine of the tilt below which a view counts as vertical: rounding of the attitude's matrix
-NADIR_COSINE = 1e-9
+NADIR_SINE = 1e-9
 CLAMPED = "clampToGround"
 
 
@@ -126,7 +126,7 @@ def camera_angles(R: Array) -> Array:
         (n, 3, 3) rotations of right, up, back into east, north, up.
     """
     across = np.hypot(R[:, 0, 2], R[:, 1, 2])
-    flat = across < NADIR_COSINE
+    flat = across < NADIR_SINE
     heading = np.where(
         flat, np.arctan2(R[:, 0, 1], R[:, 1, 1]), np.arctan2(-R[:, 0, 2], -R[:, 1, 2])
     )
