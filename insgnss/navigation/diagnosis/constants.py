@@ -24,7 +24,7 @@ matrices only.
 A flight in which nothing is wrong, as most are, needs no pass of its own for it: the filter of the
 flight file follows the constants beside (`navigation.diagnosis.sensitivity`), which gives I and b
 where the innovations depend on them linearly, as they do near the flight file's numbers. Where that
-evidence comes within `UNSETTLED_SIGMAS` of `TAKEN_EVIDENCE`, or fixes were rejected, the pass is
+evidence comes within `UNSETTLED_EVIDENCE` of `TAKEN_EVIDENCE`, or fixes were rejected, the pass is
 run, and it alone counts.
 
 A constant that the flight file states as exact (a sigma of 0) is no state: where another hypothesis
@@ -77,7 +77,7 @@ TELLING_SHARE = 0.5
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 # log evidence by which what the filter follows beside may be off: 0.02 to 0.6 on flights near
 # the decision, 1.1 at most far below it
-UNSETTLED_SIGMAS = 1.5
+UNSETTLED_EVIDENCE = 1.5
 REJECTED_WITH_CONSTANTS = 1e-3  # share of the fixes, up to which it is taken at all
 OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
 
@@ -457,7 +457,7 @@ def settled_evidence(
     sigmas = constants.wide, constants.stated
     evidence = ConstantsEvidence(constants.states, *sigmas, *data, requested, exact)
     every = evidence.hypotheses
-    return None if every and every[0].evidence > TAKEN_EVIDENCE - UNSETTLED_SIGMAS else evidence
+    return None if every and every[0].evidence > TAKEN_EVIDENCE - UNSETTLED_EVIDENCE else evidence
 
 
 def group_of(state: State) -> State | None:
