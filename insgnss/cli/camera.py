@@ -3,6 +3,7 @@
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from ..io.options.kinds import Checked
 from ..io.options.schema import argument
@@ -31,6 +32,11 @@ class CameraRequest(Checked):
         None, f"write FILE as {', '.join(WRITTEN.split())}", cli="--as", metavar="FORMAT"
     )
     out: Path | None = argument(None, "the file to write")
+    distortion: Literal["forward", "backward"] | None = argument(
+        None,
+        "direction of the distortion of an Inpho project, which its file does not say: forward, of"
+        " ideal points to image points, or backward",
+    )
     force: bool = argument(False, "overwrite an existing file that differs")
 
 
@@ -39,9 +45,8 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
     from ..photogrammetry.comparison.cameras import report_cameras
 
     progress("reading cameras")
-    return report_cameras(
-        options.file, options.second, options.name, options.form, options.out, options.force
-    )
+    named = options.name, options.form, options.out, options.force, options.distortion
+    return report_cameras(options.file, options.second, *named)
 
 
 VERB = Verb(

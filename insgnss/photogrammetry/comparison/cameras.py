@@ -171,6 +171,7 @@ def report_cameras(
     form: str | None = None,
     out: Path | None = None,
     force: bool = False,
+    direction: str | None = None,
 ) -> CameraReport:
     """Read, compare and convert calibrated cameras.
 
@@ -181,6 +182,7 @@ def report_cameras(
     form : that the first is written in.
     out : the file that is written.
     force : whether a file that is there and differs is replaced.
+    direction : of the distortion of Inpho's projects, "forward" or "backward".
 
     Raises
     ------
@@ -196,7 +198,9 @@ def report_cameras(
         raise UsageError("camera: --as and --out belong together; give the format and the file")
     if form is not None and form not in (written := ("toml", *CAMERA_FORMS)):
         raise UsageError(f"camera: --as {form!r}; {near(form, written)}")
-    files = tuple(_file(path, name) for path in (first, second) if path is not None)
+    files = tuple(_file(path, name, direction) for path in (first, second) if path is not None)
+    if direction is not None and all(file.form != "inpho" for file in files):
+        raise UsageError("camera: --distortion belongs to a project of Inpho; leave it out")
     notes: list[str] = []
     difference = None
     if second is not None:
@@ -222,15 +226,16 @@ def report_cameras(
     return CameraReport(files, difference, tuple(notes), out)
 
 
-def _file(path: Path, name: str | None) -> CameraFile:
-    cameras = read_cameras(path)
+def _file(path: Path, name: str | None, direction: str | None) -> CameraFile:
     file = path / "cameras.txt" if path.is_dir() else path
+    form = recognised_camera(file)
+    cameras = read_cameras(file, form, direction)
     if name is not None and len(cameras) > 1:
         names = [camera.name for camera in cameras]
         if name not in names:
             raise UsageError(f"camera: {path} has no camera {name!r}; {near(name, names)}")
         cameras = (cameras[names.index(name)],)
-    return CameraFile(path, recognised_camera(file), cameras)
+    return CameraFile(path, form, cameras)
 
 
 def _difference(a: BrownCamera, b: BrownCamera, notes: list[str]) -> PixelDifference:

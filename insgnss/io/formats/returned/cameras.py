@@ -4,9 +4,9 @@
     metashape   <calibration>, project, XML of cameras       opensfm    cameras.json, reconstruction
     opencv      YAML or XML of cv::FileStorage, ROS          kalibr     camchain, pinhole
     pix4d       .cam; sizes from the file of poses beside    bentley    BlocksExchange
-    inpho       $CAMERA without distortion                   dbat       scripts and camera files
+    inpho       $CAMERA of a project                         dbat       scripts and camera files
 
-Pixels of OpenCV, Kalibr and Inpho count from the centre of the first pixel: 0.5 is added.
+Pixels of OpenCV and Kalibr count from the centre of the first pixel: 0.5 is added.
 """
 
 import re
@@ -28,6 +28,7 @@ from ..text.layout import decode, shown
 from ..text.numbers import finite, whole
 from ..text.text import Source, decoded
 from ..text.xml import read_xml
+from .inpho import read_inpho_cameras
 
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
@@ -39,7 +40,7 @@ CAMERA_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
 Cameras = tuple[BrownCamera, ...]
 
 
-def read_cameras(path: Source, form: str = "auto") -> Cameras:
+def read_cameras(path: Source, form: str = "auto", direction: str | None = None) -> Cameras:
     """Read the calibrated cameras of a file.
 
     Parameters
@@ -48,6 +49,8 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
         The file, or a directory with a model of COLMAP.
     form : str
         A key of `BY_FORMAT`; "auto": what the contents show.
+    direction : str, optional
+        Of the distortion of Inpho, whose files alone do not say it: "forward" or "backward".
 
     Returns
     -------
@@ -66,7 +69,8 @@ def read_cameras(path: Source, form: str = "auto") -> Cameras:
     if form not in BY_FORMAT:
         raise UsageError(f"cameras as {form!r}; {near(form, BY_FORMAT)}")
     try:
-        cameras = BY_FORMAT[form](path)
+        inpho = form == "inpho"
+        cameras = read_inpho_cameras(path, direction) if inpho else BY_FORMAT[form](path)
     except InputError as error:  # of the camera itself, which knows no file
         if str(path) in str(error):
             raise
@@ -260,45 +264,18 @@ def _bentley(path: Path) -> Cameras:
         if not f:
             continue
         kind = (group.findtext("CameraModelType") or PERSPECTIVE).strip()
-        unread = "AspectRatio other than 1" if value("AspectRatio", 1.0) != 1.0 else ""
-        if unread or kind != PERSPECTIVE:
-            unread = unread or f"CameraModelType {shown(kind)}"
-            message = (
-                f"camera {name}: {unread} cannot be read; export the camera from another program"
-            )
-            raise InputError.in_file(path, message)
+        if kind != PERSPECTIVE:
+            message = f"camera {name}: CameraModelType {shown(kind)} cannot be read"
+            raise InputError.in_file(path, f"{message}; export the camera from another program")
         of = {
             key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")
         }
-        of |= {"f": f, "cx": value("PrincipalPoint/x", 0.5 * width), "b2": value("Skew", 0.0)}
+        # the focal length is that along x; the aspect ratio takes it to that along y
+        of["f"] = f * value("AspectRatio", 1.0)
+        of |= {"b1": f - of["f"], "b2": value("Skew", 0.0)}
+        of["cx"] = value("PrincipalPoint/x", 0.5 * width)
         of["cy"] = value("PrincipalPoint/y", 0.5 * height)
         cameras.append(brown_camera(name, width, height, of))
-    return tuple(cameras)
-
-
-def _inpho(path: Path) -> Cameras:
-    cameras: list[BrownCamera] = []
-    for body in re.findall(
-        r"(?ms)^\s*\$CAMERA(?:_DEFINITION)?\s*$(.*?)^\s*\$END\s*$", decoded(path)
-    ):
-        lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
-        name = lines.get("TYPE", lines.get("ID", "")).strip() or f"camera {len(cameras) + 1}"
-        distortion = " ".join(lines.get(k, "") for k in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
-        if any(finite(word) for word in re.findall(CAMERA_NUMBER, distortion)):
-            raise InputError.in_file(
-                path, f"camera {shown(name)}: Inpho's distortion is not read; export it as TOML"
-            )
-        A = _numbers(path, lines.get("CCD_INTERIOR_ORIENTATION", ""), "CCD_INTERIOR_ORIENTATION")
-        focal = _numbers(path, lines.get("FOCAL_LENGTH", ""), "FOCAL_LENGTH")[0]
-        ppa = _numbers(path, lines.get("PRINCIPAL_POINT_PPA", "0 0"), "PRINCIPAL_POINT_PPA")
-        if A.size != 6 or ppa.size < 2:
-            raise InputError.in_file(path, f"camera {shown(name)}: its matrix is not 2 x 3")
-        A = A.reshape(2, 3)
-        cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_SHIFT_PX
-        of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}
-        of["b1"] = abs(A[0, 0]) * focal - of["f"]
-        size = [whole(lines.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS")]
-        cameras.append(brown_camera(name, size[0], size[1], of))
     return tuple(cameras)
 
 
@@ -311,7 +288,7 @@ BY_FORMAT: Mapping[str, Callable[[Path], Cameras]] = {
     "pix4d": _pix4d,
     "opensfm": read_opensfm_cameras,
     "bentley": _bentley,
-    "inpho": _inpho,
+    "inpho": read_inpho_cameras,
     "dbat": read_dbat_cameras,
 }
 """Readers of calibrated cameras by the names of their formats."""

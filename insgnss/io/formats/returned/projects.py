@@ -2,8 +2,6 @@
 
 bentley        BlocksExchange XML: Pose of each Photo, in the reference system of its block; the
                one under Metadata is what was imported, and is taken where there is no other
-inpho_prj      $EXT_ORI: focal length, X Y Z and the matrix of the frame to the camera (right,
-               up, back)
 micmac_xml     Orientation-<image>.xml
 metashape_xml  camera XML, .psx or .psz of Metashape: `blocks.metashape_block`
 colmap         images.txt, or a model that pycolmap reads
@@ -17,11 +15,7 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....base.files import lines_of
-from ....geodesy.rotation import (
-    CV_RUB,
-    rotation_from_opk,
-    rotation_from_quaternion,
-)
+from ....geodesy.rotation import rotation_from_opk, rotation_from_quaternion
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, TANGENT
 from ..blocks.colmap_model import read_colmap_poses
 from ..blocks.metashape_chunk import chunk_poses, on_globe, opened_chunk
@@ -40,7 +34,6 @@ BENTLEY_DIRECTIONS = {
     "DOWN": (0.0, 1.0, 0.0),
     "UP": (0.0, -1.0, 0.0),
 }
-INPHO_LINES = 4  # of $EXT_ORI: focal length and position, three rows of the matrix
 
 
 def read_bentley(path: Source) -> ReturnedPoses:
@@ -150,60 +143,6 @@ def _camera_axes(text: str, path: Source) -> Array:
     if not z.any():
         raise InputError.in_file(path, f"CameraOrientation {shown(text)} is unknown")
     return np.array([x, y, z])
-
-
-def read_inpho_prj(path: Source) -> ReturnedPoses:
-    """Read the photo blocks of a project of Inpho.
-
-    Parameters
-    ----------
-    path : path
-        The .prj.
-
-    Returns
-    -------
-    ReturnedPoses
-        In a frame that is not named here; photographs without $EXT_ORI are left out, with a note.
-
-    Raises
-    ------
-    InputError
-        A block that is not complete, or a matrix that is no rotation, with file and line.
-    """
-    lines = lines_of(decoded(path))
-    names, rows, matrices, left_out = [], [], [], 0
-    photo: dict[str, tuple[int, str]] | None = None
-    for line, text in enumerate(lines, start=1):
-        key, colon, value = text.partition(":")
-        key = key.strip().upper()
-        if key == "$PHOTO" and not colon:
-            photo = {}
-        elif photo is not None and colon and key.startswith("$"):
-            photo[key] = (line, value.strip())
-        elif photo is not None and key == "$END":
-            if "$EXT_ORI" not in photo:
-                left_out += 1
-            else:
-                start = photo["$EXT_ORI"][0]
-                values = [
-                    numbers(lines[k].split(), path, k + 1)
-                    for k in range(start, min(start + INPHO_LINES, line - 1))
-                ]
-                if [len(v) for v in values] != [4, 3, 3, 3]:
-                    raise InputError.at_line(
-                        path,
-                        start,
-                        "$EXT_ORI must hold the focal length, X, Y, Z and a 3 x 3 matrix",
-                    )
-                file = photo.get("$PHOTO_FILE", photo.get("$PHOTO_NUM", (start, "")))[1]
-                names.append(file)
-                rows.append(values[0][1:])
-                matrices.append(values[1:])
-            photo = None
-    images = image_names(names, path)
-    R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
-    notes = (f"{left_out} photographs without orientation are left out",) if left_out else ()
-    return ReturnedPoses(images, np.array(rows), R.swapaxes(1, 2) @ CV_RUB, notes=notes)
 
 
 def read_micmac(path: Source) -> ReturnedPoses:

@@ -23,7 +23,7 @@ RETURNED: Mapping[str, str] = {
     "opensfm": "returned.projects:read_opensfm",
     "micmac_xml": "returned.projects:read_micmac",
     "bentley": "returned.projects:read_bentley",
-    "inpho_prj": "returned.projects:read_inpho_prj",
+    "inpho_prj": "returned.inpho:read_inpho_prj",
     "ign_opk": "returned.tables:read_ign_opk",
     "odm_shots": "returned.documents:read_odm_shots",
     "opf": "returned.documents:read_opf",

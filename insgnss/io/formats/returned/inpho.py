@@ -1,0 +1,214 @@
+"""Cameras and photographs of a project of Inpho, data_specs/camera_files.md and returned.md.
+
+A camera's CCD_INTERIOR_ORIENTATION takes photograph coordinates (mm, x right, y up) to pixels from
+the centre of the first one. A sensor may be built in turned: with A its 2 x 2 part, U upper
+triangular with a positive diagonal and Q a rotation with y reversed,
+
+    A = U Q                                                                              (I.1)
+
+U takes the axes of the pixels to pixels, and Q the photograph's axes to those of the pixels.
+$EXT_ORI of a photograph has the focal length, X Y Z and the matrix of the frame to the photograph's
+axes. The file does not say in which direction its distortion goes:
+
+    x + x (K0 + K1 r^2 + ...) + P1 (r^2 + 2 x^2) + 2 P2 x y                              (I.2)
+
+is the image point of the ideal point x, forward, or the other way round, backward.
+"""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from ....base.errors import InputError, near
+from ....base.files import lines_of
+from ....geodesy.rotation import CV_RUB
+from ....records.block import RADIAL_MODELS, Array, BrownCamera
+from ..text.layout import shown
+from ..text.numbers import finite, whole
+from ..text.text import Source, decoded
+from .poses import ReturnedPoses, checked_rotations, image_names, numbers
+
+INPHO_LINES = 4  # of $EXT_ORI: focal length and position, three rows of the matrix
+RADIAL_TERMS = 5  # of RADIAL_COEFFS that a camera has a place for: K0 to K4
+DECENTRING_TERMS = 2  # of DECENTRE_COEFFS that have a place: P1 and P2
+SAME_TURN = 0.1  # of elements of two cameras' rotations: sensors are turned by quarters (chosen)
+FROM_CENTRE_PX = 0.5  # of the first pixel from its outer corner, where Inpho counts from the centre
+
+
+def read_inpho_cameras(path: Source, direction: str | None = None) -> tuple[BrownCamera, ...]:
+    """Read the cameras of a project of Inpho.
+
+    Parameters
+    ----------
+    path : path
+        The .prj.
+    direction : str, optional
+        "forward" or "backward", of a distortion.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        In the order of the file.
+
+    Raises
+    ------
+    InputError
+        A camera that is not complete, a distortion that the model does not hold, or one of which
+        nobody says the direction.
+    """
+    return tuple(
+        _camera(name, fields, path, direction) for name, fields in _definitions(path).items()
+    )
+
+
+def _definitions(path: Source) -> dict[str, dict[str, str]]:
+    """Return the fields of each camera that the project defines, by its name."""
+    cameras: dict[str, dict[str, str]] = {}
+    head = r"(?ms)^([ \t]*)\$CAMERA(?:_DEFINITION)?[ \t]*$"
+    for _, body in re.findall(head + r"(.*?)^\1\$END[ \t]*$", decoded(path)):
+        lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
+        # of a calibration set the $ID stands behind that of its camera
+        first = re.search(r"\$(?:TYPE|ID)[ \t]*:[ \t]*(\S.*)", body)
+        name = first[1].strip() if first else f"camera {len(cameras) + 1}"
+        if (sets := body.count("$CALIBRATION_SET")) > 1:
+            problem = f"camera {shown(name)}: {sets} calibration sets; keep the active one alone"
+            raise InputError.in_file(path, problem)
+        cameras[name] = lines
+    return cameras
+
+
+def _values(fields: Mapping[str, str], key: str, path: Source, count: int) -> Array:
+    """Return `count` or more numbers of a field; none at all only of a `count` of zero."""
+    text = fields.get(key, "")
+    values = np.array([finite(word) for word in text.split()])
+    if values.size < count or not np.isfinite(values).all():
+        raise InputError.in_file(
+            path, f"${key} {shown(text.strip())}: {count} numbers are expected; export it again"
+        )
+    return values
+
+
+def _axes(fields: Mapping[str, str], path: Source) -> tuple[Array, Array]:
+    """Return U (2, 2) of (I.1), px/mm, and the rotation (3, 3) of the photograph to the camera."""
+    A = _values(fields, "CCD_INTERIOR_ORIENTATION", path, 6)[:6].reshape(2, 3)[:, :2]
+    if not np.linalg.det(A) < 0.0:
+        problem = "$CCD_INTERIOR_ORIENTATION mirrors the image; export it again"
+        raise InputError.in_file(path, problem)
+    down = A[1] / np.linalg.norm(A[1])
+    turn = np.diag([0.0, 0.0, -1.0])
+    turn[:2, :2] = [-down[1], down[0]], down
+    return A @ turn[:2, :2].T, turn
+
+
+def _camera(
+    name: str, fields: Mapping[str, str], path: Source, direction: str | None
+) -> BrownCamera:
+    """Return a camera; InputError where its distortion is not held."""
+    U, turn = _axes(fields, path)
+    focal = float(_values(fields, "FOCAL_LENGTH", path, 1)[0])
+    ppa = _values({"PRINCIPAL_POINT_PPA": "0 0", **fields}, "PRINCIPAL_POINT_PPA", path, 2)[:2]
+    last = _values(fields, "CCD_INTERIOR_ORIENTATION", path, 6)[2:6:3]
+    cx, cy = U @ turn[:2, :2] @ ppa + last + FROM_CENTRE_PX
+    width, height = (whole(fields.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS"))
+    K, P = (_values(fields, key, path, 0) for key in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
+    if any(K[RADIAL_TERMS:]) or any(P[DECENTRING_TERMS:]):
+        problem = f"distortion terms beyond K{RADIAL_TERMS - 1} and P{DECENTRING_TERMS}"
+        problem = f"camera {shown(name)}: {problem} have no place here; calibrate it without them"
+        raise InputError.in_file(path, problem)
+    K = np.pad(K[:RADIAL_TERMS], (0, max(0, RADIAL_TERMS - K.size)))
+    P = np.pad(P[:DECENTRING_TERMS], (0, max(0, DECENTRING_TERMS - P.size)))
+    if direction is None and (K.any() or P.any()):
+        r = 0.5 * np.hypot(width, height) / U[1, 1]
+        largest = U[1, 1] * abs(r * (K @ r ** (2.0 * np.arange(RADIAL_TERMS))))
+        raise InputError.in_file(
+            path,
+            f"camera {shown(name)}: does not say the direction of its distortion"
+            f" ({largest:.3g} px at the corners); write it as camera.toml by insgnss camera"
+            f" --distortion forward (image from ideal points) or backward, --as toml: the right"
+            " one leaves the smaller residuals in insgnss adjust",
+        )
+    scale, p = 1.0 + K[0], turn[:2, :2] @ P
+    f, k = U[1, 1] * focal, K[1:]
+    if direction == RADIAL_MODELS[1]:
+        values = [f / scale, cx, cy, U[1, 1] / U[0, 0] - 1.0, -U[0, 1] / U[0, 0]]
+        interior = np.array([*values, *(k / scale), *(p / scale)])
+        return BrownCamera(name, width, height, interior, backward=True, unit_px=float(U[1, 1]))
+    # of lengths in the focal length
+    k, p = k * focal ** (2.0 * np.arange(1, RADIAL_TERMS)) / scale, p * focal / scale
+    f, across, skew = scale * f, scale * focal * U[0, 0], scale * focal * U[0, 1]
+    return BrownCamera(name, width, height, np.array([f, cx, cy, across - f, skew, *k, *p]))
+
+
+def read_inpho_prj(path: Source) -> ReturnedPoses:
+    """Read the photo blocks of a project of Inpho.
+
+    Parameters
+    ----------
+    path : path
+        The .prj.
+
+    Returns
+    -------
+    ReturnedPoses
+        In a frame that is not named here, of a camera whose axes are those of its pixels;
+        photographs without $EXT_ORI are left out, with a note.
+
+    Raises
+    ------
+    InputError
+        A block that is not complete, a matrix that is no rotation, or a camera that is not
+        defined, with file and line.
+    """
+    lines = lines_of(decoded(path))
+    names, rows, matrices, turned, left_out = [], [], [], [], 0
+    sensors = {name: _axes(fields, path)[1] for name, fields in _definitions(path).items()}
+    photo: dict[str, tuple[int, str]] | None = None
+    for line, text in enumerate(lines, start=1):
+        key, colon, value = text.partition(":")
+        key = key.strip().upper()
+        if key == "$PHOTO" and not colon:
+            photo = {}
+        elif photo is not None and colon and key.startswith("$"):
+            photo[key] = (line, value.strip())
+        elif photo is not None and key == "$END":
+            if "$EXT_ORI" not in photo:
+                left_out += 1
+            else:
+                start = photo["$EXT_ORI"][0]
+                values = [
+                    numbers(lines[k].split(), path, k + 1)
+                    for k in range(start, min(start + INPHO_LINES, line - 1))
+                ]
+                if [len(v) for v in values] != [4, 3, 3, 3]:
+                    raise InputError.at_line(
+                        path,
+                        start,
+                        "$EXT_ORI must hold the focal length, X, Y, Z and a 3 x 3 matrix",
+                    )
+                file = photo.get("$PHOTO_FILE", photo.get("$PHOTO_NUM", (start, "")))[1]
+                names.append(file)
+                rows.append(values[0][1:])
+                matrices.append(values[1:])
+                turned.append(_turn(sensors, photo.get("$CAMERA_ID", (start, "")), path))
+            photo = None
+    images = image_names(names, path)
+    R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
+    notes = (f"{left_out} photographs without orientation are left out",) if left_out else ()
+    C = R.swapaxes(1, 2) @ np.array(turned).swapaxes(1, 2)
+    return ReturnedPoses(images, np.array(rows), C, notes=notes)
+
+
+def _turn(sensors: Mapping[str, Array], named: tuple[int, str], path: Source) -> Array:
+    """Return the rotation (3, 3) of a photograph's axes (right, up, back) to those of its camera.
+
+    Without a definition of any camera the pixels are taken to lie along them.
+    """
+    line, name = named
+    turn = sensors.get(name)
+    if turn is None:
+        turn = next(iter(sensors.values()), CV_RUB)
+        if any(np.abs(R - turn).max() > SAME_TURN for R in sensors.values()):
+            nearest = near(name, sensors)
+            raise InputError.at_line(path, line, f"camera {shown(name)} is not defined; {nearest}")
+    return turn
