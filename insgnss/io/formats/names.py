@@ -129,13 +129,18 @@ BAROMETER: Names = {
 }
 # points and poses by name, in the axes of a block or of a CRS
 PLACES: Names = {
-    "x": "x e east easting",
-    "y": "y n north northing",
-    "z": "z u up h height elevation",
-    "sigma_x": sigma_names("x e east easting"),
-    "sigma_y": sigma_names("y n north northing"),
-    "sigma_z": sigma_names("z u up h height elevation"),
+    "x": "x e east easting x_longitude x_easting",
+    "y": "y n north northing y_latitude y_northing",
+    "z": "z u up h height elevation z_altitude",
+    "sigma_x": f"{sigma_names('x e east easting')} x_acc",
+    "sigma_y": f"{sigma_names('y n north northing')} y_acc",
+    "sigma_z": f"{sigma_names('z u up h height elevation')} z_acc",
 }
+# what Metashape's tables of references have besides; degrees or metres, as their CRS counts
+_REFERENCE = "enabled error yaw pitch roll omega phi kappa " + spelled(
+    "x y z yaw pitch roll omega phi kappa", "error est"
+)
+OF_A_REFERENCE = {"x_longitude": _REFERENCE, "x_easting": _REFERENCE}
 ROLE: Names = {"role": "role use type kind"}
 IN_IMAGE: Names = {
     "image": "image img photo image_name image_id filename",

@@ -14,8 +14,9 @@ from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
-from ...io.formats.origins import origin_in, statement_of
+from ...io.formats.returned.crs import stated_crs
 from ...records import ExteriorOrientation
+from ..comparison.returned import degrees_for_metres
 from .placing import noted_plane
 
 # largest distance of the middle of ground points from that of the images (m) at which another CRS
@@ -76,6 +77,9 @@ def ground_in_plane(
             ' or by the origin of their plane, "origin 46.57 6.54 deg 0 m"',
         )
     as_read = ground
+    if crs is None and degrees_for_metres(ground.position_m):
+        problem = "its x and y are degrees: as metres its points would be centimetres apart"
+        raise InputError.in_file(path, f"{problem}; name their CRS by ground.crs or --crs")
     axes = None if crs is None else GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch)
     if axes is not None:
         ground = ground.in_plane(axes, plane)
@@ -180,8 +184,7 @@ def ground_of(path: Path, columns: Columns) -> tuple[GroundTable | None, str | N
     if path.is_dir() or recognised(path) not in ("image_points", "bingo"):
         source = read_measured_block(path)
         return source.ground, source.crs
-    plane = origin_in(path)
-    return read_ground_points(path, columns), None if plane is None else statement_of(plane)
+    return read_ground_points(path, columns), stated_crs(path)
 
 
 def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:

@@ -68,6 +68,7 @@ DEGREE_MISTAKES = {
     "longitude reversed": ("longitudes with the other sign (west of Greenwich)", 1.0, -1.0),
     "latitude reversed": ("latitudes with the other sign (south of the equator)", -1.0, 1.0),
     "radians": ("latitude and longitude in radians", np.degrees(1.0), np.degrees(1.0)),
+    "gon": ("latitude and longitude in gon", 0.9, 0.9),
 }
 CAMERA_DIRECTIONS, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 

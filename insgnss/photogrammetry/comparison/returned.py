@@ -156,12 +156,18 @@ def _recognised(x: Array, path: Path) -> Framed:
             note = f"{path.name} names no CRS; its coordinates are geocentric by their size"
             return Framed(CoordinateFrame(GEOCENTRIC), x, note)
         tangent_frame(path, x, None)
-    extent = float(np.ptp(x[:, :2], axis=0).max())
-    angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
-    height = float(np.median(np.abs(x[:, 2])))
-    if angles and 0.0 < extent < LARGEST_EXTENT_DEG and height > STEEP * extent:
+    if degrees_for_metres(x):
+        extent, height = float(np.ptp(x[:, :2], axis=0).max()), float(np.median(np.abs(x[:, 2])))
         note = f"{path.name} names no CRS; X and Y are taken as degrees: as metres the flight would"
         note += f" be {extent:.4f} m long at a height of {height:.0f} m"
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
         return Framed(CoordinateFrame(GEOGRAPHIC), x, note)
     return Framed(None, x)
+
+
+def degrees_for_metres(x: Array) -> bool:
+    """Whether coordinates (n, 3) can only be longitude and latitude, deg, and height."""
+    extent = float(np.ptp(x[:, :2], axis=0).max(initial=0.0))
+    angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
+    steep = float(np.median(np.abs(x[:, 2]))) > STEEP * extent
+    return angles and 0.0 < extent < LARGEST_EXTENT_DEG and steep

@@ -10,6 +10,7 @@ from ...base.errors import DataError, InputError
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.ground_points import read_ground_points
 from ...io.formats.blocks.measured_block import MeasuredBlock
+from ...io.formats.returned.crs import stated_crs
 from ...records.block import Array, BrownCamera
 from ...records.cameras.camera import rays_of
 from ...records.rows import rows_of
@@ -129,7 +130,7 @@ def surveyed_points(
     if path.resolve() == cameras.resolve() and camera.block is not None:
         ground, crs = camera.block.ground, crs or camera.block.crs
     else:
-        ground = read_ground_points(path)
+        ground, crs = read_ground_points(path), crs or stated_crs(path)
     if ground is None or ground.check.all():
         raise InputError.in_file(path, "has no ground control; leave --ground out")
     ground = replace(ground, **rows_of(ground, ~ground.check, vars(ground)))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...base.inputs import is_file
 from ...base.wording import some
+from ...geodesy.crs import is_geographic
 from ...geodesy.frames import TangentPlane
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
@@ -25,6 +26,7 @@ from ...io.formats.blocks.pose_table import (
 )
 from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recognised
 from ...io.formats.detect import head_of
+from ...io.formats.returned.crs import stated_crs
 from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array, ExteriorOrientation
@@ -32,7 +34,7 @@ from ...records.framed import GEOCENTRIC
 from ..comparison.hints import Hints, turned
 from ..comparison.poses import FarError, Poses
 from ..comparison.reading import read_poses, sniff_poses
-from ..comparison.returned import framed_coordinates, placed_poses
+from ..comparison.returned import degrees_for_metres, framed_coordinates, placed_poses
 from .options import PlaceOptions
 from .records import CameraPoses
 
@@ -285,7 +287,12 @@ def read_positions(
         placed = Positions(path, table.names, position, R @ cov @ R.transpose(0, 2, 1), plane)
     else:
         ground = GroundTable(table.names, table.position, cov, np.zeros(n, dtype=np.bool_), True)
-        placed = placed_positions(path, ground, options.crs or "", options.geoid, plane)
+        crs = options.crs or stated_crs(path) or ""
+        if degrees_for_metres(table.position) and not (crs and is_geographic(crs)):
+            problem = "its x and y are degrees: as metres its points would be centimetres apart"
+            how = "call the columns lon and lat, or name their CRS, --crs EPSG:4326"
+            raise InputError.in_file(path, f"{problem}; {how}")
+        placed = placed_positions(path, ground, crs, options.geoid, plane)
     return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
 
 

@@ -6,14 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyproj import CRS
 from scipy.spatial.transform import Rotation
+from sites import orientation_at
 
+from insgnss.base.errors import InputError
 from insgnss.cli import main
+from insgnss.geodesy.frames import TangentPlane
+from insgnss.geodesy.projection import MapProjection
+from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.io.formats.orientation.mounting_file import read_mounting_file
 from insgnss.photogrammetry.lever_arm.flight_direction import (
     flight_direction,
     neighbour_correlation,
 )
+from insgnss.photogrammetry.mounting_calibration.options import PlaceOptions
+from insgnss.photogrammetry.mounting_calibration.poses import read_positions
 from insgnss.report.charts.files import charts_of
 
 ARM = np.array([0.098, -0.070, -0.091])  # in-flight calibration of Table 1, paper 002
@@ -90,8 +98,8 @@ class Flown:
 GROUND = ("--ground", "gcp.csv", "--points", "points.csv", "--camera", "camera.toml")
 
 
-def run(directory, *more, sigma="0.003,0.0001"):
-    words = [str(directory / name) for name in ("cameras.csv", "antenna.csv")]
+def run(directory, *more, sigma="0.003,0.0001", cameras="cameras.csv"):
+    words = [str(directory / name) for name in (cameras, "antenna.csv")]
     more = [str(directory / word) if "." in word and word[0].isalpha() else word for word in more]
     out = ["--out", str(directory / "mounting.toml"), "--pose-sigma", sigma]
     return main(["calibrate", "similarity", *words, *out, "-q", *more])
@@ -334,3 +342,55 @@ def test_a_block_of_metashape_with_on_board_gnss(tmp_path, capsys) -> None:
         assert document["mounting"] == {}
     got, _ = read_mounting_file(tmp_path / "m.toml")
     assert (got.camera, got.image_size) == ("FC6310 (8.8mm)", (5472, 3648))
+
+
+ELSEWHERE = {  # factors and order of latitude and longitude, deg, and what is named
+    "exchanged": (1.0, [1, 0], "b has latitude and longitude exchanged"),
+    "radians": (np.pi / 180.0, [0, 1], "b has latitude and longitude in radians"),
+    "gon": (1.0 / 0.9, [0, 1], "b has latitude and longitude in gon"),
+}
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_antennas_of_another_place_than_the_poses_are_named(name, tmp_path, capsys) -> None:
+    """Oracle: what was done to the table; a similarity would bring any two places together."""
+    factor, order, why = ELSEWHERE[name]
+    eo = orientation_at(46.57, 6.54)
+    write_eo_json(eo, tmp_path / "eo.json")
+    lat, lon, h = TangentPlane(*eo.origin).geodetic_from_position(eo.position_m)
+    table = np.column_stack([factor * np.degrees([lat, lon]).T[:, order], h])
+    rows = [
+        f"{name},{a:.11f},{b:.11f},{c:.4f}\n"
+        for name, (a, b, c) in zip(eo.images, table.tolist(), strict=True)
+    ]
+    (tmp_path / "antenna.csv").write_text("image,lat,lon,h\n" + "".join(rows))
+    assert run(tmp_path, cameras="eo.json") == 3
+    assert f"{tmp_path / 'antenna.csv'} (b): {why}\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:2056"])
+def test_a_reference_table_of_metashape_holds_antenna_positions(crs, tmp_path) -> None:
+    """Oracle: the positions; the same header has degrees and metres, which its CRS tells."""
+    eo = orientation_at(46.57, 6.54)
+    plane = TangentPlane(*eo.origin)
+    lat, lon, h = plane.geodetic_from_position(eo.position_m)
+    x = np.column_stack([*np.degrees([lon, lat]), h])
+    if crs == "EPSG:2056":
+        x = MapProjection(crs).forward(lat, lon, h)
+    head = "#Label,X/Longitude,Y/Latitude,Z/Altitude,Yaw,Pitch,Roll,Error_(m),X_error,Y_error,"
+    head += "Z_error,Error_(deg),Yaw_error,Pitch_error,Roll_error,X_est,Y_est,Z_est\n"
+    rows = [
+        f"{image},{a:.11f},{b:.11f},{c:.5f}" + 14 * ",1.5" + "\n"
+        for image, (a, b, c) in zip(eo.images, x.tolist(), strict=True)
+    ]
+    path = tmp_path / "reference.csv"
+    path.write_text(f"# CoordinateSystem: {CRS(crs).to_wkt('WKT1_GDAL')}\n{head}{''.join(rows)}")
+    positions = read_positions(path, PlaceOptions(), plane)
+    assert positions.names == eo.images
+    assert np.abs(positions.position - eo.position_m).max() < 1e-4
+    path.write_text(head + "".join(rows))
+    if crs == "EPSG:4326":
+        with pytest.raises(InputError, match=r"its x and y are degrees: .*--crs EPSG:4326"):
+            read_positions(path, PlaceOptions(crs="EPSG:2056"), plane)
+    positions = read_positions(path, PlaceOptions(crs=crs), plane)
+    assert np.abs(positions.position - eo.position_m).max() < 1e-4

@@ -13,7 +13,7 @@ from ....base.units import METRE
 from ....geodesy.crs import geodetic_from_geographic, is_geographic
 from ....geodesy.frames import TangentPlane
 from ....geodesy.projection import MapProjection
-from ..names import PLACES, ROLE
+from ..names import OF_A_REFERENCE, PLACES, ROLE
 from ..orientation.exported import quoted_names
 from ..origins import stated_plane
 from ..text.columns import METRES, Columns, TableOut, TableSpec
@@ -30,6 +30,7 @@ SPEC = TableSpec(
     layouts=(f"{POINT_COLUMNS} role", POINT_COLUMNS),
     text=True,
     strict=METRES,
+    ignored=OF_A_REFERENCE,
 )
 OUT = TableOut("point x=%.4f y=%.4f z=%.4f sigma_x=%.5f sigma_y=%.5f sigma_z=%.5f role")
 ROLES = ("control", "check")

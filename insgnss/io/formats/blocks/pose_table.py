@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.rotation import CV_RUB, opk_jacobian, rotation_from_opk
-from ..names import PLACES, ROLE, Names, sigma_names
+from ..names import OF_A_REFERENCE, PLACES, ROLE, Names, sigma_names
 from ..text.columns import METRES, NamedTable, TableSpec
 from ..text.headers import normalised
 from ..text.layout import shown
@@ -31,13 +31,13 @@ BY_NAME: Names = {
 }
 
 
-def _spec(names: Names, required: str, sigmas: str) -> TableSpec:
-    layouts = (required, f"{required} {sigmas}")
-    return TableSpec(names, required, layouts, text=True, strict=POSE_UNITS)
+def _spec(names: Names, required: str, sigmas: str, ignored: Names | None = None) -> TableSpec:
+    layouts, ignored = (required, f"{required} {sigmas}"), ignored or {}
+    return TableSpec(names, required, layouts, text=True, strict=POSE_UNITS, ignored=ignored)
 
 
 GEODETIC_COLUMNS: Names = {"lat": "lat latitude", "lon": "lon longitude"}
-CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name x y z", SIGMAS)
+CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name x y z", SIGMAS, OF_A_REFERENCE)
 GEODETIC_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
 POSE_SPEC = _spec(
     BY_NAME

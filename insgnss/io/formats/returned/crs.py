@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from ....base.errors import InputError
+from ....base.inputs import first_bytes
 from ....geodesy.crs import is_projected
 from ....geodesy.frames import rotation_em
 from ....geodesy.rotation import rotation_from_opk
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+from ..origins import ORIGIN_BYTES, origin_in, statement_of
 from ..text.layout import shown
 from ..text.numbers import finite
 from ..text.text import Source
@@ -20,6 +22,7 @@ WGS84_A = 6378137.0  # half the longer axis of the ellipsoids of WGS 84 and GRS 
 SAME_AXIS_M = 1.0  # difference up to which an ellipsoid is one of them: the nearest other has 2 m
 STEP_DEG = 1e-5  # northward way over which the direction of north in the map is measured: 1 m
 WGS84_NAME = "World Geodetic System 1984"  # name of its datum, an ensemble as well
+COORDINATE_SYSTEM = re.compile(r"#\s*coordinatesystem:(.*)", re.IGNORECASE)  # of Metashape
 LOCAL_CRS = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
 
 
@@ -61,6 +64,34 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
             path, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
         ) from None
     return kind_of_crs(crs)
+
+
+def stated_crs(path: Source) -> str | None:
+    """Return the frame that the head of a table states, as `GroundAxes` takes it.
+
+    Parameters
+    ----------
+    path : path
+        The table.
+
+    Returns
+    -------
+    str or None
+        The origin of a tangent plane, as of `stated_plane`, or what Metashape writes behind "#
+        CoordinateSystem:"; None of a local one, and without either.
+
+    Raises
+    ------
+    InputError
+        A text that is no CRS, or an origin that is none.
+    """
+    plane = origin_in(path)
+    if plane is not None:
+        return statement_of(plane)
+    head = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
+    wkt = COORDINATE_SYSTEM.match(head)
+    kind, crs = ("", "") if wkt is None else kind_of_wkt(wkt[1].strip(), path)
+    return crs or ("EPSG:4979" if kind == GEOGRAPHIC else None)
 
 
 def kind_of_crs(crs: Any) -> tuple[str, str]:

@@ -59,6 +59,8 @@ class TableSpec:
         Spellings of the units that may stand in brackets behind a name. Where there are any, a
         column that nobody knows is refused: left out, a misspelled standard deviation would become
         the default one.
+    ignored : mapping
+        Names of columns that a strict table may have beside one of a name, and that are not read.
     """
 
     names: Names
@@ -68,6 +70,7 @@ class TableSpec:
     record: str = ""
     text: bool = False
     strict: str = ""
+    ignored: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def exactly(cls, columns: str, text: bool = False) -> "TableSpec":
@@ -122,11 +125,14 @@ class TableSpec:
                 ' out, or columns = { tow = "its name in the file", ... }'
             )
             raise InputError.at_line(path, line, f"{source} {why}; {how}")
-        for k, own in enumerate(layout.header_fields or () if self.strict else ()):
+        header = layout.header_fields or () if self.strict else ()
+        beside = (self.ignored.get(normalised(name)[0], "") for name in header)
+        ignored = " ".join(beside).split()
+        for k, own in enumerate(header):
             name, unit = normalised(own)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
                 problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
-            elif k not in index.values() and columns is None:
+            elif k not in index.values() and columns is None and name not in ignored:
                 how = "delete it, or list all columns in columns = [...] with '-' in its place"
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
