@@ -258,6 +258,33 @@ def crs_of(definition: str) -> Any:
         raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {GIVE_CRS}") from None
 
 
+def first_wkt(crs: Any, who: str) -> str:
+    """Return the well-known text of the first kind, which older programs read.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        The CRS.
+    who : str
+        What needs the text, for the message.
+
+    Raises
+    ------
+    UsageError
+        It has none: a site calibration, or one of three geographic axes.
+    """
+    from pyproj.exceptions import CRSError
+
+    try:
+        return str(crs.to_wkt("WKT1_GDAL"))
+    except CRSError:
+        base = crs.source_crs.name if crs.is_derived and crs.source_crs else "a CRS with a code"
+        raise UsageError(
+            f"{who}: {crs.name} cannot be written as well-known text of the first kind, the only"
+            f" one that the program reads; export {base}, or the tangent plane"
+        ) from None
+
+
 def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
     """Return the height of a geoid above the WGS84 ellipsoid.
 

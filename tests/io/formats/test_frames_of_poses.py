@@ -12,9 +12,11 @@ from pyproj import CRS, Transformer
 from test_returned_poses import colmap, ign_opk, joined, metashape_opk_text, micmac, opk_deg
 
 import insgnss
-from insgnss.base.errors import InputError
+from insgnss.base.errors import InputError, UsageError
+from insgnss.geodesy.crs import crs_of
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
+from insgnss.io.formats.bundle.import_helpers import metashape_crs
 from insgnss.navigation.orient.frame import in_frame
 from insgnss.photogrammetry.comparison.hints import Hints
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
@@ -38,6 +40,13 @@ def site_crs(path: Path) -> str:
     text = SITE.replace("\n", " ").replace('"EPSG", 8', '"EPSG",8')
     (path / "site.wkt").write_text(text.replace("{base}", base.partition(",CS[")[0] + "]"))
     return str(path / "site.wkt")
+
+
+def test_metashape_is_not_given_a_site_calibration(tmp_path: Path) -> None:
+    """Oracle: well-known text of the first kind has no DERIVEDPROJCRS; its base is named."""
+    crs = crs_of(site_crs(tmp_path))
+    with pytest.raises(UsageError, match=r"site cannot be .*; export WGS 84 / UTM zone 32N"):
+        metashape_crs("", crs.to_wkt())
 
 
 def in_map(eo: insgnss.ExteriorOrientation, crs: str) -> FramedOrientation:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ....base import __version__
 from ....base.output.staging import written
+from ....geodesy.crs import first_wkt
 from ....geodesy.frames import TangentPlane
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC, TANGENT
@@ -155,7 +156,7 @@ def metashape_crs(crs: str, wkt: str) -> str:
         return crs.replace(":", "::")
     from pyproj import CRS
 
-    return str(CRS.from_wkt(wkt).to_wkt("WKT1_GDAL"))
+    return first_wkt(CRS.from_wkt(wkt), "metashape")
 
 
 def flight_log_format(eo: Placed, path: Path) -> dict[Path, str]:

@@ -6,6 +6,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from ....base.files import atomic_write
+from ....geodesy.crs import crs_of, first_wkt
 from ....records.block import BrownCamera
 from ..blocks.ground_points import GroundTable
 from ..blocks.image_points import ImagePoints
@@ -40,14 +41,12 @@ def write_metashape_markers(
     UsageError
         The file cannot be written.
     """
-    from pyproj import CRS
-
     check_characters(measured.images)
     check_characters(measured.points, "point")
     rows = {name: k for k, name in enumerate(ground.points)}
     sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
     seen = measured.observations
-    wkt = CRS(crs).to_2d().to_wkt("WKT1_GDAL")
+    wkt = first_wkt(crs_of(crs).to_2d(), "metashape_markers")
 
     def lines() -> Iterator[str]:
         yield '<?xml version="1.0" encoding="UTF-8"?>'
