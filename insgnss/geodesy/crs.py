@@ -268,6 +268,11 @@ def first_wkt(crs: Any, who: str) -> str:
     who : str
         What needs the text, for the message.
 
+    Returns
+    -------
+    str
+        The text.
+
     Raises
     ------
     UsageError

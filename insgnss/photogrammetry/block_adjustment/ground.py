@@ -7,7 +7,7 @@ import numpy as np
 
 from ...base.errors import InputError, InsgnssError, near
 from ...base.tables import Columns
-from ...base.units import FOOT_M
+from ...base.units import FOOT_M, METRE
 from ...flight.config.block_file import BlockFile
 from ...geodesy.datums import fitting_crs
 from ...geodesy.frames import TangentPlane
@@ -15,13 +15,16 @@ from ...io.formats.blocks.ground_points import GroundAxes, GroundTable, read_gro
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
 from ...io.formats.returned.crs import stated_crs
-from ...records import ExteriorOrientation
+from ...records import Array, ExteriorOrientation
+from ..comparison.poses import PLANE_M, refuse_heights
 from ..comparison.returned import degrees_for_metres
+from ..comparison.shifts import KILOMETRE
 from .placing import noted_plane
 
 # largest distance of the middle of ground points from that of the images (m) at which another CRS
 # is named for them: blocks are smaller, and zones differ by more
 NEAR_GROUND_M = 5e3
+FALSE_ORIGIN = 5e5  # m: false eastings and northings, and prefixes of zones, are multiples of it
 METRES_OF_RADIAN = 6.4e6  # radius by which degrees are compared with it
 FAR_GROUND_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
@@ -82,7 +85,15 @@ def ground_in_plane(
         raise InputError.in_file(path, f"{problem}; name their CRS by ground.crs or --crs")
     axes = None if crs is None else GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch)
     if axes is not None:
-        ground = ground.in_plane(axes, plane)
+        unit = METRE if axes.projection is None else axes.projection.units[1]
+        refuse_heights(ground.position_m, unit, path)
+        try:
+            ground = ground.in_plane(axes, plane)
+        except InputError as refusal:
+            x, y, _ = ground.position_m[0]
+            why = f"coordinates such as {x:.3f} {y:.3f}: {refusal}"
+            advice = _otherwise_near(ground, axes, plane, eo)
+            raise InputError.in_file(path, f"{why}; {advice}" if advice else why) from None
         notes += [axes.unit_note] if axes.unit_note else []
     away = np.linalg.norm(
         ground.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0), axis=1
@@ -128,16 +139,7 @@ def _otherwise_near(
     ground: GroundTable, axes: GroundAxes, plane: TangentPlane, eo: ExteriorOrientation
 ) -> str:
     """Return how points of a CRS lie near the images when read otherwise; empty if in no way."""
-    foot = FOOT_M if (axes.unit_m == 1.0).all() else 1.0 / FOOT_M
-    readings = (
-        (np.eye(3)[[1, 0, 2]], "with easting and northing exchanged: exchange the columns"),
-        (
-            foot * np.eye(3),
-            f"if their numbers are {'feet' if foot < 1.0 else 'metres'}: name the CRS that counts"
-            " in them",
-        ),
-    )
-    for reading, advice in readings:
+    for reading, advice in _readings(axes):
         try:
             position = ground.position_m @ reading.T
             placed = replace(ground, position_m=position).in_plane(axes, plane)
@@ -147,7 +149,46 @@ def _otherwise_near(
         if (np.linalg.norm(away, axis=1) < FAR_GROUND_M).all():
             return f"they lie there {advice}"
     fits = _fitting(ground, plane, eo)
-    return f"{axes.crs} is not their CRS; {fits}" if fits else ""
+    return f"{axes.crs} is not their CRS; {fits}" if fits else _subtracted(ground, axes, plane, eo)
+
+
+def _readings(axes: GroundAxes) -> tuple[tuple[Array, str], ...]:
+    """Return what the coordinates of points may be multiplied by (3, 3), and what is then wrong."""
+    exchanged = np.eye(3)[[1, 0, 2]]
+    if axes.projection is None:
+        units = {"radians": np.degrees(1.0), "gon": 0.9}
+        return (
+            (exchanged, "with longitude and latitude exchanged: exchange the columns"),
+            *(
+                (np.diag([f, f, 1.0]), f"if their numbers are {unit}: write degrees")
+                for unit, f in units.items()
+            ),
+        )
+    foot = FOOT_M if (axes.unit_m == 1.0).all() else 1.0 / FOOT_M
+    counted = "feet" if foot < 1.0 else "metres"
+    return (
+        (exchanged, "with easting and northing exchanged: exchange the columns"),
+        (foot * np.eye(3), f"if their numbers are {counted}: name the CRS that counts in them"),
+        (np.diag([1e3, 1e3, 1.0]), "if their numbers are kilometres: write metres"),
+    )
+
+
+def _subtracted(
+    ground: GroundTable, axes: GroundAxes, plane: TangentPlane, eo: ExteriorOrientation
+) -> str:
+    """Say what was subtracted from points that lack a shift, or a false easting; else empty."""
+    if axes.projection is None:
+        return ""
+    middle = np.median(eo.position_m, axis=0, keepdims=True)
+    expected = axes.projection.forward(*plane.geodetic_from_position(middle))[0] / axes.unit_m
+    lacking = (expected - np.median(ground.position_m, axis=0))[:2]
+    shift = FALSE_ORIGIN * np.round(lacking / FALSE_ORIGIN)
+    if float(np.abs(lacking - shift).max()) > NEAR_GROUND_M:
+        if float(np.abs(ground.position_m[:, :2]).max()) > PLANE_M:
+            return ""
+        shift = KILOMETRE * np.round(lacking / KILOMETRE)
+    e, n = (shift + 0.0).tolist()  # without a negative zero
+    return f"they lie there if {e:.0f} {n:.0f} were subtracted from them: add these"
 
 
 def _fitting(ground: GroundTable, plane: TangentPlane, eo: ExteriorOrientation) -> str:

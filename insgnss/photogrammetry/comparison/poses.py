@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.units import METRE, LengthUnit
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
@@ -156,12 +157,7 @@ class CoordinateFrame:
             )
         numbers = x / self.projection.unit_m
         problem = f"{path}: coordinates such as {numbers[0, 0]:.3f} {numbers[0, 1]:.3f}"
-        if (up := float(np.median(np.abs(x[:, 2])))) > FAR_UP_M:
-            raise FarError(
-                f"{path}: heights such as {numbers[0, 2]:.3f} are {1e-3 * up:.0f} km in"
-                f" {self.projection.units[1].plural}; give their own unit or CRS",
-                numbers,
-            )
+        refuse_heights(numbers, self.projection.units[1], path)
         try:
             lat, lon, h = self.projection.inverse(x)
         except InputError as error:
@@ -185,6 +181,7 @@ class CoordinateFrame:
         Geographic coordinates are longitude before latitude, rad.
         """
         if self.kind == "geographic":
+            refuse_heights(x, METRE, path)
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))
         if self.kind == "geocentric":
             lat, lon, h = ecef_to_geodetic(x)
@@ -246,6 +243,23 @@ class CoordinateFrame:
             datum=self.datum,
             epoch=self.epoch,
             **further,
+        )
+
+
+def refuse_heights(numbers: Array, unit: LengthUnit, path: object) -> None:
+    """Refuse coordinates (n, 3) whose heights no flight reaches, in millimetres or geocentric.
+
+    Raises
+    ------
+    FarError
+        With the size that they have in their unit.
+    """
+    up = unit.metres * float(np.median(np.abs(numbers[:, 2])))
+    if up > FAR_UP_M:
+        raise FarError(
+            f"{path}: heights such as {numbers[0, 2]:.3f} are {1e-3 * up:.0f} km in"
+            f" {unit.plural}; give their own unit or CRS",
+            numbers,
         )
 
 

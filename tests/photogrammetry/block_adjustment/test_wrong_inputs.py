@@ -357,6 +357,38 @@ def test_ground_points_of_another_unit_or_zone(crs, factors, why, right, tmp_pat
         ground_in_plane(file, None, right.eo, [])
 
 
+@pytest.mark.parametrize(
+    ("crs", "factors", "terms", "why"),
+    [
+        ("EPSG:32632", (1.0, 1.0, 1.0), (-3e5, -5.1e6, 0.0), "if 300000 5100000 were subtracted"),
+        ("EPSG:32632", (1.0, 1.0, 1.0), (32e6, 0.0, 0.0), "if -32000000 0 were subtracted"),
+        ("EPSG:32632", (1.0, 1.0, 1.0), (-5e5, 0.0, 0.0), "if 500000 0 were subtracted"),
+        ("EPSG:32632", (1e-3, 1e-3, 1.0), (0.0, 0.0, 0.0), "are kilometres: write metres"),
+        ("EPSG:32632", (1.0, 1.0, 1e3), (0.0, 0.0, 0.0), "are 400 km in metres"),
+        ("EPSG:4326", (1.0, 1.0, 1e3), (0.0, 0.0, 0.0), "are 400 km in metres"),
+        ("EPSG:4326", (1 / 0.9, 1 / 0.9, 1.0), (0.0, 0.0, 0.0), "are gon: write degrees"),
+        ("EPSG:4326", (np.pi / 180, np.pi / 180, 1.0), (0.0, 0.0, 0.0), "are radians: write deg"),
+        ("EPSG:4326", (), (0.0, 0.0, 0.0), "with longitude and latitude exchanged"),
+        (None, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), "its x and y are degrees"),
+    ],
+)
+def test_ground_points_of_another_scale_or_shift(crs, factors, terms, why, right, tmp_path) -> None:
+    """Oracle: what was done to pyproj's coordinates of the site."""
+    lat, lon, _ = np.degrees(right.eo.origin)
+    x = np.array([[lon, lat, 400.0], [lon + 1e-3, lat + 1e-3, 400.0]])
+    if crs == "EPSG:32632":
+        to_map = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+        x = np.column_stack(to_map.transform(*x.T))
+    x = x * factors + terms if factors else x[:, [1, 0, 2]]
+    (path := tmp_path / "gcp.csv").write_text("point,x,y,z,sigma_x,sigma_y,sigma_z\n")
+    with path.open("a") as stream:
+        for name, (e, n, h) in zip("GH", x.tolist(), strict=True):
+            stream.write(f"{name},{e:.9f},{n:.9f},{h:.4f},0.01,0.01,0.01\n")
+    file = BlockFile(path=path, ground=GroundTableInput(file=path, crs=crs))
+    with pytest.raises(InputError, match=re.escape(why)):
+        ground_in_plane(file, None, right.eo, [])
+
+
 def shifted_ground(copied, metres) -> None:
     path = copied.directory / BLOCK / "ground_points.csv"
     ground = read_ground_points(path)

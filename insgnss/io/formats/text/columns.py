@@ -220,7 +220,9 @@ def _uneven_header(path: str, layout: TextLayout) -> InputError:
         f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
         " data; set columns = [...]"
     )
-    if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
+    # of numbers alone, or behind a name
+    names = len(str(layout.header).split(","))
+    if layout.delimiter == "," and layout.n_fields in (2 * names, 2 * names - 1):
         message += ", or, if the numbers have decimal commas, write them with decimal"
         message += " points"
     return InputError.at_line(path, layout.header_line, message)
