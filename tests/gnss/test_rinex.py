@@ -565,7 +565,22 @@ def test_repeated_epochs_are_left_out_and_counted(tmp_path):
     assert found.time.tolist() == [TOW, TOW + 1, TOW + 2]
     assert found.epoch.tolist() == [0, 0, 1, 1, 2, 2]
     assert found.of("C1C").tolist() == [1.0, 2.0, 1.0, 3.0, 1.0, 4.0]
-    assert "1 of 4 epochs repeat" in found.notes[0].found
+    assert "1 double rows left out, of 4" in found.notes[0].found
+
+
+@pytest.mark.parametrize("order", [(0, 1, 3, 2, 4), (0, 1, 2, 1, 3, 4), (1, 0, 2, 3, 4)])
+def test_late_and_double_epochs_come_into_their_order(tmp_path, order):
+    """Oracle: the file in order of time; two hundred epochs, as single ones are rare."""
+    rest = [*range(5, 205)]
+    times = {k: at(0.2 * k) for k in range(205)}
+    rows = {k: {"G01": [1.0 + k], "R02": [2.0 + k]} for k in times}
+    sorted_, mixed = (
+        reading(tmp_path, w.header2(["C1"]) + "".join(w.epoch2(times[k], rows[k]) for k in ks))
+        for ks in ((*range(5), *rest), (*order, *rest))
+    )
+    for name in ("time", "epoch", "satellite", "values", "flag"):
+        assert_array_equal(getattr(mixed, name), getattr(sorted_, name))
+    assert mixed.notes[0].found.startswith("1 ")
 
 
 def test_comments_and_blank_lines_between_epochs_are_stepped_over(tmp_path):
@@ -658,9 +673,12 @@ WRONG = {
     ),
     "time falls": (
         FIRST + w.epoch2((2018, 10, 4, 11, 0, 0.0), {"G01": [1.0]}),
-        ":8: time 385200.0000000 s follows 388800.0000000 s in line 6",
+        ":8: time 385200.000000 s follows 388800.000000 s; time must increase; 1 of 2 rows are out",
     ),
-    "same time": (FIRST + w.epoch2(NOON, {"G01": [2.0]}), ":8: time 388800.0000000 s follows"),
+    "same time": (
+        FIRST + w.epoch2(NOON, {"G01": [2.0]}),
+        ":8: time 388800.000000 s follows 388800.000000 s with other values",
+    ),
     "two headers": (FIRST + FIRST, ":8: a second header"),
     "event swallows an epoch": (
         FIRST3 + w.event3(at(0.5))[:-2] + "1\n" + w.epoch3(at(1.0), {"G01": [1.0]}),

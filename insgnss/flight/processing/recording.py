@@ -356,14 +356,16 @@ def _checks(
     of_motion = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
     if flight.gnss.stationary is None:
         of_motion = with_set_clock(of_motion, imu, gnss)
-    if flight.camera is not None and flight.camera.clock == "imu":
+    if flight.camera is not None:
+        stamping = {"imu": ("IMU", imu.notes), "receiver": ("receiver", gnss.notes)}
+        whose, notes = stamping.get(flight.camera.clock, ("", ()))
         unmoved = (
-            "add the step of the IMU's clock to the stamps of the exposures before the clock was"
-            " set"
+            f"add the step of the {whose}'s clock to the stamps of the exposures before the clock"
+            " was set, or let the other one stamp"
         )
         of_motion += [
-            replace(check, verdict="contradiction", remedy=f"{unmoved}, or let the receiver stamp")
-            for check in imu.notes
+            replace(check, verdict="contradiction", remedy=unmoved)
+            for check in notes
             if check.name == CLOCK_STEP
         ]
     of_motion += [

@@ -81,7 +81,7 @@ def within_navigation(observations: Observations, navigation: Navigation) -> Obs
         " of these days"
     )
     check = Finding("epochs", finding, "days of the navigation", "note", advice)
-    inner = observations.only(inside)
+    inner = observations.only(np.flatnonzero(inside))
     return replace(inner, notes=(*inner.notes, check))
 
 

@@ -91,12 +91,14 @@ class Observations:
         """Return the values (m,) of a signal; raise InputError where the file does not have it."""
         return self.values[:, self.column(signal)]
 
-    def only(self, taken: NDArray[np.bool_]) -> "Observations":
-        """Return the observations of the epochs `taken` (n,), times from the week of the first."""
-        first = float(self.time[np.argmax(taken)])
-        week = self.gps_week + int(first // WEEK_S)
+    def only(self, taken: NDArray[np.intp]) -> "Observations":
+        """Return the observations of the epochs `taken`, times from the week of the first."""
+        week = self.gps_week + int(self.time[taken[0]] // WEEK_S)
         back = (week - self.gps_week) * WEEK_S
-        rows = taken[self.epoch]
+        place = np.full(self.time.size, -1)
+        place[taken] = np.arange(taken.size)
+        epoch = place[self.epoch]
+        rows = np.argsort(epoch, kind="stable")[np.sum(epoch < 0) :]
         records = tuple(
             replace(r, time=None if r.time is None else r.time - back) for r in self.records
         )
@@ -104,7 +106,7 @@ class Observations:
             self,
             gps_week=week,
             time=self.time[taken] - back,
-            epoch=(np.cumsum(taken) - 1)[self.epoch][rows],
+            epoch=epoch[rows],
             events=self.events - back,
             records=records,
             **rows_of(self, taken, ("flag", "clock_offset_s")),

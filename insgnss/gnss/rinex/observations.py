@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...io.formats.text.layout import decode, shown
-from ...io.formats.text.order import note
+from ...io.formats.text.order import AtLines, Picked, Rows, note, put_in_order
 from ...io.formats.text.text import Source
 from ...records import Array, Finding
 from .header import (
@@ -91,7 +91,7 @@ def read_observations(path: Source) -> Observations:
     return replace(observations, notes=notes + observations.notes)
 
 
-class _Reading:
+class _Reading(AtLines):
     """The arrays that a file is read into, and how its lines stand where the reading is."""
 
     def __init__(
@@ -100,7 +100,7 @@ class _Reading:
         from . import _kernels
 
         self.kernels = _kernels
-        self.path, self.header, self.buf, self.complete = path, header, buf, complete
+        self.path, self.header, self.buf, self.complete = str(path), header, buf, complete
         self.signals: list[str] = []
         self.types = dict(header.types)
         self.scales = dict(header.scale)
@@ -352,7 +352,7 @@ class _Reading:
         epoch, rows = self.epoch[:m], slice(0, m)
         names = np.array([f"{s}{number:02d}" for s in SYSTEM_LETTERS for number in range(100)])
         satellite = names[self.satellite[rows]]
-        taken = self.increasing(time, real, epoch, satellite)
+        taken = self.in_order(time, real, epoch, satellite)
         records = tuple(
             EventRecord(flag, float(t) if stamp >= 0 else None, line, lines)
             for t, (flag, stamp, line, lines) in zip(when, self.event_records, strict=True)
@@ -363,40 +363,29 @@ class _Reading:
             *(tuple(self.signals), self.values[rows], self.lock[rows], self.strength[rows]),
             *(events, records, tuple(self.notes)),
         )
-        return read if taken.all() else read.only(taken)
+        return read if taken is None else read.only(taken)
 
-    def increasing(
+    def in_order(
         self,
         time: Array,
         real: NDArray[np.bool_],
         epoch: NDArray[np.int64],
         satellite: NDArray[np.str_],
-    ) -> NDArray[np.bool_]:
-        """Which epochs to take: observations, each stamp once; InputError where time falls, or a
-        stamp comes again with other values.
-        """
+    ) -> Rows | None:
+        """Which epochs to take: observations, each stamp once, in order; None for all."""
         places = np.flatnonzero(real)
-        bad = np.flatnonzero(np.diff(time[places]) <= 0)
-        taken = real.copy()
-        for b in bad:
-            first, again = int(places[b]), int(places[b + 1])
-            one, other = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in (first, again))
-            alike = time[first] == time[again] and np.array_equal(satellite[one], satellite[other])
-            if not alike or not np.array_equal(
+
+        def same(i: int, k: int) -> bool:
+            one, other = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in places[[i, k]])
+            return np.array_equal(satellite[one], satellite[other]) and np.array_equal(
                 self.values[one], self.values[other], equal_nan=True
-            ):
-                message = (
-                    f"time {time[again]:.7f} s follows {time[first]:.7f} s in line"
-                    f" {self.lines[first]}; time must increase"
-                )
-                raise InputError.at_line(
-                    self.path, int(self.lines[again]), f"{message}; sort the file or split it here"
-                )
-            taken[again] = False
-        if bad.size:
-            finding = f"{bad.size} of {places.size} epochs repeat the one before and were left out"
-            self.notes.append(note("epochs", finding))
-        return taken
+            )
+
+        rows, notes = put_in_order(Picked(self, places), time[places], same, "epochs")
+        self.notes += notes
+        if rows is not None:
+            return places[rows]
+        return None if real.all() else places
 
 
 def _gpst(

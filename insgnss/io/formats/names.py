@@ -41,7 +41,7 @@ TIME: Names = {
     " ~times ~timestamp ~timestamps ~secs ~sec ~itow ~epoch ~sec_of_week ~seconds_of_week"
     " ~gps_seconds ~gps_sec ~stamp ~header_stamp ~elapsed ~seconds_elapsed ~zeit ~clock"
     " ~rosbag_timestamp ~header_time ~sampletimefine ~utc ~time_utc ~gps ~ts ~ms ~us ~millis"
-    " ~micros "
+    " ~micros ~year ~utc_year "
     f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
     "week": "week gpsweek gps_week wn ~gwk ~wk",
 }

@@ -30,6 +30,7 @@ SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does
 LEAST_DISPLACEMENTS = 30  # displacements whose median counts (chosen)
 # speed (m/s) below which the noise of fixes hides a displacement of 2 s (chosen)
 LEAST_SPEED_MPS = 1.0
+MOST_SIGMAS = 3.0  # of a displacement's noise: a larger one is of a motion (chosen)
 CLIMB_MPS = 0.3  # a vertical velocity that tells its sense
 AGREE, GOOD = 0.25, 0.2  # largest (R.11) of columns as read that are right, and of a misreading
 REVERSED = -0.7  # correlation of heights and vertical velocity that tells the other sense
@@ -62,9 +63,17 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         return ask.ok("too few fixes to compare displacements with")
     mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
     rows = _fast(mean[:, :2], LEAST_SPEED_MPS)
-    if rows.sum() < LEAST_DISPLACEMENTS:
-        return ask.ok(f"never faster than {LEAST_SPEED_MPS:g} m/s for long")
     moved = _displaced(gnss, pairs)
+    advice = Step(
+        "one of them is wrong: check {gnss.columns} and their units, or leave velocities out"
+    )
+    if rows.sum() < LEAST_DISPLACEMENTS:
+        between = float(np.median(np.hypot(*(moved - mean)[:, :2].T)))
+        scatter = float(np.median(gnss.cov_ned[:, 0, 0] + gnss.cov_ned[:, 1, 1]))
+        if between > LEAST_SPEED_MPS + MOST_SIGMAS * np.sqrt(2.0 * scatter) / SPAN_S:
+            finding = f"velocities are below {LEAST_SPEED_MPS:g} m/s where the positions move"
+            return ask.note(f"{finding} by another {between:.1f} m/s in the median", advice)
+        return ask.ok(f"never faster than {LEAST_SPEED_MPS:g} m/s for long")
     off_share = _off(moved[rows, :2], mean[rows, :2])
     finding = f"displacements are {off_share:.0%} off the velocities in the median"
     if off_share > AGREE:
@@ -79,9 +88,6 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         if explanation is not None:
             close = [ways[int(one.statement)][0] for one in (explanation.best, *explanation.alike)]
             return ask.contradiction(finding, joined(close))
-        advice = Step(
-            "one of them is wrong: check {gnss.columns} and their units, or leave velocities out"
-        )
         return ask.note(finding, advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
     climbs = _fast(mean[:, 2:], CLIMB_MPS)

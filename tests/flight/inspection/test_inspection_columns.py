@@ -57,6 +57,16 @@ def test_ticks_of_xsens_and_no_counter_for_a_clock():
     assert imu_roles(table(PacketCounter=np.arange(N), **SIX).grid).clocks == {}
 
 
+def test_a_date_in_columns_comes_before_a_counter_of_ticks():
+    """Oracle: MT Manager's columns, of which those of UTC alone know the week; as the readers have
+    them, the year's holds the seconds.
+    """
+    parts = {f"UTC_{name}": np.full(N, 7.0) for name in ("Month", "Day", "Hour", "Minute")}
+    year = {"UTC_Nano": 1e7 * (np.arange(N) % 100), "UTC_Year": 1.53e9 + 0.01 * np.arange(N)}
+    grid = table(SampleTimeFine=5e5 + 100.0 * np.arange(N), **year, **parts, **SIX).grid
+    assert next(iter(imu_roles(grid).clocks.items())) == (2, "s")
+
+
 def test_a_clock_of_unknown_name_is_told_by_its_values():
     """Oracle: the only column that increases evenly."""
     grid = table(Uhrwerk=81234.0e9 + 9980040.0 * np.arange(N), **SIX).grid

@@ -141,6 +141,87 @@ def test_fixes_before_the_date_was_known_are_left_out(tmp_path):
     assert "3 rows before" in fixes.notes[0].found
 
 
+def fixes_of(path: Path, form: str, stamps: np.ndarray, mps: float):
+    """Fixes at 5 Hz of a body on a wide arc, with stamps, s of week 2008, from a file of a form."""
+    angle = mps / 200.0 * 0.2 * np.arange(stamps.size)
+    north, east = 200.0 * np.sin(angle), 200.0 * (1.0 - np.cos(angle))
+    lat, lon = 46.5 + np.degrees(north / 6.37e6), 6.5 + np.degrees(east / 4.4e6)
+    columns = [lat, lon, 500.0 + 0.1 * np.sin(np.arange(stamps.size))]
+    sigmas = [np.full(stamps.size, 0.02)] * 3
+    if form == "pos":
+        ones = [np.ones(stamps.size)] * 2
+        names = "latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m)"
+        sigmas += [np.zeros(stamps.size)] * 3
+        table = np.column_stack([np.full(stamps.size, 2008), stamps, *columns, *ones, *sigmas])
+        comments, names = "", f"%  GPST {names} sdne(m) sdeu(m) sdun(m)"
+    else:
+        table = np.column_stack([stamps, *columns, *sigmas])
+        comments, names = "", "tow lat lon h sd_n sd_e sd_u"
+    np.savetxt(path, table, fmt="%.9f", header=names, comments=comments)
+    return read_gnss(path)
+
+
+@pytest.mark.parametrize("form", ["txt", "pos"])
+@pytest.mark.parametrize("by_s", [-40.0, -3.0, -0.8, 1.0, 18.0, 3600.0])
+def test_fixes_of_a_clock_that_was_set_are_taken_as_set_right(tmp_path, form, by_s):
+    """Oracle: the instants before the first 100 were stamped by a clock that lacks so much."""
+    instants = 205200.0 + 0.2 * np.arange(300)
+    stamps = instants - by_s * (np.arange(300) < 100)
+    fixes = fixes_of(tmp_path / f"x.{form}", form, stamps, 12.0)
+    np.testing.assert_allclose(fixes.time, instants, atol=1e-6)
+    told = " ".join(check.found for check in fixes.notes)
+    assert f"once, by {by_s:+.3f} s at" in told
+    assert f"x.{form}:102" in told
+
+
+@pytest.mark.parametrize("form", ["txt", "pos"])
+def test_what_no_motion_shows_is_no_set_clock_of_fixes(tmp_path, form):
+    """Oracle: a hovering drone whose fixes pause keeps its stamps, as does one that flies on; of
+    a clock set back by more than was recorded nobody knows: the line is named."""
+    paused = 205200.0 + 0.2 * np.arange(300) + 30.0 * (np.arange(300) >= 100)
+    np.testing.assert_allclose(
+        fixes_of(tmp_path / f"x.{form}", form, paused, 0.01).time, paused, atol=1e-6
+    )
+    k = np.concatenate([np.arange(100), np.arange(130, 300)])
+    whole = fixes_of(tmp_path / f"y.{form}", form, 205200.0 + 0.2 * np.arange(300), 12.0)
+    lines = (tmp_path / f"y.{form}").read_text().splitlines(keepends=True)
+    (tmp_path / f"z.{form}").write_text("".join([lines[0], *(lines[1 + i] for i in k)]))
+    np.testing.assert_array_equal(read_gnss(tmp_path / f"z.{form}").time, whole.time[k])
+    back = 205200.0 + 0.2 * np.arange(300) - 90.0 * (np.arange(300) >= 100)
+    with pytest.raises(InputError, match=rf"x.{form}:102: .*if the clock"):
+        fixes_of(tmp_path / f"x.{form}", form, back, 0.01)
+
+
+@pytest.mark.parametrize("date", ["1970/01/01", "1980/01/06", "1999/08/22"])
+def test_rows_of_rtklib_before_the_date_was_known_are_left_out(tmp_path, date):
+    """Oracle: the file without its first 20 rows."""
+    rows = [
+        f"{date if k < 20 else '2018/07/03'} 08:{k // 60:02d}:{k % 60:02d}.000 46.5 6.5"
+        f" {500 + k} 1 9 0.02 0.02 0.03 0 0 0 0 9\n"
+        for k in range(200)
+    ]
+    names = "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m)"
+    head = f"{names} sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
+    (tmp_path / "all.pos").write_text(head + "".join(rows))
+    (tmp_path / "dated.pos").write_text(head + "".join(rows[20:]))
+    fixes, dated = read_gnss(tmp_path / "all.pos"), read_gnss(tmp_path / "dated.pos")
+    assert fixes.gps_week == dated.gps_week == 2008
+    np.testing.assert_array_equal(fixes.time, dated.time)
+    np.testing.assert_array_equal(fixes.height, dated.height)
+    assert "20 rows before" in fixes.notes[0].found
+
+
+def test_a_week_of_before_the_date_was_known_is_not_called_outdated():
+    """Oracle: the first rows have another clock, too, so that no week makes their times right."""
+    instants = 205200.0 + np.arange(100.0)
+    week, tow = np.full(100, 2008.0), instants.copy()
+    week[:20], tow[:20] = 1024.0, 36000.0 + np.arange(20.0)
+    assert weeks_in_step(week, tow) is week
+    _, _, undated, notes = on_one_clock(SHORT_LINES, tow, week, "s", "GNSS rows")
+    assert undated == 20
+    assert "20 rows before" in notes[0].found
+
+
 @pytest.mark.parametrize("stale", [0, 1, 5, 9])
 @pytest.mark.parametrize("named", [0.0, 2008.0, 2007.0])
 def test_stale_weeks_are_taken_from_the_times_of_week(stale, named):

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError
+from insgnss.geodesy.gpstime import WEEK_S
 from insgnss.geodesy.rotation import rotation_from_rpy, rpy_jacobian
 from insgnss.io.formats import read_events, read_gnss, read_imu
 from insgnss.io.formats.imu.psins import read_psins_header
@@ -76,6 +77,22 @@ def test_sbet_with_its_accuracies(tmp_path: Path, names: tuple[str, str]) -> Non
         for path in (tmp_path / "again.smrmsg", tmp_path / names[1])
     )
     assert_allclose(again, before, rtol=1e-12)
+
+
+def test_sbet_and_its_accuracies_count_on_over_a_weeks_end(tmp_path: Path) -> None:
+    """Oracle: the same records of the middle of a week, shifted; times begin anew at its end."""
+    given, names = trajectory(), ("x.sbet", "x.smrmsg")
+    for write, name, fields in zip((write_sbet, write_smrmsg), names, (17, 10), strict=True):
+        write(given, tmp_path / name)
+        records = np.fromfile(tmp_path / name).reshape(-1, fields)
+        records[:, 0] = (given.time - given.time[9] + WEEK_S) % WEEK_S
+        records.tofile(tmp_path / name)
+    expected = given.time - given.time[9] + WEEK_S
+    assert_allclose(read_sbet(tmp_path / "x.sbet").time, expected, rtol=0, atol=1e-9)
+    fixes = read_gnss(tmp_path / "x.sbet")
+    assert_allclose(fixes.time, expected, rtol=0, atol=1e-9)
+    sigma = np.sqrt(np.diagonal(given.cov, axis1=1, axis2=2))[:, :3]
+    assert_allclose(np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2)), sigma, rtol=1e-9)
 
 
 def test_sparse_accuracies_are_interpolated_and_foreign_ones_refused(tmp_path: Path) -> None:

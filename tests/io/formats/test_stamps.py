@@ -112,6 +112,31 @@ def test_fixes_with_dates_for_stamps(tmp_path):
     assert any("taken as UTC" in note.found for note in fixes.notes)
 
 
+@pytest.mark.parametrize("undated", [0, 30])
+@pytest.mark.parametrize("fraction", ["UTC_Nano", "Millisecond", "Second"])
+def test_a_date_in_columns_of_its_parts_is_a_clock(tmp_path, fraction, undated):
+    """Oracle: numpy.datetime64; rows before the date was known, of year 0, are counted back."""
+    start = np.datetime64("2018-12-31T23:59:50.000", "ms")
+    stamps = start + (10 * np.arange(3000)).astype("timedelta64[ms]")
+    rows = []
+    for k, stamp in enumerate(stamps.astype(object)):
+        parts = [stamp.year, stamp.month, stamp.day, stamp.hour, stamp.minute, stamp.second]
+        parts = [0, 0, 0, 0, 0, k // 100] if k < undated else parts
+        micros = 10000 * (k % 100) if k < undated else stamp.microsecond
+        more = {"UTC_Nano": 1000 * micros, "Millisecond": micros // 1000, "Second": ""}[fraction]
+        parts[5] = f"{parts[5] + 1e-6 * micros:.2f}" if fraction == "Second" else parts[5]
+        rows.append("\t".join(map(str, [*parts, more or 0, *(0, 0, 0, 0, 0), -9.8 + 1e-6 * k])))
+    names = ["UTC_Year", "UTC_Month", "UTC_Day", "UTC_Hour", "UTC_Minute", "UTC_Second"]
+    names += [fraction if fraction != "Second" else "x", *["gx", "gy", "gz", "ax", "ay", "az"]]
+    path = tmp_path / "imu.txt"
+    path.write_text("\n".join(["\t".join(names), *rows]) + "\n")
+    imu = read_imu(path, columns={**{n: n for n in names[7:]}, "tow": "UTC_Year"})
+    assert imu.gps_week == 2034  # GPST is 18 s ahead: 2019-01-01 is a Tuesday
+    seconds = (stamps - np.datetime64("2018-12-30")) / np.timedelta64(1, "s") + 18.0
+    np.testing.assert_allclose(imu.time, seconds, rtol=0, atol=2e-6)
+    assert any("taken as UTC" in note.found for note in imu.notes)
+
+
 def test_lines_of_another_length_are_counted(tmp_path):
     """Oracle: the lines that were cut here, one in ten."""
     path = tmp_path / "imu.csv"

@@ -86,6 +86,8 @@ def test_right_columns_are_never_contradicted(sigma, seed):
     for fixes in (gnss, late, slow):
         assert check_velocity(fixes).verdict == "ok"
     assert check_velocity(useless).verdict == "note"
+    still = replace(gnss, velocity_ned=0.02 * gnss.velocity_ned)
+    assert check_velocity(still).verdict == "note"
 
 
 @pytest.mark.parametrize("exchanged", [False, True])

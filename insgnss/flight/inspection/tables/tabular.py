@@ -21,6 +21,7 @@ from ....io.formats.gnss.heights import refused_heights
 from ....io.formats.gnss.rounding import floor_of_zeros
 from ....io.formats.imu import imu_csv
 from ....io.formats.text.columns import TableSpec
+from ....io.formats.text.dates import calendar_columns
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, InputSource, Keys, Role
@@ -125,8 +126,10 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
     grid = table.grid
     used: set[int | None] = set(grid.nanos.values())
     reasons: dict[int, str] = {}
+    date = set(calendar_columns(table.fields).values())
     for roles in taken:
         first, *others = roles.clocks or (None,)
+        used |= date if first in date else set()
         used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
         reasons |= dict.fromkeys(others, "another clock") | roles.left
     texts = []

@@ -7,18 +7,19 @@ standard deviation of `UNKNOWN_MPS`, which is none.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError, UsageError
+from ....geodesy.frames import geodetic_to_ecef
 from ....records import Array, Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
 from ..read_options import ReadOptions
-from ..text.clock import clock_of, gps_time
-from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
-from ..text.stamps import on_one_clock
+from ..text.clock import clock_of, ordered_time
+from ..text.order import Lines, Picked, note, refuse_rows
 from .cartesian import geodetic_columns
 from .rounding import floor_of_zeros
 
@@ -93,22 +94,18 @@ def fixes_from_columns(
     if options.sigma_m is not None:
         stated = {name: np.nan_to_num(cols[name]) for name in OF_POSITION & cols.keys()}
         cols = {**cols, **stated}
-    tow, week, undated, clock_notes = on_one_clock(
-        lines, clock_of(cols), cols.get("week"), scales.time, "GNSS rows"
-    )
-    if undated:
-        lines = Picked(lines, np.arange(undated, tow.size))
-        tow, week = tow[undated:], None if week is None else week[undated:]
-        cols, described = _taken(slice(undated, None), cols, described)
-    time, gps_week = gps_time(lines, tow, week, options.gps_week, scales.time)
-    rows, order_notes = put_in_order(
+    time, gps_week, rows, order_notes = ordered_time(
         lines,
-        time,
-        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+        clock_of(cols),
+        cols.get("week"),
         "GNSS rows",
+        options.gps_week,
+        scales.time,
+        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+        partial(_positions, cols, scales),
     )
     if rows is not None:
-        time, lines = time[rows], Picked(lines, rows)
+        lines = Picked(lines, rows)
         cols, described = _taken(rows, cols, described)
     lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
@@ -138,11 +135,18 @@ def fixes_from_columns(
         quality,
         gps_week,
         lines.path,
-        (*notes, *clock_notes, *order_notes, *floor_notes),
+        (*notes, *order_notes, *floor_notes),
         sigma_assumed=assumed if assumed.any() else None,
         source_format="",  # the door to all readers names it
         **of_the_solution(described),
     )
+
+
+def _positions(cols: Mapping[str, Array], scales: FixScales) -> Array:
+    """ECEF positions (n, 3), m, of columns, whatever they hold."""
+    with np.errstate(all="ignore"):
+        lat, lon = scales.angle * cols["lat"], scales.angle * cols["lon"]
+        return geodetic_to_ecef(lat, lon, scales.length * cols["h"])
 
 
 def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -12,20 +12,21 @@ counted in a note.
 """
 
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
+from ....geodesy.gpstime import GPS_EPOCH, GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ....geodesy.rotation import NED_ENU
 from ....records import Array, Finding, GnssFixes
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.clock import agree_on_week
+from ..text.clock import ordered_time
 from ..text.layout import sniff
-from ..text.order import note, open_end, put_in_order, refuse_rows
+from ..text.order import note, open_end, refuse_rows
 from ..text.text import NumberTable, Source, load, parse
 from .fixes import of_the_solution
 from .heights import GIVE, above_already
@@ -114,15 +115,20 @@ def pos_rows(table: NumberTable, header: Header, gps_week: int | None = None) ->
         What cannot be, with file and line.
     """
     columns = _columns(table, header)
-    time, week = _time(table, columns, header)
-    agree_on_week(table, week, gps_week)
-    rows, notes = put_in_order(
-        table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
+    time, week, rows, notes = ordered_time(
+        table,
+        *_stamps(table, columns, header),
+        "GNSS rows",
+        gps_week,
+        "s",
+        lambda i, k: bool((table.values[i] == table.values[k]).all()),
+        partial(_metres, columns, header),
     )
+    assert week is not None
     if rows is not None:
         table = replace(table, values=table.values[rows], lines=table.lines[rows])
-        time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
-    return PosRows(header, table, columns, time, week, table.complete, tuple(notes))
+        columns = {name: column[rows] for name, column in columns.items()}
+    return PosRows(header, table, columns, time, week, table.complete, notes)
 
 
 def read_rtklib_pos(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
@@ -243,20 +249,18 @@ def _columns(table: NumberTable, header: Header) -> dict[str, Array]:
     return cols
 
 
-def _time(table: NumberTable, cols: dict[str, Array], header: Header) -> tuple[Array, int]:
-    """Return GPST seconds of the first epoch's week, and that week."""
+def _stamps(table: NumberTable, cols: dict[str, Array], header: Header) -> tuple[Array, Array]:
+    """Return times of week, s, GPST, and their weeks."""
     shift = JST_S if header.scale == "JST" else 0.0
     if header.dated:
         ymd = np.column_stack([cols["year"], cols["month"], cols["day"]])
         days, back = np.unique(ymd, axis=0, return_inverse=True)
         try:
-            starts = [
-                gps_from_calendar(datetime(int(day[0]), int(day[1]), int(day[2])), "gpst")
-                for day in days
-            ]
+            dates = [datetime(int(day[0]), int(day[1]), int(day[2]), tzinfo=UTC) for day in days]
         except ValueError as error:
             raise InputError.in_file(table.path, f"holds no date: {error}; correct it") from None
-        seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
+        starts = np.array([(date - GPS_EPOCH).total_seconds() for date in dates])
+        seconds = starts[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
         odd = (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0)
         _refuse(table, odd, tod, "{:.3f} s is no time of day")
@@ -268,8 +272,16 @@ def _time(table: NumberTable, cols: dict[str, Array], header: Header) -> tuple[A
         seconds, tod = cols["week"] * WEEK_S, cols["tow"] - shift
     if header.scale != "GPST":
         tod = tod + leap_seconds(seconds + GPS_EPOCH_UNIX_S + np.floor(tod))
-    first = int((seconds[0] + tod[0]) // WEEK_S)
-    return (seconds - first * WEEK_S) + tod, first
+    week = np.floor((seconds + tod) / WEEK_S)
+    return (seconds - WEEK_S * week) + tod, week
+
+
+def _metres(cols: dict[str, Array], header: Header) -> Array:
+    """Positions (n, 3), m, of columns along any axes, whatever they hold."""
+    x = _stack(cols, POSITION_COLUMNS[header.kind])
+    with np.errstate(all="ignore"):
+        lat, lon = np.radians(x[:, :2].T)
+        return geodetic_to_ecef(lat, lon, x[:, 2]) if header.kind == "latitude" else x
 
 
 def _refuse(table: NumberTable, bad: NDArray[np.bool_], value: Array, message: str) -> None:

@@ -18,6 +18,7 @@ from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import clock_of, examined_time
 from ..text.columns import Columns, NamedTable, TableSpec
+from ..text.dates import calendar_columns
 from ..text.direct import Bytes, DirectRows, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
@@ -126,7 +127,10 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
         with suppress(InputError, UsageError):
             table = named(DirectRows(str(path), layout, complete))
             settled = table.settled(units, kinds)
-            usual = complete
+            usual = (
+                complete
+                and table.index.get("tow") not in calendar_columns(layout.header_fields).values()
+            )
         if usual:
             direct = _direct(buf, table, scales_of(settled, kinds))
     del buf

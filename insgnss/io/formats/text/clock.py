@@ -7,7 +7,7 @@ import numpy as np
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
-from .order import Lines, refuse_rows
+from .order import Lines, Picked, Rows, put_in_order, refuse_rows
 from .stamps import on_one_clock
 from .units import SENSOR_SCALES, split_unit, unit_factor
 
@@ -92,6 +92,34 @@ def examined_time(
         message = f"{undated} rows were stamped before the clock knew the date; delete these rows"
         raise lines.error_at(0, f"{message}, or correct their times")
     return *gps_time(lines, tow, week, gps_week, unit), notes
+
+
+def ordered_time(
+    lines: Lines,
+    tow: Array,
+    week: Array | None,
+    name: str,
+    gps_week: int | None,
+    unit: str,
+    same: Callable[[int, int], bool],
+    positions: Callable[[], Array],
+) -> tuple[Array, int | None, Rows | None, tuple[Finding, ...]]:
+    """Return seconds, the week, the rows of positions to take (None for all), and the notes.
+
+    Stamps are examined as by `on_one_clock`, rows of the time before the date was known are left
+    out, and the others put in order as by `put_in_order`.
+    """
+    tow, week, undated, clock_notes = on_one_clock(lines, tow, week, unit, name, same, positions)
+    dated = np.arange(undated, tow.size)
+    if undated:
+        lines, tow = Picked(lines, dated), tow[undated:]
+        week = None if week is None else week[undated:]
+    time, gps_week = gps_time(lines, tow, week, gps_week, unit)
+    rows, notes = put_in_order(lines, time, lambda i, k: same(i + undated, k + undated), name)
+    if rows is not None:
+        time, dated = time[rows], dated[rows]
+    taken = None if rows is None and not undated else dated
+    return time, gps_week, taken, (*clock_notes, *notes)
 
 
 def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:

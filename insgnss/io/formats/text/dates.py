@@ -3,7 +3,8 @@
 Year, month, day, hour, minute and second stand between signs that are no digits; what follows a
 point or comma is a fraction of a second, what follows another sign counts milliseconds (three
 digits or fewer), microseconds or nanoseconds. Such a column becomes a clock in seconds since 1970;
-dates are taken for UTC, since they rarely say.
+dates are taken for UTC, since they rarely say. A date may stand in columns of its parts, too:
+UTC_Year to UTC_Second, UTC_Nano. That of the year then becomes the clock.
 """
 
 import re
@@ -19,6 +20,9 @@ _DATE = re.compile(
     re.ASCII,
 )
 UNIX = "unix"  # of the clock that dates become
+CALENDAR = ("year", "month", "day", "hour", "minute", "second")
+FRACTIONS_S = {"millisecond": 1e-3, "ms": 1e-3, "nano": 1e-9, "nanosecond": 1e-9, "nsec": 1e-9}
+LOWEST_PARTS, HIGHEST_PARTS = (1970, 1, 1, 0, 0, 0), (2100, 13, 32, 24, 60, 61)
 PARTS_S = {3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the number of digits, at most
 
 
@@ -45,3 +49,32 @@ def seconds_of_dates(texts: Sequence[str]) -> Array | None:
     except ValueError:  # a thirteenth month
         return None
     return np.asarray(stamps.astype(np.int64) + parts)
+
+
+def calendar_columns(fields: Sequence[str] | None) -> dict[str, int]:
+    """Return the columns of the parts of a date by the names of a header; none where one lacks."""
+    names = [re.sub(r"[^a-z]|^(\W*utc)", "", name.lower()) for name in fields or ()]
+    parts = {part: names.index(part) for part in (*CALENDAR, *FRACTIONS_S) if part in names}
+    return parts if parts.keys() >= set(CALENDAR) else {}
+
+
+def take_calendar(fields: Sequence[str] | None, values: Array) -> frozenset[int]:
+    """Put seconds since 1970 into the column of the years, and return it; none without a date.
+
+    Rows whose parts are no date, as before the date was known, are of 1970.
+    """
+    columns = calendar_columns(fields)
+    parts = values[:, [columns[part] for part in CALENDAR]] if columns else np.empty((0, 6))
+    dated = np.all((parts >= LOWEST_PARTS) & (parts < HIGHEST_PARTS), axis=1)
+    parts[~dated, :3] = LOWEST_PARTS[:3]
+    if not dated.size or np.mean(dated) <= 0.5:
+        return frozenset()
+    year, month, day, *clock = parts.T
+    months = (12.0 * (year - 1970.0) + month - 1.0).astype("datetime64[M]")
+    days = months.astype("datetime64[D]").astype(np.int64) + day - 1.0
+    seconds = 86400.0 * days + 3600.0 * clock[0] + 60.0 * clock[1] + clock[2]
+    for name, factor in FRACTIONS_S.items():
+        if name in columns:
+            seconds += factor * values[:, columns[name]]
+    values[:, columns["year"]] = seconds
+    return frozenset({columns["year"]})

@@ -9,8 +9,8 @@ The clock (`on_one_clock`), before stamps become times of a GPS week:
     a date that was not known at first: years   even rows are counted back from the first dated one;
     behind, or seconds since power-up           of others their number is returned
 
-A step ahead of less than that may be a pause of the recording: only motion tells, as
-`check_set_clock` of `navigation.recognise.claims` does.
+A step ahead of less than that may be a pause of the recording: only motion tells. Positions show it
+themselves (`_intervals_moved`), of an IMU `check_set_clock` of `navigation.recognise.claims` does.
 
 Digits. A sensor samples evenly, its clock wanders by a few parts in a million, and a logger prints
 its stamps in whole milliseconds: at 128 Hz they step by 8 and 7 ms in turns. Rates and forces are
@@ -59,6 +59,13 @@ PAUSE_INTERVALS = 10.0  # intervals: shorter pauses are as long as a step back b
 # intervals from a row to the nearest one of the other side: below it both sides overlap, as no
 # rows in the wrong order do, which fill each other's gaps
 OVERLAP_INTERVALS = 0.75
+# rows on either side of a step that show a velocity, m/s at least (chosen): of a hovering drone it
+# is no measure of time
+MOVED_ROWS, LEAST_SPEED_MPS = 6, 1.0
+# of the way in an interval: what lines through both sides may miss, and of the speed: what it may
+# change by, where the way shows the intervals; and most of these, as a turn brings a body back to
+# its way later (chosen)
+MOST_ASIDE, MOST_CHANGE, MOST_INTERVALS = 0.25, 0.25, 3
 
 DIGITS_S = (1e-1, 1e-2, 1e-3, 1e-4)  # last printed digits (s) that can matter at the rates of IMUs
 COARSE, TOO_COARSE = 0.02, 0.45  # of the interval: digits that matter, and that hide a sample
@@ -90,6 +97,7 @@ def on_one_clock(
     unit: str,
     name: str,
     same: Callable[[int, int], bool] | None = None,
+    positions: Callable[[], Array] | None = None,
 ) -> tuple[Array, Array | None, int, Notes]:
     """Return stamps and weeks as one clock would have written them.
 
@@ -107,6 +115,8 @@ def on_one_clock(
         Name of the notes, such as "IMU rows".
     same : callable, optional
         Tells whether two rows agree in every value; of rows of a sensor that samples evenly.
+    positions : callable, optional
+        Answers the positions (n, 3), m, of rows that hold some.
 
     Returns
     -------
@@ -126,13 +136,17 @@ def on_one_clock(
         week = mended
         seconds = seconds + WEEK_S * (week - week[0])
     step = np.diff(seconds)
-    if not step.size or (step.min() > 0.0 and step.max() < DAY_S):
+    if not step.size:
+        return tow, week, 0, tuple(notes)
+    longest = DAY_S if positions is None else SET_INTERVALS * float(np.median(step))
+    if step.min() > 0.0 and step.max() < longest:
         return tow, week, 0, tuple(notes)
     if week is None and not epoch.startswith(("unix", "gps")):
         seconds, ranges = _unwrapped(seconds, factor)
         seconds = unwrap_week(seconds)
         notes += [_begins_anew(lines, name, row, length) for row, length in ranges]
-    if same is None:
+    undated = 0
+    if same is None or positions is not None:
         jumps = np.flatnonzero(np.diff(seconds) > DAY_S) + 1
         undated = int(jumps[-1]) if jumps.size and jumps[-1] < 0.5 * seconds.size else 0
         if undated and not _is_undated(seconds[0], seconds[undated] - seconds[0]):
@@ -141,9 +155,9 @@ def on_one_clock(
             finding = f"{undated} rows before {line_of(lines, undated)} left out, of {seconds.size}"
             advice = "they were stamped before the clock knew the date"
             notes.append(note(name, finding, "stamps of one clock", advice))
-    else:
-        undated = 0
-        seconds, set_notes = _without_steps(lines, seconds, name, same)
+    if same is not None:
+        steps = [step for step in _steps(seconds, same, positions) if step[0] > undated]
+        seconds, set_notes = _without_steps(lines, seconds, name, steps)
         notes += set_notes
     if week is not None:
         seconds = seconds - WEEK_S * (week - week[0])
@@ -154,7 +168,8 @@ def weeks_in_step(week: Array, tow: Array) -> Array:
     """Return the weeks of times of week, which count on where the times begin anew.
 
     A receiver's messages may name the week before for some time after its end, or 0 until it is
-    known: then most of the rows decide.
+    known: then most of the rows decide. Where a clock was set, too, as the times of week show by a
+    step of more than `POWER_UP_S`, the weeks stay.
 
     Parameters
     ----------
@@ -163,8 +178,11 @@ def weeks_in_step(week: Array, tow: Array) -> Array:
     """
     ends = np.round((unwrap_week(tow) - tow) / WEEK_S)
     values, count = np.unique(week - ends, return_counts=True)
-    first = values[np.argmax(count)]
-    return first + ends if 2 * count.max() > week.size else week
+    mended = values[np.argmax(count)] + ends
+    changes = np.diff(mended != week)
+    set_by = np.diff(tow + WEEK_S * mended)[changes]
+    stale = 2 * count.max() > week.size and (np.abs(set_by) < POWER_UP_S).all()
+    return mended if stale else week
 
 
 def stale_weeks(name: str, wrong: int, rows: int) -> Finding:
@@ -217,10 +235,9 @@ def _begins_anew(lines: Lines, name: str, row: int, length: float) -> Finding:
 
 
 def _without_steps(
-    lines: Lines, time: Array, name: str, same: Callable[[int, int], bool]
+    lines: Lines, time: Array, name: str, steps: list[tuple[int, float]]
 ) -> tuple[Array, Notes]:
-    """Return stamps (n,), s, of even rows without the steps of a clock that was set."""
-    steps = _steps(time, same)
+    """Return stamps (n,), s, of even rows without the steps, s, of a clock that was set."""
     if not steps:
         return time, ()
     # what each row lacks to the clock of the last one, or of the last one that knows the date
@@ -241,7 +258,9 @@ def _without_steps(
     return out, (note(CLOCK_STEP, f"{name}: {finding}", "a clock without steps", advice),)
 
 
-def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, float]]:
+def _steps(
+    time: Array, same: Callable[[int, int], bool], positions: Callable[[], Array] | None
+) -> list[tuple[int, float]]:
     """Return the rows of even stamps (n,), s, at which a clock was set, and by how much, s."""
     step = np.diff(time)
     usual = float(np.median(step))
@@ -251,7 +270,9 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
         return []
     interval = float(np.mean(usual_steps))
     steps: list[tuple[int, float]] = []
-    for first, row, end in zip([0, *rows], rows, [*rows[1:], time.size], strict=False):
+    x = None if positions is None else positions()
+    falls: list[int] = rows.tolist()
+    for first, row, end in zip([0, *falls], falls, [*falls[1:], time.size], strict=False):
         before = time[max(first, row - LEVEL_ROWS) : row]
         after = time[row : min(end, row + LEVEL_ROWS)]
         count_back = interval * np.arange(1 - before.size, 1)
@@ -259,21 +280,59 @@ def _steps(time: Array, same: Callable[[int, int], bool]) -> list[tuple[int, flo
         change = float(level_after - np.median(before - count_back)) - interval
         undated = _is_undated(min(time[first], time[row]), abs(change))
         leads = undated and first == 0 and change > 0.0
+        if x is not None and (moved := _intervals_moved(time, x, row, interval)):
+            steps.append((row, float(step[row - 1]) - moved * interval))
+            continue
         if (min(before.size, after.size) < LEAST_LEVEL_ROWS and not leads) or (
             not undated
             and (
                 change > -SET_INTERVALS * interval
-                or not _overlap(time, int(first), int(row), int(end), interval, same)
+                or not _overlap(time, first, row, end, interval, same)
             )
         ):
             continue
-        steps.append((int(row), change))
-    # a pause as long as the clock was set back is that it was set ahead again, or before
-    for row in np.flatnonzero((step > PAUSE_INTERVALS * interval) & (step <= DAY_S)) + 1:
+        steps.append((row, change))
+    pauses = np.flatnonzero((step > (1.0 + SET_INTERVALS) * interval) & (step <= DAY_S)) + 1
+    for row in pauses.tolist() if pauses.size <= MOST_FALLS else []:
         ahead = float(step[row - 1]) - interval
-        if any(abs(ahead + change) < 0.5 * interval for _, change in steps if change < 0.0):
-            steps.append((int(row), ahead))
+        if x is not None and (moved := _intervals_moved(time, x, row, interval)):
+            ahead -= (moved - 1) * interval
+            if ahead > SET_INTERVALS * interval:
+                steps.append((row, ahead))
+        # a pause as long as the clock was set back is that it was set ahead again, or before
+        elif step[row - 1] > PAUSE_INTERVALS * interval and any(
+            abs(ahead + change) < 0.5 * interval for _, change in steps if change < 0.0
+        ):
+            steps.append((row, ahead))
     return sorted(steps)
+
+
+def _intervals_moved(time: Array, x: Array, row: int, interval: float) -> int:
+    """Intervals that positions x (n, 3), m, took to come to a row; 0 where they do not show it.
+
+    Lines through the rows on either side meet the step with the same velocity, and the way between
+    them is that of a few intervals, along it.
+    """
+    ends = []
+    for rows, at in (
+        (slice(max(row - MOVED_ROWS, 0), row), row - 1),
+        (slice(row, row + MOVED_ROWS), row),
+    ):
+        t = time[rows] - time[at]
+        if t.size < LEAST_LEVEL_ROWS or not ((step := np.diff(t)) > 0.0).all():
+            return 0
+        if step.max() > SET_INTERVALS * interval or not np.isfinite(x[rows]).all():
+            return 0
+        line = np.column_stack([np.ones_like(t), t])
+        ends.append(np.linalg.lstsq(line, x[rows] - x[at], rcond=None)[0])
+    v = 0.5 * (ends[0][1] + ends[1][1])
+    speed, turned = np.linalg.norm(v), np.linalg.norm(ends[1][1] - ends[0][1])
+    if not speed > LEAST_SPEED_MPS or turned > MOST_CHANGE * speed:
+        return 0
+    way = x[row] + ends[1][0] - x[row - 1] - ends[0][0]
+    moved = round(float(way @ v) / (speed**2 * interval))
+    aside = float(np.linalg.norm(way - v * moved * interval))
+    return moved if 0 < moved <= MOST_INTERVALS and aside < MOST_ASIDE * speed * interval else 0
 
 
 def _overlap(

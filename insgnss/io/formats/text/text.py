@@ -18,7 +18,7 @@ from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.inputs import BOM, opened, readable
 from ....records import Array
-from .dates import is_date, seconds_of_dates
+from .dates import is_date, seconds_of_dates, take_calendar
 from .layout import (
     BINARY,
     NUMBER,
@@ -297,9 +297,9 @@ def parse(
     if not complete:
         tail = decode(bytes(buf[-8192:])).split("\n", int(buf.size > 8192))[-1]
         _refuse_short_end(path, tail, layout, line - 1)
-    dates = frozenset[int]()
+    dates = take_calendar(layout.header_fields, values)
     if refused:
-        dates = _take_dates(buf, layout, values, refused)
+        dates |= _take_dates(buf, layout, values, refused)
         refused = {k: refusal for k, refusal in refused.items() if k not in dates}
     return NumberTable(str(path), layout, values, lines, complete, refused, dates)
 

@@ -15,7 +15,7 @@ import numpy as np
 from ....geodesy.rotation import NED_ENU, rotation_from_quaternion
 from ....records import Array
 from ..names import TIME
-from ..text.clock import check_increasing, gps_time
+from ..text.clock import check_increasing
 from ..text.columns import TableSpec
 from ..text.order import refuse_rows
 from ..text.text import Source
@@ -61,7 +61,7 @@ def read_odyn_poses(path: Source) -> OdynPoses:
         message = "truncated: the last line has no end; copy the file again"
         raise table.error_at(len(table) - 1, message)
     cols = table.numbers()
-    time, _ = gps_time(table, cols["tow"], None, None)
+    time, _, _ = table.examined_time("trajectory rows", None, "s")
     check_increasing(table, time)
     q = table.block("qw qx qy qz")
     with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one

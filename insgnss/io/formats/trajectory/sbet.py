@@ -20,6 +20,7 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....base.files import atomic_write
+from ....geodesy.gpstime import unwrap_week
 from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
 from ....records import Array, GnssFixes, Trajectory
 from ....records.interpolation import columns_at
@@ -141,20 +142,24 @@ def rpy_sigma(trajectory: Trajectory) -> Array:
 def read_sbet(path: Source) -> Sbet:
     """Read an SBET with any wander angle."""
     table = _records(path, SBET_FIELDS)
-    time, lat, lon, height = table.T[:4]
+    lat, lon, height = table.T[1:4]
     x, y, wander = table[:, 4], table[:, 5], table[:, 10]
     c, s = np.cos(wander), np.sin(wander)
     velocity = np.column_stack([x * c - y * s, -x * s - y * c, -table[:, 6]])  # (B.1)
     rpy = np.column_stack(
         [table[:, 7:9], np.remainder(table[:, 9] - wander + np.pi, 2.0 * np.pi) - np.pi]
     )
-    return Sbet(time, lat, lon, height, velocity, rpy, table[:, 11:14], table[:, 14:17])
+    return Sbet(
+        unwrap_week(table[:, 0]), lat, lon, height, velocity, rpy, table[:, 11:14], table[:, 14:17]
+    )
 
 
 def read_smrmsg(path: Source) -> Smrmsg:
     """Read an smrmsg."""
     table = _records(path, SMRMSG_FIELDS)
-    return Smrmsg(table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7:10] * ARC_MINUTE)
+    return Smrmsg(
+        unwrap_week(table[:, 0]), table[:, 1:4], table[:, 4:7], table[:, 7:10] * ARC_MINUTE
+    )
 
 
 def read_gnss_sbet(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:

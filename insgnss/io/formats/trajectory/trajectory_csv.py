@@ -11,7 +11,7 @@ import numpy as np
 from ....geodesy.gpstime import WEEK_S
 from ....geodesy.rotation import rpy_from_rotation
 from ....records import Array, Trajectory
-from ..text.clock import check_increasing, gps_time
+from ..text.clock import check_increasing, examined_time
 from ..text.columns import TableOut, TableSpec
 from ..text.text import Source
 from .sbet import BodyStates, rpy_sigma
@@ -56,7 +56,7 @@ def read_trajectory_csv(path: Source) -> TrajectoryTable:
     """Read the file back; InputError with file and line."""
     table = SPEC.read(path)
     values = table.block(OUT.names)
-    time, week = gps_time(table, values[:, 1], values[:, 0], None)
+    time, week, _ = examined_time(table, values[:, 1], values[:, 0], "trajectory rows", None, "s")
     assert week is not None
     check_increasing(table, time)
     sigma = values[:, 11:] * ([1.0] * 6 + [np.pi / 180.0] * 3)
