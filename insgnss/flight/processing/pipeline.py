@@ -31,7 +31,13 @@ from .diagnostics import constants_of, report_rows, run_diagnostics, tried_anten
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
-from .products import output_directory, overwriting, refuse_image_names, write_products
+from .products import (
+    ground_below,
+    output_directory,
+    overwriting,
+    refuse_image_names,
+    write_products,
+)
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .result import ProcessResult as ProcessResult
@@ -115,6 +121,7 @@ def _process(
 
     clock.step("prepare")
     prepared = _prepared(flight, recording)
+    background = ground_below(flight, recording.gnss, prepared.frame) if write else None
     if not flight.filter.time_offset:  # else the fixes are moved, and prepared again
         recording = recording.without_samples()
     segments, checks = _solve(flight, recording, prepared, clock.step)  # align, filter, smooth
@@ -160,7 +167,7 @@ def _process(
     result = ProcessResult(report, (), eo, trajectory, diagnostics, strips, common)
     if directory is not None:
         clock.step("write")
-        written = write_products(flight, directory, result, recording)
+        written = write_products(flight, directory, result, recording, background)
         result = replace(result, files=written)
     clock.step("")
     return result
