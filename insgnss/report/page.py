@@ -126,6 +126,7 @@ def _sections(
     if with_images:
         yield sections.images(s)
     yield sections.flight_lines(s)
+    yield sections.earlier(s)
     yield sections.hidden(s)
     yield sections.settings(s)
     if moving:

@@ -72,6 +72,32 @@ def hidden(s: Summary) -> Section:
     return _captioned("What no flight can show", caption, Table(rows, head), brief=True)
 
 
+def earlier(s: Summary) -> Section:
+    """Return what is different from earlier flights of the same equipment, where they are known."""
+    season: Mapping[str, Any] | None = s.get("earlier")
+    if season is None:
+        return Section("Compared with earlier flights")
+    n, different = season["flights"], season["different"]
+    of = f"{n} earlier flight{'s' * (n > 1)} of {season['equipment']}, the last of"
+    as_before, last = season["compared"] - len(different), season["last_utc"][:10]
+    caption = (
+        f"{as_before} of {season['compared']} figures (standard deviations, innovations, lever arm,"
+        f" time offset, biases) are as in {of} {last} ({season['season']})"
+    )
+    rows = [
+        (
+            x["name"],
+            f"{x['value']:.3g} {x['unit']}".strip(),
+            f"{x['earlier']:.3g} {x['unit']}".strip(),
+            x["help"],
+        )
+        for x in different
+    ]
+    head = ("What differs", "this flight", "earlier flights", "what to do")
+    parts = (Marked(caption, "soft"), Table(rows, head))
+    return Section("Compared with earlier flights", parts, "page", brief=True)
+
+
 def about(s: Summary) -> str:
     """Return whose flight it is, with what and when it was flown and processed."""
     output, span, week = s["flight"].get("output") or {}, s["span"], s["span"]["gps_week"]

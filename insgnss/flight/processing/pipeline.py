@@ -6,7 +6,7 @@
 `api.demo` runs it on a flight that it simulates.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,8 @@ from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
 Correction = Callable[[Flight, Recording, list[Segment]], list[Segment]]
 """Returns the solved segments of a flight with what further observations make of them."""
+Comparison = Callable[[Flight, Mapping[str, Any]], dict[str, Any]]
+"""Returns what a report has of earlier flights: `earlier`, or nothing."""
 
 
 @at_home
@@ -57,6 +59,7 @@ def process(
     write: bool = True,
     force: bool = False,
     correct: Correction | None = None,
+    compare: Comparison | None = None,
 ) -> ProcessResult:
     """Process a flight: from its flight file to the orientation of every image and its report.
 
@@ -74,6 +77,8 @@ def process(
         Whether results of other measurements are overwritten.
     correct : callable, optional
         What corrects the solved segments, such as the images of a block.
+    compare : callable, optional
+        What compares the report with those of earlier flights.
 
     Returns
     -------
@@ -90,7 +95,7 @@ def process(
         Where the products cannot go into `out`.
     """
     with reading(flight.read):
-        return _process(flight, out, progress, write, force, correct)
+        return _process(flight, out, progress, write, force, correct, compare)
 
 
 def _process(
@@ -100,6 +105,7 @@ def _process(
     write: bool,
     force: bool,
     correct: Correction | None,
+    compare: Comparison | None,
 ) -> ProcessResult:
     directory = output_directory(flight, out) if write else None
     others = None if directory is None or force else overwriting(flight, directory, out)
@@ -163,6 +169,7 @@ def _process(
     report = _report(
         flight, recording, segments, diagnostics, eo, history, clock, digests, tried_deg
     )
+    report |= {} if compare is None else compare(flight, report)
 
     result = ProcessResult(report, (), eo, trajectory, diagnostics, strips, common)
     if directory is not None:

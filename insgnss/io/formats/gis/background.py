@@ -194,7 +194,8 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
         except (OSError, SyntaxError, ValueError, KeyError) as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise
-            why = " ".join(str(error).split())[:160] or type(error).__name__
+            unknown = isinstance(error, Image.UnidentifiedImageError)
+            why = "not a picture" if unknown else " ".join(str(error).split())[:160]
             raise InputError.in_file(path, f"is no {BACKGROUNDS} ({why}); {REWRITE}") from None
         finally:
             Image.MAX_IMAGE_PIXELS = most
