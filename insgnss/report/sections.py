@@ -8,7 +8,7 @@ from ..base.findings import Finding, ranked
 from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
-from .rules.wording import clock, lengths, millimetres
+from .rules.wording import clock, lengths, millimetres, no_fix
 
 Summary = Mapping[str, Any]
 
@@ -52,10 +52,13 @@ def three(values: Sequence[float | None] | None, form: str) -> str:
 def limits(s: Summary) -> Section:
     """Remarks on the flight but for the reasons of the verdict, the most important first."""
     reasons = s["use"]["reasons"]
+    outages = [cause for o in s["outages"] if any((cause := no_fix(s, o)) in r for r in reasons)]
     listed = [
         ranked(x["topic"], x["rank"], x["text"], x["help"])
         for x in s["limits"]
-        if x["topic"] not in s["use"]["topics"] and not any(x["text"] in r for r in reasons)
+        if x["topic"] not in s["use"]["topics"]
+        and not any(x["text"] in r for r in reasons)
+        and not any(cause in x["text"] for cause in outages)
     ]
     usable = s["use"]["verdict"] == USE
     first = [Marked(NO_MATTER, "soft")] if usable and listed else []
