@@ -34,7 +34,7 @@ HOUSE: dict[str, dict[str, str]] = {
         "photogrammetry": "base geodesy records io navigation report flight simulation",
         "batch": "base geodesy records io navigation report gnss flight",
         "api": "base geodesy records io navigation report"
-        " gnss flight noise simulation photogrammetry",
+        " gnss flight noise simulation photogrammetry batch",
         "cli": "base io navigation report gnss flight noise simulation photogrammetry batch api",
         "__init__": "base geodesy records io navigation gnss"
         " flight noise simulation photogrammetry api",

@@ -1,6 +1,6 @@
 """What `import insgnss` offers: the functions behind its public names, each a thin layer.
 
-It imports every wing but `batch`; `insgnss/__init__.py` and `cli` import it. A function here checks
+It imports every wing; `insgnss/__init__.py` and `cli` import it. A function here checks
 what a caller of Python may pass, calls the room that does the work, and returns its result; it
 computes nothing.
 

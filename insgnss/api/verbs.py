@@ -67,9 +67,10 @@ def process(
     DataError : the data do not support an answer.
     UsageError : the products cannot be written into `out`.
     """
+    from ..batch.season.earlier import earlier_flights
     from ..flight.processing.pipeline import process as run
 
-    return run(flight_of(flight), path_of(out), progress, write, force)
+    return run(flight_of(flight), path_of(out), progress, write, force, compare=earlier_flights)
 
 
 def flight_of(flight: "Flight | Source") -> "Flight":

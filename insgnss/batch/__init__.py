@@ -1,7 +1,7 @@
 """Many flights, their archive, and what an installation can do.
 
-It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report`, `gnss` and `flight`; `cli`
-alone imports it.
+It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report`, `gnss` and `flight`; `api`
+and `cli` import it.
 
 The way of the data, room by room: `season/` gathers flights (`gathering.py`), foresees their memory
 (`forecast.py`), processes them side by side (`pool.py` on this machine, `scheduler.py` by Dask),

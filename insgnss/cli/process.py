@@ -43,9 +43,11 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
         flight = remounted(flight, options.mounting)
     if options.engine is not None:
         flight = with_engine(flight, options.engine)
+    from ..batch.season.earlier import earlier_flights
     from ..flight.processing import pipeline
 
-    return pipeline.process(flight, options.out, progress, force=options.force)
+    force, compare = options.force, earlier_flights
+    return pipeline.process(flight, options.out, progress, force=force, compare=compare)
 
 
 VERB = Verb(

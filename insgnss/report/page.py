@@ -15,7 +15,7 @@ from typing import Any
 from ..base.files import atomic_write, json_ready, text_sha256
 from ..records import Diagnostics, ExteriorOrientation
 from . import sections
-from .charts.chart import Chart
+from .charts.chart import Background, Chart
 from .charts.run import charts
 from .document import Document, Section
 from .image_table import image_table, track
@@ -30,6 +30,7 @@ def write_report(
     eo: ExteriorOrientation | None,
     series: Mapping[str, Any] | None = None,
     report_sha256: str = "",
+    background: Background | None = None,
 ) -> Path:
     """Write the page, whole or not at all; returns where it is.
 
@@ -41,11 +42,12 @@ def write_report(
     series : what the source of the fixes says of each epoch, as `charts.gnss` takes it.
     report_sha256 : SHA-256 of the text of report.json of the same run, as `write_report_json`
         returns it.
+    background : what the map shows below the flight.
     """
     path = Path(path)
     if path.is_dir():
         path = path / "report.html"
-    shown = charts(diagnostics, eo, summary["standing"], series or None)
+    shown = charts(diagnostics, eo, summary["standing"], series or None, background)
     data: dict[str, Any] = {"track": track(diagnostics)}
     if eo is not None and eo.images:
         data["images"] = image_table(diagnostics, eo)
@@ -124,6 +126,7 @@ def _sections(
     if with_images:
         yield sections.images(s)
     yield sections.flight_lines(s)
+    yield sections.earlier(s)
     yield sections.hidden(s)
     yield sections.settings(s)
     if moving:

@@ -8,7 +8,7 @@ from ..base.findings import Finding, ranked
 from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
-from .rules.wording import clock, lengths, millimetres
+from .rules.wording import clock, lengths, millimetres, no_fix
 
 Summary = Mapping[str, Any]
 
@@ -52,10 +52,13 @@ def three(values: Sequence[float | None] | None, form: str) -> str:
 def limits(s: Summary) -> Section:
     """Remarks on the flight but for the reasons of the verdict, the most important first."""
     reasons = s["use"]["reasons"]
+    outages = [cause for o in s["outages"] if any((cause := no_fix(s, o)) in r for r in reasons)]
     listed = [
         ranked(x["topic"], x["rank"], x["text"], x["help"])
         for x in s["limits"]
-        if x["topic"] not in s["use"]["topics"] and not any(x["text"] in r for r in reasons)
+        if x["topic"] not in s["use"]["topics"]
+        and not any(x["text"] in r for r in reasons)
+        and not any(cause in x["text"] for cause in outages)
     ]
     usable = s["use"]["verdict"] == USE
     first = [Marked(NO_MATTER, "soft")] if usable and listed else []
@@ -70,6 +73,32 @@ def hidden(s: Summary) -> Section:
     rows = [(x["name"], x["effect"], x["help"]) for x in s["hidden_errors"]]
     head = ("Error", "what it does", "how to exclude it")
     return _captioned("What no flight can show", caption, Table(rows, head), brief=True)
+
+
+def earlier(s: Summary) -> Section:
+    """Return what is different from earlier flights of the same equipment, where they are known."""
+    season: Mapping[str, Any] | None = s.get("earlier")
+    if season is None:
+        return Section("Compared with earlier flights")
+    n, different = season["flights"], season["different"]
+    of = f"{n} earlier flight{'s' * (n > 1)} of {season['equipment']}, the last of"
+    as_before, last = season["compared"] - len(different), season["last_utc"][:10]
+    caption = (
+        f"{as_before} of {season['compared']} figures (standard deviations, innovations, lever arm,"
+        f" time offset, biases) are as in {of} {last} ({season['season']})"
+    )
+    rows = [
+        (
+            x["name"],
+            f"{x['value']:.3g} {x['unit']}".strip(),
+            f"{x['earlier']:.3g} {x['unit']}".strip(),
+            x["help"],
+        )
+        for x in different
+    ]
+    head = ("What differs", "this flight", "earlier flights", "what to do")
+    parts = (Marked(caption, "soft"), Table(rows, head))
+    return Section("Compared with earlier flights", parts, "page", brief=True)
 
 
 def about(s: Summary) -> str:

@@ -13,6 +13,7 @@ from PIL import Image
 from insgnss.report.charts.artists import CHART_INKS, SHADES, value_range
 from insgnss.report.charts.chart import Chart, Layer, Panel, Shade
 from insgnss.report.charts.drawn import COLUMN, SCREEN, draw, draw_sheet, figure_of
+from insgnss.report.charts.encoded import background_of
 
 NONE = np.zeros(0)
 
@@ -65,6 +66,17 @@ def test_a_line_runs_through_its_points_and_breaks_where_it_is_not_known() -> No
         assert drawn.has(x, y, ink), (x, y)
     for x, y in ((5.0, 6.0), (2.5, 6.0), (5.5, 5.5)):
         assert not drawn.has(x, y, ink, 4), (x, y)
+
+
+def test_the_ground_lies_below_a_map_within_its_edges() -> None:
+    """Oracle: by hand; a quarter that is red, at 0.6 on white, north-east of (5, 5)."""
+    quarters = np.full((64, 64, 3), 255, np.uint8)
+    quarters[:32, 32:] = (255, 0, 0)
+    below = background_of(quarters, (2.0, 2.0, 8.0, 8.0), "ground.tif")
+    drawn = Drawn(chart(Layer("line", array(0, 10), array(0, 10)), map=True, background=below))
+    drawn.axes.apply_aspect()
+    for x, y, is_red in ((6.5, 7.0, True), (7.8, 5.2, True), (4.0, 7.0, False), (9.0, 7.0, False)):
+        assert drawn.has(x, y, "#FF6666", 0) == is_red, (x, y)
 
 
 @pytest.mark.parametrize("mark", ["dot", "cross", "ring", "square", "triangle"])

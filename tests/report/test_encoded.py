@@ -1,5 +1,6 @@
 """Charts as the text of a page: the same again, small, safe within a script element."""
 
+import base64
 import dataclasses
 import json
 from pathlib import Path
@@ -10,7 +11,14 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.records import GnssFixes
 from insgnss.report.charts.chart import Chart, Layer, Panel, Shade
-from insgnss.report.charts.encoded import decoded, encoded, in_page
+from insgnss.report.charts.encoded import (
+    LARGEST_JPEG_BYTES,
+    background_of,
+    decoded,
+    encoded,
+    in_page,
+    is_jpeg,
+)
 from insgnss.report.charts.gnss import fix_series
 from insgnss.report.page import write_report
 
@@ -34,6 +42,7 @@ def _chart(texts: tuple[str, ...] = ("a", "b", "c")) -> Chart:
         shades=shades,
         limits=(0.0, 5.0),
         columns=2,
+        background=background_of(np.zeros((2, 3, 3), np.uint8), (-5.5, 0.0, 9.0, 7.0), "g.tif"),
     )
 
 
@@ -52,6 +61,17 @@ def test_charts_come_back_as_they_were() -> None:
             else:
                 assert given == wanted, f.name
     assert (back.panels[0].scale, back.panels[0].limits) == ("log", (0.1, 10.0))
+
+
+@pytest.mark.slow
+def test_a_picture_of_the_ground_stays_below_its_limit() -> None:
+    """Oracle: white noise, of which no JPEG is smaller, in the size that pages have."""
+    noise = np.random.default_rng(1).integers(0, 256, (840, 1600, 3), dtype=np.uint8)
+    jpeg = background_of(noise, (0.0, 0.0, 1.0, 1.0), "noise").jpeg
+    assert is_jpeg(jpeg)
+    assert len(base64.b64decode(jpeg)) < LARGEST_JPEG_BYTES
+    assert not is_jpeg(jpeg[: len(jpeg) // 2 // 4 * 4])
+    assert not is_jpeg("no picture")
 
 
 def test_long_arrays_lose_less_than_one_can_see() -> None:

@@ -17,6 +17,7 @@ import pytest
 from insgnss.records import ExteriorOrientation, GnssFixes
 from insgnss.records.series import ConstantSeries
 from insgnss.records.states import OF_LEVER_ARM, TIME_OFFSET
+from insgnss.report.charts.encoded import background_of
 from insgnss.report.charts.gnss import fix_series
 from insgnss.report.page import write_report
 from insgnss.report.printed import print_page
@@ -165,6 +166,31 @@ def test_every_chart_is_drawn_and_nothing_is_asked_of_anyone(opened: Opened) -> 
             drawn, coloured, _ = canvas.evaluate(PIXELS)
             assert drawn > 500, figure.get_attribute("id")
             assert coloured > 20, figure.get_attribute("id")
+
+
+@pytest.mark.slow
+def test_the_ground_moves_with_the_map(
+    browser, diagnostics, summary, orientation, tmp_path
+) -> None:
+    """Oracle: by hand; a red square of 80 m about a place, its corner 40 m away at each zoom."""
+    below = background_of(np.full((8, 8, 3), (255, 0, 0), np.uint8), (-40, -40, 40, 40), "g.tif")
+    d = diagnostics()
+    file = write_report(tmp_path, summary(d, orientation), d, orientation, background=below)
+    page = browser.new_page()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(file.as_uri())
+    page.evaluate("document.getElementById('map').scrollIntoView()")
+    page.wait_for_function(f"{MAP}.ground?.complete")
+    colour = f"""([x, y]) => {{ const v = {MAP}, s = v.ratio; v.layers.length = 0; v.paint();
+        return [...v.canvas.getContext("2d").getImageData(v.X(x) * s, v.Y(y) * s, 1, 1).data]; }}"""
+    for zoom in (1.0, 1.6):
+        page.evaluate(f"{MAP}.middle = [0, 0]; {MAP}.zoom({zoom})")
+        for x, y, is_red in ((36, 33, True), (-33, -36, True), (43, 33, False), (33, -44, False)):
+            red, green, *_ = page.evaluate(colour, [x, y])
+            assert (red - green > 100) == is_red, (zoom, x, y)
+    page.close()
+    assert asked == [file.as_uri()]
 
 
 @pytest.mark.slow

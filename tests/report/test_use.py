@@ -1,5 +1,7 @@
 """Which images can be used, for which need, and the reason in words."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,21 @@ def test_an_image_beyond_its_need_is_named(diagnostics, eo, summary) -> None:
     assert s["use"]["sentence"] == "Use it except 1 image (8001.tif)"
     assert s["use"]["reasons"][0].startswith("heading is known to 0.31 deg only, needed are 0.2")
     assert run_verdict(s)[0] == "doubtful"
+
+
+def test_one_fault_of_several_images_is_one_sentence(diagnostics, eo, summary) -> None:
+    """Oracle: heading sigmas of three images are 30 times as large; the reason names each once."""
+    orientation = eo()
+    cov = orientation.cov.copy()
+    for k in (2, 5, 6):
+        cov[k, 5, :] *= 30.0
+        cov[k, :, 5] *= 30.0
+    use = summary(diagnostics(), dataclasses.replace(orientation, cov=cov))["use"]
+    names = [orientation.images[k] for k in (2, 5, 6)]
+    assert use["images"] == names
+    (reason,) = use["reasons"]
+    assert f"in 3 images ({names[0]}, {names[1]} ... {names[2]})" in reason
+    assert reason.count("heading is known") == 1
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@
 `scheduler`  the same on the workers of a Dask scheduler that is there
 `row`        what of a flight's report stands in the table of the season
 `trends`     constants of an equipment over the season: drift, scatter, or nothing to tell
+`earlier`    what differs in a flight from the earlier ones, for its page
 `page`       index.html; `tables` season.csv and season.parquet
 `run`        all of it in its order
 `archive`    what can be made again from its inputs, and what not

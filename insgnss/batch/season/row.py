@@ -13,6 +13,13 @@ from ...base.received.nesting import read_object
 from ...flight.config.flight_file import Flight
 from ...records.states import AXES, OF_LEVER_ARM, TIME_OFFSET
 
+BIAS_UNITS = {"gyro": "deg_h", "accel": "mg"}
+BIAS_COLUMNS = {
+    f"{sensor}_bias_{axis}_{unit}": (f"{sensor} bias {axis}", unit.replace("_", "/"))
+    for sensor, unit in BIAS_UNITS.items()
+    for axis in AXES
+}
+"""Name and unit of the biases by column."""
 ROW_COLUMNS = (
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason"),
     *("images", "fixes", "fixes_used", "duration_s"),
@@ -24,6 +31,7 @@ ROW_COLUMNS = (
     *("time_offset_s", "time_offset_sigma_s"),
     *(f"boresight_{axis}_deg" for axis in "xyz"),
     *(f"boresight_{axis}_sigma_deg" for axis in "xyz"),
+    *BIAS_COLUMNS,
     *("version", "inputs_sha256", "seconds", "report"),
 )
 """Of season.csv, in their order (data_specs/season.md)."""
@@ -73,6 +81,9 @@ def row_of(report: Mapping[str, Any]) -> Row:
     }
     for axis, sigma, turn in zip("enu", position, attitude, strict=True):
         row[f"sigma_{axis}_mm"], row[f"sigma_att_{axis}_deg"] = sigma, turn
+    biases = report.get("biases") or {}
+    of_axes = [b for s, u in BIAS_UNITS.items() for b in biases.get(f"{s}_{u}") or [None] * 3]
+    row |= dict(zip(BIAS_COLUMNS, of_axes, strict=True))
     return row | constants_row(report)
 
 

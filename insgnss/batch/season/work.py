@@ -23,6 +23,7 @@ from ...base.provenance import DIGESTS_KEY, changed_products
 from ...base.received.trusted import trusting
 from ...base.wording import relative, some
 from ...flight.config.flight_file import Flight
+from .earlier import earlier_flights
 from .row import (
     ROW_COLUMNS,
     Row,
@@ -197,7 +198,8 @@ def _processed(task: Task) -> tuple[str, Row]:
     report = None if task.again else report_in_force(flight, directory)
     status = JOB_KEPT
     if report is None:
-        status, report = JOB_DONE, process(flight, out, force=task.force).report
+        done = process(flight, out, force=task.force, compare=earlier_flights)
+        status, report = JOB_DONE, done.report
     row = row_of(report)
     row |= {"name": task.name, "flight": task.file, "status": status}
     if status == JOB_KEPT and (changed := names_of_changed(report, directory)):

@@ -170,6 +170,11 @@ class Output(Checked, table="output"):
         "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are"
         " those above the ellipsoid of WGS84",
     )
+    background: Path | None = option(
+        None,
+        "picture of the ground below the map of report.html: GeoTIFF (8 bits a band, EPSG code) or"
+        " MBTiles; the page holds a JPEG of it, 0.5 MB at most",
+    )
     ground_m: float | None = option(
         None,
         "height of the ground in a projected CRS: heights above it are multiplied by the map"

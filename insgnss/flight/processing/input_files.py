@@ -69,8 +69,7 @@ def input_files(flight: Flight) -> list[Path]:
         files += camera.match.files
     files += [source.file for source in flight.mounting_files]
     files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
-    if flight.output.geoid is not None:
-        files.append(flight.output.geoid)
+    files += [f for f in (flight.output.geoid, flight.output.background) if f is not None]
     return list(dict.fromkeys(files))
 
 

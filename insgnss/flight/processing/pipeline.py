@@ -6,7 +6,7 @@
 `api.demo` runs it on a flight that it simulates.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,13 @@ from .diagnostics import constants_of, report_rows, run_diagnostics, tried_anten
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
-from .products import output_directory, overwriting, refuse_image_names, write_products
+from .products import (
+    ground_below,
+    output_directory,
+    overwriting,
+    refuse_image_names,
+    write_products,
+)
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .result import ProcessResult as ProcessResult
@@ -41,6 +47,8 @@ from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
 Correction = Callable[[Flight, Recording, list[Segment]], list[Segment]]
 """Returns the solved segments of a flight with what further observations make of them."""
+Comparison = Callable[[Flight, Mapping[str, Any]], dict[str, Any]]
+"""Returns what a report has of earlier flights: `earlier`, or nothing."""
 
 
 @at_home
@@ -51,6 +59,7 @@ def process(
     write: bool = True,
     force: bool = False,
     correct: Correction | None = None,
+    compare: Comparison | None = None,
 ) -> ProcessResult:
     """Process a flight: from its flight file to the orientation of every image and its report.
 
@@ -68,6 +77,8 @@ def process(
         Whether results of other measurements are overwritten.
     correct : callable, optional
         What corrects the solved segments, such as the images of a block.
+    compare : callable, optional
+        What compares the report with those of earlier flights.
 
     Returns
     -------
@@ -84,7 +95,7 @@ def process(
         Where the products cannot go into `out`.
     """
     with reading(flight.read):
-        return _process(flight, out, progress, write, force, correct)
+        return _process(flight, out, progress, write, force, correct, compare)
 
 
 def _process(
@@ -94,6 +105,7 @@ def _process(
     write: bool,
     force: bool,
     correct: Correction | None,
+    compare: Comparison | None,
 ) -> ProcessResult:
     directory = output_directory(flight, out) if write else None
     others = None if directory is None or force else overwriting(flight, directory, out)
@@ -115,6 +127,7 @@ def _process(
 
     clock.step("prepare")
     prepared = _prepared(flight, recording)
+    background = ground_below(flight, recording.gnss, prepared.frame) if write else None
     if not flight.filter.time_offset:  # else the fixes are moved, and prepared again
         recording = recording.without_samples()
     segments, checks = _solve(flight, recording, prepared, clock.step)  # align, filter, smooth
@@ -156,11 +169,12 @@ def _process(
     report = _report(
         flight, recording, segments, diagnostics, eo, history, clock, digests, tried_deg
     )
+    report |= {} if compare is None else compare(flight, report)
 
     result = ProcessResult(report, (), eo, trajectory, diagnostics, strips, common)
     if directory is not None:
         clock.step("write")
-        written = write_products(flight, directory, result, recording)
+        written = write_products(flight, directory, result, recording, background)
         result = replace(result, files=written)
     clock.step("")
     return result

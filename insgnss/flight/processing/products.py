@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ...base.errors import DataError, InputError, InsgnssError, UsageError
 from ...base.output.scratch import scratch_directory
 from ...base.output.staging import together
@@ -20,6 +22,7 @@ from ...base.provenance import hashes_of_products, other_results
 from ...base.received.outputs import refuse_outside
 from ...base.wording import relative
 from ...geodesy.crs import is_globe
+from ...geodesy.frames import LocalFrame
 from ...gnss.antenna_files import (
     ANTENNA_FILES,
     SOLUTION_FILE,
@@ -27,13 +30,16 @@ from ...gnss.antenna_files import (
     write_antenna_files,
 )
 from ...io.formats import EXPORTS
+from ...io.formats.gis.background import read_background
 from ...io.formats.orientation.eo_covariance import write_eo_covariance
 from ...io.formats.trajectory.sbet import write_sbet, write_smrmsg
 from ...io.formats.trajectory.trajectory_csv import write_trajectory_csv
 from ...navigation.noise_model.model import NoiseModel
-from ...records import ExteriorOrientation
+from ...records import ExteriorOrientation, GnssFixes
 from ...records.framed import GEOGRAPHIC, PROJECTED
 from ...records.observations import in_week
+from ...report.charts.chart import Background
+from ...report.charts.encoded import background_of
 from ...report.page import write_report, write_report_json
 from ..config.flight_file import Flight
 from ..exporting.export import ExportFrame, export, refuse_names
@@ -169,8 +175,38 @@ def ppk_directory(out: Path) -> Path:
     return beside if published else out / PUBLISHED_PPK
 
 
+def ground_below(flight: Flight, fixes: GnssFixes, frame: LocalFrame) -> Background | None:
+    """Return what the map of the page shows below the flight, where the flight file names it.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    fixes : GnssFixes
+        Where the flight was.
+    frame : LocalFrame
+        The frame of the map.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, says no place, or shows another place.
+    """
+    file, gnss = flight.output.background, flight.gnss
+    if file is None:
+        return None
+    places = np.stack([fixes.lat, fixes.lon, fixes.height], axis=1)
+    with of_flight_file(flight, "output.background", InputError):
+        ground = read_background(file, frame, places, gnss.datum, gnss.epoch)
+    return background_of(ground.pixels, ground.edges, file.name)
+
+
 def write_products(
-    flight: Flight, out: Path, result: ProcessResult, recording: Recording
+    flight: Flight,
+    out: Path,
+    result: ProcessResult,
+    recording: Recording,
+    background: Background | None = None,
 ) -> tuple[Path, ...]:
     """Write every product, all of them or none.
 
@@ -186,6 +222,8 @@ def write_products(
         What is to be written; its report is completed by the notes of the writers.
     recording : Recording
         The recording.
+    background : Background, optional
+        What the map of the page shows below the flight.
 
     Returns
     -------
@@ -218,7 +256,13 @@ def write_products(
         report[HASHES] = hashes_of_products(staging.goals(), Path(out))
         digest = write_report_json(report, directory / REPORT)
         write_report(
-            directory / "report.html", report, result.diagnostics, eo, recording.series, digest
+            directory / "report.html",
+            report,
+            result.diagnostics,
+            eo,
+            recording.series,
+            digest,
+            background,
         )
         files = staging.goals()
         _refuse_overwriting(flight, files)

@@ -105,7 +105,9 @@ def within(
     count, inside = (sum(len(camera.events) for camera in each) for each in (cameras, kept))
     if inside == count:
         return kept, []
-    finding = f"{count - inside} of {count} images left out"
+    finding = (
+        f"{count - inside} of {count} images lie outside of these times and get no orientation"
+    )
     return kept, [Question("start_tow, end_tow", "all images within").note(finding)]
 
 

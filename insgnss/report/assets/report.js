@@ -691,6 +691,7 @@
   // ---------------------------------------------------------------- maps
 
   const MARGIN = { left: 62, right: 12, top: 10, bottom: 34 };
+  const GROUND_ALPHA = 0.6; // of the ground below: lines and dots stand out
 
   class MapView {
     constructor(chart, figure) {
@@ -717,6 +718,11 @@
         return { layer, sign };
       });
       for (const layer of this.layers) if (layer.value) this.keys.append(bar(layer));
+      if (this.chart.background) {
+        this.ground = new Image();
+        this.ground.onload = () => this.paint();
+        this.ground.src = `data:image/jpeg;base64,${this.chart.background.jpeg}`;
+      }
       this.frame = make("div", "map");
       this.canvas = make("canvas");
       this.canvas.tabIndex = 0;
@@ -797,6 +803,12 @@
       g.beginPath();
       g.rect(box.left, box.top, box.right - box.left, box.bottom - box.top);
       g.clip();
+      if (this.ground?.complete && this.ground.naturalWidth) {
+        const { west, south, east, north } = this.chart.background;
+        g.globalAlpha = GROUND_ALPHA;
+        g.drawImage(this.ground, this.X(west), this.Y(north), (east - west) * this.scale, (north - south) * this.scale);
+        g.globalAlpha = 1;
+      }
       paint(g, this.layers, this.hidden, (x) => this.X(x), (y) => this.Y(y), 1, box);
       this.names(g, box);
       this.marks(g);

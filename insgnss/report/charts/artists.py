@@ -4,12 +4,14 @@ Colours are those of Okabe and Ito (2008), which the colour-blind tell apart. Si
 sheet of 1000 pixels, a point is `POINTS_OF_PIXEL` of them.
 """
 
+import base64
+import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from .chart import Array, Ink, Layer, Mark, Panel, Shade
+from .chart import Array, Background, Ink, Layer, Mark, Panel, Shade
 
 CHART_INKS: Mapping[Ink, str] = {
     "first": "#0072B2",
@@ -42,6 +44,7 @@ POINTS_OF_PIXEL = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
 RASTERISED_FROM = 5000  # points from which on a PDF has them as an image
+GROUND_ALPHA = 0.6  # opacity of the ground below a map, so that lines and dots stand out
 IN_FRONT = 2.0  # of grid and shades; of what is alike in this, the later is drawn over the earlier
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
 # colours end at so many times what that share of the values reach
@@ -75,6 +78,18 @@ def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
     for artist in set(ax.get_children()) - before:  # matplotlib would draw lines over points
         artist.set_zorder(IN_FRONT)
     return explained
+
+
+def draw_background(ax: Any, background: Background) -> None:
+    """Draw what a map shows below its layers; the limits of the axes stay."""
+    from matplotlib.image import AxesImage
+    from PIL import Image
+
+    extent = (background.west, background.east, background.south, background.north)
+    below = AxesImage(ax, extent=extent, origin="upper", alpha=GROUND_ALPHA, zorder=0.0)
+    with Image.open(io.BytesIO(base64.b64decode(background.jpeg))) as image:
+        below.set_data(np.asarray(image))
+    ax.add_artist(below)
 
 
 def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:

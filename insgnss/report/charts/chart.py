@@ -112,6 +112,28 @@ class Shade:
     text: str = ""
 
 
+@dataclass(frozen=True)
+class Background:
+    """A picture below a map.
+
+    Parameters
+    ----------
+    jpeg : str
+        The file in base64.
+    west, south, east, north : float
+        Its edges in the map's axes.
+    name : str
+        What it shows, or its file.
+    """
+
+    jpeg: str
+    west: float
+    south: float
+    east: float
+    north: float
+    name: str
+
+
 @dataclass(frozen=True, eq=False)
 class Chart:
     """A figure: panels one above the other over one horizontal axis, or a map.
@@ -155,3 +177,4 @@ class Chart:
     shades: Sequence[Shade] = field(default=())
     limits: tuple[float, float] | None = None
     columns: int = 1
+    background: Background | None = None

@@ -14,7 +14,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .artists import CHART_INKS, SHADE_NAMES, SHADES, draw_layer, draw_shades, named, number_shades
+from .artists import (
+    CHART_INKS,
+    SHADE_NAMES,
+    SHADES,
+    draw_background,
+    draw_layer,
+    draw_shades,
+    named,
+    number_shades,
+)
 from .chart import Array, Chart, Layer, Panel
 
 Form = Literal["png", "pdf", "svg"]
@@ -303,6 +312,8 @@ class _SheetBlock:
         if self.chart.limits is not None:
             ax.set_xlim(*self.chart.limits)
         if self.chart.map:
+            if self.chart.background is not None:
+                draw_background(ax, self.chart.background)
             ax.set_aspect("equal", adjustable="datalim")
         self._label(ax, panel.label)
         if panel.scale == "log":

@@ -15,6 +15,7 @@ The text may stand within a script element as it is: no character in it has a me
 """
 
 import base64
+import io
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -24,12 +25,16 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from .chart import Array, Chart, Layer, Panel, Shade
+from .chart import Array, Background, Chart, Layer, Panel, Shade
 
 CHARTS_KEY = "charts"  # id of the script element that holds the text
 LONG = 64  # values: shorter arrays are float32
 NOT_FINITE = 65535  # code of a value that is not finite; the others count steps from the lowest
 FINE_STEP, FINE_SHARE = 1e-3, 5e-3  # of the span of half of the values; of the smallest one
+# bytes of the JPEG below a map: more than the rest of the page would make it slow to send by mail
+LARGEST_JPEG_BYTES = 500_000
+# of the JPEG, the first that is small enough: 1600 x 840 pixels of noise have 340 kB at the last
+QUALITIES = (80, 60, 40, 20)
 _ARRAYS = ("x", "y", "x2", "y2", "value")
 _UNSAFE_IN_SCRIPT = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}
 
@@ -66,7 +71,7 @@ def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
         return out
 
     listed = [
-        _plain(chart, ("panels", "shades"))
+        _plain(chart, ("panels", "shades", "background"))
         | {
             "panels": [
                 _plain(panel, ("layers",)) | {"layers": [layer(of) for of in panel.layers]}
@@ -74,6 +79,7 @@ def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
             ]
         }
         | ({"shades": [_plain(shade) for shade in chart.shades]} if chart.shades else {})
+        | ({"background": _plain(chart.background)} if chart.background else {})
         for chart in charts
     ]
     whole = {
@@ -124,6 +130,43 @@ def in_page(page: str) -> tuple[tuple[Chart, ...], str]:
 def packed(x: Array) -> str:
     """Return an array as float32, little endian, in base64."""
     return base64.b64encode(_bytes(x)).decode("ascii")
+
+
+def background_of(pixels: Any, edges: tuple[float, float, float, float], name: str) -> Background:
+    """Return a picture as a JPEG of at most `LARGEST_JPEG_BYTES`.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, (h, w, 3)
+        The picture.
+    edges : tuple of float
+        West, south, east and north in the map's axes.
+    name : str
+        What it shows, or its file.
+    """
+    from PIL import Image
+
+    picture, stream = Image.fromarray(pixels), io.BytesIO()
+    for quality in QUALITIES:
+        stream = io.BytesIO()
+        picture.save(stream, "JPEG", quality=quality)
+        if stream.tell() <= LARGEST_JPEG_BYTES:
+            break
+    return Background(base64.b64encode(stream.getvalue()).decode("ascii"), *edges, name)
+
+
+def is_jpeg(text: str) -> bool:
+    """Tell whether a text is a JPEG in base64 that can be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(
+            io.BytesIO(base64.b64decode(text, validate=True)), formats=["JPEG"]
+        ) as image:
+            image.load()
+    except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError):
+        return False
+    return True
 
 
 def _bytes(x: Array) -> bytes:
@@ -198,7 +241,8 @@ def _chart(chart: Mapping[str, Any], layer: Callable[[Mapping[str, Any]], Layer]
         for panel in chart["panels"]
     )
     shades = tuple(Shade(**shade) for shade in chart.get("shades", ()))
-    return Chart(**{**chart, "panels": panels, "shades": shades} | _limits(chart))
+    below = {"background": Background(**chart["background"])} if "background" in chart else {}
+    return Chart(**{**chart, "panels": panels, "shades": shades} | below | _limits(chart))
 
 
 def _limits(of: Mapping[str, Any]) -> dict[str, Any]:

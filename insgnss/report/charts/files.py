@@ -18,7 +18,7 @@ from ...base.inputs import is_file, read_text, sha256
 from ...base.output.staging import together
 from .chart import Chart, Ink, Kind, Layer, Link, Mark, Panel, Scale
 from .drawn import CHART_FILES, PRINTED_PAGE, Form, Paper, draw
-from .encoded import in_page
+from .encoded import in_page, is_jpeg
 
 FOLDER = "figures"
 NARROWEST_MM, WIDEST_MM = 40.0, 500.0  # letters fill a narrower picture; no page is wider
@@ -170,6 +170,8 @@ def _problem(chart: Chart) -> str:
         return "no panels, or a scale or number of columns that is unknown"
     if chart.link not in get_args(Link):
         return f"the link {chart.link!r} is unknown"
+    if chart.background is not None and not is_jpeg(chart.background.jpeg):
+        return "its background is no picture"
     return next((problem for panel in chart.panels if (problem := _of_panel(panel))), "")
 
 

@@ -18,7 +18,7 @@ from ..marks import Marks, marks_of
 from ..rules.wording import NED_NAMES
 from ..summary import image_sigmas
 from . import gnss, support
-from .chart import AXES_INKS, Array, Chart, Layer, Panel
+from .chart import AXES_INKS, Array, Background, Chart, Ink, Layer, Panel
 from .pieces import dots, length_unit, line, over_time
 from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
@@ -53,6 +53,7 @@ def charts(
     eo: ExteriorOrientation | None,
     standing: bool = False,
     series: Mapping[str, Any] | None = None,
+    background: Background | None = None,
 ) -> tuple[Chart, ...]:
     """All charts for which there is something to show.
 
@@ -60,11 +61,12 @@ def charts(
     ----------
     standing : the sensor stood at a given place, and there are no fixes.
     series : what the source of the fixes says of each epoch, as `gnss.charts` takes it.
+    background : what the map shows below the flight.
     """
     d = diagnostics
     images = eo if eo is not None and len(eo.images) > 0 else None
     marks = marks_of(d, images)
-    shown = [] if standing else [_map(d, images, series)]
+    shown = [] if standing else [_map(d, images, series, background)]
     shown += [_motion(d, images, marks), _sigmas(d, marks)]
     if images is not None:
         shown.append(_sigmas_by_image(images))
@@ -83,10 +85,16 @@ def charts(
     return tuple(shown)
 
 
-def _map(d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None) -> Chart:
+def _map(
+    d: Diagnostics,
+    eo: ExteriorOrientation | None,
+    series: Mapping[str, Any] | None,
+    background: Background | None,
+) -> Chart:
     north, east = d.position[:, 0], d.position[:, 1]
     rows = track_rows(d)
-    layers = [Layer("line", east[rows], north[rows], "", "faint", width=1.2)]
+    ink: Ink = "ink" if background else "faint"
+    layers = [Layer("line", east[rows], north[rows], "", ink, width=1.2)]
     layers += _fixes(d, series)
     layers += _places(d)
     if eo is not None:
@@ -99,11 +107,14 @@ def _map(d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, An
     return Chart(
         "map",
         "Where the flight went",
-        _MAP + (_MAP_IMAGES if eo is not None else ""),
+        _MAP
+        + (_MAP_IMAGES if eo is not None else "")
+        + (f" The ground below is {background.name}." if background else ""),
         (Panel("north of the local frame's origin, m", layers),),
         "east of the local frame's origin, m",
         map=True,
         link="image" if eo is not None else "time",
+        background=background,
     )
 
 

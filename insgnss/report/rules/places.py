@@ -76,8 +76,12 @@ def why(f: Figures, line: Figures) -> tuple[str, str]:
         )
     if line["turned_after_deg"] < TURN_DEG:
         return "no turn followed it", f"make a turn or a figure of eight after line {line['line']}"
-    before = f"although the heading turned over {line['turned_before_deg']:.0f} deg before it"
-    return before, "make faster turns close to the line"
+    return slow_turns(line["turned_before_deg"]), "make faster turns close to the line"
+
+
+def slow_turns(turned_deg: float) -> str:
+    """Say that turns before a line or image did not help."""
+    return f"the turns before ({turned_deg:.0f} deg of heading) are too slow or too long ago"
 
 
 def _outage_on(f: Figures, line: Figures) -> Figures | None:
@@ -109,7 +113,7 @@ def _first_image(f: Figures, name: str) -> Iterator[Finding]:
 def why_first(f: Figures, name: str) -> tuple[str, str]:
     """Why heading or tilt of the first image is weak, and what would help."""
     turn = f["exposures"]["heading_range_before_first_deg"]
-    why = f"although the heading turned over {turn:.0f} deg before it"
+    why = slow_turns(turn)
     if name == "tilt":
         why = "too little was flown before it"
     elif turn < TURN_DEG:

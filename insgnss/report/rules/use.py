@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.wording import some
 from . import accuracy, fixes, places
 from .wording import Figures, at_time, degrees, millimetres, no_fix, span
 
@@ -41,7 +42,7 @@ NEED_OF_MEDIAN = np.array([3.0, 3.0, 10.0])
 CHANCE = 3.0  # sigmas of a disagreement at one instant that chance explains: the rest enlarges
 AROUND_S = 60.0  # on both sides of such an instant: fixes and IMU drift for seconds to minutes
 RESET_S = 30.0  # on both sides of a covariance reset: the filter had lost the fixes by then
-MOST_PLACES = 4  # of weak images that get a sentence each
+MOST_PLACES = 4  # of weak images that get a sentence each, and that are listed in one (chosen)
 UNREACHABLE = math.inf  # d of (U.1) where nothing bounds it
 ENU_AXES = ("east", "north", "up")
 OPEN_CLOCK = "exposure clock"  # check whose note asks what no data of the flight can answer
@@ -107,8 +108,9 @@ class JudgedPlaces:
         count = f"{index.size} image{'' if index.size == 1 else 's'}"
         if index.size == self.time.size:
             return f"all {count}" if index.size > 1 else count
-        first, last = self.names[index[0]], self.names[index[-1]]
-        return f"{count} ({first})" if index.size == 1 else f"{count} ({first} ... {last})"
+        runs = np.split(index, np.flatnonzero(np.diff(index) > 1) + 1)
+        ends = [dict.fromkeys((self.names[run[0]], self.names[run[-1]])) for run in runs]
+        return f"{count} ({some((' ... '.join(pair) for pair in ends), MOST_PLACES)})"
 
 
 def use(
@@ -352,11 +354,19 @@ def _insufficient(
     runs = edges.reshape(-1, 2)
     if len(runs) > MOST_PLACES:
         runs = np.array([[runs[0, 0], runs[-1, 1]]])
+    faults: dict[tuple[Any, ...], list[tuple[float, str, Rows]]] = {}
     for begin, end in runs:
         rows = np.zeros_like(beyond)
         rows[begin:end] = beyond[begin:end]
-        worst = np.where(rows[:, None], sigma / needed, 0.0)
-        row, column = np.unravel_index(int(worst.argmax()), worst.shape)
+        row, column = _weakest(sigma / needed, rows)
+        why, help_ = _cause(f, float(judged.time[begin]), float(judged.time[end - 1]), column)
+        outages = [o["time_s"] for o in f["outages"] if no_fix(f, o) in why]
+        ratio = float((sigma / needed)[row, column])
+        faults.setdefault((column, help_, *outages), []).append((ratio, why, rows))
+    for (_, help_, *outages), places_of_it in faults.items():  # one fault, one sentence
+        rows = np.logical_or.reduce([rows for _, _, rows in places_of_it])
+        _, why, _ = max(places_of_it, key=lambda place: place[0])
+        row, column = _weakest(sigma / needed, rows)
         if column < 3:
             size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))
             quantity, topics = f"position {ENU_AXES[column]}", ["horizontal", "image"]
@@ -364,14 +374,19 @@ def _insufficient(
             size, most = degrees(sigma[row, column]), degrees(needed[column])
             quantity = "heading" if column == 5 else "tilt"
             topics = [quantity, "image"]
-        why, help_ = _cause(f, float(judged.time[begin]), float(judged.time[end - 1]), column)
-        if any(no_fix(f, outage) in why for outage in f["outages"]):
+        if outages:
             topics.append("outage")
         text = f"{quantity} is known to {size} only, needed are {most}, in {judged.listed(rows)}"
         yield f"{text}{why}{help_}", topics
 
 
-def _cause(f: Figures, begin: float, end: float, column: np.intp) -> tuple[str, str]:
+def _weakest(ratio: Array, rows: Rows) -> tuple[int, int]:
+    """Return row and column of the largest ratio (n, 6) among some rows."""
+    row, column = np.unravel_index(int(np.where(rows[:, None], ratio, 0.0).argmax()), ratio.shape)
+    return int(row), int(column)
+
+
+def _cause(f: Figures, begin: float, end: float, column: int) -> tuple[str, str]:
     """Return why images are weak and what helps, each after a separator; nothing where unknown."""
     outages = [o for o in f["outages"] if o["time_s"] <= end + 1.0]
     outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]
