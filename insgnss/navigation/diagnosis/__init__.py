@@ -12,7 +12,7 @@ it reads no file. The modules follow the way of the search:
     sensor_dynamics  sensors that show the motion late or worse in turns
     variances        noise that is larger than its model says, and biases that it lacks
     decision         which candidate is adopted: `diagnose`
-    failure          why a flight has no solution, and with which errors of the IMU it has one
+    failure          why a flight has no solution, and with which error model it has one
     drift            biases that warm up or drift; what larger noise smooths over
     advice           the notes for the user: checks against the flight file, a message
     remedies         the list of what is tried for a segment, in order: `REMEDIES`

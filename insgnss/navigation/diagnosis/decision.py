@@ -110,13 +110,13 @@ def diagnose(
     if fix_counts(solution.verdict)[0] < FEWEST_FIXES:
         return Diagnosis(solution)
     posed = solution.problem, start
-    state = _Search(solution, search.requested_model)
+    state = Stage(solution, search.requested_model)
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
         settled = settled_evidence(state.solution, followed, search.requested, search.exact)
         constants = settled or search.constants(*posed, state.model) or constants
-        following = _next(search, posed, state, constants)
+        following = next_state(search, posed, state, constants)
         if following is None:
             break
         state, posed = following, following.posed or posed
@@ -132,7 +132,7 @@ def diagnose(
 
 
 @dataclass(frozen=True)
-class _Search:
+class Stage:
     """Where the search stands: what is adopted, what it says, and what has been tried in vain.
 
     `posed` is the problem with another start, where what is adopted has aligned it anew;
@@ -155,20 +155,20 @@ class _Search:
         adopted: tuple[Solution, ErrorModel] | None = None,
         posed: Posed | None = None,
         variances: VarianceSearch | None = None,
-    ) -> "_Search":
+    ) -> "Stage":
         """Return the state after something was tried: what it says, and what is adopted with it."""
         sentence = sentence or "; ".join(f"{check.name}: {check.found}" for check in checks)
         if adopted is None:
             adopted, posed, variances = (self.solution, self.model), self.posed, self.variances
         every, history = (*self.checks, *checks), (*self.history, sentence)
-        return _Search(*adopted, every, history, self.attempted | set(names), posed, variances)
+        return Stage(*adopted, every, history, self.attempted | set(names), posed, variances)
 
 
-Candidate = tuple[float, Callable[[], _Search | None]]
+Candidate = tuple[float, Callable[[], Stage | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
 
 
-def _clock_step(search: ErrorModelSearch, posed: Posed, state: _Search) -> Finding | None:
+def _clock_step(search: ErrorModelSearch, posed: Posed, state: Stage) -> Finding | None:
     """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
@@ -208,15 +208,14 @@ def step_under(
     return None if step is None else step_check(step)
 
 
-def _next(
-    search: ErrorModelSearch, posed: Posed, state: _Search, constants: ConstantsEvidence | None
-) -> _Search | None:
+def next_state(
+    search: ErrorModelSearch, posed: Posed, state: Stage, constants: ConstantsEvidence | None
+) -> Stage | None:
     """Return the state after the winner has been adopted; None where nothing gains."""
     suspected = None if constants is None else constants.strongest()
     suspicious: Beside[bool] | None = None
     if search.time_correlated and "time-correlated" not in state.attempted:
         fixes, of_fixes = state.model.fixes, search.of_fixes(state.model)
-        # beside the search for variances
         suspicious = Beside(lambda: is_suspicious(state.solution, of_fixes, fixes))
     variances = state.variances or VarianceSearch(state.solution, search.progress)
     promising = search.variances and bool(variances.promising())
@@ -225,7 +224,7 @@ def _next(
     of_constants: Candidate | None = None
     if constants and suspected and not state.attempted & set(suspected.groups):
         evidence = _of_lost_fixes(search, posed, state, suspected)
-        delays = _delays(search, posed, state, evidence - OTHERS)
+        delays = late_sensors(search, posed, state, evidence - OTHERS)
         delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
         remedied = None
         if delay is None:
@@ -253,7 +252,7 @@ def _next(
 
 
 def _of_lost_fixes(
-    search: ErrorModelSearch, posed: Posed, state: _Search, suspected: Hypothesis
+    search: ErrorModelSearch, posed: Posed, state: Stage, suspected: Hypothesis
 ) -> float:
     """Return the evidence of a hypothesis; by the misfit, where that has lost fixes, if smaller."""
     if _resets(state.solution) == 0:
@@ -263,8 +262,8 @@ def _of_lost_fixes(
     return min(suspected.evidence, gain)
 
 
-def _delays(
-    search: ErrorModelSearch, posed: Posed, state: _Search, least: float
+def late_sensors(
+    search: ErrorModelSearch, posed: Posed, state: Stage, least: float
 ) -> list[DynamicsTrial]:
     """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
     trials = [
@@ -276,7 +275,7 @@ def _delays(
     return sorted(rivals, key=lambda one: -one.evidence)
 
 
-def _corrected(state: _Search, delay: DynamicsTrial) -> _Search:
+def _corrected(state: Stage, delay: DynamicsTrial) -> Stage:
     """Return the state without the delay of a sensor."""
     adopted = delay.solution, state.model
     return state.after_trial(
@@ -287,11 +286,11 @@ def _corrected(state: _Search, delay: DynamicsTrial) -> _Search:
 def _with_constants(
     search: ErrorModelSearch,
     posed: Posed,
-    state: _Search,
+    state: Stage,
     constants: ConstantsEvidence,
     suspected: Hypothesis,
     delays: Sequence[DynamicsTrial],
-) -> _Search | None:
+) -> Stage | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
     rivals = constants.rivals(suspected)
@@ -313,8 +312,8 @@ def _with_constants(
 
 
 def _as_allowed(
-    state: _Search, remedied: _Search, constants: ConstantsEvidence, suspected: Hypothesis
-) -> _Search:
+    state: Stage, remedied: Stage, constants: ConstantsEvidence, suspected: Hypothesis
+) -> Stage:
     """Return a remedied state, or what it says alone where it estimates what is stated as exact."""
     if not constants.denied(suspected):
         return remedied
@@ -329,7 +328,7 @@ def _as_allowed(
 
 
 def _variance(
-    search: ErrorModelSearch, posed: Posed, state: _Search, variances: VarianceSearch
+    search: ErrorModelSearch, posed: Posed, state: Stage, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the strongest family of variances; None where there is none."""
     winner = variances.strongest()
@@ -339,7 +338,7 @@ def _variance(
     if model is None:
         return None
 
-    def adopt() -> _Search | None:
+    def adopt() -> Stage | None:
         search.progress(f"filter, with larger {winner.family}")
         solution = search.solved(posed, model)
         if solution is None:
@@ -355,7 +354,7 @@ def _variance(
 
 
 def _slow_bias(
-    search: ErrorModelSearch, posed: Posed, state: _Search, variances: VarianceSearch
+    search: ErrorModelSearch, posed: Posed, state: Stage, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the slow bias of the IMU, or the step of it, that explains more; None without."""
     slow = step = None
@@ -371,7 +370,7 @@ def _slow_bias(
     if not suspects:
         return None
 
-    def adopt() -> _Search | None:
+    def adopt() -> Stage | None:
         beside: list[SlowBiasCandidate] = []
         if step is not None and slow is None and SLOW_STATE not in state.attempted:
             beside = courses_beside(search, state.model, posed[0], step)
@@ -393,7 +392,7 @@ def _slow_bias(
 def _time_correlated(
     search: ErrorModelSearch,
     posed: Posed,
-    state: _Search,
+    state: Stage,
     variances: VarianceSearch,
     suspicious: "Beside[bool]",
 ) -> Candidate | None:
@@ -410,6 +409,7 @@ def _time_correlated(
     else:
         search.progress("the innovations are not white: errors of the fixes")
         errors = time_correlated_error(state.solution, search.of_fixes(state.model), fixes)
+        errors = errors and variances.averaged(search.of_fixes(state.model), errors)
         parameters = CORRELATED_PARAMETERS
     if errors is None:
         return None
@@ -465,7 +465,7 @@ def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
-def _adopted(search: ErrorModelSearch, posed: Posed, state: _Search, model: ErrorModel) -> _Search:
+def _adopted(search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel) -> Stage:
     """Solve again with a time-correlated GNSS error.
 
     As long as that loses fixes, it is tried with a larger white share. Where the one that loses

@@ -1,4 +1,4 @@
-"""What becomes of a flight that has no solution: its cause in the flight file, or in the IMU."""
+"""What becomes of a flight that has no solution: its cause in the flight file, or in a sensor."""
 
 from dataclasses import replace
 
@@ -6,16 +6,23 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Finding
-from ...records.states import OF_FIXES
 from ..filter.problem import EstimationProblem, InitialState
-from ..filter.solution import Solution, solve
-from .advice import advice, variance_check
+from ..filter.solution import solve
+from .advice import advice
 from .candidates import widened, with_constants
-from .constants import STRONG, Hypothesis
-from .decision import OF_CLOCK, ROUNDS, as_solved, step_under, together
-from .drift import bias_step_candidate, courses_beside, least_misfit, slow_bias_candidate
-from .evidence import ErrorModelSearch, follows
-from .variances import VarianceSearch, with_variances
+from .constants import OTHERS, STRONG, Hypothesis
+from .decision import (
+    OF_CLOCK,
+    ROUNDS,
+    Diagnosis,
+    Stage,
+    as_solved,
+    late_sensors,
+    next_state,
+    step_under,
+)
+from .drift import bias_step_candidate
+from .evidence import ErrorModelSearch, Posed, follows
 
 
 def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Finding | None:
@@ -43,7 +50,7 @@ def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Fin
     if shown is None:
         return None
     suspected, rivals = shown
-    if _biases_step(search, problem, start, suspected.evidence):
+    if _rival_wins(search, (open_gate, start), problem.gate, suspected.evidence):
         return None
     quiet = replace(search, second_pass="off", progress=lambda _: None)
     model = with_constants(search.requested_model, suspected.groups, suspected.factor)
@@ -61,15 +68,17 @@ def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Fin
     return next((check for check in checks if check.verdict == "contradiction"), None)
 
 
-def _biases_step(
-    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState, evidence: float
-) -> bool:
-    """Return whether a step of the biases gives a solution, and has more evidence."""
+def _rival_wins(search: ErrorModelSearch, posed: Posed, gate: float, evidence: float) -> bool:
+    """Return whether late sensors, or a step of the biases, explain more than an evidence."""
     try:
-        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
+        shown = solve(*posed, "off", search.progress)
     except DataError:
         return False
-    step = bias_step_candidate(search, search.requested_model, (problem, start), shown)
+    state = Stage(shown, search.requested_model)
+    if late_sensors(search, posed, state, evidence + OTHERS):
+        return True
+    gated = replace(posed[0], gate=gate), posed[1]
+    step = bias_step_candidate(search, state.model, gated, shown)
     if step is None or step.evidence <= evidence:
         return False
     stepped = step.solved(search)
@@ -78,11 +87,10 @@ def _biases_step(
 
 def rescue(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Finding, ...]] | None:
-    """Look for the error of the IMU with which a flight has a solution that has none without.
+) -> Diagnosis | None:
+    """Look for the error model with which a flight has a solution that has none without.
 
-    Scale factors and misalignments are tried first, where the evidence is for them; slow biases and
-    larger noise, which would take them for vibration, after.
+    The hypotheses are those of `diagnose`, judged by a solution with an open gate.
 
     Parameters
     ----------
@@ -93,67 +101,30 @@ def rescue(
 
     Returns
     -------
-    tuple of Solution and tuple of Check, or None
-        The solution with these states or larger variances, and what says so; None where neither is
-        a remedy.
+    Diagnosis or None
+        The solution with the models that were adopted, with the gate of the problem; None where
+        none is a remedy.
     """
-    calibrated = _with_errors_of_imu(search, problem, start)
-    if calibrated is not None or not search.variances:
-        return calibrated
-    model = search.requested_model
+    posed = replace(problem, gate=np.inf), start
     try:
-        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress)
+        shown = solve(*posed, "off", search.progress)
+        state = Stage(shown, search.requested_model)
         for _ in range(ROUNDS):
-            variances = VarianceSearch(shown, search.progress)
-            winner = variances.strongest()
-            slow = slow_bias_candidate(search, model, problem, variances)
-            step = bias_step_candidate(search, model, (problem, start), shown)
-            stronger = [
-                one
-                for one in (slow, step)
-                if one is not None and (winner is None or one.evidence > winner.evidence)
-            ]
-            if step is not None and slow is None:
-                stronger += courses_beside(search, model, problem, step)
-            explained = least_misfit(search, stronger)
-            if explained is not None and follows(explained[2]):
-                return explained[2], (explained[0].check(explained[2]),)
-            larger = None if winner is None else with_variances(model, winner)
-            if winner is None or larger is None:
+            constants = search.constants(*posed, state.model)
+            following = next_state(search, posed, state, constants)
+            if following is None:
                 return None
-            model, check = larger, variance_check(winner, search.claims)
-            solution = search.solved((problem, start), model)
-            if solution is not None and follows(solution):
-                return solution, (check,)
-            problem_again, start_again = widened(problem, start, search.layout(model))
-            opened = replace(problem_again, gate=np.inf)
-            shown = solve(opened, start_again, "off", search.progress)
+            state, posed = following, following.posed or posed
+            again, first = widened(*posed, search.layout(state.model))
+            gated = replace(again, gate=problem.gate)
+            solution = solve(
+                gated, first, search.second_pass, search.progress, about=state.solution
+            )
+            if follows(solution):
+                return Diagnosis(solution, state.checks, state.history)
     except DataError:
         return None
     return None
-
-
-def _with_errors_of_imu(
-    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Finding, ...]] | None:
-    """Solve with the scale factors or misalignments that an open gate shows; None without."""
-    open_gate = replace(problem, gate=np.inf)
-    shown = _shown_by(search, open_gate, start)
-    if shown is None or not set(OF_FIXES).isdisjoint(shown[0].groups):
-        return None
-    suspected, rivals = shown
-    model = with_constants(search.requested_model, together(suspected, rivals))
-    search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
-    posed = widened(open_gate, start, search.layout(model))
-    try:
-        first = solve(*posed, search.second_pass, search.progress, separations=0)
-        gated = replace(posed[0], gate=problem.gate)
-        solution = solve(gated, posed[1], search.second_pass, search.progress, about=first)
-    except DataError:
-        return None
-    if not follows(solution):
-        return None
-    return solution, tuple(advice(search.mounting, solution, suspected, rivals))
 
 
 def _shown_by(

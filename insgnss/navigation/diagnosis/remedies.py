@@ -81,8 +81,8 @@ class Case:
         What went along with the first filter pass.
     spells : tuple of FixSpell
         Spells of incorrect fixes that are withheld.
-    other_imu : bool
-        Whether a remedy changed the error model of the IMU; no other model is searched then.
+    other_model : bool
+        Whether a remedy changed the error model; no other one is searched then.
     checks : tuple of Finding
         What the solution says of the flight file.
     history : tuple of str
@@ -105,7 +105,7 @@ class Case:
     refused: tuple[Finding, str, tuple[str, ...]] | None = None
     followed: Sensitivity | None = None
     spells: tuple[FixSpell, ...] = ()
-    other_imu: bool = False
+    other_model: bool = False
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     constants: tuple[Estimate, ...] = ()
@@ -293,9 +293,9 @@ def _with_open_gate(case: Case) -> Case | None:
     return replace(case, start=start, how=how, solution=solution)
 
 
-def _with_other_imu(case: Case) -> Case | None:
-    """Solve with other errors of the IMU or larger noise, where that follows the fixes."""
-    case.search.progress("other errors of the IMU, or larger noise")
+def _with_other_model(case: Case) -> Case | None:
+    """Solve with another error model of the sensors, where that follows the fixes."""
+    case.search.progress("another error model of IMU or fixes")
     try:
         start, how = case.search.align(replace(case.problem, gate=np.inf))
     except DataError:
@@ -303,9 +303,9 @@ def _with_other_imu(case: Case) -> Case | None:
     rescued = rescue(case.search, case.problem, start)
     if rescued is None:
         return None
-    solution, checks = rescued
-    case = replace(case, failure=None, checks=checks, other_imu=bool(checks))
-    return replace(case, start=start, how=how, solution=solution)
+    case = replace(case, failure=None, checks=rescued.checks, other_model=True)
+    how = "; ".join((how, *rescued.history))
+    return replace(case, start=start, how=how, solution=rescued.solution)
 
 
 def _biases(case: Case) -> Finding | None:
@@ -381,12 +381,7 @@ REMEDIES: tuple[Remedy, ...] = (
         _with_open_gate,
         lambda _: "solved first without an innovation gate, then with the gate about that solution",
     ),
-    Remedy(
-        "errors of the IMU, or larger noise",
-        lambda case: case.failed,
-        _with_other_imu,
-        lambda case: "; ".join(f"{check.name}: {check.found}" for check in case.checks),
-    ),
+    Remedy("another error model, against failure", lambda case: case.failed, _with_other_model),
     Remedy(
         "turn-on biases that the noise model lacks",
         lambda case: not case.failed and bool(without_turn_on(case.noise)),
@@ -394,7 +389,7 @@ REMEDIES: tuple[Remedy, ...] = (
     ),
     Remedy(
         "another error model",
-        lambda case: not case.failed and case.moving and not case.other_imu,
+        lambda case: not case.failed and case.moving and not case.other_model,
         _with_error_model,
     ),
     Remedy("steps of the fixes", lambda case: not case.failed, _with_undecided_steps),

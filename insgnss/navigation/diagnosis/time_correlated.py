@@ -155,6 +155,23 @@ def time_correlated_error(
     return model(best.x if code else _towards_claim(cost, best.x, best.fun))
 
 
+def beyond_claim(errors: FixErrors) -> bool:
+    """Tell whether fixes scatter more than they claim, so that the claim bounds no slow error.
+
+    Parameters
+    ----------
+    errors : FixErrors
+        Errors of the fixes with a time-correlated one.
+
+    Returns
+    -------
+    bool
+        Whether the white share exhausts the claim, or the time-correlated one exceeds it.
+    """
+    assert errors.gm_sigma is not None
+    return errors.white_scale[0] ** 2 > WHITE_CLAIM or errors.gm_sigma[0] > 1.0
+
+
 def _descend(cost: Callable[[Array], float], first: Array) -> Any:
     """Minimise `cost` of log k, c, T and the ratio of heights by the method of Nelder and Mead."""
     from scipy.optimize import minimize

@@ -64,6 +64,7 @@ from .candidates import (
     with_time_correlated_error,
 )
 from .evidence import GAIN, liveliest_part, misfit
+from .time_correlated import LONGEST_WINDOW_S, beyond_claim
 
 BIAS_NOISE = "IMU bias noise"
 FAMILIES = {
@@ -87,6 +88,7 @@ SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 # and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
 # corrections, which a flight of minutes does not tell from an error of the base
 SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
+LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
 
 TURN_ON = {  # a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
@@ -209,6 +211,44 @@ class VarianceSearch:
         every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}
         return with_time_correlated_error(errors, 1.0, *_averaged(every))
 
+    def averaged(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors:
+        """Average a time-correlated error over the correlation times of the same c^2 / T (V.3).
+
+        Fixes that move so much more than they claim may be float solutions or of one frequency,
+        whose errors last up to `LONGEST_WINDOW_S`: the innovations hardly tell.
+
+        Parameters
+        ----------
+        layout_factory : LayoutFactory
+            The error states as a function of those of the fixes.
+        errors : FixErrors
+            The errors of the fixes with the time-correlated one, whose rate c^2 / T is right.
+
+        Returns
+        -------
+        FixErrors
+            The same with other share and correlation time; itself where a claim bounds it.
+        """
+        if errors.gm_sigma is None or not beyond_claim(errors):
+            return errors
+        first, first_s = errors.gm_sigma[0], errors.correlation_time_s
+
+        def moved(share: float, time_s: float) -> FixErrors:
+            sigma = tuple(share / first * one for one in errors.gm_sigma or ())
+            return replace(errors, gm_sigma=sigma, correlation_time_s=time_s)
+
+        gains: dict[tuple[float, float], float] = {}
+        for time_s in (first_s, *SLOW_S, LONGEST_WINDOW_S):
+            share, free = first * float(np.sqrt(time_s / first_s)), np.ones(1, bool)
+            layout = layout_factory(moved(share, time_s))
+            segment = [_linearised(self.part, layout, (CORRELATED,))]
+            near = evaluate(segment, np.zeros(1), free)  # one step of the scoring to the best share
+            step = np.clip(-near.gradient / near.information[0], -LARGEST_STEP, LARGEST_STEP)
+            best = evaluate(segment, step, np.zeros(1, bool)).cost
+            share = share * float(np.exp(step[0]))
+            gains[share, time_s] = self.nothing.cost - min(best, near.cost)
+        return moved(*_averaged(gains))
+
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
         """Return the log evidence (V.2) of the same flight with other states of its fixes.
 
@@ -251,13 +291,18 @@ class VarianceSearch:
 def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
     """Average share and correlation time (V.3) over their gains in -2 log L."""
     share, time_s = np.array(list(gains)).T
-    prior = np.array([SHARES[c] * SLOW_S[T] for c, T in gains])
+    prior = _prior(share, SHARES) * _prior(time_s, SLOW_S)
     half_gain = 0.5 * np.array(list(gains.values()))
     largest = max(0.0, float(half_gain.max()))
     likelihood = prior * np.exp(half_gain - largest)
     weight = likelihood / (np.exp(-largest) + likelihood.sum())
     variance = float(weight @ share**2)
     return float(np.sqrt(variance)), variance / float(weight @ (share**2 / time_s))
+
+
+def _prior(values: Array, table: dict[float, float]) -> Array:
+    """Interpolate a-priori probabilities in the logarithm, constant beyond the ends."""
+    return np.interp(np.log(values), np.log(list(table)), list(table.values()))
 
 
 def _linearised(

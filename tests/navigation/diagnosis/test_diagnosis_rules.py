@@ -372,12 +372,12 @@ def next_state(
         ),
     )
     monkeypatch.setattr(
-        decision, "_with_constants", lambda *_: decision._Search(1, None) if remedied else None
+        decision, "_with_constants", lambda *_: decision.Stage(1, None) if remedied else None
     )
     monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
     delays = [] if delay is None else [SimpleNamespace(evidence=delay)]
     monkeypatch.setattr(decision, "_of_lost_fixes", lambda *_: evidence)
-    monkeypatch.setattr(decision, "_delays", lambda *_: delays)
+    monkeypatch.setattr(decision, "late_sensors", lambda *_: delays)
     monkeypatch.setattr(decision, "_corrected", lambda *_: "delay")
     monkeypatch.setattr(
         decision,
@@ -388,8 +388,8 @@ def next_state(
         decision, "_slow_bias", lambda *_: None if slow is None else (slow, lambda: "slow")
     )
     search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
-    here = decision._Search(0, None)
-    return decision._next(search, (None, None), here, constants)
+    here = decision.Stage(0, None)
+    return decision.next_state(search, (None, None), here, constants)
 
 
 @pytest.mark.parametrize(
@@ -430,7 +430,7 @@ def test_which_explanation_is_adopted(monkeypatch, changes, adopted) -> None:
 def test_evidence_of_a_flight_that_has_lost_fixes(monkeypatch, resets, gain, expected) -> None:
     """Oracle: by hand: half the gain in -2 log L, where a lost fix counts no more than the gate, as
     it does of the rivals; without lost fixes that of the hypothesis."""
-    here = decision._Search(1.0, decision.ErrorModel(FixErrors()))
+    here = decision.Stage(1.0, decision.ErrorModel(FixErrors()))
     monkeypatch.setattr(decision, "_resets", lambda _: resets)
     monkeypatch.setattr(decision, "misfit", lambda solution: solution)
     solved = None if gain is None else 1.0 - gain
@@ -635,7 +635,7 @@ def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
         constants=lambda *_: passes.append(1),
     )
     monkeypatch.setattr(decision, "settled_evidence", lambda *_: settled)
-    monkeypatch.setattr(decision, "_next", adopted)
+    monkeypatch.setattr(decision, "next_state", adopted)
     monkeypatch.setattr(decision, "_clock_step", lambda *_: None)
     monkeypatch.setattr(decision, "unseen", lambda *_: None)
     few, enough = solved(59), solved(60)

@@ -31,7 +31,7 @@ def solved(verdict: int) -> SimpleNamespace:
 
 OF_SOLUTION = ["another error model", "steps of the fixes"]
 FAILED = ["a wrong constant, which is refused", "a gate too narrow for the start"]
-FAILED += ["errors of the IMU, or larger noise"]
+FAILED += ["another error model, against failure"]
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ FAILED += ["errors of the IMU, or larger noise"]
     [
         ({"solution": solved(USED)}, OF_SOLUTION),
         ({"solution": solved(USED), "moving": False}, OF_SOLUTION[1:]),
-        ({"solution": solved(USED), "other_imu": True}, OF_SOLUTION[1:]),
+        ({"solution": solved(USED), "other_model": True}, OF_SOLUTION[1:]),
         ({"solution": solved(COVARIANCE_RESET)}, ["incorrect fixes", *OF_SOLUTION]),
         (
             {"solution": solved(USED), "problem": AIDED},

@@ -8,7 +8,7 @@ import pytest
 from flown import fly, start_near
 
 from insgnss.navigation.diagnosis import variances
-from insgnss.navigation.diagnosis.candidates import ErrorModel
+from insgnss.navigation.diagnosis.candidates import ErrorModel, with_time_correlated_error
 from insgnss.navigation.diagnosis.variances import (
     SHARES,
     SLOW_S,
@@ -180,6 +180,27 @@ def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
     assert shown is not None
     assert shown.gm_sigma == pytest.approx((1.0,) * 3)
     assert shown.correlation_time_s == pytest.approx(1.0 / sum(p / T for T, p in SLOW_S.items()))
+
+
+def test_a_claim_that_is_exceeded_bounds_no_slow_error(monkeypatch):
+    """Oracle: by hand: where innovations tell c^2 / T = 2 alone, and 1.44 times it after the step
+    of the scoring, c^2 is that times the mean of T at its odds a priori: 20 to 600 s, and the one
+    that was fitted. The white share and the ratio of heights stay.
+    """
+    part = SimpleNamespace(cost=1000.0)
+    looked = SimpleNamespace(part=part, nothing=part)
+    step = SimpleNamespace(gradient=-np.log(1.2) * np.ones(1), information=np.eye(1), cost=50.0)
+    monkeypatch.setattr(variances, "_linearised", lambda _, errors, names: errors)
+    monkeypatch.setattr(variances, "evaluate", lambda *_: step)
+    fitted = with_time_correlated_error(FixErrors(), 0.9, 200.0**0.5, 100.0, 1.5)
+    found = VarianceSearch.averaged(looked, lambda errors: errors, fitted)
+    of_100 = np.interp(np.log(100.0), np.log([60.0, 120.0]), [SLOW_S[60.0], SLOW_S[120.0]])
+    odds = {**SLOW_S, 100.0: of_100, 600.0: SLOW_S[300.0]}
+    mean_s = sum(T * p for T, p in odds.items()) / sum(odds.values())
+    share = (1.44 * 2.0 * mean_s) ** 0.5
+    assert found.gm_sigma == pytest.approx((share, share, 1.5 * share))
+    assert found.correlation_time_s == pytest.approx(mean_s)
+    assert found.white_scale == fitted.white_scale
 
 
 def test_a_little_more_evidence_carries_a_little_more():
