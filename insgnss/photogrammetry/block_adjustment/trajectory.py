@@ -248,9 +248,14 @@ class _Linearised:
                 V, rows = explained(J[:, taken], Q), np.repeat(images, 6)
                 less = chain.cov[np.ix_(rows, rows)] - V
                 b = np.column_stack([b, group.weight @ _root(less, np.diagonal(V))])
-            of_images = b.reshape(-1, 6, b.shape[1])
-            b = np.swapaxes(chain.derivatives[images], 1, 2) @ of_images
-            solution = corrected(segment.solution, chain.events[images], b[:, :, 0], b[:, :, 1:])
+            events = chain.events[images]
+            T, of_events = (
+                np.zeros((segment.solution.event_epochs.size, 6, size))
+                for size in (chain.derivatives.shape[2], b.shape[1])
+            )
+            T[events] = chain.derivatives[images]
+            of_events[events] = b.reshape(-1, 6, b.shape[1])
+            solution = corrected(segment.solution, T, of_events[:, :, 0], of_events[:, :, 1:])
             after.append(replace(segment, solution=solution))
         return after
 
