@@ -134,6 +134,7 @@ class BlockwisePasses:
         self.checkpoints: list[FilterState] = []
         self.adjoints: list[SmootherState] = []
         self.transitions: EventTransitions | None = None
+        self.products: list[Array] = []  # of the transitions, before each block
         self.closed_loop = True
         exposed = events_of(epochs)
         self.read = EventRows.of(exposed.size)
@@ -176,11 +177,14 @@ class BlockwisePasses:
         inputs = forward_inputs(problem, closed_loop)
         self.closed_loop, self.checkpoints = closed_loop, []
         if problem.event_chain:
-            size = history.cross.shape[0], problem.layout.size
+            size = history.cross.shape[0], problem.layout.size, history.used.size
             self.transitions = EventTransitions.before(*size)
+            self.products = []
         unread = self.transitions is None and follower is None
         for b, first, last in through(list(self._blocks())):
             self.checkpoints.append(_copied(state))
+            if self.transitions is not None:
+                self.products.append(self.transitions.product.copy())
             epochs, records, begin = self._of_block_views(b, first, last)
             if unread and not self.whole and last < problem.epochs.stop.size:
                 records = _unread(records)
@@ -260,6 +264,8 @@ class BlockwisePasses:
             h.slot,
             h.used,
             h.outage,
+            self.transitions,
+            tuple(self.products),
         )
 
 
@@ -282,6 +288,10 @@ class BlockAgain:
         filter's own.
     slot, used, outage : ndarray
         As in `FilterHistory`.
+    transitions : EventTransitions or None
+        M_k of all events, where the chain of events is wanted.
+    products : tuple of Array
+        Those before each block, since the event before.
     """
 
     problem: EstimationProblem
@@ -292,6 +302,8 @@ class BlockAgain:
     slot: np.ndarray
     used: np.ndarray
     outage: np.ndarray
+    transitions: EventTransitions | None
+    products: tuple[Array, ...]
 
     def triangles(self, rows: np.ndarray) -> Array:
         """Return the smoothed covariance of the errors of all states at some epochs.

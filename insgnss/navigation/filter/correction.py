@@ -11,81 +11,88 @@ and the states at any epoch are moved, and their covariance becomes smaller, by
 
     d_k = X_k lambda,      P_s,k <- P_s,k - X_k M X_k',      X_k = cov_s(x_k, y)              (B.11)
 
-X_k b, for the columns b of lambda or of a root of M, comes from one pass forwards and one
-backwards over what the filter leaves. Forwards, the filter of data that are zero, whose P stays as
-it was:
+With d that of the filter of data that are zero, whose P stays as it was,
 
     d <- Phi d,  at a measurement d <- (1 - k h) d,  at event j d <- d + P T_j' b_j         (B.12)
 
-and backwards, from zero behind the last epoch, with the innovation nu = -h d of each scalar,
+and r that goes backwards, from zero behind the last epoch, with the innovation nu = -h d of each
+scalar,
 
-    d_k = d + P r,    at event j r <- r + T_j' b_j,    at a measurement
+    X_k b = d + P r,    at event j r <- r + T_j' b_j,    at a measurement
     r <- r + h' (nu / S - k' r),    to the epoch before r <- Phi' r                           (B.13)
 
-Both go block by block, and each block is filtered again for either (`blocks.BlockAgain`).
+Images bring hundreds of columns b. From one event j to the next, d and r of every epoch are
+multiples of d_j after event j and of r_j+1 before it, n numbers each, so that both passes carry
+2 n columns, however many b has, and (B.12), (B.13) themselves go from event to event:
+
+    d = Psi d_j,    r = Omega d_j + Theta r_j+1,    X_k b = [Psi + P Omega, P Theta] z_j      (B.14)
+
+with z_j = (d_j, r_j+1). Where b has more columns than z_j rows, a root of z_j z_j' takes its place
+(an orthogonal factor less, so that no square is rounded). Each block of epochs is filtered again
+(`blocks.BlockAgain`), the last one first.
 
 Cucci, Rehak and Skaloud (2017) "Bundle adjustment with raw inertial observations in UAV
 applications", for what is gained; Bryson and Frazier (1963) for the form of the passes.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...records import Array
 from .blocks import BlockAgain
-from .codes import N_NAV
-from .kernels.records import FilterHistory
-from .kernels.transitions import correct_backwards, correct_forwards
+from .codes import ABSENT, N_NAV
+from .event_chain import EventChain, SharedError
+from .kernels.transitions import correct_backwards, event_transitions
 from .smoother import numbered
 from .solution import Solution, moved_by, solve
 
 
-def corrected(solution: Solution, events: np.ndarray, moment: Array, root: Array) -> Solution:
+def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array) -> Solution:
     """Return a solution that knows what further observations say of its events (B.11).
 
     Parameters
     ----------
     solution : Solution
-        The smoothed flight, with its increments.
-    events : ndarray
-        (e,) the increasing events that they are of.
+        The smoothed flight, with its increments and the chain of its events.
+    derivatives : Array
+        (e, d, n) T_j of all events.
     moment : Array
-        (e, n) T_j' lambda_j.
+        (e, d) lambda_j; zero of an event that they are not of.
     root : Array
-        (e, n, w) T_j' of the columns of a root of M; what M has beside it, covariances keep.
+        (e, d, w) a root of M; what M has beside it, covariances keep.
 
     Returns
     -------
     Solution
         Moved, with smaller covariances; without its chain, which further observations tie.
     """
-    again, before = solution.covariances.again, solution.covariances
+    again, chain, before = solution.covariances.again, solution.chain, solution.covariances
     assert again is not None, "the increments are gone"
-    epoch = solution.event_epochs
-    delta = np.empty((solution.time.size, moment.shape[1]))
-    nav, kept = before.nav.copy(), before.kept.copy()
-    at_event = np.empty((epoch.size, N_NAV, root.shape[2]))
-    information = np.concatenate([moment[:, :, None], root], axis=2)
-    of_nav, of_all = np.tril_indices(N_NAV), np.tril_indices(moment.shape[1])
-    for first, last, of_block in corrections(again, epoch[events], information):
-        for error in before.shared:
-            inside = error.within(epoch[events])
-            shared = slice(max(error.first - first, 0), max(error.last + 1 - first, 0))
-            of_block[shared, error.block] += error.cov @ information[inside, error.block].sum(
-                axis=0
-            )
-        delta[first:last], less = of_block[:, :, 0], of_block[:, :, 1:]
-        of_navigation = less[:, :N_NAV]
-        nav[first:last] -= (of_navigation @ np.swapaxes(of_navigation, 1, 2))[:, *of_nav]
-        begin, end = np.searchsorted(before.rows, (first, last))
-        whole = less[before.rows[begin:end] - first]
-        kept[begin:end] -= (whole @ np.swapaxes(whole, 1, 2))[:, *of_all]
-        inside = (epoch >= first) & (epoch < last)
-        at_event[inside] = of_navigation[epoch[inside] - first]
-    cross = solution.event_cross.copy()
-    cross[1:] -= at_event[:-1] @ np.swapaxes(at_event[1:], 1, 2)
+    assert chain is not None, "the problem was solved without the chain of events"
+    delta = np.empty((solution.time.size, derivatives.shape[2]))
+    nav, kept, cross = before.nav.copy(), before.kept.copy(), solution.event_cross.copy()
+    of_nav, of_all = (np.tril_indices(size) for size in (N_NAV, delta.shape[1]))
+    whole = numbered(delta.shape[0], before.rows)
+    b = np.concatenate([moment[:, :, None], root], axis=2)
+    following: Array = np.zeros((0, 0))
+    for piece in corrections(again, chain, derivatives, b):
+        epochs = slice(piece.first, piece.last)
+        delta[epochs] = piece.mean(piece.z[:, 0])
+        if not root.size:
+            continue
+        Z = _smaller(piece.z[:, 1:])
+        X = piece.multiples(slice(None), N_NAV) @ Z
+        nav[epochs] -= (X @ np.swapaxes(X, 1, 2))[:, *of_nav]
+        rows = np.flatnonzero(whole[epochs] != ABSENT)
+        X_all = piece.multiples(rows, delta.shape[1]) @ Z
+        kept[whole[epochs][rows]] -= (X_all @ np.swapaxes(X_all, 1, 2))[:, *of_all]
+        j = piece.event
+        if j >= 0 and chain.epoch[j] == piece.first:
+            if following.size:
+                cross[j + 1] -= X[0] @ (piece.at_next(chain.transitions[j + 1], following) @ Z).T
+            following = piece.P[0]
     covariances = replace(before, nav=nav, kept=kept)
     nominal, x = moved_by(solution.nav, solution.x, delta)
     return replace(
@@ -114,43 +121,152 @@ def smoothed_about(solution: Solution, about: Solution) -> Solution:
     return alone.enlarged(solution.covariances.shared)
 
 
-def corrections(
-    again: BlockAgain, epoch: np.ndarray, information: Array
-) -> Iterator[tuple[int, int, Array]]:
-    """Return what information at some epochs makes of the states at all of them (B.11).
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Epochs of one block between two events, and what stands at these (B.14).
+
+    Parameters
+    ----------
+    first, last : int
+        The first epoch, and the first behind them.
+    event : int
+        The event at or before them; -1 before the first.
+    P, since, back : Array
+        (k, n, n) covariance of the filter, (k, n, n) Psi and (k, n, 2 n) [Omega, Theta].
+    z : Array
+        (2 n + s, w) d_j, r_j+1, and what each of `shared` adds.
+    shared : tuple of SharedError
+        Errors that epochs share and no state describes.
+    """
+
+    first: int
+    last: int
+    event: int
+    P: Array
+    since: Array
+    back: Array
+    z: Array
+    shared: tuple[SharedError, ...]
+
+    def multiples(self, rows: slice | np.ndarray, states: int) -> Array:
+        """Return the leading rows of [Psi + P Omega, P Theta], and of what is shared.
+
+        Parameters
+        ----------
+        rows : slice or ndarray
+            The epochs, counted from the first one.
+        states : int
+            How many rows, those of navigation first.
+
+        Returns
+        -------
+        Array
+            (k, states, 2 n + s).
+        """
+        of_states = self.P[rows, :states] @ self.back[rows]
+        of_states[:, :, : self.since.shape[1]] += self.since[rows, :states]
+        epochs = np.arange(self.first, self.last)[rows]
+        return np.concatenate([of_states, _shares(self.shared, epochs, states)], axis=2)
+
+    def at_next(self, transition: Array, P: Array) -> Array:
+        """Return the rows of navigation of the event behind.
+
+        Parameters
+        ----------
+        transition, P : Array
+            (n, n) M_j+1 of (B.8), and the covariance of the filter there.
+
+        Returns
+        -------
+        Array
+            (9, 2 n + s).
+        """
+        (shared,) = _shares(self.shared, np.array([self.last]), N_NAV)
+        return np.hstack([transition[:N_NAV], P[:N_NAV], shared])
+
+    def mean(self, z: Array) -> Array:
+        """Return what one column of z makes of all states.
+
+        Parameters
+        ----------
+        z : Array
+            (2 n + s,) the column.
+
+        Returns
+        -------
+        Array
+            (k, n).
+        """
+        n = self.P.shape[1]
+        shared = _shares(self.shared, np.arange(self.first, self.last), n) @ z[2 * n :]
+        r = self.back @ z[: 2 * n]
+        return np.asarray(self.since @ z[:n] + (self.P @ r[:, :, None])[:, :, 0] + shared)
+
+
+def corrections(again: BlockAgain, chain: EventChain, T: Array, b: Array) -> Iterator[Piece]:
+    """Return what information about the events makes of the states at all epochs (B.11).
 
     Parameters
     ----------
     again : BlockAgain
         What passes the blocks of the solution again.
-    epoch : ndarray
-        (e,) increasing epochs of the events.
-    information : Array
-        (e, n, w) T_j' b_j of each event, for w columns at once.
+    chain : EventChain
+        What ties the events.
+    T : Array
+        (e, d, n) what the information of each event is of.
+    b : Array
+        (e, d, w) the information, w columns at once.
 
     Returns
     -------
-    iterator of tuple
-        First epoch of a block, the first behind it, and (last - first, n, w) X_k b of its epochs,
-        which the next block takes the place of; the last block comes first.
+    iterator of Piece
+        The last epochs first; the next block takes the place of their arrays.
     """
-    n, width = information.shape[1:]
-    slot = numbered(again.problem.epochs.stop.size, epoch)
-    d, start = np.zeros((again.size + 1, n, width)), np.zeros((n, width))
-    rows, r = np.empty((again.size + 1, again.used.size, width)), np.zeros((n, width))
+    assert again.transitions is not None, "the problem was solved without the chain of events"
+    n, width = T.shape[2], b.shape[2]
+    filtered = chain.product(T, chain.filtered, np.arange(len(T)))
+    d = np.swapaxes(filtered, 1, 2) @ b
+    for j in range(1, len(d)):
+        d[j] += chain.transitions[j] @ d[j - 1]
+    added = np.zeros((3 * len(chain.shared), width))
+    for k, error in enumerate(chain.shared):
+        inside = error.within(chain.epoch)
+        of_error = np.tensordot(T[inside][:, :, error.block], b[inside], ((0, 1), (0, 1)))
+        added[3 * k : 3 * k + 3] = error.cov @ of_error
+    event = numbered(again.problem.epochs.stop.size, chain.epoch)
+    r, back = np.zeros((n, 2 * n)), np.empty((again.size + 1, n, 2 * n))
+    z = np.vstack([d[-1], np.zeros((n, width)), added])
+    for number in reversed(range(len(again.checkpoints))):
+        records, front, begin = again.records(number)
+        event_at = event[front : front + len(records.m)]
+        begun = bool(chain.epoch[0] < front + begin)
+        transitions = again.transitions.again(again.products[number], begun, event_at.size)
+        event_transitions(event_at, records, begin, transitions)
+        correct_backwards(event_at, records, begin, transitions, r, back)
+        cuts = np.unique(
+            [begin, *(np.flatnonzero(event_at[begin:] != ABSENT) + begin), event_at.size]
+        )
+        for first, last in zip(cuts[-2::-1].tolist(), cuts[:0:-1].tolist(), strict=True):
+            j = int(np.searchsorted(chain.epoch, front + first, side="right")) - 1
+            P, since, r_of = (x[first:last] for x in (records.P, transitions.since, back))
+            yield Piece(front + first, front + last, j, P, since, r_of, z, chain.shared)
+            if event_at[first] != ABSENT:
+                r_event = T[j].T @ b[j] + back[first] @ z[: 2 * n]
+                z = np.vstack([d[j - 1] if j else np.zeros((n, width)), r_event, added])
 
-    def forwards(b: int) -> tuple[FilterHistory, np.ndarray, int, int]:
-        records, front, begin = again.records(b)
-        events = slot[front : front + len(records.m)]
-        d[0] = starts[b]
-        correct_forwards(records, events, information, begin, d, rows)
-        return records, events, front, begin
 
-    starts = [start]
-    for b in range(len(again.checkpoints)):
-        _, events, _, _ = forwards(b)
-        starts.append(d[events.size - 1].copy())
-    for b in reversed(range(len(again.checkpoints))):
-        records, events, front, begin = forwards(b)
-        correct_backwards(records, events, information, begin, d, rows, r)
-        yield front + begin, front + events.size, d[begin : events.size]
+def _shares(shared: tuple[SharedError, ...], epochs: np.ndarray, states: int) -> Array:
+    """Return (k, states, s) which states of some epochs have which component of shared errors."""
+    out = np.zeros((epochs.size, states, 3 * len(shared)))
+    for k, error in enumerate(shared):
+        out[error.within(epochs), error.block, 3 * k : 3 * k + 3] = np.eye(3)
+    return out
+
+
+def _smaller(Z: Array) -> Array:
+    """Return a matrix of no more columns than rows with the same product Z Z'."""
+    from scipy.linalg.lapack import dgeqrf
+
+    if Z.shape[1] <= len(Z):
+        return Z
+    return np.tril(dgeqrf(Z.T)[0][: len(Z)].T)

@@ -115,27 +115,56 @@ class EventTransitions(NamedTuple):
     of_events : Array
         (events, n, n) M_k, which takes the error after the event before to that after this one; of
         the first the unit matrix.
+    since : Array
+        (m, n, n) the product at each epoch of a block, where it is wanted; else without rows.
+    rows : Array
+        (m, nz, n) h times the product as each scalar of these epochs finds it; else one row.
     """
 
     product: Array
     begun: np.ndarray
     of_events: Array
+    since: Array
+    rows: Array
 
     @classmethod
-    def before(cls, events: int, n: int) -> "EventTransitions":
+    def before(cls, events: int, n: int, measured: int) -> "EventTransitions":
         """Return those before the first epoch.
 
         Parameters
         ----------
-        events, n : int
-            Camera events and states.
+        events, n, measured : int
+            Camera events, states, and scalars that are measured at an epoch.
 
         Returns
         -------
         EventTransitions
             With room for all events.
         """
-        return cls(np.eye(n), np.zeros(1, dtype=np.int64), np.empty((events, n, n)))
+        begun, room = np.zeros(1, dtype=np.int64), np.empty((events, n, n))
+        return cls(np.eye(n), begun, room, room[:0], np.zeros((1, measured, n)))
+
+    def again(self, product: Array, begun: bool, epochs: int) -> "EventTransitions":
+        """Return room for a block that is passed again.
+
+        Parameters
+        ----------
+        product : Array
+            (n, n) before the block.
+        begun : bool
+            Whether an event stands before it.
+        epochs : int
+            Epochs of the block.
+
+        Returns
+        -------
+        EventTransitions
+            With what each epoch of the block leaves.
+        """
+        since = np.empty((epochs, *product.shape))
+        rows = np.zeros((epochs, *self.rows.shape[1:]))
+        count = np.array([begun], dtype=np.int64)
+        return EventTransitions(product.copy(), count, self.of_events, since, rows)
 
 
 @dataclass(frozen=True)

@@ -147,7 +147,8 @@ def weight_of(cov: Array, who: str) -> Array:
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(cov), np.finfo(float).tiny))
     scaled = scale[:, None] * cov * scale
     if (inverse := _by_cholesky(scaled)) is not None:
-        return np.asarray(np.outer(scale, scale) * inverse)
+        inverse *= np.outer(scale, scale)
+        return inverse
     values, axes = np.linalg.eigh(scaled)
     if not values[0] > 1e-13 * values[-1]:
         raise DataError(
@@ -162,11 +163,13 @@ def _by_cholesky(matrix: Array) -> Array | None:
     """Return the inverse of a symmetric matrix, None where it may not be positive definite."""
     from scipy.linalg.lapack import dpocon, dpotrf, dpotri
 
-    factor, failed = dpotrf(matrix, lower=1)
-    if failed or not dpocon(factor, np.abs(matrix).sum(axis=0).max(), uplo="L")[0] > WELL:
+    norm = np.abs(matrix).sum(axis=0).max()
+    factor, failed = dpotrf(matrix.T, lower=1)
+    if failed or not dpocon(factor, norm, uplo="L")[0] > WELL:
         return None
-    lower = np.tril(dpotri(factor, lower=1)[0])
-    return np.asarray(lower + np.tril(lower, -1).T)
+    lower = np.tril(dpotri(factor, lower=1, overwrite_c=1)[0])
+    lower += np.tril(lower, -1).T
+    return lower
 
 
 @dataclass(frozen=True, eq=False)

@@ -494,7 +494,10 @@ def cofactors_of(problem: Problem, values: Unknowns, columns: NDArray[np.int64])
         The observations do not determine an unknown.
     """
     values = problem.filled(values)
-    unit = np.zeros((problem.layout.size, columns.size))
+    factor, envelope = factorised(problem, assembled(problem, values)), problem.layout.envelope
+    if 3 * columns.size > envelope.size and envelope.holds(columns):  # the inverse costs less
+        return envelope.entries(factor.inverted(), columns)
+    unit = np.zeros((envelope.size, columns.size))
     unit[columns, np.arange(columns.size)] = 1.0
-    Q = factorised(problem, assembled(problem, values)).solved(unit)[columns]
+    Q = factor.solved(unit)[columns]
     return np.asarray(0.5 * (Q + Q.T))

@@ -13,8 +13,9 @@ pivots) until what is left is below `ENOUGH` of any variance in V; what is left 
 covariances, which are no smaller than they should be. Camera, bore-sight and lever arm of the
 camera are unknowns of the block, the antenna's lever arm, biases and clocks of the chain.
 
-Filter, smoother and block are linearised again about the corrected flight until no pose of an
-image moves by more than `STANDING_SIGMAS` of its standard deviation.
+Filter, smoother and block are linearised again about the corrected flight until the next round is
+expected to move no pose of an image by more than `STANDING_SIGMAS` of its standard deviation: by
+what this one moved them, times the ratio of this one to the one before where that is below one.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,12 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
+from ...base.memory import GB, available
 from ...flight.config.flight_file import Flight
 from ...flight.processing.orientation import PoseChain, orient_images, pose_chains
 from ...flight.processing.pipeline import ProcessResult, process
 from ...flight.processing.recording import Recording
 from ...flight.processing.segment import Segment
-from ...geodesy.rotation import vector_from_rotation
+from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ...navigation.filter.codes import AZ, POS
 from ...navigation.filter.correction import corrected, smoothed_about
 from ...records import ExteriorOrientation
@@ -49,8 +51,10 @@ TRAJECTORY_DIRECTORY = "trajectory"
 ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
 # standard deviations after the images (chosen): changes no figure that is shown
 STANDING_SIGMAS = 0.05
+Poses = tuple[Sequence[int], Array, Array]
+"""Rows of the block's images, and their positions (m) and attitudes in the axes of the block."""
 MOST_ROUNDS = 6  # linearisations (chosen); two or three settle an outage of 90 s
-MOST_IMAGES = 1000  # of a flight: some 3 GB for matrices of all poses
+MATRICES = 14  # of all poses at once (measured): 0.8 GB of 434 images, 4 GB of 1000
 
 
 def refuse_unfit(inputs: BlockInputs, flight: Flight) -> None:
@@ -96,8 +100,11 @@ def refuse_unfit(inputs: BlockInputs, flight: Flight) -> None:
             f"{flight.path} has {len(flight.mountings)} cameras; only a flight with one camera"
             " can be adjusted so"
         )
-    elif images > MOST_IMAGES:
-        problem = f"{images} images, limit {MOST_IMAGES}; cut the flight with start_tow, end_tow"
+    elif (needed := 8.0 * MATRICES * (6 * images) ** 2) > (free := available() or np.inf):
+        problem = (
+            f"{images} images need {needed / GB:.1f} GB for the covariance of all poses,"
+            f" {free / GB:.1f} GB of memory are free; cut the flight with start_tow, end_tow"
+        )
     if problem:
         raise UsageError(f"--trajectory: {problem}")
 
@@ -161,20 +168,22 @@ class _Joint:
 
     def corrected(self, segments: list[Segment]) -> list[Segment]:
         """Return the segments after the images, linearised until they stand."""
-        values, before = self.solved.result.values, None
+        values = self.solved.result.values
+        before, last = None, 0.0
         for number in range(1, MOST_ROUNDS + 1):
             self.progress(f"images correct the trajectory, round {number}")
             joint = _Linearised.of(self, segments, values)
-            after, values = joint.moved(segments), joint.result.values
-            eo = self.oriented(after)
-            moved = np.inf if before is None else self._moved(before, eo)
-            if moved < STANDING_SIGMAS:
+            values, poses = joint.result.values, joint.poses()
+            moved = self._moved(
+                joint.poses(linearised_about=True) if before is None else before, poses
+            )
+            if moved * min(moved, last) < STANDING_SIGMAS * last or moved < STANDING_SIGMAS:
                 self.progress("covariances after the images")
                 return joint.moved(segments, covariances=True)
-            before = eo
+            before, last = poses, moved
             segments = [
                 replace(old, solution=smoothed_about(old.solution, new.solution))
-                for old, new in zip(segments, after, strict=True)
+                for old, new in zip(segments, joint.moved(segments), strict=True)
             ]
         raise DataError(
             f"--trajectory: after {MOST_ROUNDS} rounds images still move poses by {moved:.2g}"
@@ -194,14 +203,15 @@ class _Joint:
             )
         return eo
 
-    def _moved(self, before: ExteriorOrientation, eo: ExteriorOrientation) -> float:
+    def _moved(self, before: Sequence[Poses], after: Sequence[Poses]) -> float:
         """Return by how many standard deviations poses of the block have moved, at most."""
-        in_block = self.solved.inputs.eo_row >= 0
-        rows = self.solved.inputs.eo_row[in_block]
-        cov = self.solved.precision.pose_cov[in_block]
-        turn = vector_from_rotation(eo.C_mc[rows] @ np.swapaxes(before.C_mc[rows], 1, 2))
-        step = np.hstack([eo.position_m[rows] - before.position_m[rows], turn])
-        return float((np.abs(step) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))).max())
+        most = 0.0
+        for (images, position, C), (_, moved_to, turned) in zip(before, after, strict=True):
+            turn = vector_from_rotation(turned @ np.swapaxes(C, 1, 2))
+            cov = self.solved.precision.pose_cov[list(images)]
+            sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+            most = max(most, float((np.abs(np.hstack([moved_to - position, turn])) / sigma).max()))
+        return most
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +241,16 @@ class _Linearised:
         of_chains = [next(of_chain) if images.any() else None for images in measured]
         return cls(chains, measured, of_chains, result)
 
+    def poses(self, linearised_about: bool = False) -> Sequence[Poses]:
+        """Return the poses of each group after the images, or those it was linearised about."""
+        poses: list[Poses] = []
+        for group in self.groups:
+            if group is not None:
+                e = group.linearised(self.result.values)[0].reshape(-1, 6) * (not linearised_about)
+                turned = rotation_from_vector(-e[:, 3:]) @ group.C_mc
+                poses.append((group.images, group.position_m - e[:, :3], turned))
+        return poses
+
     def moved(self, segments: list[Segment], covariances: bool = False) -> list[Segment]:
         """Return the segments after the images, with covariances where these are wanted."""
         after = []
@@ -244,13 +264,21 @@ class _Linearised:
             b = (-group.weight @ e)[:, None]
             if covariances:
                 columns, taken = columns_of(self.result.problem.layout, group.keys)
-                Q = cofactors_of(self.result.problem, self.result.values, columns)
-                V, rows = explained(J[:, taken], Q), np.repeat(images, 6)
-                less = chain.cov[np.ix_(rows, rows)] - V
-                b = np.column_stack([b, group.weight @ _root(less, np.diagonal(V))])
-            of_images = b.reshape(-1, 6, b.shape[1])
-            b = np.swapaxes(chain.derivatives[images], 1, 2) @ of_images
-            solution = corrected(segment.solution, chain.events[images], b[:, :, 0], b[:, :, 1:])
+                V = explained(
+                    J[:, taken], cofactors_of(self.result.problem, self.result.values, columns)
+                )
+                rows = np.repeat(images, 6)
+                root = _root(chain.cov[np.ix_(rows, rows)] - V, np.diagonal(V))
+                b = np.column_stack([b, group.weight @ root])
+                del V, root  # as large as all the rest
+            events = chain.events[images]
+            T, of_events = (
+                np.zeros((segment.solution.event_epochs.size, 6, size))
+                for size in (chain.derivatives.shape[2], b.shape[1])
+            )
+            T[events] = chain.derivatives[images]
+            of_events[events] = b.reshape(-1, 6, b.shape[1])
+            solution = corrected(segment.solution, T, of_events[:, :, 0], of_events[:, :, 1:])
             after.append(replace(segment, solution=solution))
         return after
 
@@ -260,7 +288,8 @@ def _root(less: Array, variance: Array) -> Array:
     from scipy.linalg.lapack import dpstrf
 
     scale = np.sqrt(variance)
-    factor, order, rank, _ = dpstrf(less / np.outer(scale, scale), tol=ENOUGH, lower=1)
+    less = less / np.outer(scale, scale)
+    factor, order, rank, _ = dpstrf(less.T, tol=ENOUGH, lower=1, overwrite_a=1)
     columns = np.zeros((scale.size, rank))
     columns[order - 1] = np.tril(factor)[:, :rank]
     return np.asarray(scale[:, None] * columns)

@@ -191,7 +191,7 @@ def test_transitions_between_events_are_products_of_matrices() -> None:
     S[2], S[4, 3:] = 0.0, 0.0
     event = np.full(m, ABSENT)
     event[[1, 4, 6]] = [0, 1, 2]
-    transitions = EventTransitions.before(3, n)
+    transitions = EventTransitions.before(3, n, 6)
     slot, used = np.array([0, 3]), np.full(6, width)
     room = history_room(m, n, m, slot, used, np.full(m, ABSENT), 0, 3)
     event_transitions(event, room._replace(F=F, D=D, H=H, K=K, S=S), 0, transitions)

@@ -18,7 +18,7 @@ from linearised_interval import linearise_interval
 from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
-from insgnss.navigation.filter.correction import corrections
+from insgnss.navigation.filter.correction import _smaller, corrections
 from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
@@ -363,8 +363,8 @@ def test_nodes_lie_half_a_correlation_time_apart(case):
     assert nodes_of(layout, time[:0])[0].size == 0
 
 
-@pytest.mark.parametrize("block", [16, 1000])
-def test_images_correct_all_epochs_as_one_batch_does(case, in_one, block):
+@pytest.mark.parametrize(("block", "columns"), [(16, 20), (1000, 20), (16, 100)])
+def test_images_correct_all_epochs_as_one_batch_does(case, in_one, block, columns):
     """Oracle: least squares over all epochs at once with rows that tie the poses of all six events
     to each other, as reduced normal equations of images do, and do not determine them.
     """
@@ -379,22 +379,25 @@ def test_images_correct_all_epochs_as_one_batch_does(case, in_one, block):
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
     images = of_noise @ Vt.T  # the rest of the noise is as it was
     expected = images @ (Vt @ (J.T @ z) / (1.0 + s**2))
-    less = images * (s / np.sqrt(1.0 + s**2))
+    taken = images * (s / np.sqrt(1.0 + s**2))
     without = of_noise @ np.swapaxes(of_noise, 1, 2)
-    expected_P = without - less @ np.swapaxes(less, 1, 2)
+    expected_P = without - taken @ np.swapaxes(taken, 1, 2)
 
     K = rows.T @ np.linalg.inv(rows @ C @ rows.T + np.eye(20))  # of the poses alone
     root = rows.T @ np.linalg.inv(np.linalg.cholesky(rows @ C @ rows.T + np.eye(20))).T
-    b = np.column_stack([K @ z, root]).reshape(events.size, 6, 21)
+    turned = root @ np.linalg.qr(rng.normal(size=(columns, 20)))[0].T  # the same product
+    b = np.column_stack([K @ z, turned]).reshape(events.size, 6, columns + 1)
     passes = BlockwisePasses(case.problem, case.start, np.arange(1), 0, block, 0)
     passes.history.nav[:], passes.history.x[:] = case.nominal
     passes.filter(closed_loop=False)
-    passes.smooth()
-    found = np.empty((len(expected), n, 21))
-    for first, last, moved in corrections(passes.again(), events, np.swapaxes(T, 1, 2) @ b):
-        found[first:last] = moved
-    P = case.smoothed.P - found[:, :, 1:] @ np.swapaxes(found[:, :, 1:], 1, 2)
-    agree(found[:, :, 0], P, expected, expected_P, without, BY_IMAGES)
+    chain = passes.chain(passes.smooth())
+    assert chain is not None
+    found, less = np.empty((len(expected), n)), np.empty_like(without)
+    for piece in corrections(passes.again(), chain, T, b):
+        found[piece.first : piece.last] = piece.mean(piece.z[:, 0])
+        X = piece.multiples(slice(None), n) @ _smaller(piece.z[:, 1:])
+        less[piece.first : piece.last] = X @ np.swapaxes(X, 1, 2)
+    agree(found, case.smoothed.P - less, expected, expected_P, without, BY_IMAGES)
     assert np.abs(expected / np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))).max() > 1.0
     left = np.diagonal(expected_P / without, axis1=1, axis2=2)
     assert left.min() < 0.5

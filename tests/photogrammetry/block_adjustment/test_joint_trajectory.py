@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss.base.errors import InputError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.cli.main import main
 from insgnss.flight.config.load import load_flight
 from insgnss.flight.processing.pipeline import ProcessResult, process
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.photogrammetry.block_adjustment import trajectory as joint_adjustment
+from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.run import adjust
-from insgnss.photogrammetry.block_adjustment.trajectory import corrected_trajectory
+from insgnss.photogrammetry.block_adjustment.trajectory import corrected_trajectory, refuse_unfit
 from insgnss.records import Trajectory
 
 pytestmark = pytest.mark.slow
@@ -134,6 +136,18 @@ def test_shifts_of_lines_are_refused_beside_the_flight(flown, tmp_path, capsys):
     block.write_text(block.read_text().replace(control, shifts))
     assert main(command) == 2
     assert "aerial_control.shift_sigma_m" in capsys.readouterr().err
+
+
+def test_a_flight_that_memory_does_not_hold_is_refused(flown, monkeypatch):
+    """Oracle: by hand: 14 matrices of six numbers of each image, squared, in 8 bytes."""
+    inputs, flight = inputs_of(flown.block, lambda _: None), load_flight(flown.directory)
+    images = len(inputs.eo)
+    needed = 14 * 8 * (6 * images) ** 2
+    monkeypatch.setattr(joint_adjustment, "available", lambda: needed + 1)
+    refuse_unfit(inputs, flight)
+    monkeypatch.setattr(joint_adjustment, "available", lambda: needed - 1)
+    with pytest.raises(UsageError, match=rf"{images} images need 0.0 GB .* are free; cut the"):
+        refuse_unfit(inputs, flight)
 
 
 def test_images_of_another_flight_are_refused(flown, adjusted, tmp_path):

@@ -1,5 +1,5 @@
 """Errors that are carried through transitions and updates: from each event to the next (B.8), and
-forwards and backwards from information about the events (B.12, B.13).
+back from information behind each epoch (B.13).
 """
 
 import numpy as np
@@ -47,12 +47,13 @@ def event_transitions(event, history, begin, transitions):
     transitions : EventTransitions
         Those of the epochs before (`navigation.filter.event_chain`), taken on in place.
     """
-    h, M, begun = history, transitions.product, transitions.begun
+    h, M, begun, since = history, transitions.product, transitions.begun, transitions.since
     n = M.shape[0]
-    top, rows = np.zeros((N_NAV, n)), np.zeros((h.used.size, n))
+    top = np.zeros((N_NAV, n))
     for e in range(begin, event.size):
         if begun[0] != 0:
             predict_errors(h.F[e], h.D[e], M, top)
+            rows = transitions.rows[min(e, transitions.rows.shape[0] - 1)]
             update_errors(h.H[e], h.K[e], h.S[e], h.used, M, rows)
         if event[e] != ABSENT:
             copy_matrix(M, transitions.of_events[event[e]])
@@ -60,63 +61,38 @@ def event_transitions(event, history, begin, transitions):
             for r in range(n):
                 M[r, r] = 1.0
             begun[0] = 1
+        if e < since.shape[0]:
+            copy_matrix(M, since[e])
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def correct_forwards(history, slot, information, begin, d, rows):
-    """Run the filter of data that are zero, with information about the events (B.12).
+def correct_backwards(event, history, begin, transitions, r, back):
+    """Carry r of (B.13) to each epoch, as a multiple of d at the event before and r at the next.
 
     Parameters
     ----------
-    history : FilterHistory
-        What the filter leaves of the epochs of a block.
-    slot : ndarray
-        (m,) which of `information` stands at an epoch, or ABSENT.
-    information : ndarray
-        (e, n, c) T_j' b_j of the events, for c columns at once.
-    begin : int
-        The first epoch to be passed, as of `run_forward`.
-    d : ndarray
-        (m, n, c) filled in place, from that of the epoch before `begin`, or of the first epoch.
-    rows : ndarray
-        (m, nz, c) h d as each scalar finds it, filled in place.
-    """
-    h = history
-    top, added = np.zeros((N_NAV, d.shape[2])), np.zeros(d.shape[1:])
-    for e in range(begin, slot.size):
-        if e > 0:
-            copy_matrix(d[e - 1], d[e])
-            predict_errors(h.F[e], h.D[e], d[e], top)
-        update_errors(h.H[e], h.K[e], h.S[e], h.used, d[e], rows[e])
-        if slot[e] != ABSENT:
-            np.dot(h.P[e], information[slot[e]], added)
-            d[e] += added
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def correct_backwards(history, slot, information, begin, d, rows, r):
-    """Take what `correct_forwards` gave to the smoothed errors in place (B.13).
-
-    Parameters
-    ----------
-    history, slot, information, begin, d, rows
-        As there.
+    event, history, begin, transitions
+        As there, with the records of all epochs.
     r : ndarray
-        (n, c) behind the last epoch, taken on in place to the epoch before `begin`.
+        (n, 2 n) behind the last epoch, taken on in place to the epoch before `begin`.
+    back : ndarray
+        (m, n, 2 n) of each epoch, filled in place.
     """
-    h, columns = history, r.shape[1]
+    h, (n, columns) = history, r.shape
     added, t = np.zeros(r.shape), np.zeros(columns)
-    for e in range(slot.size - 1, begin - 1, -1):
-        np.dot(h.P[e], r, added)
-        d[e] += added
-        if slot[e] != ABSENT:
-            r += information[slot[e]]
+    for e in range(event.size - 1, begin - 1, -1):
+        copy_matrix(r, back[e])
+        if event[e] != ABSENT:
+            r[:] = 0.0
+            for k in range(n):
+                r[k, n + k] = 1.0
         for i in range(h.used.size - 1, -1, -1):
             if h.S[e, i] <= 0.0:
                 continue
-            for c in range(columns):
-                t[c] = -rows[e, i, c] / h.S[e, i]
-            for k in range(r.shape[0]):
+            t[n:] = 0.0
+            for c in range(n):
+                t[c] = -transitions.rows[e, i, c] / h.S[e, i]
+            for k in range(n):
                 gain, row = h.K[e, i, k], r[k]
                 for c in range(columns):
                     t[c] -= gain * row[c]
@@ -128,6 +104,6 @@ def correct_backwards(history, slot, information, begin, d, rows, r):
         if e > 0:
             np.dot(h.F[e].T, r[:N_NAV], added)
             copy_matrix(added[:N_NAV], r)
-            for s in range(IMU0, r.shape[0]):
+            for s in range(IMU0, n):
                 for c in range(columns):
                     r[s, c] = r[s, c] * h.D[e, s - IMU0] + added[s, c]
