@@ -140,7 +140,7 @@ def corrections(
     rows, r = np.empty((again.size + 1, again.used.size, width)), np.zeros((n, width))
 
     def forwards(b: int) -> tuple[FilterHistory, np.ndarray, int, int]:
-        records, front, begin = again.records(b)
+        records, _, front, begin = again.records(b)
         events = slot[front : front + len(records.m)]
         d[0] = starts[b]
         correct_forwards(records, events, information, begin, d, rows)
