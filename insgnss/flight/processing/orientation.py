@@ -1,8 +1,8 @@
 """From solved segments to poses: the trajectory on the output grid, and the images."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ...base.errors import DataError
 from ...geodesy.frames import TangentPlane
 from ...io.exposures.rig import CameraExposures, ExposedRows
+from ...navigation.filter.blocks import ChainAgain
 from ...navigation.filter.codes import N_NAV
-from ...navigation.filter.event_chain import EventChain, common_errors, nodes_of
+from ...navigation.filter.event_chain import EVENTS_OF_PART, EventChain, common_errors, nodes_of
 from ...navigation.filter.event_clock import at_uncertain_times, event_derivatives, receiver_events
 from ...navigation.filter.trajectory import dense_trajectory, trajectory
 from ...navigation.orient.exterior import exterior_orientation, pose_derivatives
@@ -163,26 +164,25 @@ def strip_covariances(
     """
     plane = TangentPlane(*(float(x) for x in eo.origin))
     segments = [segment for segment in segments if segment.at_event.size]
-    images = _images(flight, recording, segments)
+    images = _images(flight, recording, segments, neighbours=False)
     strips: list[StripCovariance] = []
-    shared: list[tuple[NDArray[np.int64], int, Array]] = []
+    shared: list[tuple[NDArray[np.int64], int, Array, Array]] = []
     wanted = 0
     for k, own in enumerate(images):
         rows = np.arange(len(eo)) if eo.rig is None else eo.rig.rows[k]
         alone = eo if eo.rig is None else eo.of_camera(own.camera.name)
-        T = [own.derivatives(segment, plane) for segment in range(len(segments))]
-        for strip in strip_rows(alone, own.segment):
+        for strip, cov in _of_strips(own, strip_rows(alone, own.segment), segments, plane):
             wanted += 1
-            number = int(own.segment[strip[0]])
-            chain, instant = _chain(segments[number]), own.instant[strip]
-            made = _strip(rows[strip], chain.covariance_of(instant, T[number][instant]), eo)
+            made = _strip(rows[strip], cov, eo)
             strips += [] if made is None else [made]
         for number, segment in enumerate(segments):
             problem, events = segment.solution.problem, segment.solution.event_epochs
             nodes = nodes_of(problem.layout, problem.epochs.time[events])
-            A = common_errors(_chain(segment), *nodes, _with_lever_arm(segment, T[number]))
+            T = partial(_with_lever_arm, own, number, plane)
+            A = common_errors(_chain(segment), *nodes, T)
             here = own.segment == number
-            shared.append((rows[here], number, A[own.instant[here]]))
+            shared.append((rows[here], number, A[own.instant[here], :6], A[0, 6:].copy()))
+            del A  # of 50 000 images 60 MB
     common = _common(shared, eo, strips, _lever_arms(segments))
     together = sum(strip.rows.size for strip in strips)
     left_out = wanted - len(strips)
@@ -193,6 +193,23 @@ def strip_covariances(
     if left_out:
         note += f"; left out {left_out} strips, whose covariance is not positive definite"
     return tuple(strips), common, note
+
+
+def _of_strips(
+    own: "_CameraImages",
+    strips: Sequence[NDArray[np.int64]],
+    segments: Sequence[Segment],
+    plane: TangentPlane,
+) -> Iterator[tuple[NDArray[np.int64], Array]]:
+    """Yield strips of a camera and their covariances, from parts of the chain of events."""
+    of, begin, end = -1, 0, 0
+    for strip in strips:
+        number, instant = int(own.segment[strip[0]]), own.instant[strip]
+        if number != of or instant[-1] >= end:
+            of, begin, chain = number, int(instant[0]), _chain(segments[number])
+            end = min(max(begin + EVENTS_OF_PART, int(instant[-1]) + 1), chain.epoch.size)
+            part, T = chain.part(begin, end), own.derivatives(number, plane, slice(begin, end))
+        yield strip, part.covariance_of(instant - begin, T[instant - begin])
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,8 +262,10 @@ def pose_chains(
     for number, segment in enumerate(segments):
         rows = np.flatnonzero(images.segment == number)
         events = images.instant[rows]
-        T = images.derivatives(number, plane)[events]
-        cov = _chain(segment).covariance_of(events, T) if rows.size else np.zeros((0, 0))
+        T, cov = images.derivatives(number, plane, events), np.zeros((0, 0))
+        if rows.size:
+            part = _chain(segment).part(int(events[0]), int(events[-1]) + 1)
+            cov = part.covariance_of(events - events[0], T)
         _set_own(cov, rows, eo)
         chains.append(PoseChain(rows, events, T, cov))
     return chains
@@ -266,7 +285,7 @@ def _strip(rows: NDArray[np.int64], cov: Array, eo: ExteriorOrientation) -> Stri
     return StripCovariance(rows, cov) if _positive_definite(cov) else None
 
 
-def _chain(segment: Segment) -> EventChain:
+def _chain(segment: Segment) -> EventChain | ChainAgain:
     assert segment.solution.chain is not None, "the problem was solved without it"
     return segment.solution.chain
 
@@ -274,19 +293,20 @@ def _chain(segment: Segment) -> EventChain:
 class _Instants:
     """The instants of the exposures of a segment, by the clock that stamped them."""
 
-    def __init__(self, segment: Segment, of_receiver: bool, gps_week: int) -> None:
+    def __init__(
+        self, segment: Segment, of_receiver: bool, gps_week: int, neighbours: bool
+    ) -> None:
         solution = segment.solution
         self.segment, self.of_receiver = segment, of_receiver
         self.trajectory = (
             receiver_events(solution, gps_week)
             if of_receiver
-            else trajectory(solution, solution.event_epochs, gps_week, events=True)
+            else trajectory(solution, solution.event_epochs, gps_week, events=neighbours)
         )
 
-    @cached_property
-    def derivatives(self) -> Array:
+    def derivatives(self, events: slice | np.ndarray) -> Array:
         """(instants, 9, n) navigation errors by the errors of all states."""
-        return event_derivatives(self.segment.solution, self.of_receiver)
+        return event_derivatives(self.segment.solution, self.of_receiver, events)
 
 
 @dataclass(frozen=True)
@@ -309,17 +329,21 @@ class _CameraImages:
         """Whether the receiver stamped them."""
         return self.camera.clock == "receiver"
 
-    def derivatives(self, segment: int, plane: TangentPlane) -> Array:
-        """(instants, 6, n) errors of its poses by those of all states at each instant."""
+    def derivatives(
+        self, segment: int, plane: TangentPlane, events: slice | NDArray[np.int64]
+    ) -> Array:
+        """(instants, 6, n) errors of its poses by those of all states at some instants."""
         instants = self.instants[segment]
-        J = pose_derivatives(instants.trajectory, self.mounting, plane)
-        return J @ instants.derivatives
+        J = pose_derivatives(instants.trajectory[events], self.mounting, plane)
+        return J @ instants.derivatives(events)
 
 
 def _images(
-    flight: Flight, recording: Recording, segments: Sequence[Segment]
+    flight: Flight, recording: Recording, segments: Sequence[Segment], neighbours: bool = True
 ) -> list[_CameraImages]:
-    """Return the images of each camera that has some in the segments."""
+    """Return the images of each camera that has some in the segments, and where it is wanted the
+    covariances of neighbours.
+    """
     of_clock: dict[tuple[int, bool], _Instants] = {}
     images = []
     for number, (camera, mounting) in enumerate(
@@ -329,7 +353,7 @@ def _images(
         for k, segment in enumerate(segments):
             own, key = segment.exposed[number], (k, camera.clock == "receiver")
             if key not in of_clock:
-                of_clock[key] = _Instants(segment, key[1], recording.gps_week)
+                of_clock[key] = _Instants(segment, key[1], recording.gps_week, neighbours)
             instants.append(of_clock[key])
             if own.rows.size:
                 parts.append((own, k, _exposed(camera, own, of_clock[key].trajectory)))
@@ -421,19 +445,35 @@ class _RigPairs:
     def _by_chain(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
         """Return those of pairs whose instants are apart, or of two clocks."""
         chain = _chain(self._instants(int(a[0])).segment)
-        T = [
-            self.J[rows] @ np.stack([self._instants(k).derivatives[self.instant[k]] for k in rows])
-            for rows in (a, b)
-        ]
-        return chain.cross((self.instant[a], self.instant[b]), (T[0], T[1]))
+        cov, begin = np.zeros((a.size, 6, 6)), self.instant[a] // EVENTS_OF_PART * EVENTS_OF_PART
+        for first in np.unique(begin):
+            own = np.flatnonzero(begin == first)
+            part = chain.part(int(first), int(self.instant[b[own]].max()) + 1)
+            T = [self.J[rows] @ self._derivatives(rows) for rows in (a[own], b[own])]
+            events = (self.instant[a[own]] - first, self.instant[b[own]] - first)
+            cov[own] = part.cross(events, (T[0], T[1]))
+        return cov
+
+    def _derivatives(self, rows: NDArray[np.int64]) -> Array:
+        """(images, 9, n) errors at images of one segment by the errors of all states."""
+        instants = self._instants(int(rows[0]))
+        T = instants.derivatives(self.instant[rows])
+        other = self.receiver[rows] != instants.of_receiver
+        if other.any():
+            at = rows[other]
+            T[other] = self._instants(int(at[0])).derivatives(self.instant[at])
+        return T
 
     def _instants(self, row: int) -> _Instants:
         return self.images[int(self.number[row])].instants[int(self.segment[row])]
 
 
-def _with_lever_arm(segment: Segment, T: Array) -> Array:
-    """Append the lever arm's error to what is wanted of each event, (k, 9, n); zeros without it."""
-    lever = segment.solution.problem.layout.lever
+def _with_lever_arm(
+    images: _CameraImages, segment: int, plane: TangentPlane, events: slice
+) -> Array:
+    """Return the derivatives of poses with the lever arm's behind, (k, 9, n); zeros without it."""
+    T = images.derivatives(segment, plane, events)
+    lever = images.instants[segment].segment.solution.problem.layout.lever
     arm = np.zeros((len(T), 3, T.shape[2]))
     if lever >= 0:
         arm[:, :, N_NAV + lever : N_NAV + lever + 3] = np.eye(3)
@@ -451,32 +491,31 @@ def _lever_arms(segments: Sequence[Segment]) -> Array:
 
 
 def _common(
-    shared: Sequence[tuple[NDArray[np.int64], int, Array]],
+    shared: Sequence[tuple[NDArray[np.int64], int, Array, Array]],
     eo: ExteriorOrientation,
     strips: Sequence[StripCovariance],
     estimated: Array,
 ) -> CommonErrors:
     """Join the segments; a strip, or an image in none, that leaves no positive definite rest shares
-    nothing. Of each part of the images: rows, segment, errors.
+    nothing. Of each part of the images: rows, segment, errors, errors of the lever arm.
     """
-    most = max((A.shape[2] for _, _, A in shared), default=0)
+    most = max((A.shape[2] for _, _, A, _ in shared), default=0)
     own = np.zeros(len(eo), dtype=np.int64)
     factor, lever_arm = np.zeros((len(eo), 6, most)), np.zeros((len(estimated), 3, most))
-    for rows, k, A in shared:
+    for rows, k, A, of_arm in shared:
         if rows.size:
             own[rows] = k
-            factor[rows, :, : A.shape[2]] = A[:, :6]
-            lever_arm[k, :, : A.shape[2]] = A[0, 6:]  # a constant: that of any event
+            factor[rows, :, : A.shape[2]] = A
+            lever_arm[k, :, : A.shape[2]] = of_arm  # a constant: that of any event
     whole, single = CommonErrors(own, factor), np.ones(len(eo), dtype=bool)
-    together = [(strip.rows, strip.cov) for strip in strips]
-    for rows, _ in together:
-        single[rows] = False
-    together += [(np.array([row]), eo.cov[row]) for row in np.flatnonzero(single)]
-    kept = factor.copy()
-    for rows, cov in together:
-        if not _positive_definite(whole.rest(rows, cov)):
-            kept[rows] = 0.0
-    return CommonErrors(own, kept, lever_arm, estimated)
+    for strip in strips:
+        single[strip.rows] = False
+        if not _positive_definite(whole.rest(strip.rows, strip.cov)):
+            factor[strip.rows] = 0.0
+    for row in np.flatnonzero(single):
+        if not _positive_definite(whole.rest(np.array([row]), eo.cov[row])):
+            factor[row] = 0.0
+    return CommonErrors(own, factor, lever_arm, estimated)
 
 
 def _positive_definite(cov: Array) -> bool:

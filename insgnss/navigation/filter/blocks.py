@@ -19,7 +19,8 @@ block behind it: two passes at once, on two cores of one processor, were as long
 What stays of every epoch are nominal, innovations and the navigation block of the smoothed
 covariance, some 1 kB. The whole covariance is kept at chosen epochs, packed. Where another one is
 asked for later, its block is passed again, from the checkpoint of the filter forwards and from that
-of the smoother backwards (`BlockAgain`): some ten milliseconds.
+of the smoother backwards (`BlockAgain`): some ten milliseconds. So is what ties the camera events
+where these are many (`ChainAgain`).
 """
 
 from collections.abc import Callable, Iterator
@@ -31,7 +32,15 @@ import numpy as np
 from ...base.advance import through
 from ...records import Array
 from .codes import ABSENT, N_NAV
-from .event_chain import EventChain, EventTransitions, events_of, nodes_of
+from .event_chain import (
+    CHAIN_BYTES,
+    EventChain,
+    EventTransitions,
+    SharedError,
+    event_bytes,
+    events_of,
+    nodes_of,
+)
 from .filter import (
     first_state,
     forward_inputs,
@@ -60,6 +69,7 @@ WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kep
 MOST_COVARIANCE_ROWS = 4000
 
 State = TypeVar("State", FilterState, SmootherState)
+NO_EVENTS = slice(0, 0)
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
 
 Follower = Callable[[IntegrationIntervals, Epochs, FilterHistory, int], None]
@@ -129,6 +139,7 @@ class BlockwisePasses:
         self.whole = m * each <= whole_bytes  # whether all records are kept
         # the row in front of a block is that of the epoch before it
         room = (m if self.whole else min(self.size, m)) + 1
+        self.exposed = events_of(epochs)
         self.history = make_history(epochs, layout, records=room)
         self.held = ABSENT  # the block whose records are there, where not all of them are
         self.checkpoints: list[FilterState] = []
@@ -136,11 +147,9 @@ class BlockwisePasses:
         self.transitions: EventTransitions | None = None
         self.products: list[Array] = []  # of the transitions, before each block
         self.closed_loop = True
-        exposed = events_of(epochs)
-        self.read = EventRows.of(exposed.size)
-        if problem.event_chain:
-            nodes = nodes_of(layout, epochs.time[exposed])
-            self.read = EventRows.of(exposed.size, layout.read_of_events, nodes)
+        self.read = EventRows.of(self.exposed.size)
+        if problem.event_chain and keeps_events(problem):
+            self.read = _event_rows(problem)
         self.row_sigma = np.empty((rows.size, layout.size))  # of the filter, at `rows`
 
     def _blocks(self) -> Iterator[tuple[int, int, int]]:
@@ -149,12 +158,25 @@ class BlockwisePasses:
         for b, first in enumerate(self.first.tolist()):
             yield b, first, min(first + self.size, m)
 
-    def _of_block_views(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
-        """Return epochs and room of a block, with the epoch before it in front, and its begin."""
+    def _of_block_views(
+        self, b: int, first: int, last: int
+    ) -> tuple[Epochs, FilterHistory, int, slice]:
+        """Return epochs and room of a block, with the epoch before it in front, its begin, and its
+        events, which count from 0 in it.
+        """
         front = max(first - 1, 0)
         row = (b * self.size if self.whole else 0) + 1 - (first - front)
         history = _piece_of_history(self.history, front, last, row, self.outages)
-        return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
+        events = slice(*np.searchsorted(self.exposed, (first, last)).tolist())
+        count = events.stop - events.start
+        cross = history.cross[events] if self.whole else history.cross[:count]
+        epochs = _piece_of_epochs(self.problem.epochs, front, last)
+        return (
+            epochs._replace(event=_numbered_within(epochs.event, events)),
+            history._replace(cross=cross),
+            first - front,
+            events,
+        )
 
     def filter(self, closed_loop: bool = True, follower: Follower | None = None) -> None:
         """Run the forward pass.
@@ -176,21 +198,22 @@ class BlockwisePasses:
         state = first_state(problem, self.start, history, closed_loop)
         inputs = forward_inputs(problem, closed_loop)
         self.closed_loop, self.checkpoints = closed_loop, []
-        if problem.event_chain:
-            size = history.cross.shape[0], problem.layout.size, history.used.size
+        self.products = []
+        if self.read.state.size:
+            size = self.exposed.size, problem.layout.size, history.used.size
             self.transitions = EventTransitions.before(*size)
-            self.products = []
         unread = self.transitions is None and follower is None
         for b, first, last in through(list(self._blocks())):
             self.checkpoints.append(_copied(state))
             if self.transitions is not None:
                 self.products.append(self.transitions.product.copy())
-            epochs, records, begin = self._of_block_views(b, first, last)
+            epochs, records, begin, events = self._of_block_views(b, first, last)
             if unread and not self.whole and last < problem.epochs.stop.size:
                 records = _unread(records)
             run_forward(epochs, state, records, begin, *inputs)
             if self.transitions is not None:
-                event_transitions(epochs.event, records, begin, self.transitions)
+                own = self.transitions._replace(of_events=self.transitions.of_events[events])
+                event_transitions(epochs.event, records, begin, own)
             if follower is not None:
                 follower(inputs[0], epochs, records, begin)
         self.held = self.first.size - 1
@@ -216,13 +239,13 @@ class BlockwisePasses:
         state, unset = SmootherState.last(n), SmootherState.last(n)
         self.adjoints = []
         for b, first, last in through(list(self._blocks())[::-1]):
-            epochs, records, begin = self._of_block_views(b, first, last)
+            epochs, records, begin, events = self._of_block_views(b, first, last)
             if not (self.whole or self.held == b):
                 run_forward(epochs, _copied(self.checkpoints[b]), records, begin, *inputs)
                 self.held = b
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
-            piece = smoothed.piece(first - begin, last)
+            piece = smoothed.piece(first - begin, last, events)
             run_backward(epochs.event, records, full, state, begin, piece)
         self.adjoints.reverse()
         return smoothed
@@ -233,23 +256,29 @@ class BlockwisePasses:
         variance = np.diagonal(P, axis1=1, axis2=2)[self.rows[begin:end] - first]
         self.row_sigma[begin:end] = np.sqrt(variance)
 
-    def chain(self, smoothed: Smoothed) -> EventChain | None:
+    def chain(
+        self, smoothed: Smoothed, again: "BlockAgain | None" = None
+    ) -> "EventChain | ChainAgain | None":
         """Return what ties the events, where the problem asks for it.
 
         Parameters
         ----------
         smoothed : Smoothed
             What the backward pass gave.
+        again : BlockAgain, optional
+            What passes blocks again; made here where it is left out.
 
         Returns
         -------
-        EventChain or None
-            None where it does not.
+        EventChain, ChainAgain or None
+            The second of more events than are kept; None where the problem does not ask for it.
         """
-        if self.transitions is None:
+        if not (self.problem.event_chain and self.exposed.size):
             return None
+        if self.transitions is None:
+            return ChainAgain(again or self.again(), self.exposed, _event_rows(self.problem))
         kept = smoothed.read, smoothed.event_filter, smoothed.event_gain
-        return EventChain(events_of(self.problem.epochs), self.transitions.of_events, *kept)
+        return EventChain(self.exposed, self.transitions.of_events, *kept)
 
     def again(self) -> "BlockAgain":
         """Return what passes any block again, when the records are gone."""
@@ -289,7 +318,7 @@ class BlockAgain:
     slot, used, outage : ndarray
         As in `FilterHistory`.
     transitions : EventTransitions or None
-        M_k of all events, where the chain of events is wanted.
+        M_k of all events, where the chain of events is kept.
     products : tuple of Array
         Those before each block, since the event before.
     """
@@ -336,18 +365,25 @@ class BlockAgain:
             nav, x = (each[0] for each in self.nominal)
         return InitialState(nav, x, first.m, first.P)
 
-    def records(self, b: int) -> tuple[FilterHistory, int, int]:
+    def records(
+        self, b: int, events: slice = NO_EVENTS
+    ) -> tuple[FilterHistory, np.ndarray, int, int]:
         """Filter a block again from its checkpoint.
 
         Parameters
         ----------
         b : int
             The block.
+        events : slice
+            Camera events that are wanted; none where it is left out.
 
         Returns
         -------
         history : FilterHistory
             What the filter leaves of its epochs, with that of the epoch before it in front.
+        event : ndarray
+            The number of the event of each of these epochs, from 0 for the first that is wanted, or
+            ABSENT.
         front : int
             The epoch of the first row.
         begin : int
@@ -357,25 +393,98 @@ class BlockAgain:
         first = b * self.size
         last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
         own = _piece_of_epochs(epochs, front, last)
-        own = own._replace(event=np.full(last - front, ABSENT, dtype=np.int64))
+        own = own._replace(event=_numbered_within(own.event, events))
         outage = _relabelled(self.outage[front:last])
-        room = history_room(
-            *(last - front, n, last - front, self.slot, self.used, outage, last - front, 0)
-        )
+        count = last - front, n, last - front
+        wanted = events.stop - events.start
+        room = history_room(*count, self.slot, self.used, outage, last - front, wanted)
         if self.nominal is not None:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
         run_forward(own, _copied(self.checkpoints[b]), room, first - front, *inputs)
-        return room, front, first - front
+        return room, own.event, front, first - front
 
     def _of_block(self, b: int, rows: np.ndarray) -> Array:
         """Return the triangles of increasing epochs of a block."""
-        room, front, begin = self.records(b)
+        room, event, front, begin = self.records(b)
         count, n = room.m.shape
         smoothed = Smoothed.of(count, n, rows - front, EventRows.of(0), 0)
-        state, no_event = _copied(self.adjoints[b]), np.full(count, ABSENT, dtype=np.int64)
-        run_backward(no_event, room, True, state, begin, smoothed)
+        run_backward(event, room, True, _copied(self.adjoints[b]), begin, smoothed)
         return smoothed.kept
+
+
+@dataclass(frozen=True)
+class ChainAgain:
+    """The chain of more events than are kept: its parts are worked out again.
+
+    Parameters
+    ----------
+    again : BlockAgain
+        Passes the blocks.
+    epoch : ndarray
+        (events,) epoch of each event.
+    read : EventRows
+        What is wanted of P_k and of the last factor of (B.8).
+    shared : tuple of SharedError
+        What was added to the smoothed covariance.
+    """
+
+    again: BlockAgain
+    epoch: np.ndarray
+    read: EventRows
+    shared: tuple[SharedError, ...] = ()
+
+    def part(self, first: int, last: int) -> EventChain:
+        """Return the chain of consecutive events, to the bit as it would have been kept.
+
+        Parameters
+        ----------
+        first, last : int
+            The first of them, and the first behind them.
+
+        Returns
+        -------
+        EventChain
+            Whose events count from 0.
+        """
+        again, before = self.again, max(first - 1, 0)  # M_k begins at the event before
+        n, events = again.problem.layout.size, slice(before, last)
+        transitions = EventTransitions.before(last - before, n, again.used.size)
+        read = self.read.part(before, last)
+        rows = Smoothed.of(again.size + 1, n, np.zeros(0, dtype=np.int64), read, 0)
+        for b in range(self.epoch[before] // again.size, self.epoch[last - 1] // again.size + 1):
+            room, event, _, begin = again.records(b, events)
+            event_transitions(event, room, begin, transitions)
+            piece = rows.piece(0, event.size, slice(0, last - before))
+            run_backward(event, room, True, _copied(again.adjoints[b]), begin, piece)
+        kept = EventChain(
+            self.epoch[events],
+            transitions.of_events,
+            read,
+            rows.event_filter,
+            rows.event_gain,
+            self.shared,
+        )
+        return kept.part(first - before, last - before)
+
+
+def keeps_events(problem: EstimationProblem) -> bool:
+    """Return whether chain and whole covariances of the camera events are kept."""
+    events = np.count_nonzero(problem.epochs.event != ABSENT)
+    return int(events) * event_bytes(problem.layout) <= CHAIN_BYTES
+
+
+def _event_rows(problem: EstimationProblem) -> EventRows:
+    """Return what the covariance between any two camera events reads of the passes."""
+    exposed, layout = events_of(problem.epochs), problem.layout
+    nodes = nodes_of(layout, problem.epochs.time[exposed])
+    return EventRows.of(exposed.size, layout.read_of_events, nodes)
+
+
+def _numbered_within(event: np.ndarray, events: slice) -> np.ndarray:
+    """Return numbers of events that count from the first of some; ABSENT of all others."""
+    inside = (event >= events.start) & (event < events.stop)
+    return np.where(inside, event - events.start, ABSENT)
 
 
 def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:

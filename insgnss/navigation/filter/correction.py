@@ -70,7 +70,7 @@ def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array
     """
     again, chain, before = solution.covariances.again, solution.chain, solution.covariances
     assert again is not None, "the increments are gone"
-    assert chain is not None, "the problem was solved without the chain of events"
+    assert isinstance(chain, EventChain), "the chain of events was not kept"
     delta = np.empty((solution.time.size, derivatives.shape[2]))
     nav, kept, cross = before.nav.copy(), before.kept.copy(), solution.event_cross.copy()
     of_nav, of_all = (np.tril_indices(size) for size in (N_NAV, delta.shape[1]))
@@ -222,7 +222,7 @@ def corrections(again: BlockAgain, chain: EventChain, T: Array, b: Array) -> Ite
     iterator of Piece
         The last epochs first; the next block takes the place of their arrays.
     """
-    assert again.transitions is not None, "the problem was solved without the chain of events"
+    assert again.transitions is not None, "the chain of events was not kept"
     n, width = T.shape[2], b.shape[2]
     filtered = chain.product(T, chain.filtered, np.arange(len(T)))
     d = np.swapaxes(filtered, 1, 2) @ b
@@ -237,7 +237,7 @@ def corrections(again: BlockAgain, chain: EventChain, T: Array, b: Array) -> Ite
     r, back = np.zeros((n, 2 * n)), np.empty((again.size + 1, n, 2 * n))
     z = np.vstack([d[-1], np.zeros((n, width)), added])
     for number in reversed(range(len(again.checkpoints))):
-        records, front, begin = again.records(number)
+        records, _, front, begin = again.records(number)
         event_at = event[front : front + len(records.m)]
         begun = bool(chain.epoch[0] < front + begin)
         transitions = again.transitions.again(again.products[number], begun, event_at.size)

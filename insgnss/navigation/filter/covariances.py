@@ -90,13 +90,15 @@ class SmoothedCovariances:
         self._add_shared(out, epochs)
         return out
 
-    def whole(self, index: np.ndarray) -> Array:
+    def whole(self, index: np.ndarray, states: np.ndarray | None = None) -> Array:
         """Return the covariance of the errors of all states.
 
         Parameters
         ----------
         index : ndarray
             (k,) the epochs.
+        states : ndarray, optional
+            (n,) the rows and columns that are wanted; all where it is left out.
 
         Returns
         -------
@@ -104,6 +106,10 @@ class SmoothedCovariances:
             (k, n, n) in l.
         """
         epochs = np.arange(len(self.nav))[index]
+        if states is not None:
+            parts = np.array_split(epochs, -(-epochs.size // COVARIANCES_AT_A_TIME) or 1)
+            of_states = [self.whole(part)[:, states[:, None], states] for part in parts]
+            return np.concatenate(of_states)
         out = unpacked(self._triangles(epochs))
         if self.states is not None:
             out = out[:, self.states[:, None], self.states]

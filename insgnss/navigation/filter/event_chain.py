@@ -8,7 +8,9 @@ from event to event for all earlier events at once,
 
 Only M_k is worked out ahead, since what it is made of is gone after the smoother: 54 ms for 9116
 epochs and 34 states, 1 % of `process`. It is kept of each event, and of P_k and of the last factor
-what T_k reads (`StateLayout.read_of_events`): 15 kB of 34 states.
+what T_k reads (`StateLayout.read_of_events`): 17 kB of 34 states. Of events that would take more
+than `CHAIN_BYTES` nothing is kept: parts of the chain are worked out again from the blocks of the
+filter where they are asked for (`blocks.ChainAgain`), which gives the same bits.
 
 Constants (turn-on biases, scale factors, lever arm, time offset), slow Gauss-Markov processes and
 random walks are the same, or nearly so, in all flight lines: an accelerometer bias tilts the body
@@ -31,8 +33,10 @@ constants alone and of independent lines 0.66.
 What epochs share that no state describes (`SharedError`) is common to them in the same sense.
 """
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +52,12 @@ SLOW_CORRELATION_S = 100.0  # correlation time; below, lines a turn apart share 
 WALK_S = 300.0
 NODE_INTERVAL = 0.5  # interval between them, in correlation times
 MOST_NODES = 200  # nodes of a segment; farther apart where it takes more
+# what chain and whole covariances of all events may take where they are kept; of 2200 events and
+# 34 states, more than a usual flight has
+CHAIN_BYTES = 48_000_000
+# events of a part of the chain: 17 MB of 34 states, while the blocks that two parts share, which
+# are filtered twice, are few of its own
+EVENTS_OF_PART = 1024
 JITTER = (0.0, 1e-12, 1e-9)  # of the variances: bias and slow process are known by their sum
 
 
@@ -84,6 +94,18 @@ class SharedError:
             (k,) bool.
         """
         return np.asarray((epoch >= self.first) & (epoch <= self.last))
+
+
+def event_bytes(layout: StateLayout) -> int:
+    """Return the bytes of an event whose chain and whole covariance are kept."""
+    n = layout.size
+    return 8 * (n * n + 2 * layout.read_of_events.size * n) + 4 * n * (n + 1)
+
+
+def parts_of(events: int) -> list[tuple[int, int]]:
+    """Return the first event of each part of a chain, and the first behind it."""
+    edges = [*range(0, events, EVENTS_OF_PART), events]
+    return list(pairwise(edges))
 
 
 def events_of(epochs: Epochs) -> np.ndarray:
@@ -191,6 +213,29 @@ class EventChain:
     filtered: Array
     gain: Array
     shared: tuple[SharedError, ...] = ()
+
+    def part(self, first: int, last: int) -> "EventChain":
+        """Return the chain of consecutive events.
+
+        Parameters
+        ----------
+        first, last : int
+            The first of them, and the first behind them.
+
+        Returns
+        -------
+        EventChain
+            Whose events count from 0; views.
+        """
+        own, rows = slice(first, last), slice(*self.read.begin[[first, last]])
+        return replace(
+            self,
+            epoch=self.epoch[own],
+            transitions=self.transitions[own],
+            read=self.read.part(first, last),
+            filtered=self.filtered[rows],
+            gain=self.gain[rows],
+        )
 
     def product(self, T: Array, rows: Array, events: np.ndarray | int) -> Array:
         """Return T_k P_k, or T_k times the transposed last factor of (B.8).
@@ -344,63 +389,99 @@ def nodes_of(layout: StateLayout, time: Array) -> tuple[NDArray[np.int64], NDArr
     return nodes[:, 0], nodes[:, 1]
 
 
+class ChainInParts(Protocol):
+    """What gives the chain of consecutive events: `EventChain`, or `blocks.ChainAgain`."""
+
+    @property
+    def epoch(self) -> np.ndarray:
+        """The epoch of each event."""
+
+    @property
+    def shared(self) -> tuple[SharedError, ...]:
+        """What was added to the smoothed covariance."""
+
+    def part(self, first: int, last: int) -> EventChain:
+        """Return the chain of the events first..last - 1, which count from 0."""
+
+
 def common_errors(
-    chain: EventChain, event: NDArray[np.int64], state: NDArray[np.int64], T: Array
+    chain: ChainInParts,
+    event: NDArray[np.int64],
+    state: NDArray[np.int64],
+    derivatives: Callable[[slice], Array],
 ) -> Array:
     """Return what errors common to all events make of each (B.9).
 
     Parameters
     ----------
-    chain : EventChain
+    chain : EventChain or ChainAgain
         What ties the k events.
     event, state : ndarray
         (c,) the nodes, events not decreasing.
-    T : Array
-        (k, d, n) what is wanted of each event, as the derivative by the errors of all states.
+    derivatives : callable
+        T, (events, d, n), what is wanted of some events, as the derivative by the errors of all
+        states.
 
     Returns
     -------
     Array
         (k, d, q) A_k, by errors of unit variance that are independent of each other.
     """
-    cross, cov = _of_nodes(chain, event, state, T)
-    k, d, c = cross.shape
+    k, d, c = chain.epoch.size, len(derivatives(slice(0, 1))[0]), event.size
+    out = np.zeros((k, d, c + 3 * len(chain.shared)))
+    cov = _of_nodes(chain, event, state, derivatives, out[:, :, :c])
     sigma = np.sqrt(np.diagonal(cov))
-    parts = [_whitened(cross.reshape(k * d, c) / sigma, cov / np.outer(sigma, sigma))]
-    for error in chain.shared:
-        inside = error.within(chain.epoch)
-        size, axes = np.linalg.eigh(error.cov)
-        root = axes * np.sqrt(np.maximum(size, 0.0))
-        derivative = np.where(inside[:, None, None], T[:, :, error.block], 0.0)
-        parts.append((derivative @ root).reshape(k * d, 3))
-    return np.concatenate(parts, axis=1).reshape(k, d, -1)
+    correlation = cov / np.outer(sigma, sigma)
+    for first, last in parts_of(k):
+        own, T = out[first:last], derivatives(slice(first, last))
+        cross = own[:, :, :c].reshape(len(own) * d, c)
+        own[:, :, :c] = _whitened(cross / sigma, correlation).reshape(len(own), d, c)
+        for i, error in enumerate(chain.shared):
+            inside = error.within(chain.epoch[first:last])
+            size, axes = np.linalg.eigh(error.cov)
+            root = axes * np.sqrt(np.maximum(size, 0.0))
+            derivative = np.where(inside[:, None, None], T[:, :, error.block], 0.0)
+            own[:, :, c + 3 * i : c + 3 * i + 3] = derivative @ root
+    return out
 
 
 def _of_nodes(
-    chain: EventChain, event: NDArray[np.int64], state: NDArray[np.int64], T: Array
-) -> tuple[Array, Array]:
-    """Return cov_s(y_k, c), (k, d, c), and cov_s(c), (c, c), by (B.8) from node to event."""
-    k, d, n = T.shape
-    M = chain.transitions
-    rows = [chain.row_of(*node) for node in zip(event, state, strict=True)]
-    P, gain = chain.filtered[rows], chain.gain[rows]
-    cross, cov = np.zeros((k, d, event.size)), np.zeros((event.size, event.size))
-    begin = np.searchsorted(event, np.arange(k + 1))
-    back = np.zeros((n, event.size))
-    for j in range(k - 1, -1, -1):  # nodes at this event, and later ones
-        own, later = slice(begin[j], begin[j + 1]), slice(begin[j], None)
-        back[:, own] = gain[own].T
-        cross[j, :, later] = chain.product(T[j], chain.filtered, j) @ back[:, later]
-        cov[own, later] = P[own] @ back[:, later]
-        back[:, later] = M[j].T @ back[:, later]
-    ahead = np.zeros((event.size, n))
-    for j in range(k):  # earlier nodes
-        own, earlier = slice(begin[j], begin[j + 1]), slice(0, begin[j])
-        ahead[earlier] = ahead[earlier] @ M[j].T
-        cross[j, :, earlier] = chain.product(T[j], chain.gain, j) @ ahead[earlier].T
-        ahead[own] = P[own]
+    chain: ChainInParts,
+    event: NDArray[np.int64],
+    state: NDArray[np.int64],
+    derivatives: Callable[[slice], Array],
+    cross: Array,
+) -> Array:
+    """Return cov_s(c), (c, c), by (B.8) from node to event, and fill cov_s(y_k, c), (k, d, c)."""
+    c, begin = event.size, np.searchsorted(event, np.arange(chain.epoch.size + 1))
+    n, cov = derivatives(slice(0, 1)).shape[2], np.zeros((c, c))
+    P, gain, back = np.zeros((c, n)), np.zeros((c, n)), np.zeros((n, c))
+    parts = parts_of(chain.epoch.size)
+    for first, last in parts[::-1]:
+        part, T = chain.part(first, last), derivatives(slice(first, last))
+        nodes = range(begin[first], begin[last])
+        rows = [part.row_of(int(event[i]) - first, int(state[i])) for i in nodes]
+        P[begin[first] : begin[last]], gain[begin[first] : begin[last]] = (
+            each[rows] for each in (part.filtered, part.gain)
+        )
+        for j in range(last - 1, first - 1, -1):  # nodes at this event, and later ones
+            own, later = slice(begin[j], begin[j + 1]), slice(begin[j], None)
+            back[:, own] = gain[own].T
+            here = part.product(T[j - first], part.filtered, j - first)
+            cross[j, :, later] = here @ back[:, later]
+            cov[own, later] = P[own] @ back[:, later]
+            back[:, later] = part.transitions[j - first].T @ back[:, later]
+    ahead = np.zeros((c, n))
+    for first, last in parts:
+        part, T = chain.part(first, last), derivatives(slice(first, last))
+        for j in range(first, last):  # earlier nodes
+            own, earlier = slice(begin[j], begin[j + 1]), slice(0, begin[j])
+            ahead[earlier] = ahead[earlier] @ part.transitions[j - first].T
+            here = part.product(T[j - first], part.gain, j - first)
+            cross[j, :, earlier] = here @ ahead[earlier].T
+            ahead[own] = P[own]
     upper = np.triu(cov, 1)
-    return cross, upper + upper.T + np.diag(np.diagonal(cov))
+    return upper + upper.T + np.diag(np.diagonal(cov))
 
 
 def _whitened(cross: Array, cov: Array) -> Array:

@@ -107,8 +107,8 @@ def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
     nav, A, u = _moved(solution, index, d)
     U = u[:, :, None] * _of_constants(solution, solution.problem.epochs.time[index])[:, None, :]
     states = _states(solution)
-    P, own = solution.covariance(index), np.arange(N_NAV)
-    to_clock, of_clock = P[:, own[:, None], states], P[:, states[:, None], states]
+    P = solution.covariance(index, np.concatenate([np.arange(N_NAV), states]))
+    to_clock, of_clock = P[:, :N_NAV, N_NAV:], P[:, N_NAV:, N_NAV:]
     cov = _propagated(A, U, P[:, :N_NAV, :N_NAV], to_clock, to_clock, of_clock, A, U)
     cross = _propagated(
         *(A[:-1], U[:-1], solution.event_cross[1:]),
@@ -142,7 +142,9 @@ def at_uncertain_times(exposed: Trajectory, sigma_s: Array) -> Trajectory:
     return replace(exposed, cov=exposed.cov + added)
 
 
-def event_derivatives(solution: Solution, of_receiver: bool) -> Array:
+def event_derivatives(
+    solution: Solution, of_receiver: bool, events: slice | np.ndarray = slice(None)
+) -> Array:
     """Return what the errors of all states at the epoch of an event make of its navigation errors.
 
     Parameters
@@ -151,6 +153,8 @@ def event_derivatives(solution: Solution, of_receiver: bool) -> Array:
         The smoothed flight.
     of_receiver : bool
         Whether the clock of the fixes stamped the events, so that they are moved (X.2).
+    events : slice or ndarray
+        The events; all where it is left out.
 
     Returns
     -------
@@ -158,11 +162,11 @@ def event_derivatives(solution: Solution, of_receiver: bool) -> Array:
         (events, 9, n): the errors, in axes north, east, down at the point, of what `trajectory` or
         `receiver_events` gives, by the errors of the n states in l.
     """
-    frame, index = solution.problem.frame, solution.event_epochs
+    frame, index = solution.problem.frame, solution.event_epochs[events]
     nav, T = solution.nav[index], np.zeros((index.size, N_NAV, solution.problem.layout.size))
     T[:, :, :N_NAV] = np.eye(N_NAV)
     if of_receiver and solution.problem.layout.offset >= 0 and index.size:
-        nav, A, u = _moved(solution, index, event_delay(solution))
+        nav, A, u = _moved(solution, index, event_delay(solution)[events])
         T[:, :, :N_NAV] = A
         g = _of_constants(solution, solution.problem.epochs.time[index])
         T[:, :, _states(solution)] = u[:, :, None] * g[:, None, :]

@@ -161,7 +161,10 @@ def make_history(
     noises = int(outage.max(initial=ABSENT)) + 1
     if noises and records is not None:
         noises = records
-    events = int(epochs.event.max()) + 1 if m else 0
+    exposed = np.flatnonzero(epochs.event != ABSENT)
+    events = exposed.size
+    if records is not None and records <= m:  # of a block, which holds that many epochs less one
+        events = int(np.bincount(exposed // max(records - 1, 1)).max(initial=0))
     return history_room(m, layout.size, rows, slot, used, outage, noises, events)
 
 

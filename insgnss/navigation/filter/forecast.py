@@ -3,7 +3,7 @@
 increments    56 bytes a sample
 estimation    results, checkpoints and measurements of the epochs, twice while another error
               model is tried beside the first; records; covariances of all states at the epochs
-              of the report and at the exposures; the event chain and what is made of it
+              of the report, and of few exposures with their chain; what is made of the images
 trajectory    the output, and as much again while it is made
 """
 
@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 from .blocks import EPOCHS_OF_BLOCK, MOST_COVARIANCE_ROWS, WHOLE_BYTES, record_bytes
 from .codes import N_KINDS, N_NAV, N_NOMINAL
+from .event_chain import CHAIN_BYTES
 
 TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
 MEASUREMENT_BYTES = 450  # of an epoch: `navigation.filter.kernels.records.Epochs`, and its stamp
 POSE_BYTES = 8 * (7 + 9 + 81 + 6)  # of a row of the trajectory
 SAMPLE_BYTES = 8 * 7  # of increments
-# rows of as many states that an exposure keeps besides its transition (`event_chain`): of P and of
-# the last factor 14 each, and derivatives of its pose, 24
-CHAIN_ROWS = 52
+IMAGE_BYTES = 4000  # of an exposure: its pose three times, what its line shares, its names
 # of an exposure among 30 of a line, the usual, and of all (`navigation.orient.strips`)
 STRIP_BYTES, MOST_STRIP_BYTES = 8 * 36 * 30, 256_000_000
 ADDED_STATES = 12  # that a search may try besides
@@ -76,10 +75,10 @@ def forecast(
     of_block = 8 * (3 * n * n + 4 * N_NAV * n)
     each = record_bytes(states, 3 * triples, False)
     records = epochs * each if epochs * each <= WHOLE_BYTES else EPOCHS_OF_BLOCK * each
-    whole = (min(MOST_COVARIANCE_ROWS, epochs) + exposures) * 4 * n * (n + 1)
+    whole = min(MOST_COVARIANCE_ROWS, epochs) * 4 * n * (n + 1)
     solution = epochs * of_epoch + epochs // EPOCHS_OF_BLOCK * of_block + whole
     estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
-    estimation += exposures * 8 * states * (states + CHAIN_ROWS)
+    estimation += min(exposures * 16 * n * n, CHAIN_BYTES) + exposures * IMAGE_BYTES
     estimation += min(exposures * STRIP_BYTES, MOST_STRIP_BYTES)
     return Forecast(
         samples,

@@ -164,6 +164,11 @@ class EventRows(NamedTuple):
         begin = np.searchsorted(event[order], np.arange(events + 1))
         return cls(begin, state[order], common.size)
 
+    def part(self, first: int, last: int) -> "EventRows":
+        """Return the rows of the events first..last - 1, counted from the first of them."""
+        begin = self.begin[first : last + 1]
+        return EventRows(begin - begin[0], self.state[begin[0] : begin[-1]], self.common)
+
 
 class Smoothed(NamedTuple):
     """What the backward pass gives at the m epochs: room that `kernels.backward` fills in place.
@@ -271,25 +276,29 @@ class Smoothed(NamedTuple):
         """The epochs (s,) at which the forward/backward separation was worked out."""
         return np.flatnonzero(self.keep != ABSENT)
 
-    def piece(self, first: int, last: int) -> "Smoothed":
+    def piece(self, first: int, last: int, events: slice) -> "Smoothed":
         """Return the room of some consecutive epochs.
 
         Parameters
         ----------
         first, last : int
             The first of them, and the first behind them.
+        events : slice
+            The events among them, which count from 0 in the piece.
 
         Returns
         -------
         Smoothed
-            Views; what is not by epochs is the whole.
+            Views; what is neither by epochs nor by events is the whole.
         """
-        own = slice(first, last)
+        own, begin = slice(first, last), self.read.begin
         return self._replace(
             delta=self.delta[own],
             nav_cov=self.nav_cov[own],
             slot=self.slot[own],
             keep=self.keep[own],
+            event_cross=self.event_cross[events],
+            read=self.read._replace(begin=begin[events.start : events.stop + 1]),
         )
 
     def separations(self) -> tuple[Array, Array]:

@@ -20,7 +20,13 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Array
-from .blocks import MOST_COVARIANCE_ROWS, BlockwisePasses, Follower
+from .blocks import (
+    MOST_COVARIANCE_ROWS,
+    BlockwisePasses,
+    ChainAgain,
+    Follower,
+    keeps_events,
+)
 from .codes import AX, AY, AZ, IMU_STATES, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain, SharedError, events_of
@@ -68,8 +74,9 @@ class Solution:
         (s, n) and (s, n, n), what the data behind these epochs say (`navigation.filter.smoother`).
     passes : int
         Forward passes run.
-    chain : EventChain or None
-        What ties the events, for the covariance of several of them, where the problem asks for it.
+    chain : EventChain, ChainAgain or None
+        What ties the events, for the covariance of several of them, where the problem asks for it;
+        of many of them its parts are worked out again.
     """
 
     problem: EstimationProblem
@@ -88,7 +95,7 @@ class Solution:
     adjoint: Array
     information: Array
     passes: int
-    chain: EventChain | None
+    chain: EventChain | ChainAgain | None
 
     @property
     def time(self) -> Array:
@@ -102,7 +109,9 @@ class Solution:
 
     @property
     def rows(self) -> np.ndarray:
-        """The epochs of which the whole covariance is kept: camera events and regular ones."""
+        """The epochs of which the whole covariance is kept: regular ones, and camera events where
+        these are not many.
+        """
         return self.covariances.own_rows
 
     @property
@@ -110,7 +119,7 @@ class Solution:
         """Standard deviations of the errors of all states in the forward filter at `rows`."""
         return self.covariances.filter_sigma
 
-    def covariance(self, index: np.ndarray) -> Array:
+    def covariance(self, index: np.ndarray, states: np.ndarray | None = None) -> Array:
         """Return the smoothed covariance of the errors of all states at some epochs.
 
         At `rows` it is kept; at any other epoch it costs some ten milliseconds a block of epochs.
@@ -119,13 +128,15 @@ class Solution:
         ----------
         index : ndarray
             (k,) the epochs.
+        states : ndarray, optional
+            (n,) the rows and columns that are wanted; all where it is left out.
 
         Returns
         -------
         Array
             (k, n, n) in l, navigation first.
         """
-        return self.covariances.whole(index)
+        return self.covariances.whole(index, states)
 
     def variance(self, index: np.ndarray) -> Array:
         """Return the smoothed variances of the errors of all states at some epochs.
@@ -160,8 +171,8 @@ class Solution:
     def without_increments(self) -> "Solution":
         """Return the solution without increments and event chain, for what only reads results.
 
-        Covariances of all states are those of `rows` then. The chain is 15 kB an event, and
-        nothing reads it once the poses of the images are known.
+        Covariances of all states are those of `rows` then. Nothing reads the chain once the poses
+        of the images are known.
 
         Returns
         -------
@@ -243,7 +254,7 @@ def solve(
         A solution of the same epochs and states about which the first pass is linearised already.
     rows : int
         Number of regular epochs, at most, of which the whole covariance is kept, besides the first,
-        the last and the camera events.
+        the last and, where they are not many (`event_chain.CHAIN_BYTES`), the camera events.
     follower : Follower, optional
         What goes along with the first pass.
 
@@ -318,9 +329,8 @@ def _kept_rows(problem: EstimationProblem, regular: int) -> np.ndarray:
     m = epochs.stop.size
     stride = -(-m // regular) if regular else m
     ends = np.array([0, m - 1])
-    return np.unique(
-        np.concatenate([np.arange(0, m, stride), ends, np.flatnonzero(epochs.event >= 0)])
-    )
+    exposed = np.flatnonzero(epochs.event >= 0) if keeps_events(problem) else ends
+    return np.unique(np.concatenate([np.arange(0, m, stride), ends, exposed]))
 
 
 def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> None:
@@ -350,13 +360,13 @@ def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> Non
 
 def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Solution:
     """Return the solution: the nominal moved by the smoothed errors, and what both passes left."""
-    history = passes.history
+    history, again = passes.history, passes.again()
     covariances = SmoothedCovariances(
         smoothed.nav_cov,
         smoothed.rows,
         smoothed.kept,
         passes.row_sigma,
-        passes.again(),
+        again,
         passes.problem.layout.size,
     )
     move(history.nav, history.x, smoothed.delta)
@@ -376,7 +386,7 @@ def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Soluti
         smoothed.adjoint,
         smoothed.information,
         count,
-        passes.chain(smoothed),
+        passes.chain(smoothed, again),
     )
 
 

@@ -14,7 +14,6 @@ from ..filter.codes import (
     ABSENT,
     COVARIANCE_RESET,
     IMU0,
-    IMU_STATES,
     N_NAV,
     N_NOMINAL,
     NAV,
@@ -119,7 +118,8 @@ class Linear(NamedTuple):
     D: np.ndarray  # (m, ns)
     gap: np.ndarray  # (m, n) nominal propagated from the epoch before, less the nominal here
     Q: np.ndarray  # (m, q, 9, 9) process noise of the navigation states
-    Q_cross: np.ndarray  # (m, d, 9, ns) with the driven states
+    Q_cross: np.ndarray  # (m, 9, ns) with the driven states, each of one component
+    of_state: np.ndarray  # (ns,) the component that drives a state, 0 for none
     Q_states: np.ndarray  # (m, d, ns) of the driven states
     kind: np.ndarray  # (k,) kinds of triples that occur
     there: np.ndarray  # (m, k) bool
@@ -166,8 +166,10 @@ def linearise_segment(intervals, ep, imu, earth, lever, nav, x, out):
             for component in range(len(W)):
                 copy_matrix(W[component, :, NAV], out.Q[e, component])
                 if component < driven:
-                    copy_matrix(W[component, :, IMU_STATES], out.Q_cross[e, component])
                     copy_vector(Qbb[component], out.Q_states[e, component])
+            for s in range(ns):
+                for r in range(N_NAV):
+                    out.Q_cross[e, r, s] = W[out.of_state[s], r, IMU0 + s]
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
                 acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (
@@ -198,8 +200,9 @@ def mixed_noise(lin, e, share, W, Qbb):
         if component < lin.Q_states.shape[1]:
             for s in range(Qbb.size):
                 Qbb[s] += v * lin.Q_states[e, component, s]
-                for r in range(N_NAV):
-                    W[r, IMU0 + s] += v * lin.Q_cross[e, component, r, s]
+    for r in range(N_NAV):
+        for s in range(Qbb.size):
+            W[r, IMU0 + s] = share[lin.of_state[s]] * lin.Q_cross[e, r, s]
 
 
 @njit(cache=True, allocates=False)

@@ -36,7 +36,7 @@ does; (L.5) holds the decisions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,7 @@ from ..filter.codes import (
     BIAS,
     IMU0,
     N_NAV,
+    NO_CONSTRAINT,
     NOT_MEASURED,
     POS,
     POSITION_ROW,
@@ -58,6 +59,7 @@ from ..filter.codes import (
 from ..filter.filter import forward_inputs, measured_kinds
 from ..filter.kernels.records import ForwardOptions
 from ..filter.layout import StateLayout
+from ..filter.problem import EstimationProblem, with_epochs
 from ..filter.solution import Solution
 from ._kernels import Linear, linearise_segment, run_linear
 
@@ -199,7 +201,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     UsageError
         For a name that is not among `available`, and for two factors of one density.
     """
-    problem = solution.problem
+    problem, measured = _measured_alone(solution.problem)
     ep, layout = problem.epochs, problem.layout
     possible = available(layout, bool(ep.has_velocity.any()))
     one_factor_each(names)
@@ -226,9 +228,11 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
         stationary = IMU0 + np.flatnonzero(states & (layout.beta > 0.0))
         P0[k, stationary, stationary] = P0[0, stationary, stationary]
         P0[0, stationary, stationary] = 0.0
-    linear = _linear(solution, len(parts) + 1, P0, decided_by)
+    of_state = np.argmax(drive[: len(P0)] > 0.0, axis=0)
+    nav, x = solution.nav[measured], solution.x[measured]
+    linear = _linear(problem, len(parts) + 1, P0, of_state, -x[0], decided_by)
     imu = imu._replace(white=white, drive=drive)
-    linearise_segment(intervals, ep, imu, earth, lever, solution.nav, solution.x, linear)
+    linearise_segment(intervals, ep, imu, earth, lever, nav, x, linear)
     linear.there[ep.withheld] &= linear.kind != POSITION_ROW
     index = {name: i for i, name in enumerate(names)}
     of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
@@ -252,23 +256,53 @@ def _start(solution: Solution) -> Array:
     return P
 
 
-def _linear(solution: Solution, parts: int, P0: Array, decided_by: ForwardOptions) -> Linear:
+def _measured_alone(problem: EstimationProblem) -> tuple[EstimationProblem, np.ndarray | slice]:
+    """Return the problem without epochs that measure nothing, and the epochs that are left.
+
+    Where these are fewer they stay, so that the epochs are those of the filter; of a camera that is
+    much faster than the fixes they would take most of the memory.
+    """
+    ep = problem.epochs
+    needed = ep.has_position | ep.has_velocity | (ep.constraint != NO_CONSTRAINT)
+    needed |= (ep.zaru_variance > 0.0) | (ep.barometer_variance > 0.0)
+    needed |= (ep.gap > 0.0).any(axis=1) | (ep.bias_step > 0.0).any(axis=1)
+    needed |= ep.linear_cov.any(axis=(1, 2, 3))
+    needed[[0, -1]] = True
+    index = np.flatnonzero(needed)
+    if 2 * index.size >= needed.size:
+        return problem, slice(None)
+    inc = problem.inc
+    own = replace(
+        inc, marks=inc.marks[index], stop=inc.stop[index], rate=inc.rate[index], bridged=None
+    )
+    return with_epochs(problem, index, own), index
+
+
+def _linear(
+    problem: EstimationProblem,
+    parts: int,
+    P0: Array,
+    of_state: np.ndarray,
+    mean0: Array,
+    decided_by: ForwardOptions,
+) -> Linear:
     """Allocate a segment that is to be linearised."""
-    ep, layout = solution.problem.epochs, solution.problem.layout
+    ep, layout = problem.epochs, problem.layout
     present, columns = measured_kinds(ep, layout)
     kind = np.flatnonzero(present)
     m, n, k, driven = ep.stop.size, layout.size, kind.size, len(P0)
     return Linear(
         P0=P0,
-        mean0=np.concatenate([np.zeros(N_NAV), -solution.x[0]]),
-        gate=float(solution.problem.gate),
+        mean0=np.concatenate([np.zeros(N_NAV), mean0]),
+        gate=float(problem.gate),
         reset_s=decided_by.reset_after,
         time=ep.time,
         F=np.zeros((m, N_NAV, n)),
         D=np.zeros((m, n - N_NAV)),
         gap=np.zeros((m, n)),
         Q=np.zeros((m, parts, N_NAV, N_NAV)),
-        Q_cross=np.zeros((m, driven, N_NAV, n - N_NAV)),
+        Q_cross=np.zeros((m, N_NAV, n - N_NAV)),
+        of_state=of_state,
         Q_states=np.zeros((m, driven, n - N_NAV)),
         kind=kind,
         there=np.zeros((m, k), dtype=np.bool_),

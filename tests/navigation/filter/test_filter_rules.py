@@ -351,10 +351,13 @@ def test_outages_and_rows_that_are_kept() -> None:
         ABSENT,
     ]
     epochs.event[5] = 0
-    problem = SimpleNamespace(epochs=epochs)
+    layout = SimpleNamespace(size=9, read_of_events=np.arange(9))
+    problem = SimpleNamespace(epochs=epochs, layout=layout)
     assert _kept_rows(problem, 0).tolist() == [0, 5, 8]
     assert _kept_rows(problem, 3).tolist() == [0, 3, 5, 6, 8]
     assert _kept_rows(problem, 9).tolist() == list(range(9))
+    layout.size = 3000  # whose covariances take more than those of events may
+    assert _kept_rows(problem, 3).tolist() == [0, 3, 6, 8]
 
 
 def test_where_the_triples_of_a_kind_stand() -> None:

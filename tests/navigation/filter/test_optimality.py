@@ -289,13 +289,13 @@ def test_common_errors_explain_what_the_batch_says(case, in_one):
         )
     )
     event, state = np.array([0, 0, 2, 2, 5]), np.array([9, 10, 0, 12, n - 1])
-    found = common_errors(case.chain, event, state, T).reshape(6 * k, -1)
+    found = common_errors(case.chain, event, state, T.__getitem__).reshape(6 * k, -1)
     cross, cov = joint(in_one, case.events, T, event, state)
     expected = cross @ np.linalg.solve(cov, cross.T)
     assert np.abs((found @ found.T - expected) / np.outer(sigma, sigma)).max() < RELATIVE
     assert np.abs(expected / np.outer(sigma, sigma)).max() > 0.5
     event, state = np.full(n, 2), np.arange(n)
-    found = common_errors(case.chain, event, state, T).reshape(6 * k, -1)
+    found = common_errors(case.chain, event, state, T.__getitem__).reshape(6 * k, -1)
     rest = (case.chain.covariance_of(np.arange(len(T)), T) - found @ found.T) / np.outer(
         sigma, sigma
     )
@@ -312,7 +312,7 @@ def test_what_a_spell_shares_is_a_common_error(case, block):
     spell = SharedError(int(case.events[1]), int(case.events[3]), cov, block)
     chain = replace(case.chain, shared=(spell,))
     nodes = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    A = common_errors(chain, *nodes, T).reshape(9 * k, -1)
+    A = common_errors(chain, *nodes, T.__getitem__).reshape(9 * k, -1)
     added = chain.covariance_of(np.arange(len(T)), T) - case.chain.covariance_of(
         np.arange(len(T)), T
     )

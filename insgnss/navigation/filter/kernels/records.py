@@ -376,7 +376,8 @@ class FilterHistory(NamedTuple):
     used : ndarray
         (nz,) number of leading columns of H that may differ from zero.
     cross : ndarray
-        (events, 9, n) of the previous event's navigation error with this event's full error, post.
+        (events, 9, n) of the previous event's navigation error with this event's full error, post;
+        events of a block where the pass goes block by block.
     outage : ndarray
         (m,) the slot of the interval before this epoch in W and Qbb, where it lies between two
         fixes that are far apart, else ABSENT.
