@@ -175,7 +175,7 @@ class BlockwisePasses:
         state = first_state(problem, self.start, history, closed_loop)
         inputs = forward_inputs(problem, closed_loop)
         self.closed_loop, self.checkpoints = closed_loop, []
-        if problem.event_chain:
+        if problem.event_chain and problem.linearised:
             size = history.cross.shape[0], problem.layout.size
             self.transitions = EventTransitions.before(*size)
         unread = self.transitions is None and follower is None
