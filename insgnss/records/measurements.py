@@ -5,7 +5,7 @@ instants at once, so that no Python runs inside the filter's loop; the filter se
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -76,9 +76,16 @@ class OwnState:
             )
 
 
+def _read_only(array: Array) -> Array:
+    """Return a view that nobody can write to: predictions share what is worked out once."""
+    view = np.asarray(array).view()
+    view.flags.writeable = False
+    return view
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The motion of the IMU at k instants, as `Measurement.predict` sees it.
+    """The motion of the IMU at k instants, as `Measurement.predict` sees it; read only.
 
     Parameters
     ----------
@@ -104,6 +111,10 @@ class Motion:
     gyro_bias: Array
     frame: LocalFrame
 
+    def __post_init__(self) -> None:
+        for each in fields(self)[:-1]:
+            object.__setattr__(self, each.name, _read_only(getattr(self, each.name)))
+
     @cached_property
     def geodetic(self) -> tuple[Array, Array, Array]:
         """Latitude and longitude, rad, and ellipsoidal height, m, (k,) each."""
@@ -113,31 +124,62 @@ class Motion:
     def C_nl(self) -> Array:
         """(k, 3, 3), local frame to north, east, down at the point."""
         lat, lon, _ = self.geodetic
-        return np.swapaxes(self.frame.C_ln(lat, lon), -1, -2)
+        return _read_only(np.swapaxes(self.frame.C_ln(lat, lon), -1, -2))
 
-    @property
+    @cached_property
     def C_nb(self) -> Array:
         """(k, 3, 3), body axes to north, east, down at the point."""
-        return self.C_nl @ self.C_lb
+        return _read_only(self.C_nl @ self.C_lb)
 
-    @property
+    @cached_property
     def velocity_ned(self) -> Array:
         """(k, 3) m/s, north, east, down at the point."""
-        return np.einsum("kij,kj->ki", self.C_nl, self.velocity)
+        return _read_only(np.einsum("kij,kj->ki", self.C_nl, self.velocity))
 
-    @property
+    @cached_property
     def velocity_body(self) -> Array:
         """(k, 3) m/s, forward, right, down."""
-        return np.einsum("kji,kj->ki", self.C_lb, self.velocity)
+        return _read_only(np.einsum("kji,kj->ki", self.C_lb, self.velocity))
 
-    @property
+    @cached_property
     def roll_pitch_heading(self) -> Array:
         """(k, 3) rad."""
-        return rpy_from_rotation(self.C_nb)
+        return _read_only(rpy_from_rotation(self.C_nb))
+
+    def changed(self, **arrays: Any) -> "Motion":
+        """Return the motion with other fields, and of the rest what is worked out already.
+
+        Parameters
+        ----------
+        **arrays : Array
+            Fields of `Motion`.
+
+        Returns
+        -------
+        Motion
+            The same otherwise.
+        """
+        motion = replace(self, **arrays)
+        for name, follows_from in DERIVED.items():
+            if name in self.__dict__ and arrays.keys().isdisjoint(follows_from):
+                motion.__dict__[name] = self.__dict__[name]
+        return motion
+
+
+DERIVED = {
+    "geodetic": ("position",),
+    "C_nl": ("position",),
+    "C_nb": ("position", "C_lb"),
+    "velocity_ned": ("position", "velocity"),
+    "velocity_body": ("C_lb", "velocity"),
+    "roll_pitch_heading": ("position", "C_lb"),
+}
+"""What `Motion` works out, and from which of its fields."""
 
 
 Predict = Callable[[Motion, Array], Array]
 """Takes the motion at k instants and the own states (k, q), returns values (k, c) or (k,)."""
+N_ERRORS = 12  # of position, velocity and attitude in l, and of the biases of the gyros
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,6 +206,11 @@ class Measurement:
         Values further from their prediction, in standard deviations, are left out.
     period : float, optional
         Values that differ by it are the same: 2 pi of an angle in rad.
+    derivative : callable, optional
+        Takes what `predict` takes; returns (k, c, 12 + q), the derivatives of the values by the
+        errors of position, velocity and attitude (m, m/s and the small rotation in rad that is
+        applied from the left to `C_lb`), of the biases of the gyros and of the own states. Without
+        it differences of `predict` are taken.
 
     Raises
     ------
@@ -179,6 +226,7 @@ class Measurement:
     states: tuple[OwnState, ...] = ()
     gate_sigma: float = 5.0
     period: float | None = None
+    derivative: Predict | None = None
     cov: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -249,15 +297,46 @@ class Measurement:
         InputError
             Where `predict` returns another shape, or values that are not finite.
         """
-        out = np.asarray(self.predict(motion, states), dtype=np.float64)
         shape = (motion.time.size, self.values.shape[1])
-        out = out[:, None] if out.ndim == 1 and shape[1] == 1 else out
+        return self._returned("predict", self.predict, motion, states, shape)
+
+    def derived(self, motion: Motion, states: Array) -> Array | None:
+        """Return the derivatives that `derivative` gives, None without it.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion at k instants.
+        states : Array
+            (k, q) own states.
+
+        Returns
+        -------
+        Array or None
+            (k, c, 12 + q), checked.
+
+        Raises
+        ------
+        InputError
+            Where `derivative` returns another shape, or values that are not finite.
+        """
+        if self.derivative is None:
+            return None
+        shape = (motion.time.size, self.values.shape[1], N_ERRORS + len(self.states))
+        return self._returned("derivative", self.derivative, motion, states, shape)
+
+    def _returned(
+        self, name: str, function: Predict, motion: Motion, states: Array, shape: tuple[int, ...]
+    ) -> Array:
+        """Return what a function of the user returns, checked."""
+        out = np.asarray(function(motion, _read_only(states)), dtype=np.float64)
+        out = out[:, None] if out.ndim == len(shape) - 1 and shape[1] == 1 else out
         if out.shape != shape:
-            raise self._refusal(f"predict returned shape {out.shape}, expected {shape}")
-        finite = np.isfinite(out).all(axis=1)
+            raise self._refusal(f"{name} returned shape {out.shape}, expected {shape}")
+        finite = np.isfinite(out).all(axis=tuple(range(1, out.ndim)))
         if not finite.all():
             row = int(np.argmin(finite))
-            problem = f"predict returned {out[row]} at {motion.time[row]:.6f} s"
+            problem = f"{name} returned {out[row]} at {motion.time[row]:.6f} s"
             raise self._refusal(f"{problem}, expected finite values")
         return out
 

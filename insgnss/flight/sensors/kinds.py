@@ -29,8 +29,10 @@ EXACT_SCALE = 1e-4  # of such a scale factor
 LogRows = tuple[int, Array, Array, Lines, Array | None, tuple[Finding, ...]]
 """GPS week, times, values (k, c) and their lines in a log; sigmas, None without, and notes."""
 
-Modelled = tuple[Predict, tuple[OwnState, ...]]
-"""What a sensor's values follow from: their prediction, and the states that it has of its own."""
+Modelled = tuple[Predict, tuple[OwnState, ...]] | tuple[Predict, tuple[OwnState, ...], Predict]
+"""What a sensor's values follow from: their prediction, the states that it has of its own, and
+where it has one the derivative of the prediction.
+"""
 
 TURN = 2.0 * np.pi  # rad, by which values of an angle are the same
 
@@ -49,7 +51,7 @@ class SensorKind:
         Key of `units` that they have: "angle", "velocity", "length" or "field".
     model : callable
         Takes the options and which of `values` the file has; returns the prediction of these
-        (`records.measurements.Predict`) and the own states.
+        (`records.measurements.Predict`), the own states, and where it has one the derivative.
     other_format : callable, optional
         Takes the file; returns its rows, angles in degrees, all others in SI, where it is no table
         but a log of another format, else None.
@@ -171,11 +173,14 @@ def read_measurement(
     )
     if rows is not None:
         time, values, sigma = time[rows], values[rows], sigma[rows]
-    predict, states = kind.model(options, columns)
+    predict, states, *derivative = kind.model(options, columns)
     period = TURN if kind.unit == "angle" else None
     return (
         Measurement(
-            options.called, time, values, sigma, predict, states, options.gate_sigma, period
+            *(options.called, time, values, sigma, predict, states),
+            gate_sigma=options.gate_sigma,
+            period=period,
+            derivative=derivative[0] if derivative else None,
         ),
         (*noted, *notes),
     )

@@ -30,7 +30,7 @@ from ...io.formats.names import TIME, sigma_names, spelled
 from ...io.formats.text.order import Picked, note, refuse_rows
 from ...navigation.prepare.axes import parse_axes
 from ...records import Array
-from ...records.measurements import Motion, OwnState
+from ...records.measurements import N_ERRORS, Motion, OwnState
 from ...records.qualities import Quality
 from ...records.states import AXES
 from .kinds import EXACT_SCALE, LogRows, Modelled, SensorKind, table_of, turned_angles
@@ -52,7 +52,15 @@ def _heading(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
     def predict(motion: Motion, states: Array) -> Array:
         return motion.roll_pitch_heading[:, 2] + states.sum(axis=1)
 
-    return predict, turned_angles(options, "")
+    def derivative(motion: Motion, states: Array) -> Array:
+        forward, (to_north, to_east) = motion.C_lb[:, :, 0], motion.C_nl[:, :2].swapaxes(0, 1)
+        north, east = (np.sum(forward * axis, axis=1)[:, None] for axis in (to_north, to_east))
+        H = np.zeros((len(forward), 1, N_ERRORS + states.shape[1]))
+        across = (north * to_east - east * to_north) / (north**2 + east**2)
+        H[:, 0, 6:9], H[:, 0, N_ERRORS:] = np.cross(forward, across), 1.0
+        return H
+
+    return predict, turned_angles(options, ""), derivative
 
 
 def _headings_of_receiver(path: Path) -> LogRows | None:

@@ -408,11 +408,12 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensiti
     -------
     Sensitivity or None
         None where they cannot be followed: a candidate acts like no state of the problem, epochs
-        are far apart, or a barometer, non-holonomic constraints or measurements given by their
-        prediction are there, which have no say in the evidence.
+        are far apart, or the pass sees a barometer, non-holonomic constraints or measurements given
+        by their prediction, which have no say in the evidence.
     """
     epochs = problem.epochs
-    if np.diff(epochs.time).max(initial=0.0) > LONGEST_INTERVAL_S or problem.gates_of_measurements:
+    with_rows = problem.gates_of_measurements and problem.linearised
+    if with_rows or np.diff(epochs.time).max(initial=0.0) > LONGEST_INTERVAL_S:
         return None
     if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
         return None
@@ -446,7 +447,7 @@ def settled_evidence(
         The evidence, which suspects nothing; None where the pass of `constants_evidence` is needed.
     """
     problem = solution.problem
-    if followed is None or followed.problem is not problem:
+    if followed is None or not followed.problem.same_otherwise(problem):
         return None
     limit = min(problem.gate, problem.huber_threshold)
     beyond = np.count_nonzero(solution.nis[:, POSITION_ROW] > limit)

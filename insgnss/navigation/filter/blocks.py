@@ -199,7 +199,7 @@ class BlockwisePasses:
         inputs = forward_inputs(problem, closed_loop)
         self.closed_loop, self.checkpoints = closed_loop, []
         self.products = []
-        if self.read.state.size:
+        if self.read.state.size and problem.linearised:
             size = self.exposed.size, problem.layout.size, history.used.size
             self.transitions = EventTransitions.before(*size)
         unread = self.transitions is None and follower is None

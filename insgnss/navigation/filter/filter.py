@@ -55,12 +55,12 @@ with u, the ellipsoidal normal in l, as the gradient of h. The triple has this r
 other two are empty.
 
 A measurement given by its prediction h alone (`records.measurements.Measurement`) enters linearised
-about an earlier solution s0 (`linearised`), with H from differences of h there:
+about an earlier solution s0 (`linearised`), with H from differences of h there unless it is given:
 
     z - h(s0) = H (s - s0) + v                                                        (K.13)
 
-Navigation, gyro biases and the measurement's own states stand in s. `solution.solve` linearises
-again about each result until that changes nothing.
+Navigation, gyro biases and the measurement's own states stand in s. At first s0 is the nominal of a
+filter without it. `solution.solve` linearises again about each result until that changes nothing.
 
 An interval that the IMU did not see (`Increments.bridged`) adds the covariance of what stands in
 for its increments (E.8).

@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...geodesy.rotation import (
-    quaternion_from_rotation,
     rotation_from_quaternion,
     rotation_from_vector,
 )
@@ -112,16 +111,18 @@ def linearised_about(
         linear_cov=np.zeros_like(before.linear_cov),
         linear_about=about,
     )
-    change = 0.0
+    change, motions = 0.0, []
     for g, measured in enumerate(problem.measurements):
         measurement, index = measured.measurement, measured.at_epoch
-        residual = measurement.minus(measured.rows, prediction(problem, measured, about[index]))
+        motions.append(_motion(problem, measured, about[index]))
+        predicted = measurement.predicted(*motions[g])
+        residual = measurement.minus(measured.rows, predicted)
         epochs.linear_residual[index, g, : residual.shape[1]] = residual
         change = max(change, _change(measured, before, epochs, g))
     if change <= LINEAR_SIGMAS:
         return problem, change
     for g, measured in enumerate(problem.measurements):
-        _linearise(problem, measured, epochs, g)
+        _linearise(problem, measured, motions[g], epochs, g)
     return replace(problem, epochs=epochs), change
 
 
@@ -145,26 +146,37 @@ def about_solution(problem: EstimationProblem, nav: Array, x: Array) -> Array:
 
 
 def _linearise(
-    problem: EstimationProblem, measured: MeasuredRows, epochs: Epochs, number: int
+    problem: EstimationProblem,
+    measured: MeasuredRows,
+    about: tuple[Motion, Array],
+    epochs: Epochs,
+    number: int,
 ) -> None:
-    """Fill in derivative and covariance of one measurement about `linear_about`."""
+    """Fill in derivative and covariance of one measurement about a motion and own states."""
     measurement, index = measured.measurement, measured.at_epoch
-    about = epochs.linear_about[index]
-    H = np.zeros((index.size, measurement.values.shape[1], epochs.linear_H.shape[3]))
     columns = OF_STATES + np.arange(measured.states.start, measured.states.stop)
-    steps = np.concatenate(
-        [DIFFERENCE_STEPS, [STEP_STATE * state.sigma for state in measurement.states]]
-    )
-    for column, step in zip([*range(OF_STATES), *columns], steps, strict=True):
-        forward, backward = (
-            prediction(problem, measured, _moved(about, column, s)) for s in (step, -step)
-        )
-        H[:, :, column] = measurement.wrapped(forward - backward) / (2.0 * step)
-    c = measurement.values.shape[1]
-    epochs.linear_H[index, number, :c] = H
+    c, columns = measurement.values.shape[1], np.concatenate([np.arange(OF_STATES), columns])
+    H = measurement.derived(*about)
+    H = _differences(problem, measurement, *about) if H is None else H
+    epochs.linear_H[index[:, None, None], number, np.arange(c)[:, None], columns] = H
     cov = np.tile(np.eye(3), (index.size, 1, 1))
     cov[:, :c, :c] = measurement.cov[measured.rows]
     epochs.linear_cov[index, number] = cov
+
+
+def _differences(
+    problem: EstimationProblem, measurement: Measurement, motion: Motion, states: Array
+) -> Array:
+    """Return the derivatives of a prediction by central differences, (k, c, 12 + q)."""
+    state_steps = [STEP_STATE * state.sigma for state in measurement.states]
+    steps = np.concatenate([DIFFERENCE_STEPS, state_steps])
+    H = np.empty((motion.time.size, measurement.values.shape[1], steps.size))
+    for error, step in enumerate(steps):
+        forward, backward = (
+            measurement.predicted(*_moved(problem, motion, states, error, s)) for s in (step, -step)
+        )
+        H[:, :, error] = measurement.wrapped(forward - backward) / (2.0 * step)
+    return H
 
 
 def prediction(problem: EstimationProblem, measured: MeasuredRows, about: Array) -> Array:
@@ -184,31 +196,48 @@ def prediction(problem: EstimationProblem, measured: MeasuredRows, about: Array)
     Array
         (k, c) values.
     """
+    return measured.measurement.predicted(*_motion(problem, measured, about))
+
+
+def _motion(
+    problem: EstimationProblem, measured: MeasuredRows, about: Array
+) -> tuple[Motion, Array]:
+    """Return the motion at the epochs of a measurement and its own states there."""
     index, bias = measured.at_epoch, about[:, ABOUT_BIAS:ABOUT_STATES]
     C_lb = rotation_from_quaternion(about[:, QUAT])
-    earth = np.einsum("kij,i->kj", C_lb, problem.frame.earth_rate_l)
     motion = Motion(
         problem.inc.marks[index],
         about[:, POS],
         about[:, VEL],
         C_lb,
-        problem.inc.rate[index] - bias - earth,
+        problem.inc.rate[index] - bias - _earth_rate(problem, C_lb),
         bias,
         problem.frame,
     )
-    return measured.measurement.predicted(motion, about[:, ABOUT_STATES:][:, measured.states])
+    return motion, about[:, ABOUT_STATES:][:, measured.states]
 
 
-def _moved(about: Array, column: int, step: float) -> Array:
-    """Return the states with one of their errors larger by a step."""
-    moved = about.copy()
-    if PSI.start <= column < PSI.stop:
-        turn = rotation_from_vector(step * np.eye(3)[column - PSI.start])
-        C_lb = turn @ rotation_from_quaternion(about[:, QUAT])
-        moved[:, QUAT] = quaternion_from_rotation(C_lb)
-    else:
-        moved[:, column if column < PSI.start else column + ABOUT_BIAS - OF_BIAS] += step
-    return moved
+def _earth_rate(problem: EstimationProblem, C_lb: Array) -> Array:
+    """Return the angular rate of the Earth in body axes, (k, 3) rad/s."""
+    return np.einsum("kij,i->kj", C_lb, problem.frame.earth_rate_l)
+
+
+def _moved(
+    problem: EstimationProblem, motion: Motion, states: Array, error: int, step: float
+) -> tuple[Motion, Array]:
+    """Return motion and own states with one of their errors larger by a step."""
+    if error >= OF_STATES:
+        return motion, states + step * (np.arange(states.shape[1]) == error - OF_STATES)
+    kind, axis = divmod(error, 3)
+    by = step * np.eye(3)[axis]
+    if kind == PSI.start // 3:
+        C_lb = rotation_from_vector(by) @ motion.C_lb
+        turned = _earth_rate(problem, motion.C_lb) - _earth_rate(problem, C_lb)
+        return motion.changed(C_lb=C_lb, rate=motion.rate + turned), states
+    if kind == OF_BIAS // 3:
+        return motion.changed(rate=motion.rate - by, gyro_bias=motion.gyro_bias + by), states
+    name = "position" if kind == POS.start // 3 else "velocity"
+    return motion.changed(**{name: getattr(motion, name) + by}), states
 
 
 def _gyro_bias(problem: EstimationProblem, x: Array) -> Array:

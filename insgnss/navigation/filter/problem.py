@@ -1,6 +1,6 @@
 """One flight's estimation problem, the state it starts from, and problems cut out of others."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from ...records.measurements import Measurement
 from .codes import ABSENT, N_KINDS
 from .kernels.records import Epochs
 from .layout import StateLayout
+
+LINEARISED_FIELDS = ("linear_about", "linear_H", "linear_residual", "linear_cov")
+"""Of `Epochs`, which differ from one linearisation to the next; the last three of each row."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,32 @@ class EstimationProblem:
     @property
     def linearised(self) -> bool:
         """Whether a pass sees all measurements, which are linearised about a solution."""
-        return not self.measurements or bool(self.epochs.linear_cov.any())
+        rows = any(measured.rows.size for measured in self.measurements)
+        return not rows or bool(self.epochs.linear_cov.any())
+
+    def same_otherwise(self, later: "EstimationProblem") -> bool:
+        """Return whether another problem differs by the linearisation of measurements at most.
+
+        Parameters
+        ----------
+        later : EstimationProblem
+            A problem that `dataclasses.replace` may have made of this one.
+
+        Returns
+        -------
+        bool
+            False where any other array is another object.
+        """
+        names = [each.name for each in fields(self) if each.name not in ("epochs", "measurements")]
+        of_epochs = [name for name in Epochs._fields if name not in LINEARISED_FIELDS]
+        return all(
+            getattr(mine, name) is getattr(theirs, name)
+            for mine, theirs, compared in (
+                (self, later, names),
+                (self.epochs, later.epochs, of_epochs),
+            )
+            for name in compared
+        )
 
     @property
     def without_measurements(self) -> "EstimationProblem":
@@ -94,7 +122,7 @@ class EstimationProblem:
         epochs = self.epochs
         none = {
             name: np.zeros((epochs.stop.size, 0, *getattr(epochs, name).shape[2:]))
-            for name in ("linear_H", "linear_residual", "linear_cov")
+            for name in LINEARISED_FIELDS[1:]
         }
         return replace(
             self, epochs=epochs._replace(**none), measurements=(), gates_of_measurements=()

@@ -10,6 +10,9 @@ Where that exceeds a fifth of the sigma that the filter had at the same epoch, o
 degrees off, another pass is run, linearised about the smoothed flight (`filter`, K.6): a
 Gauss-Newton step of the batch least-squares problem over the whole flight, which converges to its
 solution.
+
+Measurements given by their prediction (K.13) need a flight to be linearised about. That is the
+nominal of a filter without them, where it follows the fixes, else the flight smoothed without them.
 """
 
 from collections.abc import Callable
@@ -30,10 +33,14 @@ from .blocks import (
 from .codes import AX, AY, AZ, IMU_STATES, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain, SharedError, events_of
+from .filter import FEEDBACK_RAD
 from .linearised import LINEAR_SIGMAS, linearised_about
 from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, diagonal
 
+LATEST_FEEDBACK = (
+    0.1  # share of the flight before which the nominal is to follow the fixes (chosen)
+)
 UNSETTLED = 0.5  # standard deviations by which a prediction may still move after the last pass
 # of filter and smoother, so that a flight that does not converge comes to an end (chosen)
 MAX_PASSES = 6
@@ -276,6 +283,10 @@ def solve(
     if about is not None:
         history.nav[:], history.x[:] = about.nav, about.x
     passes.filter(about is None, follower)
+    if _gives_linearisation(passes.problem, history.sigma):
+        passes.problem, _ = linearised_about(passes.problem, history.nav, history.x)
+        progress("filter, with the measurements linearised about the flight without them")
+        passes.filter()
     count = 1
     while True:
         another = count == 1 and (second_pass == "on" or not passes.problem.linearised)
@@ -296,6 +307,16 @@ def solve(
         passes.filter(closed_loop=False)
     refuse_negative_variances(problem, smoothed.nav_cov)
     return _solution(passes, smoothed, count)
+
+
+def _gives_linearisation(problem: EstimationProblem, filter_sigma: Array) -> bool:
+    """Return whether measurements that no pass has seen are linearised about the filter's nominal.
+
+    Where that follows the fixes late or never (K.5), the smoothed flight is needed.
+    """
+    follows = (filter_sigma[:, PSI] < FEEDBACK_RAD).all(axis=1)
+    early = follows[: 1 + round(LATEST_FEEDBACK * follows.size)]
+    return not problem.linearised and bool(early.any())
 
 
 def _refuse_unsettled(problem: EstimationProblem, change: float) -> None:

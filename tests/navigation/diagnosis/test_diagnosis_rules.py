@@ -654,18 +654,20 @@ def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
 def test_constants_are_followed_between_epochs_that_are_near(
     monkeypatch, interval_s, followed
 ) -> None:
-    """Oracle: by hand: 0.21 s; no barometer, NHC or measurement of one's own."""
+    """Oracle: by hand: 0.21 s; no barometer, NHC or measurement of one's own in the pass."""
     monkeypatch.setattr(constants.Constants, "of", lambda *_: "constants")
     monkeypatch.setattr(constants.Sensitivity, "before", lambda *_: "followed")
     layout = SimpleNamespace(states=())
 
-    def found(constraint=0, barometer=0.0, gates=()):
+    def found(constraint=0, barometer=0.0, gates=(), linearised=True):
         epochs = SimpleNamespace(
             time=interval_s * np.arange(9.0),
             barometer_variance=np.full(9, barometer),
             constraint=np.full(9, constraint),
         )
-        problem = SimpleNamespace(epochs=epochs, layout=layout, gates_of_measurements=gates)
+        problem = SimpleNamespace(
+            epochs=epochs, layout=layout, gates_of_measurements=gates, linearised=linearised
+        )
         return constants.followed_constants(problem, layout) is not None
 
     assert found() is followed
@@ -673,6 +675,7 @@ def test_constants_are_followed_between_epochs_that_are_near(
     assert not found(constraint=2)
     assert not found(barometer=1.0)
     assert not found(gates=(9.0,))
+    assert found(gates=(9.0,), linearised=False) is followed
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flown import Flown, fly, start_near
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
+from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation
 from insgnss.navigation.diagnosis.candidates import ErrorModel, ImuErrors, with_every_constant
 from insgnss.navigation.diagnosis.constants import (
     constants_evidence,
@@ -19,9 +20,11 @@ from insgnss.navigation.filter.codes import NAV, NHC
 from insgnss.navigation.filter.filter import forward_inputs, make_history, run_filter
 from insgnss.navigation.filter.kernels.records import FilterHistory
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
+from insgnss.navigation.filter.linearised import with_measurements
 from insgnss.navigation.filter.problem import EstimationProblem
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.records.measurements import Measurement
 from insgnss.records.states import (
     CLOCK_RATE,
     MISALIGNMENT,
@@ -184,10 +187,32 @@ def test_what_is_of_another_problem_or_of_a_pass_that_lost_fixes_settles_nothing
     """Oracle: identity; a verdict of the filter."""
     solution, sensitivity = solved(clean)
     assert settled_evidence(solution, None) is None
-    assert settled_evidence(replace(solution, problem=replace(clean.problem)), sensitivity) is None
+    withheld = clean.problem.epochs._replace(withheld=clean.problem.epochs.withheld.copy())
+    for changes in ({"gate": 30.0}, {"epochs": withheld}, {"layout": replace(WIDE)}):
+        other = replace(solution, problem=replace(clean.problem, **changes))
+        assert settled_evidence(other, sensitivity) is None
     nis = solution.nis.copy()
     nis[10:13, 0] = 1e3
     assert settled_evidence(replace(solution, nis=nis), sensitivity) is None
+
+
+def test_measurements_have_no_say_of_constants_and_need_no_pass_for_it(clean):
+    """Oracle: the evidence of the same flight without them, to the bit."""
+    at = np.flatnonzero(clean.problem.epochs.has_position)[5::10]
+    heading = rpy_from_rotation(rotation_from_quaternion(clean.true_nav(at)[:, 6:]))[:, 2]
+    compass = Measurement(
+        *("compass", clean.problem.inc.marks[at], heading, 1e-3),
+        lambda motion, states: rpy_from_rotation(motion.C_lb)[:, 2],
+        period=2.0 * np.pi,
+    )
+    problem = with_measurements(clean.problem, [compass], [np.arange(at.size)], [at])
+    (alone, of_alone), (_, of_both) = solved(clean), solved(replace(clean, problem=problem))
+    for one, other in zip(of_alone.of_the_data(), of_both.of_the_data(), strict=True):
+        assert_array_equal(one, other)
+    solution = solve(problem, start_near(clean, SIGMA))
+    assert settled_evidence(solution, of_both) is not None
+    assert followed_constants(solution.problem, WIDE) is None
+    assert solution.nav_covariance()[:, 8, 8].max() < alone.nav_covariance()[:, 8, 8].max()
 
 
 def test_what_cannot_be_followed_is_left_to_the_pass(clean):
