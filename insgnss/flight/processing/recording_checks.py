@@ -42,8 +42,8 @@ def check_plausibility(flight: Flight, observed: Observed) -> list[Finding]:
     plane = flight.tangent_plane
     origin = None if plane is None else np.asarray(plane.origin)
     events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
-    found = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
-    return found if flight.gnss.stationary is not None else with_set_clock(found, imu, gnss)
+    findings = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
+    return findings if flight.gnss.stationary is not None else with_set_clock(findings, imu, gnss)
 
 
 def check_set_clock(flight: Flight, observed: Observed) -> list[Finding]:
