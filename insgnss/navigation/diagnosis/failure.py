@@ -30,7 +30,7 @@ def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Fin
 
     Returns
     -------
-    Check or None
+    Finding or None
         What contradicts the flight file; None where nothing explains the failure.
     """
     search.progress("what the fixes say with an open gate")
@@ -93,7 +93,7 @@ def rescue(
 
     Returns
     -------
-    tuple of Solution and tuple of Check, or None
+    tuple of Solution and tuple of Finding, or None
         The solution with these states or larger variances, and what says so; None where neither is
         a remedy.
     """
