@@ -100,7 +100,7 @@ class Case:
 def on_page(name: str, kind: str = "true") -> bytes:
     """The example of a page of data_specs."""
     text = (SPECS / f"{name}.md").read_text(encoding="utf-8")
-    return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)[0].encode()
+    return re.findall(rf"^```{kind}\b[^\n]*\n(.*?)```", text, re.DOTALL | re.MULTILINE)[0].encode()
 
 
 PAGES: dict[str, tuple[str, Read]] = {

@@ -1,4 +1,5 @@
-"""The pages data_specs/flight_file.md and block_file.md, as far as the schema knows what they say.
+"""The pages data_specs/flight_file.md and block_file.md, as far as the schema knows what they say,
+and the formats of docs/guides/exports.md.
 
 Prose is written by hand; what stands between two comments of the page is rendered:
 
@@ -22,10 +23,14 @@ from insgnss.base.wording import listed
 from insgnss.flight.config.block_file import BLOCK_TABLES
 from insgnss.flight.config.flight_file import FLIGHT_TABLES
 from insgnss.gnss.covariance_model import MODEL, CovarianceModel
+from insgnss.io.formats import EXPORTS
 from insgnss.io.options.camera_options import OF_FURTHER
 from insgnss.io.options.schema import Declared, declared, options_of
 
-PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))
+PAGES = tuple(
+    Path(name)
+    for name in ("data_specs/flight_file.md", "data_specs/block_file.md", "docs/guides/exports.md")
+)
 WIDTH = 120
 AS_ABOVE = ("imu.further", OF_FURTHER)  # tables with the keys of that above them
 
@@ -123,12 +128,19 @@ def _checks() -> str:
     return "\n".join(lines).replace("\0", " ") + "\n"
 
 
+def _exports() -> str:
+    """The formats of an exterior orientation."""
+    rows = [[f"`{name}`", f"`{form.product}`", form.what] for name, form in EXPORTS.items()]
+    return _table(["format", "file", "content"], rows)
+
+
 PARTS: Mapping[str, Callable[[], str]] = {
     "keys": _keys,
     "block_keys": _block_keys,
     "covariance": _covariance,
     "classes": _classes,
     "checks": _checks,
+    "exports": _exports,
 }
 
 

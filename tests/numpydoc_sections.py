@@ -8,6 +8,7 @@ from typing import Any
 HEADINGS = (
     "Parameters",
     "Returns",
+    "Yields",
     "Raises",
     "Warns",
     "Examples",

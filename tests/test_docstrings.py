@@ -1,18 +1,27 @@
 """The docstrings of the public API and of the rooms that hold its mathematics."""
 
+import ast
+import builtins
 import inspect
+import re
 from collections.abc import Iterator
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
 from numpydoc_sections import documented, parameters, sections
 
 import insgnss
+import insgnss.base.errors
 
 ROOT = Path(insgnss.__file__).parent
 ROOMS = ("records", "geodesy", "navigation/orient", "navigation/filter", "photogrammetry/adjust")
+OF_TYPES = ("Parameters", "Attributes", "Returns", "Yields", "Raises")
+NO_CLASSES = {"Hz", "ArduPilot", "Autel", "NovAtel", "Latitude", "Latitudes"}
+"""Words of the field that stand where a type does."""
 FEWEST = 150
 """Functions and classes there are at least; fewer mean that the search is broken."""
 
@@ -102,6 +111,58 @@ def test_the_search_finds_the_functions_and_classes() -> None:
     assert len(PUBLIC) > FEWEST
     for name in ("records.solutions.Trajectory", "geodesy.rotation.skew", "api.verbs.process"):
         assert f"insgnss.{name}" in PUBLIC
+
+
+def bound(tree: ast.Module) -> set[str]:
+    """The names that a module defines, assigns or imports."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {alias.asname or alias.name for alias in node.names}
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+    return names
+
+
+def documented_types(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Yield what documents a type in numpydoc sections, and each class that it names: what stands
+    at the margin, in Returns and Yields with or without a name before.
+    """
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.ClassDef | ast.FunctionDef):
+            continue
+        for heading, text in sections(ast.get_docstring(node, clean=False) or "").items():
+            lines = [line for line in text.splitlines() if re.match(r"\S", line)]
+            for line in lines if heading in OF_TYPES else ():
+                name, colon, stated = line.partition(" : ")
+                kind = stated if colon else name
+                for atom in re.split(r",| or | of | and | to |\|", re.split("[(:;]", kind)[0]):
+                    if re.fullmatch(r"[A-Z]\w*[a-z]\w*", atom.strip()):
+                        yield node.name, atom.strip()
+
+
+@pytest.mark.slow
+def test_types_in_docstrings_are_classes_that_the_module_knows() -> None:
+    """Oracle: what the module binds, the classes of its wing, the errors, Python and numpy."""
+    general = {*dir(builtins), *dir(np), *dir(np.random), *dir(insgnss.base.errors), *NO_CLASSES}
+    classes: dict[str, set[str]] = {}
+    stated: list[tuple[str, str, str, set[str]]] = []
+    for path in sorted(ROOT.rglob("*.py")):
+        tree, place = ast.parse(path.read_text("utf-8")), path.relative_to(ROOT)
+        names = bound(tree)
+        classes.setdefault(place.parts[0], set()).update(
+            node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
+        )
+        stated += [(str(place), *pair, names) for pair in documented_types(tree)]
+    assert len(stated) > FEWEST
+    unknown = {
+        (place, name, kind)
+        for place, name, kind, names in stated
+        if kind not in names | classes[Path(place).parts[0]] | general
+    }
+    assert unknown == set()
 
 
 def test_a_parameter_that_is_missing_in_the_docstring_is_seen() -> None:

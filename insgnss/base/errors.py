@@ -76,10 +76,20 @@ class InputError(InsgnssError):
     ----------
     findings : mapping
         What a run had found by then, as its report would say it; empty of most errors.
+    key, problem : str
+        The value and what is wrong with it, of `of_value`; empty of all others.
     """
 
     exit_code = 3
     findings: Mapping[str, Any] = MappingProxyType({})
+    key = problem = ""
+
+    @classmethod
+    def of_value(cls, key: str, problem: str) -> "InputError":
+        """Error that names a value; who knows the line of `key` says `problem` there."""
+        error = cls(f"{key}: {problem}")
+        error.key, error.problem = key, problem
+        return error
 
     @classmethod
     def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":

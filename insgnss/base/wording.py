@@ -81,6 +81,14 @@ def named(key: str) -> str:
     return _DOOR.get().name(key)
 
 
+def asked(key: str, example: str) -> str:
+    """The option `key` with a value to be filled in: `example` of the flight file, unless the
+    caller writes it otherwise, as `asked("columns [...]", "columns = [...]")` is --columns NAMES.
+    """
+    option = named(key)
+    return example if option == key else option
+
+
 def set_to(key: str, value: Any, instead: str = "") -> str:
     """The option `key` with a value that can be copied, or what the caller does instead of it."""
     door = _DOOR.get()

@@ -22,8 +22,8 @@ Where to look
         flight: `check_mounting_files` in `processing/checks.py`
     how observations come in: `processing/input_files.py`, to one clock in `recording.py` there
         (also errors of dead bands and of positions with too few digits)
-    what stops a run: `processing/checks.py` (clocks, constants, datum); checks of a solved segment:
-        `segment_checks.py` there
+    what stops a run: `processing/checks.py` (clocks, constants, datum); checks of a recording:
+        `recording_checks.py` there, of a solved segment: `segment_checks.py`
     a segment the filter does not follow: `processing/solve_segments.py` walks `REMEDIES` of
         `insgnss/navigation/diagnosis/remedies.py`, and moves stamps by the time offset
     memory that does not suffice (`refuse_beyond_memory`) and rows of the output grid

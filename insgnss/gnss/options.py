@@ -89,7 +89,7 @@ class EngineOptions(EngineSettings):
     base_point : "apc", "arp" or "marker", optional
         What stands at the base position: the antenna's phase centre, its reference point or the
         marker below; needed with a position.
-    antex : Path, optional
+    antex : path, optional
         File of phase centres, for "arp" and "marker".
     systems : str
         Letters of GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C.

@@ -37,7 +37,7 @@ def float_array(who: str, value: Any, finest: float = FINEST_DIGIT) -> Array:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         shown = " ".join(f"{value!r}".split())[:60]
-        raise InputError(f"{who}: {shown} is no array of numbers") from None
+        raise InputError.of_value(who, f"{shown} is no array of numbers") from None
 
 
 def _refuse_masked(who: str, values: Any) -> None:
@@ -45,9 +45,9 @@ def _refuse_masked(who: str, values: Any) -> None:
     mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     if mask is not None and mask.any():
         row = int(np.argwhere(mask)[0][0])
-        raise InputError(
-            f"{who}: {np.count_nonzero(mask)} masked values, the first in row {row}; leave these"
-            " rows out"
+        raise InputError.of_value(
+            who,
+            f"{np.count_nonzero(mask)} masked values, the first in row {row}; leave these rows out",
         )
 
 
@@ -55,15 +55,16 @@ def _refuse_coarse(who: str, values: Any, finest: float) -> None:
     """Refuse complex numbers, and numbers whose digits do not hold them."""
     kind = getattr(values.dtype, "kind", "")
     if kind == "c":
-        raise InputError(f"{who}: complex numbers; give the real ones")
+        raise InputError.of_value(who, "complex numbers; give the real ones")
     if kind != "f" or values.dtype.itemsize >= 8 or not np.size(values):
         return
     magnitude = np.abs(np.asarray(values))
     largest = magnitude[np.isfinite(magnitude)].max(initial=0.0)
     if (step := float(np.spacing(largest))) > finest:
-        raise InputError(
-            f"{who}: {values.dtype} resolves values of {float(largest):.10g} to {step:.2g} only;"
-            " use float64 from the first reading on, since lost digits cannot be restored"
+        raise InputError.of_value(
+            who,
+            f"{values.dtype} resolves values of {float(largest):.10g} to {step:.2g} only;"
+            " use float64 from the first reading on, since lost digits cannot be restored",
         )
 
 
@@ -73,13 +74,14 @@ def _refuse_times(who: str, values: Any) -> None:
     objects = values.dtype == object and np.size(values) > 0
     first = np.asarray(values).flat[0] if objects else None
     if kind == "M" or isinstance(first, date | np.datetime64):
-        raise InputError(
-            f"{who}: dates ({values.dtype}), which do not say their time scale; convert them: week,"
-            ' tow = insgnss.gps_from_dates(dates, "utc" or "gpst")'
+        raise InputError.of_value(
+            who,
+            f"dates ({values.dtype}), which do not say their time scale; convert them: week,"
+            ' tow = insgnss.gps_from_dates(dates, "utc" or "gpst")',
         )
     if kind == "m" or isinstance(first, timedelta | np.timedelta64):
-        raise InputError(
-            f"{who}: durations ({values.dtype}); give seconds: divide by np.timedelta64(1, 's')"
+        raise InputError.of_value(
+            who, f"durations ({values.dtype}); give seconds: divide by np.timedelta64(1, 's')"
         )
 
 

@@ -11,6 +11,7 @@ from ...base.errors import UsageError
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, refuse_other_results
+from ...base.wording import spoken_as
 from ...io.options.kinds import Checked
 from ...io.options.schema import argument
 from ..console import Progress
@@ -55,6 +56,7 @@ class ImuRequest(Checked):
 def run(options: argparse.Namespace, progress: Progress) -> Message:
     """Do what the parsed command line asks for."""
     from ...io.formats import read_imu
+    from ...io.formats.read_options import ON_COMMAND_LINE
     from ...navigation.prepare.calibration import write_calibration
     from ...noise.multi_position.calibration import calibrate_multi_position
     from ...report.document import write_json
@@ -66,7 +68,8 @@ def run(options: argparse.Namespace, progress: Progress) -> Message:
         _refuse_others(out, options.imu)
     refuse_other_results("calibrate imu", document, [options.imu], options.force)
     progress("reading")
-    imu = read_imu(options.imu, **spec)
+    with spoken_as({} if options.flight else ON_COMMAND_LINE):
+        imu = read_imu(options.imu, **spec)
     progress("calibrating")
     result = calibrate_multi_position(
         imu, None if options.latitude is None else math.radians(options.latitude), options.height

@@ -35,7 +35,7 @@ def _no_axes(item: Declared, value: Any) -> str:
     try:
         parse_axes(value)
     except InputError as refusal:
-        return str(refusal).partition(": ")[2]
+        return refusal.problem
     return ""
 
 

@@ -43,7 +43,7 @@ def with_included(
 
     Returns
     -------
-    tuple of Table and tuple of Path
+    tuple of OptionTable and tuple of Path
         The file with their keys, which know where they come from; and the included files, the
         nearest first.
 

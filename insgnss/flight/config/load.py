@@ -231,8 +231,7 @@ def mounting_of(table: OptionTable) -> Mounting:
             given["boresight"] = boresight_from_angles(angle_set, degrees, turn)
         return Mounting(**given)
     except InputError as refusal:
-        key, _, problem = str(refusal).partition(": ")
-        raise table.error(key, problem) from None
+        raise table.error(refusal.key, refusal.problem) from None
 
 
 def _output(table: OptionTable) -> Output:

@@ -212,8 +212,7 @@ def _camera_mounting(table: OptionTable, key: str, value: Any) -> Any:
     try:
         mounting.on(Mounting())
     except InputError as refusal:
-        name, _, problem = str(refusal).partition(": ")
-        raise mounted.error(name, problem) from None
+        raise mounted.error(refusal.key, refusal.problem) from None
     return mounting
 
 

@@ -5,7 +5,7 @@ tables), never by its name alone; what is left out is reported with the reason. 
 a flight file names the inputs.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from ...base.advance import through
 from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
-from ...io.formats import describe, sniff_events, sniff_gnss, sniff_imu
+from ...io.formats import READERS, describe, sniff_events, sniff_gnss, sniff_imu
 from ...io.formats.imu.psins import read_psins_header
 from .sources import NO_SIGMA, SINGLE_POINT, InputSource, Keys, Role
 from .tables.exposures import exposures_of
@@ -35,19 +35,24 @@ OWN_PRODUCTS = {
     "metashape.csv",
 }
 LEFT_OUT_FOLDERS = {"truth"}
-FLIGHT_LOGS = {"ardupilot": "ArduPilot", "ulog": "PX4"}
+SNIFFERS: dict[Role, Callable[[Path], str]] = {
+    "imu": sniff_imu,
+    "gnss": sniff_gnss,
+    "events": sniff_events,
+}
+FLIGHT_LOGS = {"ardupilot", "ulog"}  # one file holds several inputs
 LOG_TABLES: dict[Role, tuple[str, ...]] = {
     "imu": ("IMU", "sensor_combined", "vehicle_imu"),
     "gnss": ("GPS", "vehicle_gps_position", "sensor_gps"),
     "events": ("CAM", "camera_capture", "camera_trigger"),
 }
-LOG_SIGMA = "used where the log gives no standard deviations: typical of a single-point receiver"
-FIX_LOGS = {
-    "nmea": "receiver log of NMEA sentences",
-    "gpx": "track of GPX",
-    "novatel": "receiver log of NovAtel's ASCII",
-    "rtklib_pos": "positions of RTKLIB",
+NO_SIGMAS = {
+    "sigma_m": NO_SIGMA,
+    "sigma_velocity_mps": (
+        "no standard deviations of the velocity in the file: these are typical of a receiver"
+    ),
 }
+LOG_SIGMA = "used where the log gives no standard deviations: typical of a single-point receiver"
 DEEPEST, MOST_FILES = 6, 3000  # folders below the one given; more is no single recording (chosen)
 
 
@@ -159,63 +164,37 @@ def _known_log(path: Path) -> list[InputSource] | None:
     with opened(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
             return []
-    imu, gnss, events = sniff_imu(path), sniff_gnss(path), sniff_events(path)
-    if imu in FLIGHT_LOGS:
-        return _flight_log(path, imu)
-    if imu == "psins":
-        return [_psins(path)]
-    if imu == "aimu":
-        return [InputSource("imu", path, "IMU log of $AIMU sentences")]
-    if events == "events_pos" and path.stem.lower().endswith("_events"):
-        return [InputSource("events", path, "exposures at the time marks of a rover, by RTKLIB")]
-    if gnss in FIX_LOGS:
-        return [_fix_log(path, gnss)]
-    return (
-        [InputSource("events", path, "exposures of a DJI or Autel drone")]
-        if events == "mrk"
-        else None
-    )
-
-
-def _psins(path: Path) -> InputSource:
-    """A log of increments whose header gives the site and the axes."""
-    header = read_psins_header(path)
-    site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
-    keys, why = {"quantity": "increments"}, {"quantity": "by the format"}
-    return InputSource("imu", path, "IMU log of PSINS", keys, why, axes=header.axes, site=site)
-
-
-def _fix_log(path: Path, form: str) -> InputSource:
-    """A receiver's log; standard deviations stand in where it has none."""
-    entry = Keys()
-    if form == "gpx":
-        entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
-    if form != "nmea":
-        source = InputSource("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
-        return replace(source, free_height=form == "gpx")
-    velocity = SINGLE_POINT["sigma_velocity_mps"]
-    entry.set(
-        "sigma_velocity_mps",
-        velocity,
-        "RMC gives no standard deviations of the velocity: these are typical of a receiver",
-    )
-    if not any(table.name.endswith("GST") for table in describe(path)):
-        entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
-    return InputSource("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
-
-
-def _flight_log(path: Path, form: str) -> list[InputSource]:
-    """The log of an autopilot: samples and fixes, and exposures where it holds any."""
+    logs = {
+        role: form for role, sniff in SNIFFERS.items() if READERS[role][form := sniff(path)].what
+    }
+    if "events_pos" in logs.values():  # positions and time marks of RTKLIB have one header
+        del logs["gnss" if path.stem.lower().endswith("_events") else "events"]
+    if not logs:
+        return None
+    sources = [_of_log(path, role, form) for role, form in logs.items()]
+    if FLIGHT_LOGS.isdisjoint(logs.values()):
+        return sources[:1]  # a log of $AIMU sentences looks like one of NMEA
     names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
-    keys = {key: list(value) for key, value in SINGLE_POINT.items()}
-    why = {"sigma_m": LOG_SIGMA, "sigma_velocity_mps": LOG_SIGMA}
-    sources = [
-        InputSource("imu", path, f"samples of a log of {FLIGHT_LOGS[form]}"),
-        InputSource("gnss", path, f"fixes of a log of {FLIGHT_LOGS[form]}", keys, why),
-        InputSource("events", path, f"exposures of a log of {FLIGHT_LOGS[form]}"),
-    ]
     return [
         source
         for source in sources
         if any(name.startswith(LOG_TABLES[source.role]) for name in names)
     ]
+
+
+def _of_log(path: Path, role: Role, form: str) -> InputSource:
+    reader, entry = READERS[role][form], Keys()
+    lacks = reader.lacks.split()
+    if form == "nmea" and any(table.name.endswith("GST") for table in describe(path)):
+        lacks.remove("sigma_m")
+    for key in lacks:
+        if key in SINGLE_POINT:
+            reason = LOG_SIGMA if form in FLIGHT_LOGS else NO_SIGMAS[key]
+            entry.set(key, list(SINGLE_POINT[key]), reason)
+    source = InputSource(role, path, reader.what, entry.keys, entry.why)
+    if form != "psins":
+        return replace(source, free_height="undulation_m" in lacks)
+    header = read_psins_header(path)
+    site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
+    entry.set("quantity", "increments", "by the format")
+    return replace(source, axes=header.axes, site=site)

@@ -74,8 +74,8 @@ def in_counts(source: InputSource, recognition: Recognition) -> Iterator[Finding
     """
     for key, name in UNIT_CHECKS.items():
         finding = recognition.finding(name)
-        scaled = key == "accel" and abs(recognition.accel_factor - 1.0) > SAME_FACTOR
-        if finding.confidence or not (scaled or "may be counts" in finding.evidence):
+        accel_counts = abs(recognition.accel_factor - 1.0) > SAME_FACTOR
+        if finding.confidence or not (accel_counts if key == "accel" else recognition.gyro_counts):
             continue
         worth = f" (gravity makes it about {recognition.accel_factor:.4g})" * (key == "accel")
         question = Question(f"unit of {key}", "a unit that is known, or the value of a count")
@@ -103,7 +103,7 @@ def strangers(recognition: Recognition) -> Iterator[Finding]:
         question = Question("GNSS position", "latitude and longitude in their order")
         evidence = recognition.finding("force sign").evidence
         yield question.contradiction(evidence, EXCHANGED_ADVICE)
-    elif not clock.confidence and recognition.finding("gyro unit").evidence.startswith("as "):
+    elif not clock.confidence and recognition.compared:
         yield Question("common motion", "one time offset that explains the motion").note(
             clock.evidence,
             "if it moved, check that samples and fixes are of one recording; no time offset is"

@@ -29,7 +29,7 @@ def right_handed(
 
     Returns
     -------
-    tuple of Source, ImuSamples, Recognition
+    tuple of InputSource, ImuSamples, Recognition
         With the exchange, and a note that says so; as they were, with a contradiction, where the
         format does not let the flight file name its columns.
     """

@@ -15,9 +15,7 @@ from ...gnss.covariance_model import MODEL
 from ...io.exposures.instants import on_clock, within
 from ...io.exposures.rig import CameraExposures, ClockOffsets, merged_instants
 from ...io.formats.imu.exchanged_columns import exchanged_columns
-from ...io.formats.text.stamps import CLOCK_STEP
 from ...navigation.align.turn_on import turn_on_bias
-from ...navigation.diagnosis.variances import check_turn_on, without_turn_on
 from ...navigation.noise_model.model import (
     GaussMarkov,
     NoiseModel,
@@ -30,11 +28,9 @@ from ...navigation.prepare.dead_band import DeadBand
 from ...navigation.prepare.fix_covariance.decision import CovarianceRules, decide
 from ...navigation.prepare.imu import PreparedImu, prepared
 from ...navigation.prepare.stationarity import StationaryPeriods
-from ...navigation.recognise.claims import compare, exchange_in_words, with_set_clock
+from ...navigation.recognise.claims import compare, exchange_in_words
 from ...navigation.recognise.handedness import with_exchanges
-from ...navigation.recognise.plausibility import check_recording
 from ...navigation.recognise.recognition import Recognition, recognise_liveliest
-from ...navigation.recognise.turns import check_events
 from ...records import (
     Array,
     BarometerHeights,
@@ -49,16 +45,10 @@ from ...records.observations import in_week
 from ...records.qualities import Quality
 from ...report.charts.gnss import fix_series
 from ..config.flight_file import Flight
-from .checks import (
-    check_mounting_files,
-    check_mountings,
-    check_stationary,
-    of_camera,
-    of_flight_file,
-    refuse_unreachable_crs,
-)
+from .checks import check_stationary, of_flight_file, refuse_unreachable_crs
 from .clocks import clock_offsets, fixes_say_gpst
 from .input_files import read_barometer_file, read_files, read_measurements
+from .recording_checks import OF_RECORDING, Observed
 
 if TYPE_CHECKING:
     from ...gnss.ppk import PpkResult
@@ -240,11 +230,11 @@ def read_recording(flight: Flight) -> Recording:
     if prepared_imu.weight is not None:
         noise = weighted_model(models, [tuple(w) for w in prepared_imu.weight])
     noise, bands = with_dead_bands(prepared_imu.dead_bands, C_b_imu, noise)
-    more = [*prepared_imu.checks, *bands, *(ppk.checks if ppk else ())]
+    of_preparation = (*prepared_imu.checks, *bands, *(ppk.checks if ppk else ()))
     of_cameras = [camera.events for camera in all_cameras]
     records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
-    checks = _checks(flight, imu, gnss, all_cameras, C_b_imu, noise, more)
-    checks += check_mounting_files(flight, week, float(gnss.time[0]))
+    observed = Observed(imu, C_b_imu, gnss, all_cameras, week, noise, of_preparation)
+    checks = [finding for check in OF_RECORDING for finding in check(flight, observed)]
     checks += [*(note for record in records for note in record.notes), *notes_on_rows]
     cameras, left_out = within(all_cameras, flight.start_tow, flight.end_tow)
     checks += left_out
@@ -338,72 +328,6 @@ def with_dead_bands(
         " worse",
     )
     return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
-
-
-def _checks(
-    flight: Flight,
-    imu: ImuSamples,
-    gnss: GnssFixes,
-    cameras: tuple[CameraExposures, ...],
-    C_b_imu: Array,
-    noise: NoiseModel,
-    more: list[Finding],
-) -> list[Finding]:
-    """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
-    plane = flight.tangent_plane
-    origin = None if plane is None else np.asarray(plane.origin)
-    events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
-    of_motion = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
-    if flight.gnss.stationary is None:
-        of_motion = with_set_clock(of_motion, imu, gnss)
-    if flight.camera is not None:
-        stamping = {"imu": ("IMU", imu.notes), "receiver": ("receiver", gnss.notes)}
-        whose, notes = stamping.get(flight.camera.clock, ("", ()))
-        unmoved = (
-            f"add the step of the {whose}'s clock to the stamps of the exposures before the clock"
-            " was set, or let the other one stamp"
-        )
-        of_motion += [
-            replace(check, verdict="contradiction", remedy=unmoved)
-            for check in notes
-            if check.name == CLOCK_STEP
-        ]
-    of_motion += [
-        of_camera(check_events(camera.events, gnss, camera.clock), camera.name)
-        for camera in cameras[1:]
-    ]
-    checks = [*of_motion, *more, *check_mountings(flight)]
-    if without_turn_on(noise):
-        checks.append(check_turn_on(noise))
-    return [*checks, *noise_misfit(noise)]
-
-
-def noise_misfit(noise: NoiseModel) -> list[Finding]:
-    """Repeat where a noise model does not fit the recordings that it was estimated from.
-
-    Parameters
-    ----------
-    noise : NoiseModel
-        The model of the flight file.
-
-    Returns
-    -------
-    list of Finding
-        A note, or nothing.
-    """
-    if not noise.misfit:
-        return []
-    more = len(noise.misfit) - 1
-    finding = noise.misfit[0] + (f"; and {more} more, in its file" if more else "")
-    advice = (
-        "the sigmas of this flight are only as good as this noise model; tune again with a"
-        " --model that fits (insgnss tune)"
-    )
-    return [
-        Question(
-            "noise model", "a noise model that fits the recordings from which it was estimated"
-        ).note(finding, advice)
-    ]
 
 
 def _turn_on_bias(

@@ -65,7 +65,7 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
 
     Returns
     -------
-    tuple of Check
+    tuple of Finding
         A note for options of ours that it does not know, or where a wrapper does not show what the
         program holds.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...base.errors import UsageError
+from ...base.wording import asked, named
 from ...records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
@@ -35,29 +36,47 @@ __all__ = [
 _IMU_MAP = "columns variable units quantity gps_week rate_hz"
 _GNSS_TABLE = "columns sigma_m sigma_velocity units gps_week undulation_m reference"
 _GNSS_MAP = f"variable repeat_column {_GNSS_TABLE}"
+_NO_SIGMAS = "sigma_m sigma_velocity_mps"
 
 
 class Reader(NamedTuple):
     """A reader: module and function in `formats`, its options, and what tells its format.
 
     `tells` is the module and function that tells the format by the first bytes of a file; empty
-    where `detect` does, and of the last of a kind, which is any text.
+    where `detect` does, and of the last of a kind, which is any text. `what` is how `inspect`
+    describes such a file; empty of a table, whose columns say what it holds. `lacks` are the keys
+    of the flight file that give what such files have not.
     """
 
     function: str
     options: str
     tells: str = ""
+    what: str = ""
+    lacks: str = ""
 
 
 READERS = {
     "imu": {
         "matlab": Reader("arrays.mapped:imu_of_content", _IMU_MAP),
         "npy": Reader("arrays.mapped:imu_of_content", _IMU_MAP),
-        "ardupilot": Reader("logs.ardupilot:read_imu_ardupilot", "variable quantity gps_week"),
-        "ulog": Reader("logs.ulog:read_imu_ulog", "variable quantity gps_week"),
+        "ardupilot": Reader(
+            "logs.ardupilot:read_imu_ardupilot",
+            "variable quantity gps_week",
+            what="samples of a log of ArduPilot",
+        ),
+        "ulog": Reader(
+            "logs.ulog:read_imu_ulog", "variable quantity gps_week", what="samples of a log of PX4"
+        ),
         "rosbag": Reader("logs.rosbag:read_imu_rosbag", "variable quantity gps_week"),
-        "aimu": Reader("imu.aimu:read_aimu", "quantity gps_week", "detect:is_aimu"),
-        "psins": Reader("imu.psins:read_psins", "quantity gps_week", "detect:is_psins"),
+        "aimu": Reader(
+            "imu.aimu:read_aimu",
+            "quantity gps_week",
+            "detect:is_aimu",
+            "IMU log of $AIMU sentences",
+        ),
+        "psins": Reader(
+            "imu.psins:read_psins", "quantity gps_week", "detect:is_psins", "IMU log of PSINS"
+        ),
         "imu_csv": Reader(
             "imu.imu_csv:read_imu_csv", "columns units quantity gps_week rate_hz accel_file"
         ),
@@ -69,28 +88,63 @@ READERS = {
         "ardupilot": Reader(
             "logs.ardupilot:read_gnss_ardupilot",
             "variable sigma_m sigma_velocity gps_week undulation_m",
+            what="fixes of a log of ArduPilot",
+            lacks=_NO_SIGMAS,
         ),
-        "ulog": Reader("logs.ulog:read_gnss_ulog", "variable sigma_m sigma_velocity gps_week"),
+        "ulog": Reader(
+            "logs.ulog:read_gnss_ulog",
+            "variable sigma_m sigma_velocity gps_week",
+            what="fixes of a log of PX4",
+            lacks=_NO_SIGMAS,
+        ),
         "nmea": Reader(
-            "gnss.nmea:read_nmea", "sigma_m sigma_velocity gps_week undulation_m", "detect:is_nmea"
+            "gnss.nmea:read_nmea",
+            "sigma_m sigma_velocity gps_week undulation_m",
+            "detect:is_nmea",
+            "receiver log of NMEA sentences",
+            "sigma_velocity_mps sigma_m",
         ),
-        "gpx": Reader("gnss.gpx:read_gpx", "sigma_m gps_week undulation_m", "gnss.gpx:is_gpx"),
+        "gpx": Reader(
+            "gnss.gpx:read_gpx",
+            "sigma_m gps_week undulation_m",
+            "gnss.gpx:is_gpx",
+            "track of GPX",
+            "sigma_m undulation_m",
+        ),
         "novatel": Reader(
-            "gnss.novatel:read_novatel", "sigma_m gps_week", "gnss.novatel:is_novatel"
+            "gnss.novatel:read_novatel",
+            "sigma_m gps_week",
+            "gnss.novatel:is_novatel",
+            "receiver log of NovAtel's ASCII",
         ),
         "rtklib_pos": Reader(
             "gnss.rtklib_pos:read_rtklib_pos",
             "sigma_m undulation_m gps_week",
             "gnss.pos_header:is_rtklib_pos",
+            "positions of RTKLIB",
         ),
         "gnss_text": Reader("gnss.gnss_text:read_gnss_text", _GNSS_TABLE),
     },
     "events": {
-        "ardupilot": Reader("logs.ardupilot:read_events_ardupilot", "variable gps_week"),
-        "ulog": Reader("logs.ulog:read_events_ulog", "variable gps_week"),
-        "mrk": Reader("events.mrk:read_events_mrk", "gps_week", "events.mrk:is_mrk"),
+        "ardupilot": Reader(
+            "logs.ardupilot:read_events_ardupilot",
+            "variable gps_week",
+            what="exposures of a log of ArduPilot",
+        ),
+        "ulog": Reader(
+            "logs.ulog:read_events_ulog", "variable gps_week", what="exposures of a log of PX4"
+        ),
+        "mrk": Reader(
+            "events.mrk:read_events_mrk",
+            "gps_week",
+            "events.mrk:is_mrk",
+            "exposures of a DJI or Autel drone",
+        ),
         "events_pos": Reader(
-            "events.events_pos:read_events_pos", "gps_week", "gnss.pos_header:is_rtklib_pos"
+            "events.events_pos:read_events_pos",
+            "gps_week",
+            "gnss.pos_header:is_rtklib_pos",
+            "exposures at the time marks of a rover, by RTKLIB",
         ),
         "event_dates": Reader(
             "events.dated:read_dated_events",
@@ -162,8 +216,8 @@ def _options(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )
         message = (
-            "needs columns = {tow = ..., ...}, and variable where they are fields of a struct or"
-            f" labels of a matrix; there are {tables}"
+            f"needs {asked('columns {...}', 'columns = {tow = ..., ...}')}, and {named('variable')}"
+            f" where they are fields of a struct or labels of a matrix; there are {tables}"
         )
         raise UsageError(
             f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {message[:600]}"

@@ -46,7 +46,7 @@ def by_bytes(path: str | Path, head: bytes) -> str:
 
 def head_of(path: str | Path) -> bytes:
     """Return the first bytes of a file. Raises InputError where it cannot be read."""
-    return first_bytes(path, 1 << 14, "check the path in the flight file")
+    return first_bytes(path, 1 << 14, "check the path")
 
 
 def load_content(form: str, path: str | Path) -> Any:

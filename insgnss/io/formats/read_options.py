@@ -65,5 +65,16 @@ class ReadOptions:
     time_scale: str | None = None
 
 
+ON_COMMAND_LINE = {
+    "columns": "--columns",
+    "columns [...]": "--columns NAMES",
+    "columns {...}": "--columns tow=NAME,gx=NAME,...",
+    "units": "--gyro-unit or --accel-unit",
+    "units gyro": "--gyro-unit",
+    "units accel": "--accel-unit",
+}
+"""How verbs that take a recording without a flight file call the options of its reader, and what
+they ask for in the place of a table of the flight file (`base.wording`).
+"""
 STATED_NOTHING = ReadOptions()
 """Options of a file that says everything itself."""

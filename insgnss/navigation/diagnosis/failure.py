@@ -37,7 +37,7 @@ def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Fin
 
     Returns
     -------
-    Check or None
+    Finding or None
         What contradicts the flight file; None where nothing explains the failure.
     """
     search.progress("what the fixes say with an open gate")

@@ -81,7 +81,7 @@ def withhold_incorrect_fixes(
 
     Returns
     -------
-    tuple of EstimationProblem and tuple of Spell
+    tuple of EstimationProblem and tuple of FixSpell
         The problem with these fixes withheld, and the spells; the problem itself and none where
         that is no remedy.
     """

@@ -340,7 +340,7 @@ def forward_inputs(
 
     Returns
     -------
-    tuple of IntegrationIntervals, StateModel, Earth, Array and FilterOptions
+    tuple of IntegrationIntervals, StateModel, Earth, Array and ForwardOptions
         In the order of `kernels.forward.run_forward`; the array is the lever arm.
     """
     return (

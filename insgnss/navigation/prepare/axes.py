@@ -51,11 +51,14 @@ def parse_axes(words: str) -> Array:
     named = words.lower().replace(",", " ").split()
     for word in named:
         if word not in DIRECTIONS:
-            raise InputError(f"axes {words!r}: {word!r} is no direction; {near(word, DIRECTIONS)}")
+            raise InputError.of_value(
+                f"axes {words!r}", f"{word!r} is no direction; {near(word, DIRECTIONS)}"
+            )
     if len(named) != 3:
-        raise InputError(
-            f"axes {words!r}: {len(named)} directions, expected 3 (of the IMU's x, y and z), e.g."
-            " 'forward right down'"
+        raise InputError.of_value(
+            f"axes {words!r}",
+            f"{len(named)} directions, expected 3 (of the IMU's x, y and z), e.g."
+            " 'forward right down'",
         )
     C_b_imu = np.zeros((3, 3))
     for k, word in enumerate(named):
@@ -63,16 +66,16 @@ def parse_axes(words: str) -> Array:
         C_b_imu[line, k] = sense  # (A.1)
     missing = [_LINES[line] for line in range(3) if not C_b_imu[line].any()]
     if missing:
-        raise InputError(
-            f"axes {words!r}: two directions lie along one line and {' and '.join(missing)} is"
-            " missing"
+        raise InputError.of_value(
+            f"axes {words!r}",
+            f"two directions lie along one line and {' and '.join(missing)} is missing",
         )
     if np.linalg.det(C_b_imu) < 0:
         x, y, _ = named
         right_handed = f"{x} {y} {_word(np.cross(C_b_imu[:, 0], C_b_imu[:, 1]))}"
-        raise InputError(
-            f"axes {words!r}: left-handed (determinant -1); with x {x} and y {y} it would be"
-            f" {right_handed!r}"
+        raise InputError.of_value(
+            f"axes {words!r}",
+            f"left-handed (determinant -1); with x {x} and y {y} it would be {right_handed!r}",
         )
     return C_b_imu
 

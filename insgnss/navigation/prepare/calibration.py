@@ -105,8 +105,9 @@ class ImuCalibration:
 
     def __post_init__(self) -> None:
         for sensor, triad in self.triads.items():
-            if fault := _implausible(sensor, triad):
-                raise InputError(f"calibration {self.name!r}: {sensor} {fault}")
+            key, problem = _implausible(sensor, triad)
+            if problem:
+                raise InputError(f"calibration {self.name!r}: {sensor} {key}: {problem}")
 
     @property
     def triads(self) -> dict[str, TriadCalibration]:
@@ -139,20 +140,19 @@ class ImuCalibration:
         return "; ".join(parts)
 
 
-def _implausible(sensor: str, triad: TriadCalibration) -> str:
-    """What is wrong with a calibration, as key and words; empty where nothing is."""
+def _implausible(sensor: str, triad: TriadCalibration) -> tuple[str, str]:
+    """Key and words of what is wrong with a calibration; two empty texts where nothing is."""
     if triad.bias.shape != (3,) or triad.response.shape != (3, 3):
-        return (
-            f"bias: shapes {triad.bias.shape} and {triad.response.shape} of bias and response,"
+        return "bias", (
+            f"shapes {triad.bias.shape} and {triad.response.shape} of bias and response,"
             " expected (3,) and (3, 3)"
         )
     if not (np.isfinite(triad.bias).all() and np.isfinite(triad.response).all()):
-        return "bias: a value is not finite"
+        return "bias", "a value is not finite"
     if np.abs(triad.bias).max() > BIAS_LIMIT[sensor]:
         limit = f"{BIAS_LIMIT[sensor]:.3g} {'rad/s' if sensor == 'gyro' else 'm/s^2'}"
-        return f"bias: {np.abs(triad.bias).max():.3g} is beyond {limit}; check the unit"
-    fault = _off_identity(triad.response)
-    return fault and f"matrix: {fault}"
+        return "bias", f"{np.abs(triad.bias).max():.3g} is beyond {limit}; check the unit"
+    return "matrix", _off_identity(triad.response)
 
 
 def _off_identity(matrix: Array) -> str:
@@ -190,10 +190,10 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
     for sensor in ("gyro", "accel"):
         table = top.table(sensor)
         triads[sensor] = _triad(table, sensor)
-        if fault := _implausible(sensor, triads[sensor]):
-            key, _, why = fault.partition(": ")
+        key, problem = _implausible(sensor, triads[sensor])
+        if problem:
             keys = (key, "scale_factor", "misalignment")
-            raise table.error(next((k for k in keys if k in table.data), key), why)
+            raise table.error(next((k for k in keys if k in table.data), key), problem)
     name, source = top.text("name", Path(path).stem), top.text("source", "not stated")
     return ImuCalibration(triads["gyro"], triads["accel"], name, source)
 

@@ -23,6 +23,7 @@ from .units import ForceUnit, force_unit, gyro_unit, unknown_force
 from .verdict import (
     LEAST_LOG_ODDS,
     exchange_odds,
+    looks_counted,
     of_clock,
     of_forward,
     of_gyro,
@@ -80,6 +81,10 @@ class Recognition:
     exchanged : bool
         Whether latitude and longitude are; the sign of the force and the axes are then abstained
         from.
+    compared : bool
+        Whether the motion that the IMU felt could be compared with that of the fixes.
+    gyro_counts : bool
+        Whether the gyros fit no known unit, as numbers in counts.
     exchanges : tuple of Exchange
         Of readings of left-handed axes the exchanges of two axes that explain the motion, where
         they were tried (`handedness.with_exchanges`).
@@ -98,6 +103,8 @@ class Recognition:
     time_offset_sigma_s: float = np.inf
     time_scale: str = "same"
     exchanged: bool = False
+    compared: bool = False
+    gyro_counts: bool = False
     exchanges: "tuple[Exchange, ...]" = ()
 
     def finding(self, name: str) -> Finding:
@@ -285,6 +292,8 @@ def _recognised(
         clock.sigma_s,
         clock.scale,
         mirror_is_known and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
+        compared=True,
+        gyro_counts=looks_counted(relation),
     )
 
 

@@ -36,6 +36,14 @@ def odds(x: float) -> float:
     )
 
 
+def looks_counted(relation: Relation) -> bool:
+    """Whether the gyros are further off than any gyro is, as numbers in counts are."""
+    if relation.fit is None:
+        return False
+    error, sigma = float(relation.fit.theta[4]), float(np.sqrt(relation.fit.cov[4, 4]))
+    return abs(error) > max(COUNT_OFF, COUNT_SIGMAS * sigma)
+
+
 def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Finding, Finding]:
     """Return the findings of the gyros: unit, and arrangement against the accelerometers.
 
@@ -58,7 +66,7 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
     if fit is not None:
         scale, sigma = 1.0 + float(fit.theta[4]), float(np.sqrt(fit.cov[4, 4]))
         evidence += f"; scale fitted {scale:.3f} with sigma {sigma:.3f}"
-        if abs(scale - 1.0) > max(COUNT_OFF, COUNT_SIGMAS * sigma):
+        if looks_counted(relation):
             count = size * scale * (interval if force.quantity == "increments" else 1.0)
             evidence += (
                 f"; no gyro is that far off, so these may be counts of about {count:.4g}"

@@ -7,63 +7,38 @@ here. A rate that no IMU has means that time is in another unit: milliseconds ta
 0.2 Hz of 200 Hz.
 """
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...base.errors import InputError, UsageError
+from ...base.wording import spoken_as
 from ...flight.inspection.discovery import sources_of
 from ...flight.inspection.sources import InputSource
 from ...io.formats import TableInfo, describe, read_imu, sniff_imu
 from ...io.formats.detect import LOADERS
 from ...io.formats.imu.imu_csv import ACCEL, GYRO
+from ...io.formats.read_options import ON_COMMAND_LINE
 from ...io.formats.text.headers import TIME_FACTORS, factor_of, kinds_like, unit_in
 from ...navigation.prepare.gaps import nominal_interval
 from ...records import ImuSamples, Question
 from .options import TuneOptions
 from .some_channels import columns_by_names, fields_of_some, no_unit, read_some
 
+OPTION_NAMES = ON_COMMAND_LINE | {
+    "units time": "--time-unit",
+    "rate_hz": "--rate",
+    "variable": "--variable",
+    "member": "--variable",
+}
+"""How the verb calls the options of readers."""
 PLAIN_COLUMNS = ("tow", *GYRO, *ACCEL)
 FILE_HEAD_BYTES = 1 << 13  # of a file, which hold its header and its first rows (chosen)
 SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog", "rosbag")
 LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
 USUAL_RANGE_HZ = (20.0, 20e3)  # of an IMU: a time unit that leads into it is proposed
-_COLUMN_ADVICE = (
-    (
-        r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
-        "--columns tow=NAME,gx=NAME,...",
-    ),
-    (r"(?:set )?columns = \[\.\.\.\]", "--columns NAMES"),
-    (r"units = \{ ?time = \.\.\. ?\}", "--time-unit"),
-    (r"\bset units$", "give --gyro-unit or --accel-unit"),
-    (r"(?<![-.\w])units (gyro|accel|time)\b(?: =)?", r"--\1-unit"),
-    (r"(?<![-\w])columns(?= =|:| names| does)", "--columns"),
-    (r"\bout of columns\b", "out of --columns"),
-    (r"(?<![-\w])rate_hz\b", "--rate"),
-    (r"\bset (?:member|variable) to\b", "give --variable,"),
-    (r"\bleave member out\b", "leave --variable out"),
-    (r"\band variable where\b", "and --variable where"),
-    (r" in the flight file\b", ""),
-)
-
-
-@contextmanager
-def own_words() -> Iterator[None]:
-    """Raise the errors of the readers, which speak of flight files, in the words of the options."""
-    try:
-        yield
-    except (InputError, UsageError) as error:
-        raise type(error)(own_text(str(error))) from None
-
-
-def own_text(text: str) -> str:
-    """Return a message with the verb's options instead of a flight file's keys."""
-    for pattern, replacement in _COLUMN_ADVICE:
-        text = re.sub(pattern, replacement, text)
-    return text
 
 
 def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bool, ...]]:
@@ -92,7 +67,7 @@ def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bo
         Where units or columns are missing.
     """
     channels: tuple[bool, ...] = (True,) * 6
-    with own_words():
+    with spoken_as(OPTION_NAMES):
         form = sniff_imu(path)
         fields = fields_of_some(path, form, options)
         if fields is None:
@@ -100,14 +75,7 @@ def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bo
         else:
             imu, channels = read_some(path, form, fields, options)
     _refuse_rate(path, imu, options)
-    with_notes = replace(
-        imu,
-        notes=tuple(
-            replace(note, found=own_text(note.found), remedy=own_text(note.advice))
-            for note in imu.notes
-        ),
-    )
-    return with_notes, channels
+    return imu, channels
 
 
 def _read(path: Path, options: TuneOptions) -> ImuSamples:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
 from ...base.inputs import first_bytes, read_bytes, sha256
+from ...base.wording import spoken_as
 from ...io.formats.imu.variances import read_variances
 from ...io.formats.logs.rosbag import bag_file
 from ...navigation.noise_model.model import RecordingSource
@@ -21,7 +22,7 @@ from ...navigation.prepare.static_recording import Disturbance, StaticSpan, stat
 from ...records import Array, Finding, Question, WaveletVariance
 from ..moments.wavelet import wavelet_variances
 from .options import TuneOptions
-from .reading import FILE_HEAD_BYTES, own_words, read_samples
+from .reading import FILE_HEAD_BYTES, OPTION_NAMES, read_samples
 from .some_channels import chosen_channels, no_unit
 
 Progress = Callable[[str], None]
@@ -93,7 +94,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     """
     path = bag_file(path)
     progress(f"reading {path.name}")
-    with own_words():
+    with spoken_as(OPTION_NAMES):
         if holds_variances(path):
             return _published(path, options)
     imu, channels = read_samples(path, options)

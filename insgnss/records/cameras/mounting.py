@@ -99,12 +99,14 @@ def boresight_from_angles(
     InputError : unknown set, not three finite angles, or `camera_from_body` is no rotation.
     """
     if angle_set not in _ANGLE_SETS:
-        raise InputError(
-            f"boresight: angle set {angle_set!r} is unknown; use one of {', '.join(ANGLE_SETS)}"
+        raise InputError.of_value(
+            "boresight", f"angle set {angle_set!r} is unknown; use one of {', '.join(ANGLE_SETS)}"
         )
     angles = float_array("boresight", angles_deg)
     if angles.shape != (3,) or not np.isfinite(angles).all():
-        raise InputError(f"boresight: {angles_deg!r} are not three finite angles in degrees")
+        raise InputError.of_value(
+            "boresight", f"{angles_deg!r} are not three finite angles in degrees"
+        )
     return _ANGLE_SETS[angle_set](
         np.deg2rad(angles), _as_rotation("camera_from_body", camera_from_body)
     )
@@ -177,8 +179,8 @@ class Mounting:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.antenna_sigma_m <= 10.0:
-            raise InputError(
-                f"antenna_sigma_m: {self.antenna_sigma_m!r} m; it must be between 0 and 10 m"
+            raise InputError.of_value(
+                "antenna_sigma_m", f"{self.antenna_sigma_m!r} m; it must be between 0 and 10 m"
             )
         for name in ("antenna_m", "imu_m"):
             self._freeze(name, _as_vector(name, getattr(self, name)))
@@ -248,7 +250,7 @@ def _as_vector(name: str, value: ArrayLike) -> Array:
     """Copy of `value` as (3,) finite numbers, or InputError."""
     v = float_array(name, value).copy()
     if v.shape != (3,) or not np.isfinite(v).all():
-        raise InputError(f"{name}: {v.tolist()} are not three finite numbers in m")
+        raise InputError.of_value(name, f"{v.tolist()} are not three finite numbers in m")
     return v
 
 
@@ -256,18 +258,20 @@ def _as_rotation(name: str, value: ArrayLike) -> Array:
     """Return the rotation nearest to `value`; InputError where rounding does not explain it."""
     M = float_array(name, value).copy()
     if M.shape != (3, 3) or not np.isfinite(M).all():
-        raise InputError(f"{name}: not a 3x3 matrix of finite numbers")
+        raise InputError.of_value(name, "not a 3x3 matrix of finite numbers")
     determinant = float(np.linalg.det(M))
     if determinant < 0:
-        raise InputError(
-            f"{name}: no rotation, its determinant is {determinant:.3f}; a row or column has the"
-            " wrong sign"
+        raise InputError.of_value(
+            name,
+            f"no rotation, its determinant is {determinant:.3f}; a row or column has the"
+            " wrong sign",
         )
     C = nearest_rotation(M)
     off = float(np.abs(M - C).max())
     if off > ROTATION_TOLERANCE:
-        raise InputError(
-            f"{name}: no rotation matrix, an entry differs by {off:.2g} from the nearest one (limit"
-            f" {ROTATION_TOLERANCE:g}); check the digits"
+        raise InputError.of_value(
+            name,
+            f"no rotation matrix, an entry differs by {off:.2g} from the nearest one (limit"
+            f" {ROTATION_TOLERANCE:g}); check the digits",
         )
     return C

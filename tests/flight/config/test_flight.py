@@ -11,6 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss import load_flight
 from insgnss.base.errors import InputError
+from insgnss.flight.config.flight_file import FLIGHT_TABLES
+from insgnss.flight.config.values import known_keys
 from insgnss.gnss.covariance_model import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.io.exposures.naming import ImageMatch
@@ -254,35 +256,43 @@ def test_resolved_flight_is_json_with_every_default(load):
     assert resolved["imu"]["file"] == FILES[0]
     assert resolved["gnss"]["gate_sigma"] == 5.0
     assert resolved["mounting"]["antenna_m"] == [0.462, -0.001, -0.065]
-    assert resolved["output"] == {
-        "directory": "02_Processed/GPS-INS",
-        "formats": ["eo_local_plane", "metashape"],
-        "trajectory_hz": 10.0,
-        "operator": None,
-        "equipment": None,
-        "need": None,
-        "need_m": None,
-        "time_zone": "UTC",
-        "need_deg": None,
-        "crs": None,
-        "geoid": None,
-        "ground_m": None,
-        "rename": [],
-        "strip_covariance": True,
-    }
-    assert resolved["filter"] == {
-        "scale_factor": False,
-        "misalignment": False,
-        "second_pass": "auto",
-        "time_offset": False,
-        "time_offset_sigma_s": 0.1,
-        "lever_arm": False,
-        "lever_arm_sigma_m": 0.3,
-        "zero_velocity": "auto",
-        "non_holonomic": False,
-        "adaptive_noise": "auto",
-        "robust": False,
-    }
+    assert (
+        resolved["output"].items()
+        >= {
+            "directory": "02_Processed/GPS-INS",
+            "formats": ["eo_local_plane", "metashape"],
+            "trajectory_hz": 10.0,
+            "operator": None,
+            "equipment": None,
+            "need": None,
+            "need_m": None,
+            "time_zone": "UTC",
+            "need_deg": None,
+            "crs": None,
+            "geoid": None,
+            "ground_m": None,
+            "rename": [],
+            "strip_covariance": True,
+        }.items()
+    )
+    assert (
+        resolved["filter"].items()
+        >= {
+            "scale_factor": False,
+            "misalignment": False,
+            "second_pass": "auto",
+            "time_offset": False,
+            "time_offset_sigma_s": 0.1,
+            "lever_arm": False,
+            "lever_arm_sigma_m": 0.3,
+            "zero_velocity": "auto",
+            "non_holonomic": False,
+            "adaptive_noise": "auto",
+            "robust": False,
+        }.items()
+    )
+    assert set(resolved["output"]) == set(known_keys(FLIGHT_TABLES)["output"])
+    assert set(resolved["filter"]) == set(known_keys(FLIGHT_TABLES)["filter"])
     assert set(resolved) >= {"name", "gps_week", "camera", "tangent_plane", "initial"}
 
 

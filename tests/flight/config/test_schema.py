@@ -21,8 +21,8 @@ from insgnss.gnss.ppk_options import EngineSettings
 from insgnss.io.options.kinds import OPTION_KINDS, check
 from insgnss.io.options.schema import declared, option, options_of
 
-SPECS = Path(__file__).parents[3] / "data_specs"
-PAGE, BLOCK_PAGE = SPECS / "flight_file.md", SPECS / "block_file.md"
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "data_specs" / "flight_file.md"
 READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
 RAW = READY.replace(
     'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
@@ -51,7 +51,7 @@ def load(tmp_path):
 
 def test_the_pages_are_rendered_from_the_schema():
     """Oracle: the pages themselves; `python scripts/render_options.py` brings them up to date."""
-    pages = [path.read_text(encoding="utf-8") for path in (PAGE, BLOCK_PAGE)]
+    pages = [path.read_text(encoding="utf-8") for path in map(ROOT.joinpath, render_options.PAGES)]
     for page in pages:
         assert render_options.rendered(page) == page, "run python scripts/render_options.py"
     assert all(f"<!-- rendered: {part} -->" in "".join(pages) for part in render_options.PARTS)

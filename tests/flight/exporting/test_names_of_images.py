@@ -46,10 +46,13 @@ READERS = {
     "generic_ascii": read_generic_ascii,
 }
 OF_NO_NAMES = {"tum", "rtklib_pos"}
-REFUSED = {  # by separators of programs that know no quotation marks
-    *("metashape", "metashape_opk", "metashape_offset", "pix4d_matic", "pix4d_mapper", "odm"),
-    *("micmac", "realitycapture", "inpho_ascii", "colmap", "realitycapture_accuracy"),
-}
+PAGES = Path(__file__).parents[3] / "data_specs"
+
+
+def refused_by_page(name: str) -> bool:
+    """Whether the format's page says that its program knows no quotation marks."""
+    lines = (PAGES / f"{EXPORTS[name].page}.md").read_text(encoding="utf-8").splitlines()
+    return any("is refused by" in line and f"`{name}`" in line for line in lines)
 
 
 def flight(images: tuple[str, ...] = NAMES) -> ExteriorOrientation:
@@ -108,7 +111,7 @@ def strings(item: Any) -> list[str]:
 def test_every_format_holds_these_names_or_says_how_to_export_all_the_same(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Oracle: a parser of the format's syntax, and our own reader where there is one."""
+    """Oracle: a parser of the format's syntax, our own reader where there is one, and the page."""
     if name == "colmap_priors":
         oracle("pycolmap")
     form = EXPORTS[name]
@@ -122,8 +125,8 @@ def test_every_format_holds_these_names_or_says_how_to_export_all_the_same(
         target = ExportFrame("EPSG:32632")
     path = tmp_path / "out" / form.product
     path.parent.mkdir()
-    assert (name in REFUSED) == bool(form.separator)
-    if name in REFUSED:
+    assert refused_by_page(name) == bool(form.separator)
+    if form.separator:
         with pytest.raises(InputError, match=r"image name .* --rename"):
             refuse_names(NAMES, [name], [])
         refuse_names(NAMES, [name], ["safe"])

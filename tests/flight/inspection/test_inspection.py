@@ -609,7 +609,7 @@ def test_the_header_is_the_claim_of_a_flight_file_without_units(numbers, tmp_pat
         ("", []),
         (
             units.replace("deg/s", "deg/h"),
-            ["the header says deg/s, and units gyro = deg/h was taken"],
+            ['the header says deg/s, and units gyro = "deg/h" was taken'],
         ),
     ):
         (tmp_path / "flight.toml").write_text(text.replace(units, written))

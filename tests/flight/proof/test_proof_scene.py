@@ -183,9 +183,7 @@ def truth_of_scene(directory: Path) -> Poses:
 def test_every_export_is_read_by_somebody_else() -> None:
     """Oracle: the registry."""
     assert set(EXPORTS) - {"relative"} <= set(CASES)
-    assert {name: EXPORTS[name].writer for name in CASES if name in EXPORTS} == {
-        name: CASES[name].writer for name in CASES if name in EXPORTS
-    }
+    assert {name.split()[0] for name in CASES} <= set(EXPORTS)
 
 
 @pytest.mark.usefixtures("sketched")

@@ -174,29 +174,29 @@ def test_units_that_cannot_be_are_refused_unless_the_caller_says_them(
         (
             header("Gyro {} (deg/s)", "Acc_{} [g]"),
             {"gyro": "rad/s"},
-            ["the header says deg/s, and units gyro = rad/s was taken"],
+            ['the header says deg/s, and units gyro = "rad/s" was taken'],
         ),
         (
             header("gyro_{}_dps", "acc_{}_g"),
             {"accel": "m/s^2"},
-            ["the header says g, and units accel = m/s^2 was taken"],
+            ['the header says g, and units accel = "m/s^2" was taken'],
         ),
         (
             header("gyro_{}_dps", "acc_{}_g"),
             {"gyro": "0.05 deg/s"},
-            ["the header says deg/s, and units gyro = 0.05 deg/s was taken"],
+            ['the header says deg/s, and units gyro = "0.05 deg/s" was taken'],
         ),
         (
             header("gyro_{}_rad", "acc_{}_g"),
             {"gyro": "rad/s"},
-            ["the header says rad, and units gyro = rad/s was taken"],
+            ['the header says rad, and units gyro = "rad/s" was taken'],
         ),
         (header("gyro_{}_deg_s", "acc_{}_g"), {"gyro": "dps", "accel": "g", "time": "s"}, []),
         (header("Gyro {} (LSB)", "acc_{}_g"), {"gyro": "0.05 deg/s"}, []),
         (
             header("gyro_{}_dps", "acc_{}_g", "time_ms"),
             {"time": "s"},
-            ["the header says ms, and units time = s was taken"],
+            ['the header says ms, and units time = "s" was taken'],
         ),
     ],
 )
@@ -323,16 +323,16 @@ def test_fixes_of_one_flight_under_many_headers(tmp_path: Path, kind: str, spell
 @pytest.mark.parametrize(
     ("units", "found"),
     [
-        ({"angle": "deg"}, ["the header says rad, and units angle = deg was taken"]),
+        ({"angle": "deg"}, ['the header says rad, and units angle = "deg" was taken']),
         (
             {"length": "m", "time": "s"},
             [
-                "the header says ms, and units time = s was taken",
-                "the header says cm, and units length = m was taken",
+                'the header says ms, and units time = "s" was taken',
+                'the header says cm, and units length = "m" was taken',
             ],
         ),
-        ({"velocity": "m/s"}, ["the header says km/h, and units velocity = m/s was taken"]),
-        ({"course": "deg"}, ["the header says rad, and units course = deg was taken"]),
+        ({"velocity": "m/s"}, ['the header says km/h, and units velocity = "m/s" was taken']),
+        ({"course": "deg"}, ['the header says rad, and units course = "deg" was taken']),
         ({"angle": "rad", "length": "cm", "velocity": "km/h", "course": "rad", "time": "ms"}, []),
     ],
 )
@@ -396,5 +396,5 @@ def test_units_of_events(tmp_path: Path) -> None:
     given = read_events(path, columns={"image": "image", "tow": "time_ms"}, units={"time": "us"})
     assert_allclose(given.time, [200.0005, 200.0015], rtol=0, atol=1e-9)
     assert [(note.name, note.found) for note in given.notes] == [
-        ("event units", "the header says ms, and units time = us was taken")
+        ("event units", 'the header says ms, and units time = "us" was taken')
     ]

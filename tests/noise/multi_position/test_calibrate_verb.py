@@ -140,7 +140,7 @@ def test_a_unit_against_the_header_is_reported(
         header="tow,gx,gy,gz,ax_m_s2,ay_m_s2,az_m_s2",
         comments="",
     )
-    told = "IMU units: the header says m/s^2, and units accel = mg was taken"
+    told = "IMU units: the header says m/s^2, and --accel-unit mg was taken"
     assert main(["calibrate", "imu", str(tmp_path / "mg.csv"), "--accel-unit", "mg", "--json"]) == 0
     assert any(told in note for note in json.loads(capsys.readouterr().out)["notes"])
     assert told in (tmp_path / "calibration.toml").read_text()

@@ -10,10 +10,11 @@ from static_files import RATE, samples, save
 
 import insgnss
 from insgnss import cli
-from insgnss.base.errors import UsageError
+from insgnss.base.errors import InputError, UsageError
+from insgnss.base.wording import spoken_as
 from insgnss.io.formats import read_imu
 from insgnss.noise.tuning.options import TuneOptions
-from insgnss.noise.tuning.reading import own_text, read_samples
+from insgnss.noise.tuning.reading import OPTION_NAMES, read_samples
 
 UNITS = ["--gyro-unit", "rad/s", "--accel-unit", "m/s^2"]
 HEAD = "gx[rad/s],gy[rad/s],gz[rad/s],ax[m/s^2],ay[m/s^2],az[m/s^2]"
@@ -203,9 +204,12 @@ def test_messages_speak_of_options(rest, tmp_path, capsys):
     assert code == 3
     assert "--columns NAMES" in said
     assert "columns = [" not in said
-    with pytest.raises(Exception, match="columns = ") as found:
+    with pytest.raises(InputError, match=r"set columns = \[\.\.\.\] of .* or columns = \{ tow = "):
         read_imu(path)
-    assert "columns = " not in own_text(str(found.value))
+    with spoken_as(OPTION_NAMES), pytest.raises(InputError) as refusal:
+        read_imu(path)
+    assert "set --columns NAMES of" in str(refusal.value)
+    assert "or --columns tow=NAME,gx=NAME,..." in str(refusal.value)
     member = {
         "freq": 100,
         "n": 1000,
@@ -217,7 +221,7 @@ def test_messages_speak_of_options(rest, tmp_path, capsys):
     several.write_text(json.dumps({"one": member, "two": member}))
     code, said = run(capsys, several, *UNITS, "--out", tmp_path / "x.toml")
     assert code == 2
-    assert "give --variable, one of one, two" in said
+    assert "set --variable to one of one, two" in said
     code, said = run(
         capsys, several, *UNITS, "--variable", "one", "--rate", "100", "--out", tmp_path / "x.toml"
     )

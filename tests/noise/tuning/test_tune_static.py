@@ -16,7 +16,7 @@ from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, UG, samples, s
 from insgnss import cli
 from insgnss.base.errors import DataError
 from insgnss.cli.console import fitted
-from insgnss.flight.processing.recording import noise_misfit
+from insgnss.flight.processing.recording_checks import noise_misfit
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, load_noise_model
 from insgnss.noise.estimation.selection import rank
 from insgnss.noise.moments.wavelet import wavelet_variance

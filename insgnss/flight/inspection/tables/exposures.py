@@ -43,7 +43,7 @@ def exposures_of(path: Path) -> tuple[list[InputSource], str]:
 
     Returns
     -------
-    tuple of list of Source, str
+    tuple of list of InputSource, str
         One source or none; without one, what is missing where the table names images.
     """
     if path.stat().st_size > LARGEST_LIST_BYTES:

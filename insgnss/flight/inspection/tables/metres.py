@@ -20,7 +20,7 @@ def as_geodetic(grid: UnknownTable) -> tuple[UnknownTable, dict[str, str]] | Non
 
     Returns
     -------
-    tuple of Grid and dict, or None
+    tuple of UnknownTable and dict, or None
         The table, and by the names of its columns those of the columns of metres; None where the
         position is not in metres. By values alone it is geocentric or none.
     """

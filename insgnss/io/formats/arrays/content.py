@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
+from ....base.wording import named
 from ....records import Array
 
 Content = Mapping[str, Any]
@@ -110,16 +111,16 @@ def take_columns(
         return table
     if variable is None and "" not in content:
         raise UsageError(
-            f"{path}: a list of columns needs the name of its matrix; set variable to one of"
-            f" {', '.join(content)}"
+            f"{path}: a list of columns needs the name of its matrix; set"
+            f" {named('variable')} to one of {', '.join(content)}"
         )
     if twice := [name for name in columns if name != "-" and list(columns).count(name) > 1]:
-        raise UsageError(f"{path}: columns names {twice[0]} twice: {list(columns)}")
+        raise UsageError(f"{path}: {named('columns')} names {twice[0]} twice: {list(columns)}")
     matrix = _matrix(path, _reach(path, content, variable or ""), variable or "the array")
     if matrix.shape[1] != len(columns):
         raise InputError(
-            f"{path}: {variable or 'the array'} has the shape {matrix.shape}, but columns names"
-            f" {len(columns)}: {list(columns)}"
+            f"{path}: {variable or 'the array'} has the shape {matrix.shape}, but"
+            f" {named('columns')} names {len(columns)}: {list(columns)}"
         )
     return {
         name: np.ascontiguousarray(matrix[:, i]) for i, name in enumerate(columns) if name != "-"

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from ....base.errors import InputError, UsageError
+from ....base.wording import named
 from ....records import Array, GnssFixes, ImuSamples
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
@@ -33,13 +34,15 @@ def _taken(
     columns = options.columns or ()
     names = list(columns)
     if isinstance(columns, Mapping) and (odd := [n for n in names if n not in spec.names]):
-        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(spec.names)}")
+        raise UsageError(
+            f"{path}: {named('columns')}: {odd[0]!r} is none of {', '.join(spec.names)}"
+        )
     taken = take_columns(path, content, columns, options.variable)
     cols = {name: column for name, column in taken.items() if name in spec.names}
     if missing := [name for name in spec.required.split() if name not in cols]:
         raise InputError(
-            f"{path}: columns does not name {', '.join(missing)}; give it a name or a place in the"
-            " file"
+            f"{path}: {named('columns')} does not name {', '.join(missing)}; give it a name or a"
+            " place in the file"
         )
     return cols
 

@@ -27,7 +27,7 @@ def load_numpy(path: Source) -> Content:
     The one array of a .npy has an empty name; the fields of a record array become a mapping.
     """
     if not Path(path).is_file():
-        raise InputError.in_file(path, "no such file; check the path in the flight file")
+        raise InputError.in_file(path, "no such file; check the path")
     with (
         legible(path, "is no whole numpy file ({}); copy it again from its source"),
         warnings.catch_warnings(),

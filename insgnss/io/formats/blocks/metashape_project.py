@@ -133,7 +133,7 @@ class ProjectFile:
         -------
         element : Element
             The content.
-        source : Place
+        source : ProjectFile
             The file that it stands in.
         """
         name = element.get("path", "").replace("\\", "/").replace(PROJECT, self.path.stem)
@@ -155,7 +155,7 @@ def opened_project(path: Source) -> tuple[Element, ProjectFile]:
     -------
     root : Element
         The document, or the chunk where the file holds one alone.
-    source : Place
+    source : ProjectFile
         The file that it stands in.
 
     Raises
@@ -173,7 +173,7 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
 
     Parameters
     ----------
-    source : Place
+    source : ProjectFile
         The file that names it.
     name : str
         Its path.

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ....base.errors import InputError, UsageError
+from ....base.wording import named
 from ....records import Array, Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
@@ -90,8 +91,8 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
         return _read(path, options, required_columns(options.rate_hz))
     if options.rate_hz is not None:
         raise UsageError(
-            f"{path}: rate_hz: gyros and accelerometers in two files need time"
-            " stamps; leave rate_hz out, and name the time column of both files tow"
+            f"{path}: {named('rate_hz')}: gyros and accelerometers in two files need time"
+            f" stamps; leave {named('rate_hz')} out, and name the time column of both files tow"
         )
     gyro, accel = (
         _read(file, replace(options, columns=_of_one(options.columns, triad)), ("tow", *triad))
@@ -114,7 +115,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
     spec, units, rate_hz = with_required(required), options.units or {}, options.rate_hz
     kinds = kinds_of(options.quantity)
 
-    def named(table: NumberTable | DirectRows) -> NamedTable:
+    def with_names(table: NumberTable | DirectRows) -> NamedTable:
         index = spec.index(table.path, table.layout, options.columns)
         clock = CLOCK_COLUMNS if rate_hz is None else (*CLOCK_COLUMNS, "counter")
         taken = {name: i for name, i in index.items() if name in (*required, *clock)}
@@ -125,7 +126,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
         layout = sniff(path, buf)
         # what is wrong in a line is said before what is wrong with the columns: `parse` does
         with suppress(InputError, UsageError):
-            table = named(DirectRows(str(path), layout, complete))
+            table = with_names(DirectRows(str(path), layout, complete))
             settled = table.settled(units, kinds)
             usual = (
                 complete
@@ -135,7 +136,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
             direct = _direct(buf, table, scales_of(settled, kinds))
     del buf
     if direct is None:
-        table = named(parse(path, *load(path), layout, whole=False)).checked()
+        table = with_names(parse(path, *load(path), layout, whole=False)).checked()
         settled = table.settled(units, kinds)
         factors = _factors(scales_of(settled, kinds), _backward(table))
         direct = _triads(table.numbers(), factors)
@@ -220,7 +221,8 @@ def required_columns(rate_hz: float | None) -> tuple[str, ...]:
     """Return what a table of samples must hold, with or without a column of time."""
     if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise UsageError(
-            f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}; give samples a second"
+            f"{named('rate_hz')} = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}; give"
+            " samples a second"
         )
     return IMU_COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
 
@@ -259,8 +261,8 @@ def _samples(
     if options.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
-                f"{lines.path}: rate_hz is given, but the file has a time column; leave rate_hz"
-                " out, or leave the time column out of columns"
+                f"{lines.path}: {named('rate_hz')} is given, but the file has a time column; leave"
+                f" it out, or leave the time column out of {named('columns')}"
             )
         time, counter_notes = _by_rate(clock, lines, len(gyro), options.rate_hz, same)
         notes = (*notes, *counter_notes)

@@ -22,6 +22,7 @@ from ....base.errors import InputError, UsageError
 from ....base.files import lines_of
 from ....base.received.nesting import parse_json
 from ....base.units import LARGEST_UNIT, is_number
+from ....base.wording import named
 from ....records import Array, WaveletVariance, chi_square_interval
 from ..text.columns import TableSpec
 from ..text.layout import decode, is_comment, shown
@@ -337,7 +338,7 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
             members = ", ".join(content)
             raise UsageError(
                 f"{path}: {f'no member {member!r}' if member else 'several members'}; set"
-                f" member to one of {members}"
+                f" {named('member')} to one of {members}"
             )
         content = content[name]
     if not isinstance(content, dict):
@@ -347,7 +348,9 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
             " avar::avar return it",
         )
     if member is not None and name != member:
-        raise UsageError(f"{path}: no member {member!r}; leave member out, the file has one sensor")
+        raise UsageError(
+            f"{path}: no member {member!r}; leave {named('member')} out, the file has one sensor"
+        )
     return content, name
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....base.errors import InputError
+from ....base.wording import named
 from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..read_options import ReadOptions
@@ -88,7 +89,7 @@ def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ..
     """
     accel = log.message((gyro.name.replace("GYR", "ACC"),))
     if "SampleUS" not in gyro:
-        there = f"it has {' '.join(gyro.columns)}; set variable to IMU"
+        there = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
         raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {there}")
     time, *rates = gyro.floats("SampleUS", *IMU_FIELDS[:3])
     stamps, *forces = accel.floats("SampleUS", *IMU_FIELDS[3:])

@@ -15,7 +15,7 @@ import numpy as np
 
 from ....base.advance import share
 from ....base.errors import InputError, UsageError, installed, legible
-from ....base.wording import DOCTOR
+from ....base.wording import DOCTOR, named
 from ....records import Array, ImuSamples
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
@@ -119,7 +119,9 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
         topics = _topics(reader)
         names = ", ".join(topics) or "none"
         if variable is None and len(topics) > 1:
-            raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
+            raise UsageError(
+                f"{path}: IMU messages of {names}; set {named('variable')} to one of them"
+            )
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:
             problem = f"no {IMU_MESSAGE} in {chosen or 'any topic'}; topics with some: {names}"

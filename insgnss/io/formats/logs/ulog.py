@@ -15,7 +15,7 @@ import warnings
 import numpy as np
 
 from ....base.errors import InputError, installed, legible
-from ....base.wording import DOCTOR
+from ....base.wording import DOCTOR, named
 from ....geodesy.gpstime import gps_from_unix_utc
 from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
@@ -154,7 +154,7 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
         stamp, *values, dt_gyro, dt_accel = message.floats("timestamp", *labels, *intervals)
         stamp = message.columns.get("timestamp_sample", stamp)
         if not ((dt_gyro > 0.0) & (dt_accel > 0.0)).all():
-            advice = "set variable to sensor_combined"
+            advice = f"set {named('variable')} to sensor_combined"
             raise InputError(
                 f"{path}: {message.name} has an integration interval of zero; {advice}"
             )

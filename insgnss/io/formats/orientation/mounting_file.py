@@ -148,28 +148,31 @@ class MountingFile:
         for key in VECTORS:
             value = getattr(self, key)
             if value is not None and (length := math.hypot(*value)) >= MAX_LEVER_M:
-                raise InputError(
-                    f"{key}: {value.tolist()} is {length:.3g} m long (limit {MAX_LEVER_M:.0f} m);"
-                    " the unit is m"
+                raise InputError.of_value(
+                    key,
+                    f"{value.tolist()} is {length:.3g} m long (limit {MAX_LEVER_M:.0f} m);"
+                    " the unit is m",
                 )
         for _, key, _ in COVARIANCES:
             value = getattr(self, key)
             if value is not None and not _is_covariance(np.asarray(value)):
-                raise InputError(f"{key}: no covariance matrix of 3 rows and columns")
+                raise InputError.of_value(key, "no covariance matrix of 3 rows and columns")
         if self.time_offset_s is not None and not abs(self.time_offset_s) <= LONGEST_DELAY_S:
-            raise InputError(
-                f"time_offset_s: {self.time_offset_s:g} s (limit {LONGEST_DELAY_S:g} s); the unit"
-                " is s"
+            raise InputError.of_value(
+                "time_offset_s",
+                f"{self.time_offset_s:g} s (limit {LONGEST_DELAY_S:g} s); the unit is s",
             )
         if self.date:
             try:
                 datetime.date.fromisoformat(self.date)
             except ValueError:
-                raise InputError(f"date: {self.date!r} is no date such as 2018-07-06") from None
+                raise InputError.of_value(
+                    "date", f"{self.date!r} is no date such as 2018-07-06"
+                ) from None
         twice = [key for key in self.not_determined if getattr(self, key, None) is not None]
         if twice:
-            raise InputError(
-                f"{twice[0]}: has a value but is also listed in not_determined; remove one"
+            raise InputError.of_value(
+                twice[0], "has a value but is also listed in not_determined; remove one"
             )
 
     def values(self) -> dict[str, Any]:
@@ -384,8 +387,7 @@ def read_mounting_file(
     try:
         return MountingFile(path=path, **fields), root
     except InputError as refusal:
-        key, _, problem = str(refusal).partition(": ")
-        raise where.get(key, table).error(key, problem) from None
+        raise where.get(refusal.key, table).error(refusal.key, refusal.problem) from None
 
 
 def _values(table: OptionTable, camera_from_body: ArrayLike) -> dict[str, Any]:

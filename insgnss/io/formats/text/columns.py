@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
+from ....base.wording import asked, named
 from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
@@ -121,8 +122,8 @@ class TableSpec:
             why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
             line = None if columns is not None else layout.header_line
             how = (
-                f"set columns = [...] of {', '.join(self.names)}, with '-' for what is to be left"
-                ' out, or columns = { tow = "its name in the file", ... }'
+                f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
+                f" or {asked('columns {...}', BY_NAME)}"
             )
             raise InputError.at_line(path, line, f"{source} {why}; {how}")
         header = layout.header_fields or () if self.strict else ()
@@ -133,7 +134,7 @@ class TableSpec:
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
                 problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
             elif k not in index.values() and columns is None and name not in ignored:
-                how = "delete it, or list all columns in columns = [...] with '-' in its place"
+                how = f"delete it, or list all columns in {_listed()} with '-' in its place"
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
                 continue
@@ -146,13 +147,16 @@ class TableSpec:
         """Return the canonical name of each field, and what names it."""
         n = layout.n_fields
         if isinstance(columns, Mapping):
-            return self._from_mapping(path, layout, columns), f"columns = {dict(columns)}"
+            source = f"{named('columns')} = {dict(columns)}"
+            return self._from_mapping(path, layout, columns), source
         if columns is not None:
             if len(columns) != n:
-                message = f"{n} fields, but columns names {len(columns)}: {list(columns)}"
+                message = (
+                    f"{n} fields, but {named('columns')} names {len(columns)}: {list(columns)}"
+                )
                 advice = "name each field, '-' for what is to be left out"
                 raise InputError.at_line(path, layout.first_line, f"{message}; {advice}")
-            taken, source = columns, f"columns = {list(columns)}"
+            taken, source = columns, f"{named('columns')} = {list(columns)}"
         elif layout.header is not None:
             if layout.header_fields is None:
                 raise _uneven_header(path, layout)
@@ -163,7 +167,7 @@ class TableSpec:
             if not taken:
                 message = (
                     f"{n} fields and no header; without a header the columns must be"
-                    f" {'; '.join(self.layouts)}; name them by columns = [...] of"
+                    f" {'; '.join(self.layouts)}; name them by {_listed()} of"
                     f" {', '.join(self.names)}"
                 )
                 if "image" in self.names and not layout.delimiter and n > max(map(len, layouts)):
@@ -214,11 +218,19 @@ class TableSpec:
         return check_units(units, (*self.units, *more))
 
 
+BY_NAME = 'columns = { tow = "its name in the file", ... }'
+
+
+def _listed() -> str:
+    """How the present caller lists the columns of a table."""
+    return asked("columns [...]", "columns = [...]")
+
+
 def _uneven_header(path: str, layout: TextLayout) -> InputError:
     """Return the error of a header that has another number of fields than the data."""
     message = (
         f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
-        " data; set columns = [...]"
+        f" data; set {_listed()}"
     )
     # of numbers alone, or behind a name
     names = len(str(layout.header).split(","))
@@ -236,16 +248,16 @@ def _place_of(path: str, layout: TextLayout, column: str) -> int:
         if 0 <= (index := int(match[1]) - 1) < layout.n_fields:
             return index
         problem = f"there is no field {column}; the data have {layout.n_fields}, counted from 1"
-        raise InputError.at_line(path, layout.first_line, f"columns: {problem}")
+        raise InputError.at_line(path, layout.first_line, f"{named('columns')}: {problem}")
     if fields is None:
         problem = f"the file has no header; give the places of fields, [1] to [{layout.n_fields}]"
-        message = f"columns names fields of the header, but {problem}"
+        message = f"{named('columns')} names fields of the header, but {problem}"
         raise InputError.at_line(path, layout.first_line, message)
     if fields.count(column) == 1:
         return fields.index(column)
     if names.count(normalised(column)[0]) != 1:
         problem = f"{column!r} is missing or twice in the header {shown(layout.header, 400)}"
-        raise InputError.at_line(path, layout.header_line, f"columns: {problem}")
+        raise InputError.at_line(path, layout.header_line, f"{named('columns')}: {problem}")
     return names.index(normalised(column)[0])
 
 

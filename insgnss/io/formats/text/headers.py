@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ....base.errors import InputError, UsageError
+from ....base.wording import named, set_to
 from ....records import Finding
 from .order import note
 from .units import SENSOR_SCALES, factor_of, unit_factor, unit_name
@@ -163,7 +164,7 @@ def agreed_unit(
         units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
         message = (
             f"the header gives the unit {units} for {names}, which is none of"
-            f" {', '.join(SENSOR_SCALES[kind])} for them all; set units"
+            f" {', '.join(SENSOR_SCALES[kind])} for them all; set {named('units')}"
         )
         raise InputError.at_line(path, line, message)
     return stated[0] if stated else None
@@ -223,8 +224,8 @@ def settled_units(
         except UsageError as refusal:
             raise UsageError(f"{path}: unit of {names}: {refusal}") from None
         if unit and (header_unit := _other_unit(fields[key], kind, unit)):
-            finding = f"the header says {header_unit}, and units {key} = {unit} was taken"
-            advice = f"leave units {key} out if the header is right"
+            finding = f"the header says {header_unit}, and {set_to(f'units {key}', unit)} was taken"
+            advice = f"leave {named(f'units {key}')} out if the header is right"
             notes.append(note(f"{record} units", finding, "one unit", advice))
     return Settled(units, factors, tuple(notes))
 

@@ -200,7 +200,7 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     """Return the bytes of a file, not empty, with `room` more behind them."""
     path = Path(path)
     if not path.exists():
-        raise InputError.in_file(path, "no such file; check the path in the flight file")
+        raise InputError.in_file(path, "no such file; check the path")
     with readable(path), opened(path) as stream:
         size = os.fstat(stream.fileno()).st_size
         buf = np.empty(size + room, dtype=np.uint8)

@@ -71,7 +71,7 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
         The local frame l.
     lever_b : ndarray
         (3,) from the IMU to the antenna's phase centre, body axes, m.
-    options : FilterOptions
+    options : ForwardOptions
         What the pass decides by.
     """
     closed_loop, reset_after = options.closed_loop, options.reset_after

@@ -98,7 +98,7 @@ def normal_equations(rays, values, damping, own_V, own_g, s, places, S, g, g_red
         lambda: the diagonal of each point's matrix is enlarged by 1 + lambda.
     own_V, own_g : ndarray
         (np, 3, 3) and (np, 3) what groups say of each point alone.
-    s : Scratch
+    s : PointArrays
         Working arrays.
     places : EntryPlaces
         Where the entries of the normal matrix stand.

@@ -18,9 +18,9 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
         The observations, and the adjusted values.
     own_V, own_g : ndarray
         (np, 3, 3) and (np, 3) what groups say of each point alone.
-    s : Scratch
+    s : PointArrays
         Working arrays.
-    places : Places
+    places : EntryPlaces
         Where the entries of Q stand.
     Q : ndarray
         Cofactors of all unknowns but eliminated points; zero in rows and columns of what is held.
@@ -106,9 +106,9 @@ def expected_squares(rays, values, own_V, own_g, s, places, Q, out):
         The observations, and the values.
     own_V, own_g : ndarray
         (np, 3, 3) and (np, 3) what groups say of each point alone.
-    s : Scratch
+    s : PointArrays
         Working arrays.
-    places : Places
+    places : EntryPlaces
         Where the entries of Q stand.
     Q : ndarray
         Cofactors of poses and cameras.

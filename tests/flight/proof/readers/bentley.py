@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from .case import EARTH, Case
 from .geometry import D, Frame, Poses, Projected, Table, Tangent, turn
 from .lines import numbers
 
@@ -47,3 +48,8 @@ def poses(table: Table, frame: Frame) -> Poses:
     x = table.place()
     R = own.axes(x) @ turn(table["R"])
     return Poses(table.names, own.ecef(x), R if table.said["camera"] == "XRightYDown" else R @ D)
+
+
+CASES = {
+    "bentley": Case(read, poses, EARTH, "matrix"),
+}

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case import CAMERA, GLOBE, GRIDS, LOCAL, SPACE, Case
 from .geometry import Array, Frame, Poses, Table, quaternion, turn
 from .lines import comments, named, numbers
 
@@ -70,3 +71,11 @@ def poses_priors(table: Table, frame: Frame) -> Poses:
         frame.ecef(table.place("y", "x", "z") if geographic.all() else table.place()),
         None,
     )
+
+
+CASES = {
+    "colmap": Case(read, poses, (LOCAL, SPACE, *GRIDS), "quaternion", options={"camera": CAMERA}),
+    "colmap_priors": Case(
+        read_priors, poses_priors, (LOCAL, GLOBE, SPACE, *GRIDS), options={"camera": CAMERA}
+    ),
+}

@@ -6,10 +6,14 @@ count from north: ned of the body (forward, right, down), of which the camera is
 T-and-bore-sight, gimbal of (view, right, down) of the camera.
 """
 
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import scene
 
+from .case import EVERY, GLOBE, GRIDS, LOCAL, XYZ, Case
 from .geometry import GIMBAL, SETS, D, Frame, Poses, S, Table, ned, quaternion, turn, ypr
 from .lines import comments, named, rows
 
@@ -94,3 +98,33 @@ def poses(table: Table, frame: Frame, body: np.ndarray | None = None) -> Poses:
         centre,
         frame.axes(x) @ (R @ D if table.said["camera axes"].startswith("RUB") else R),
     )
+
+
+def _case(columns: str, frames: tuple[str, ...], kind: str, **options: Any) -> Case:
+    place = ("lon", "lat", "h") if columns.startswith("image llh") else XYZ
+    body = (scene.T @ scene.B).T  # camera (right, down, view) into the body
+    return Case(
+        read, partial(poses, body=body), frames, kind, place, {"columns": columns, **options}
+    )
+
+
+CASES = {
+    "generic_ascii": _case("image xyz opk", EVERY, "opk"),
+    "generic_ascii pok": _case("image xyz pok", EVERY, "pok", unit="gon", delimiter="comma"),
+    "generic_ascii ypr": _case(
+        "image xyz ypr", (LOCAL, GLOBE, *GRIDS), "ypr", delimiter="semicolon"
+    ),
+    "generic_ascii grid ypr": _case("image xyz ypr", (LOCAL, *GRIDS), "ypr", north="frame"),
+    "generic_ascii ned": _case("image llh xyz ned", (LOCAL, GLOBE, *GRIDS), "ned", unit="rad"),
+    "generic_ascii gimbal": _case("image xyz gimbal", (LOCAL, GLOBE, *GRIDS), "ned"),
+    "generic_ascii inverse": _case(
+        "image xyz opk",
+        EVERY,
+        "opk",
+        attitude="frame to camera",
+        camera_axes="CV",
+        decimals_angle=8,
+    ),
+    "generic_ascii matrix": _case("image xyz matrix", EVERY, "matrix", delimiter="tab"),
+    "generic_ascii quaternion": _case("image xyz quaternion", EVERY, "matrix", camera_axes="CV"),
+}

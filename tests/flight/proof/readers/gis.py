@@ -15,7 +15,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import scene
 
+from .case import EVERY, GLOBE, GRIDS, LOCAL, LV95, NORTH_FIRST, Case, at_sea
 from .geometry import Array, D, Frame, Poses, Projected, Table, kml, opk, quaternion, ypr
 
 KML = {"k": "http://www.opengis.net/kml/2.2"}
@@ -177,3 +179,24 @@ def poses_geopackage_ypr(table: Table, frame: Frame) -> Poses:
         own.ecef(x),
         own.local(x) @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D,
     )
+
+
+CASES = {
+    "geojson": Case(read_geojson, poses_geojson, EVERY, "ypr"),
+    "geojson opk": Case(read_geojson, poses_geojson_opk, EVERY, "opk"),
+    "geojson orthority": Case(
+        read_orthority, poses_orthority, GRIDS, "opk", ("X", "Y", "Z"), {"dialect": "orthority"}
+    ),
+    "kml": Case(
+        read_kml,
+        at_sea(poses_kml),
+        (GLOBE, LV95),
+        "kml",
+        options={"undulation_m": scene.UNDULATION_M},
+    ),
+    "geopackage": Case(
+        read_geopackage, poses_geopackage, (LOCAL, GLOBE, *GRIDS, NORTH_FIRST), "quaternion"
+    ),
+    "geopackage opk": Case(read_geopackage, poses_geopackage_opk, (LOCAL, GLOBE, *GRIDS), "opk"),
+    "geopackage ypr": Case(read_geopackage, poses_geopackage_ypr, (LOCAL, GLOBE, *GRIDS), "ypr"),
+}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case import GRIDS, LOCAL, SPACE, Case
 from .geometry import Array, Frame, Poses, Table, quaternion, turn
 from .lines import comments, rows
 
@@ -71,3 +72,10 @@ def quaternion_of(R: Array) -> Array:
         ]
     )
     return np.linalg.eigh(K)[1][[3, 0, 1, 2], 3]
+
+
+CASES = {
+    "tum": Case(read_tum, poses, (LOCAL, SPACE, *GRIDS), "quaternion"),
+    "g2o": Case(read_g2o, poses, (LOCAL, SPACE, *GRIDS), "quaternion"),
+    "g2o edges": Case(read_g2o, poses_by_edges, (LOCAL, SPACE), "quaternion"),
+}

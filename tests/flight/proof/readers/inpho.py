@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case import GRIDS, LOCAL, Case
 from .geometry import D, Frame, Poses, Table, opk, turn
 from .lines import named, numbers, rows
 
@@ -48,3 +49,15 @@ def poses(table: Table, frame: Frame) -> Poses:
         frame.ecef(x),
         frame.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D,
     )
+
+
+CASES = {
+    "inpho_prj": Case(
+        read_prj,
+        poses_prj,
+        (LOCAL, *GRIDS),
+        "matrix",
+        options={"focal_mm": 7.85, "ground_m": 518.0},
+    ),
+    "inpho_ascii": Case(read, poses, (LOCAL, *GRIDS), "opk"),
+}

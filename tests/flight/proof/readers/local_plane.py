@@ -4,6 +4,7 @@ takes right-up-back into the plane.
 
 from pathlib import Path
 
+from .case import LOCAL, Case
 from .geometry import D, Frame, Poses, Table, Tangent, opk
 from .lines import comments, named, numbers, rows
 
@@ -23,3 +24,8 @@ def poses(table: Table, frame: Frame) -> Poses:
         plane.ecef(x),
         plane.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D,
     )
+
+
+CASES = {
+    "eo_local_plane": Case(read, poses, (LOCAL,), "opk"),
+}

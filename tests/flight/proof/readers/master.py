@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case import Case
 from .geometry import Array, Frame, Poses, Table, Tangent, quaternion
 
 
@@ -42,3 +43,10 @@ def poses_quaternion(table: Table, frame: Frame) -> Poses:
 
 def poses_ecef(table: Table, frame: Frame) -> Poses:
     return Poses(table.names, table["ecef"], quaternion(table["q_ecef"]))
+
+
+CASES = {
+    "eo_json": Case(read, poses, ("master",), "matrix"),
+    "eo_json quaternion": Case(read, poses_quaternion, ("master",), "quaternion"),
+    "eo_json ecef": Case(read, poses_ecef, ("master",), "", ()),
+}

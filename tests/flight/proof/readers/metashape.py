@@ -7,6 +7,7 @@ reference attitude: R_reference = R_camera D ypr2mat(rotation) (B1.3).
 
 from pathlib import Path
 
+from .case import EARTH, GLOBE, GRIDS, LOCAL, Case
 from .geometry import D, Frame, Poses, Table, opk, turn, ypr
 from .lines import named, numbers
 
@@ -66,3 +67,10 @@ def poses_offset(table: Table, frame: Frame) -> Poses:
     return Poses(
         table.names, frame.ecef(x), frame.north(x) @ reference @ turn(ypr(yaw, pitch, roll)) @ D
     )
+
+
+CASES = {
+    "metashape": Case(read, poses, (LOCAL, GLOBE, *GRIDS), "ypr"),
+    "metashape_opk": Case(read_opk, poses_opk, EARTH, "opk"),
+    "metashape_offset": Case(read_offset, poses_offset, (LOCAL, GLOBE, *GRIDS), "ypr"),
+}

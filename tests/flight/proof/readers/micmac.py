@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from .case import LOCAL, SPACE, Case
 from .geometry import D, Frame, Poses, Table, opk
 from .lines import named, numbers, rows
 
@@ -62,3 +63,9 @@ def read_xml(path: Path) -> Table:
 def poses_xml(table: Table, frame: Frame) -> Poses:
     x = table.place()
     return Poses(table.names, frame.ecef(x), frame.axes(x) @ table["R"])
+
+
+CASES = {
+    "micmac": Case(read, poses, (LOCAL, SPACE), "opk"),
+    "micmac_xml": Case(read_xml, poses_xml, (LOCAL, SPACE), "matrix"),
+}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case import GLOBE, GRIDS, Case
 from .geometry import Frame, Poses, Projected, Table
 from .lines import named, rows
 
@@ -21,3 +22,8 @@ def poses(table: Table, frame: Frame) -> Poses:
     own = Frame() if table.said["crs"] == "EPSG:4326" else Projected(table.said["crs"])
     assert np.isnan(table.place("yaw", "pitch", "roll")).all()
     return Poses(table.names, own.ecef(table.place()), None)
+
+
+CASES = {
+    "odm": Case(read, poses, (GLOBE, *GRIDS)),
+}

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case import LOCAL, Case
 from .geometry import D, Frame, Poses, Rx, Ry, Rz, Table, Tangent, turn
 
 
@@ -31,3 +32,8 @@ def poses(table: Table, frame: Frame) -> Poses:
     x = table.place("lon", "lat", "z")
     world_to_camera = D @ Rz(-table["kappa"]) @ Ry(-table["phi"]) @ Rx(-table["omega"])
     return Poses(table.names, Frame().ecef(x), reference.axes(x) @ turn(world_to_camera))
+
+
+CASES = {
+    "opensfm": Case(read, poses, (LOCAL,), "opk", ("lon", "lat", "z")),
+}

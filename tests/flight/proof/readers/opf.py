@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .case import CAMERA, GRIDS, UTM, XYZ, Case
 from .geometry import D, Frame, Poses, Projected, Table, opk
 
 
@@ -84,3 +85,18 @@ def poses_projected(table: Table, frame: Frame) -> Poses:
         grid.ecef(x),
         grid.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D,
     )
+
+
+CASES = {
+    "opf": Case(
+        read, poses, GRIDS, "opk", ("lon", "lat", "h"), {"camera": CAMERA, "pixel_size_um": 1.4}
+    ),
+    "opf projected": Case(
+        read_projected,
+        poses_projected,
+        (UTM,),
+        "opk",
+        XYZ,
+        {"camera": CAMERA, "pixel_size_um": 1.4},
+    ),
+}

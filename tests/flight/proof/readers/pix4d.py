@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pyproj import CRS
 
+from .case import GLOBE, GRIDS, LOCAL, NORTH_FIRST, Case
 from .geometry import D, Frame, Poses, Table, opk, ypr
 from .lines import named, rows
 
@@ -40,3 +41,9 @@ def poses_mapper(table: Table, frame: Frame) -> Poses:
         frame.ecef(x),
         frame.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D,
     )
+
+
+CASES = {
+    "pix4d_matic": Case(read, poses, (GLOBE, *GRIDS, NORTH_FIRST), "ypr", ("first", "second", "z")),
+    "pix4d_mapper": Case(read_mapper, poses_mapper, (LOCAL, *GRIDS), "opk"),
+}

@@ -4,6 +4,7 @@ roll; angles as Metashape's.
 
 from pathlib import Path
 
+from .case import GLOBE, LOCAL, Case
 from .geometry import D, Frame, Poses, Table, ypr
 from .lines import named, rows
 
@@ -25,3 +26,9 @@ def poses(table: Table, frame: Frame) -> Poses:
         frame.ecef(x),
         frame.north(x) @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D,
     )
+
+
+CASES = {
+    "realitycapture": Case(read, poses, (LOCAL, GLOBE), "ypr"),
+    "realitycapture_accuracy": Case(read, poses, (LOCAL, GLOBE), "ypr"),
+}

@@ -5,7 +5,9 @@ ellipsoidal), Q, ns, deviations; GPST.
 from pathlib import Path
 
 import numpy as np
+import scene
 
+from .case import GLOBE, LV95, Case
 from .geometry import Frame, Poses, Table
 
 
@@ -23,3 +25,8 @@ def read(path: Path) -> Table:
 def poses(table: Table, frame: Frame) -> Poses:
     """The antenna's positions."""
     return Poses(table.names, Frame().ecef(table.place()), None)
+
+
+CASES = {
+    "rtklib_pos": Case(read, poses, (GLOBE, LV95), options={"lever_m": scene.LEVER_C}),
+}

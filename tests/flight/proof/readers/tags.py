@@ -11,7 +11,9 @@ import struct
 from pathlib import Path
 
 import numpy as np
+import scene
 
+from .case import GLOBE, LV95, Case, at_sea
 from .geometry import GIMBAL, Array, D, Frame, Poses, S, Table, ned, ypr
 
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 10: 8}
@@ -105,3 +107,16 @@ def poses_gimbal(table: Table, frame: Frame, undulation_m: float) -> Poses:
     x = _place(table, undulation_m)
     R_ned = ned(table["gimbal_roll"], table["gimbal_pitch"], table["gimbal_yaw"])
     return Poses(table.names, Frame().ecef(x), Frame().axes(x) @ S @ R_ned @ GIMBAL.T)
+
+
+CASES = {
+    "image_tags": Case(read, at_sea(poses), (GLOBE, LV95), "ypr"),
+    "image_tags sea level": Case(
+        read,
+        at_sea(poses),
+        (GLOBE,),
+        "ypr",
+        options={"undulation_m": scene.UNDULATION_M, "heights": "sea level"},
+    ),
+    "image_tags gimbal": Case(read, at_sea(poses_gimbal), (GLOBE,), options={"gimbal": "exact"}),
+}
