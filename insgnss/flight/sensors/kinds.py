@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import InputError, OptionError
+from ...base.received.plugins import installed, load_installed
 from ...base.units import DEG
 from ...geodesy.gpstime import WEEK_S
 from ...io.formats.gnss.septentrio import DO_NOT_USE
@@ -112,7 +112,7 @@ def kinds() -> Mapping[str, SensorKind]:
         An installed one cannot replace a shipped one.
     """
     shipped = import_module(".shipped", __package__).KINDS
-    return {entry.name: entry.load() for entry in entry_points(group=ENTRY_POINTS)} | shipped
+    return {name: load_installed(ENTRY_POINTS, name) for name in installed(ENTRY_POINTS)} | shipped
 
 
 def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]:

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...base.received.plugins import installed
 from ...io.options.kinds import check
 from ...io.options.schema import Triple, columns_of_file, option
 
@@ -26,7 +26,7 @@ SHIPPED = (
 
 
 def _kinds() -> tuple[str, ...]:
-    return (*SHIPPED, *(entry.name for entry in entry_points(group=ENTRY_POINTS)))
+    return (*SHIPPED, *installed(ENTRY_POINTS))
 
 
 def _unit_keys() -> tuple[str, ...]:

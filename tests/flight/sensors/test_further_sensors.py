@@ -7,7 +7,7 @@ import pytest
 
 import insgnss
 from insgnss.base.errors import InputError, UsageError
-from insgnss.flight.sensors.kinds import kinds, read_measurement
+from insgnss.flight.sensors.kinds import read_measurement
 from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_vector, rpy_from_rotation
@@ -381,28 +381,6 @@ def test_two_of_one_name_and_an_unknown_kind_are_refused(dataset):
     file.write_text(file.read_text().replace('kind = "heading"', 'kind = "headings"', 1))
     with pytest.raises(InputError, match=r"measurement.kind.*headings"):
         insgnss.load_flight(file)
-
-
-def test_an_installed_kind_is_found_and_replaces_no_shipped_one(monkeypatch):
-    """Oracle: entry points made up by hand."""
-
-    class Entry:
-        def __init__(self, name):
-            self.name = name
-
-        def load(self):
-            return "installed"
-
-    kinds.cache_clear()
-    monkeypatch.setattr(
-        "insgnss.flight.sensors.kinds.entry_points",
-        lambda group: [Entry("sonar"), Entry("heading")],
-    )
-    try:
-        assert kinds()["sonar"] == "installed"
-        assert kinds()["heading"] != "installed"
-    finally:
-        kinds.cache_clear()
 
 
 @pytest.mark.slow
