@@ -8,17 +8,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import InputError, OptionError
+from ...base.received.plugins import installed, load_installed
 from ...base.units import DEG
 from ...geodesy.gpstime import WEEK_S
+from ...io.formats.gnss.septentrio import DO_NOT_USE
 from ...io.formats.names import TIME, Names
 from ...io.formats.text.columns import TableSpec
-from ...io.formats.text.order import Lines, put_in_order
+from ...io.formats.text.order import Lines, Picked, note, put_in_order
 from ...io.options.schema import declared
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
@@ -111,7 +112,7 @@ def kinds() -> Mapping[str, SensorKind]:
         An installed one cannot replace a shipped one.
     """
     shipped = import_module(".shipped", __package__).KINDS
-    return {entry.name: entry.load() for entry in entry_points(group=ENTRY_POINTS)} | shipped
+    return {name: load_installed(ENTRY_POINTS, name) for name in installed(ENTRY_POINTS)} | shipped
 
 
 def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]:
@@ -199,13 +200,20 @@ def _of_table(
     if not columns:
         problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
         raise InputError.at_line(str(options.file), None, problem)
-    factor = settled.factors[kind.unit]
-    values = factor * table.block(" ".join(columns))
+    factor, values = settled.factors[kind.unit], table.block(" ".join(columns))
     names, sigma = [f"sigma_{name}" for name in columns], None
     if all(name in table for name in names):
         unit = {"angle": "deg", "velocity": "m/s", "length": "m", "field": "uT"}[kind.unit]
         sigma = factor * table.positive(" ".join(names), unit)
-    return columns, (own_week or week, time, values, table, sigma, (*settled.notes, *notes))
+    lines: Lines = table
+    notes = (*settled.notes, *notes)
+    if (absent := (values <= DO_NOT_USE).any(axis=1)).any():
+        rows = np.flatnonzero(~absent)
+        time, values, lines = time[rows], values[rows], Picked(table, rows)
+        sigma = None if sigma is None else sigma[rows]
+        finding = f"left out {absent.sum()} rows with -2e10, which a receiver has for no value"
+        notes = (*notes, note("measurement rows", finding, "a value each"))
+    return columns, (own_week or week, time, factor * values, lines, sigma, notes)
 
 
 def _of_log(

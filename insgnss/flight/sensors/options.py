@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...base.received.plugins import installed
 from ...io.options.kinds import check
 from ...io.options.schema import Triple, columns_of_file, option
 
@@ -14,11 +14,19 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "insgnss.measurements"
 """Entry points by which an installed package adds kinds."""
-SHIPPED = ("heading", "attitude", "body_velocity", "baseline", "magnetometer", "airspeed")
+SHIPPED = (
+    "heading",
+    "attitude",
+    "body_velocity",
+    "baseline",
+    "magnetometer",
+    "airspeed",
+    "position",
+)
 
 
 def _kinds() -> tuple[str, ...]:
-    return (*SHIPPED, *(entry.name for entry in entry_points(group=ENTRY_POINTS)))
+    return (*SHIPPED, *installed(ENTRY_POINTS))
 
 
 def _unit_keys() -> tuple[str, ...]:
@@ -38,8 +46,8 @@ class MeasurementInput:
     kind: str = option(
         ...,
         "what the sensor measures (measurement.md): heading, attitude, body velocity, a baseline"
-        " from one antenna to another, the magnetic field or the speed through the air; or a"
-        " kind that an installed plugin adds",
+        " from one antenna to another, the magnetic field, the speed through the air or a position"
+        " from a total station; or a kind that an installed plugin adds",
         kind="choice",
         choices=_kinds,
     )
@@ -125,9 +133,30 @@ class MeasurementInput:
     )
     lever_m: Triple = option(
         (0.0, 0.0, 0.0),
-        "in body axes: of body_velocity from the IMU to where it is measured; of baseline from the"
-        " first antenna to the second",
+        "in body axes: of body_velocity and position from the IMU to where it is measured (the"
+        " prism); of baseline from the first antenna to the second",
         unit="m",
+    )
+    station: Triple | None = option(
+        None,
+        "of position: latitude and longitude, deg, and ellipsoidal height, m, of the point that its"
+        " values count from",
+    )
+    station_sigma_m: float = option(
+        0.02,
+        "of position: a-priori standard deviation of each coordinate of the station, which are"
+        " states; 0: none",
+        unit="m",
+        low=0.0,
+        high=1e3,
+    )
+    clock_sigma_s: float = option(
+        0.0,
+        "of position: a-priori standard deviation of the time by which its stamps are early, a"
+        " state; 0: none",
+        unit="s",
+        low=0.0,
+        high=10.0,
     )
 
     def __post_init__(self) -> None:

@@ -1,11 +1,12 @@
 """The kinds of [[measurement]] that are shipped: a model each, and their table `KINDS`.
 
 heading         of the body, as two antennas on one receiver or a gyrocompass give it
-attitude        roll, pitch and heading of an adjustment, a star tracker, a total station
+attitude        roll, pitch and heading of an adjustment or a star tracker
 body_velocity   in body axes: an odometer (forward alone), a Doppler log, an optical flow sensor
 baseline        from one antenna on the body to another, north, east and down: a moving base
 magnetometer    magnetic field in body axes, which gives heading without motion
 airspeed        through the air along the body's forward axis, as a pitot tube has it
+position        of a prism on the body, east, north and up from a total station
 
 The field at a place is that of a dipole along the Earth's axis, of which strength and dip are
 states since the true field differs from it, and the declination that is stated. With C the attitude
@@ -26,6 +27,7 @@ from ...io.formats.gnss.nmea import read_headings
 from ...io.formats.gnss.oem_headings import is_oem_log, read_oem_headings
 from ...io.formats.gnss.pos_header import POSITION_COLUMNS, ROOTS
 from ...io.formats.gnss.rtklib_pos import is_rtklib_pos, read_pos_rows
+from ...io.formats.gnss.septentrio import ANGLES, is_sbf_text, read_sbf_attitudes
 from ...io.formats.names import TIME, sigma_names, spelled
 from ...io.formats.text.order import Picked, note, refuse_rows
 from ...navigation.prepare.axes import parse_axes
@@ -43,6 +45,7 @@ EQUATOR_UT = 29.8  # of the dipole, on the equator (IGRF 2020)
 # of the true field against the dipole's: of the world's land a third differs by more than 10 deg
 # and 15 %, South America and southern Africa by up to 40 deg and 40 %
 DIP_SIGMA, STRENGTH_SIGMA = 15.0 * DEG, 0.2
+ENU = {"e": "east easting", "n": "north northing", "u": "up height"}
 MAGNETOMETER_STEMS = "mag m b magnetic magnetic_field magnetometer field"
 
 
@@ -68,7 +71,14 @@ def _headings_of_receiver(path: Path) -> LogRows | None:
     head = head_of(path)
     if is_oem_log(head):
         return read_oem_headings(path)
+    if is_sbf_text(head):
+        return read_sbf_attitudes(path, "heading")
     return (*read_headings(path), None, ()) if is_nmea(head) else None
+
+
+def _attitudes_of_receiver(path: Path) -> LogRows | None:
+    """Return the attitudes of a receiver's log, None where the file is a table."""
+    return read_sbf_attitudes(path, *ANGLES[::-1]) if is_sbf_text(head_of(path)) else None
 
 
 def _attitude(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
@@ -188,6 +198,33 @@ def _airspeed(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
     return predict, (_scale(options), *winds)
 
 
+def _position(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
+    """Return the place of the prism from the station, whose circle, place and clock may be off."""
+    lever, places = np.array(options.lever_m), 3 if options.station_sigma_m else 0
+    lat, lon, height = options.station or (0.0, 0.0, 0.0)
+    with_clock = options.clock_sigma_s > 0.0
+
+    def predict(motion: Motion, states: Array) -> Array:
+        origin = motion.frame.position_from_geodetic(lat * DEG, lon * DEG, height)
+        prism = motion.position + motion.C_lb @ lever - origin
+        if with_clock:
+            velocity = np.einsum("kij,kj->ki", motion.C_lb, np.cross(motion.rate, lever))
+            prism = prism + states[:, -1:] * (motion.velocity + velocity)
+        north_east_down = prism @ motion.frame.C_ln(lat * DEG, lon * DEG)
+        if places:
+            north_east_down = north_east_down - states[:, 1:4]
+        turn = states[:, :1] * np.array([0.0, 0.0, -1.0])
+        read = np.einsum("kij,kj->ki", rotation_from_vector(turn), north_east_down)
+        return read[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+
+    shifts = [
+        OwnState(f"station {axis}", options.station_sigma_m, "m")
+        for axis in ("north", "east", "down")[:places]
+    ]
+    clock = [OwnState("clock", options.clock_sigma_s, "s")] if with_clock else []
+    return predict, (*turned_angles(options, "of the circle"), *shifts, *clock)
+
+
 KINDS: dict[str, SensorKind] = {
     "heading": SensorKind(
         *table_of(
@@ -214,6 +251,7 @@ KINDS: dict[str, SensorKind] = {
             "angle",
         ),
         _attitude,
+        other_format=_attitudes_of_receiver,
     ),
     "body_velocity": SensorKind(
         *table_of(
@@ -275,6 +313,18 @@ KINDS: dict[str, SensorKind] = {
         ),
         _airspeed,
         reads=("scale_sigma",),
+    ),
+    "position": SensorKind(
+        *table_of(
+            {
+                **{axis: f"{axis} {more}" for axis, more in ENU.items()},
+                **{f"sigma_{axis}": sigma_names(f"{axis} {more}") for axis, more in ENU.items()},
+            },
+            "length",
+        ),
+        _position,
+        reads=("offset_sigma_deg", "lever_m", "station", "station_sigma_m", "clock_sigma_s"),
+        needs=("station", "lever_m"),
     ),
 }
 """By the name that `kind` has in the flight file, of `options.SHIPPED`."""

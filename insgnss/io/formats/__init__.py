@@ -3,14 +3,17 @@
 `read_imu`, `read_gnss`, `read_events` and `read_barometer` find the format by the file's ending and
 first bytes and hand over to its reader; options that a format cannot use are refused, None is no
 option. `describe` says which tables and columns a file holds. `EXPORTS` lists what an exterior
-orientation is written to.
+orientation is written to. A package installed beside adds a `Reader` by an entry point of the group
+`insgnss.formats`, named after what it reads and its format, such as imu.my_logger.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...base.errors import UsageError
+from ...base.received.plugins import installed, load_installed
 from ...base.wording import asked, named
 from ...records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
@@ -22,6 +25,8 @@ from .text.units import SENSOR_SCALES, split_unit, unit_factor
 __all__ = [
     "EXPORTS",
     "SENSOR_SCALES",
+    "ReadOptions",
+    "Reader",
     "TableInfo",
     "describe",
     "load_content",
@@ -40,17 +45,19 @@ _NO_SIGMAS = "sigma_m sigma_velocity_mps"
 
 
 class Reader(NamedTuple):
-    """A reader: module and function in `formats`, its options, and what tells its format.
+    """A reader: its function, its options, and what tells its format.
 
-    `tells` is the module and function that tells the format by the first bytes of a file; empty
-    where `detect` does, and of the last of a kind, which is any text. `what` is how `inspect`
-    describes such a file; empty of a table, whose columns say what it holds. `lacks` are the keys
-    of the flight file that give what such files have not.
+    `function` takes the path and `ReadOptions`, of which `options` names those that the format
+    takes; it returns `ImuSamples`, `GnssFixes`, `CameraEvents` or `BarometerHeights`. `tells` tells
+    the format by the first bytes of a file; empty where `detect` does, and of the last of a kind,
+    which is any text. Of shipped ones both are module and function in `formats`.
+    `what` is how `inspect` describes such a file; empty of a table, whose columns say what it holds.
+    `lacks` are the keys of the flight file that give what such files have not.
     """
 
-    function: str
+    function: str | Callable[[str | Path, ReadOptions], Any]
     options: str
-    tells: str = ""
+    tells: str | Callable[[bytes], bool] = ""
     what: str = ""
     lacks: str = ""
 
@@ -166,16 +173,53 @@ IMU_OPTIONS, GNSS_OPTIONS, EVENT_OPTIONS, BAROMETER_OPTIONS = (
     {form: tuple(reader.options.split()) for form, reader in readers.items()}
     for readers in READERS.values()
 )
+ENTRY_POINTS = "insgnss.formats"
+"""Entry points by which an installed package adds readers."""
+RECORDS: dict[str, type[Any]] = {
+    "imu": ImuSamples,
+    "gnss": GnssFixes,
+    "events": CameraEvents,
+    "barometer": BarometerHeights,
+}
+"""What the readers of each kind return."""
+
+
+def readers(kind: str) -> Mapping[str, Reader]:
+    """Return the readers of a kind by format.
+
+    Parameters
+    ----------
+    kind : {"imu", "gnss", "events", "barometer"}
+        What they read.
+
+    Returns
+    -------
+    mapping of str to Reader
+        Those of installed packages first, which are asked first and replace no shipped one.
+    """
+    names = (name.partition(".") for name in installed(ENTRY_POINTS))
+    added = {
+        form: load_installed(ENTRY_POINTS, f"{kind}.{form}")
+        for of_kind, _, form in names
+        if of_kind == kind and form not in READERS[kind]
+    }
+    return added | READERS[kind]
+
+
+def _function(of_reader: str | Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function that a reader names, or is."""
+    return function_at(of_reader) if isinstance(of_reader, str) else of_reader
 
 
 def _sniff(kind: str, path: str | Path) -> str:
-    head, readers = head_of(path), READERS[kind]
-    if (form := by_bytes(path, head)) in readers:
-        return form
-    for name, reader in readers.items():
-        if reader.tells and function_at(reader.tells)(head):
-            return name
-    return list(readers)[-1]
+    head, every = head_of(path), readers(kind)
+    by_head = by_bytes(path, head)
+    for form, reader in every.items():
+        if form in READERS[kind] and by_head in READERS[kind]:  # after those of packages
+            return by_head
+        if reader.tells and _function(reader.tells)(head):
+            return form
+    return list(every)[-1]
 
 
 def sniff_imu(path: str | Path) -> str:
@@ -227,10 +271,13 @@ def _options(
 
 def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
     form = _sniff(kind, path)
-    reader = READERS[kind][form]
+    reader = readers(kind)[form]
     options = _options(path, form, reader.options.split(), spec)
     content = (load_content(form, path),) if form in LOADERS else ()
-    record = function_at(reader.function)(path, *content, ReadOptions(**options))
+    record = _function(reader.function)(path, *content, ReadOptions(**options))
+    if not isinstance(record, RECORDS[kind]):
+        returned = f"the reader of the format {form} returned {type(record).__name__}"
+        raise UsageError(f"{path}: {returned}, expected {RECORDS[kind].__name__}")
     if kind != "gnss":
         return record
     from .gnss.kinds import with_agreeing_kinds

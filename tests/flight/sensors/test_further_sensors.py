@@ -7,14 +7,18 @@ import pytest
 
 import insgnss
 from insgnss.base.errors import InputError, UsageError
-from insgnss.flight.sensors.kinds import kinds, read_measurement
+from insgnss.flight.sensors.kinds import read_measurement
 from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
+from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_vector, rpy_from_rotation
 
 OFFSET = np.radians([0.6, -0.8, 1.5])  # by which sensors are turned against the body
 LEVER = np.array([1.0, 0.2, -0.1])
 SCALE = 0.015
 WIND = [5.0, -3.0]  # m/s, north and east, at the start
+STATION = [46.5705, 6.5395, 580.0]  # deg and m
+SHIFT = np.array([0.02, -0.01, 0.015])  # m, north, east, down, of the station
+LATE_S = 0.03
 HARD = np.array([2.5, -1.5, 1.0])  # uT
 SOFT = np.array([[0.02, -0.01, 0.015], [0.0, -0.03, 0.01], [0.02, 0.0, 0.01]])
 # of the dipole at 46.57 deg of latitude: 47.87 uT and a dip of 64.67 deg
@@ -39,7 +43,14 @@ def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
     level = np.cos(dip) * np.array([np.cos(azimuth), np.sin(azimuth)])
     field = np.einsum("kji,j->ki", C, 47.9 * np.array([*level, np.sin(dip)]))
     magnetic = field + field @ SOFT.T + HARD
+    lat, lon, height = STATION
+    station = LocalFrame(np.radians(lat), np.radians(lon), height)
+    prism = station.position_from_geodetic(path.lat, path.lon, path.height)
+    prism += np.einsum("kij,kjl,l->ki", station.C_ln(path.lat, path.lon), C, LEVER) - SHIFT
+    prism += LATE_S * np.einsum("kij,kj->ki", station.C_ln(path.lat, path.lon), path.velocity_ned)
+    prism = (prism @ rotation_from_vector([0.0, 0.0, OFFSET[0]]))[:, [1, 0, 2]] * [1, 1, -1]
     return {
+        "position": ("tow,easting,northing,height", np.hstack([tow, prism]), 0.01),
         "heading": ("tow,heading", np.hstack([tow, np.degrees(heading)]), 0.2),
         "attitude": ("tow,roll,pitch,yaw", np.hstack([tow, np.degrees(turned)]), 0.2),
         "body_velocity": ("tow,vx,vy,vz", np.hstack([tow, rotated]), 0.05),
@@ -50,6 +61,7 @@ def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
 
 
 EXPECTED = {
+    "position": np.array([OFFSET[0], *SHIFT, LATE_S]),
     "heading": OFFSET[2:],
     "attitude": OFFSET,
     "body_velocity": np.array([SCALE, *OFFSET]),
@@ -89,6 +101,7 @@ def test_a_kind_finds_what_is_unknown_of_its_sensor(dataset, kind):
     more = {
         "baseline": f"lever_m = {LEVER.tolist()}",
         "magnetometer": 'declination_deg = 2.5\naxes = "back left down"',
+        "position": f"lever_m = {LEVER.tolist()}\nstation = {STATION}\nclock_sigma_s = 0.1",
     }.get(kind, "")
     result = insgnss.process(written(root, sim, kind, more), write=False)
     found = [e for e in result.states if e.state.group == kind]
@@ -120,11 +133,18 @@ def test_a_wrong_sign_is_a_contradiction(dataset):
     [
         ("heading", "offset_sigma_deg = 0.0", r"heading: offset of 1\.[3-7].* deg .*stated 0"),
         ("body_velocity", "scale_sigma = 0.0", r"scale factor of 0\.01[3-7]"),
+        (
+            "position",
+            f"lever_m = {LEVER.tolist()}\nclock_sigma_s = 0.1\n"
+            f"station = {[STATION[0] - 5e-6, *STATION[1:]]}",
+            r"station north of 0\.5.* m by this flight, stated 0 \+- 0\.02",
+        ),
     ],
 )
 def test_a_constant_that_is_stated_wrong_is_named(dataset, kind, more, said):
-    """Oracle: an antenna turned by 1.5 deg, a wheel 1.5 % larger than stated as exact: the run
-    stops and gives the constant that the flight has; the default sigmas cover both.
+    """Oracle: an antenna turned by 1.5 deg, a wheel 1.5 % larger than stated as exact, a station
+    that stands 0.56 m further north: the run stops and gives the constant that the flight has; the
+    default sigmas cover the first two.
     """
     with pytest.raises(InputError, match=said):
         insgnss.process(written(*dataset, kind, more), write=False)
@@ -233,6 +253,51 @@ def test_headings_of_novatel_and_unicore(tmp_path):
             read_measurement(options(tmp_path, bad), 2008)
 
 
+def test_attitudes_of_septentrio(tmp_path):
+    """Oracle: by hand: the columns of sbf2asc's source; weeks of 604800 s; what is float, in error
+    or -2e10 is left out; two antennas give no roll, three do.
+    """
+    begin = 2008 * 604800 + 200010
+
+    def lines(after_s: float, heading: float, error: int = 0, mode: int = 2) -> str:
+        time = f"{begin + after_s:13.2f}"
+        att = f"-4 {time} {heading:14.5f}       -0.50000        0.70000 {error:3d} {mode:3d}   9"
+        cov = f"-5 {time}        0.04000        0.09000        0.01000   0"
+        return f"{att} 0 0 0 0 0 0\n{cov} 0 0 0 0 0 0 0 0\n"
+
+    other = f"-1 {begin:13.2f} 0.8 0.11 580.0 49.5 0 0 0 0 0 9 4 0 0 12.0\n"
+    text = other + lines(0.0, 253.21) + lines(0.1, 253.3, mode=1) + lines(0.2, 253.4, error=1)
+    text += lines(0.3, -2e10) + lines(0.4, 253.5)
+    read, notes = read_measurement(options(tmp_path, text), 2008)
+    np.testing.assert_allclose(read.time, [200010.0, 200010.4])
+    np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.21, 253.5])
+    np.testing.assert_allclose(np.degrees(np.sqrt(read.cov[:, 0, 0])), 0.2)
+    assert "left out 3 of 5 attitudes" in notes[0].found
+    with pytest.raises(InputError, match="two antennas give no roll, take kind heading"):
+        read_measurement(options(tmp_path, text, kind="attitude"), 2008)
+    three = lines(0.0, 253.21, mode=4) + lines(0.1, 253.3, mode=4)
+    read, _ = read_measurement(options(tmp_path, three, kind="attitude"), 2008)
+    np.testing.assert_allclose(np.degrees(read.values[0]), [0.7, -0.5, 253.21])
+    np.testing.assert_allclose(np.degrees(np.sqrt(np.diagonal(read.cov[0]))), [0.1, 0.3, 0.2])
+    without = "".join(row for row in text.splitlines(True) if not row.startswith("-5"))
+    with pytest.raises(InputError, match="no standard deviations; give meas"):
+        read_measurement(options(tmp_path, without), 2008)
+    assert len(read_measurement(options(tmp_path, without, sigma=0.2), 2008)[0].time) == 2
+    with pytest.raises(InputError, match=r"x.csv:12: 5 fields, expected 14"):
+        read_measurement(options(tmp_path, text + f"-4 {begin}.00 253.1 0 0"), 2008)
+
+
+def test_a_table_of_septentrio_is_read_by_its_header(tmp_path):
+    """Oracle: by hand: milliseconds, weeks, degree signs; -2e10 is no value and is left out."""
+    text = "TOW [0.001 s],WNc [w],NrSV,Error,Mode,Heading [°],Pitch [°],Roll [°]\n"
+    for tow, heading in ((200010000, 253.2), (200010100, -2e10), (200010200, 253.3)):
+        text += f"{tow},2008,9,0,2,{heading},-0.5,0\n"
+    read, notes = read_measurement(options(tmp_path, text, sigma=0.2), 2007)
+    np.testing.assert_allclose(read.time, [804810.0, 804810.2])
+    np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.2, 253.3])
+    assert "left out 1 rows with -2e10" in notes[-1].found
+
+
 def test_baselines_of_a_moving_base(tmp_path):
     """Oracle: by hand: east, north, up as north, east, down; float rows are left out with a note;
     a `.pos` of positions is refused.
@@ -316,28 +381,6 @@ def test_two_of_one_name_and_an_unknown_kind_are_refused(dataset):
     file.write_text(file.read_text().replace('kind = "heading"', 'kind = "headings"', 1))
     with pytest.raises(InputError, match=r"measurement.kind.*headings"):
         insgnss.load_flight(file)
-
-
-def test_an_installed_kind_is_found_and_replaces_no_shipped_one(monkeypatch):
-    """Oracle: entry points made up by hand."""
-
-    class Entry:
-        def __init__(self, name):
-            self.name = name
-
-        def load(self):
-            return "installed"
-
-    kinds.cache_clear()
-    monkeypatch.setattr(
-        "insgnss.flight.sensors.kinds.entry_points",
-        lambda group: [Entry("sonar"), Entry("heading")],
-    )
-    try:
-        assert kinds()["sonar"] == "installed"
-        assert kinds()["heading"] != "installed"
-    finally:
-        kinds.cache_clear()
 
 
 @pytest.mark.slow

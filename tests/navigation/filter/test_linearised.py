@@ -30,6 +30,7 @@ from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, observe
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([0.5, 0.5, 3.0])])
+STATION = (46.5705, 6.5395, 500.0)  # deg and m
 BEACON = np.array([40.0, -30.0, 5.0])  # m in l
 TURN = 2.0 * np.pi
 
@@ -235,16 +236,26 @@ SENSORS = {  # columns, sigma, options
     "baseline": (("n", "e", "d"), 0.01, {"lever_m": (1.0, 0.2, -0.1)}),
     "airspeed": (("airspeed",), 0.3, {}),
     "magnetometer": (("x", "y", "z"), 0.4, {"declination_deg": 2.5}),
+    "position": (
+        ("e", "n", "u"),
+        0.01,
+        {"lever_m": (0.1, 0.2, -0.3), "station": STATION, "clock_sigma_s": 0.02},
+    ),
 }
+
+
+def shipped(kind: str) -> tuple:
+    """Prediction and own states of a shipped kind."""
+    columns, _, more = SENSORS[kind]
+    options = MeasurementInput(kind=kind, file=Path("x"), **more)
+    return kinds()[kind].model(options, columns)[:2]
 
 
 def nees_of(kind: str, seed: int, exact: bool) -> tuple[float, float]:
     """NEES of nine smoothed errors in the middle, and of the states of a shipped kind of sensor,
     drawn from their a-priori sigmas, or absent where `exact`.
     """
-    columns, sigma, more = SENSORS[kind]
-    options = MeasurementInput(kind=kind, file=Path("x"), **more)
-    predict, own, *_ = kinds()[kind].model(options, columns)
+    (columns, sigma, _), (predict, own) = SENSORS[kind], shipped(kind)
     own = tuple(replace(state, walk=0.0) for state in own)  # what is drawn stays
     rng = np.random.default_rng(1000 + seed)
     drawn = rng.standard_normal(len(own)) * [state.sigma for state in own]
@@ -276,7 +287,7 @@ def test_nees_lies_within_its_bounds(kind, flights, exact):
     two-sided 99 % bounds.
     """
     nees = np.array([nees_of(kind, seed, exact) for seed in range(flights)]).sum(axis=0)
-    states = {"heading": 1, "body_velocity": 4, "magnetometer": 15}.get(kind, 3)
+    states = len(shipped(kind)[1])
     for total, freedom in zip(nees, (9, states), strict=True):
         low, high = chi2.ppf([0.005, 0.995], flights * freedom)
         assert low < total < high or (exact and freedom == states)

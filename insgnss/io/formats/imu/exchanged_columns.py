@@ -38,9 +38,9 @@ def exchanged_columns(
         Of the kind that was given; a list where none was. None where the format takes no
         `columns`, or each of two files has its own header.
     """
-    from .. import IMU_OPTIONS, sniff_imu
+    from .. import readers, sniff_imu
 
-    if "columns" not in IMU_OPTIONS[sniff_imu(Path(path))]:
+    if "columns" not in readers("imu")[sniff_imu(Path(path))].options.split():
         return None
     a, b = ("xyz"[k] for k in pair)
     other = {f"g{a}": f"g{b}", f"g{b}": f"g{a}", f"a{a}": f"a{b}", f"a{b}": f"a{a}"}

@@ -1,0 +1,51 @@
+"""What packages that are installed beside this one add by their entry points."""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from ..errors import UsageError
+
+
+@cache
+def installed(group: str) -> Mapping[str, Any]:
+    """Return the entry points of a group by name, not yet loaded.
+
+    Parameters
+    ----------
+    group : str
+        The group, such as "insgnss.formats".
+
+    Returns
+    -------
+    mapping of str to EntryPoint
+        Read once a process.
+    """
+    return {entry.name: entry for entry in entry_points(group=group)}
+
+
+def load_installed(group: str, name: str) -> Any:
+    """Import what an entry point names.
+
+    Parameters
+    ----------
+    group, name : str
+        The group and the name of the entry point.
+
+    Returns
+    -------
+    object
+        What it names.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be imported.
+    """
+    entry = installed(group)[name]
+    try:
+        return entry.load()
+    except (ImportError, AttributeError) as error:
+        problem = f"entry point {name} = {entry.value} of the group {group}: {error}"
+        raise UsageError(f"{problem}; install its package anew, or remove it") from error
