@@ -22,7 +22,7 @@ from .names import by_order
 from .poses import PLANE_M, FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
-from .result import Comparison, ComponentDifferences, Mismatch
+from .result import UNTRANSFORMED, Comparison, ComponentDifferences, Mismatch
 from .shifts import scatter, shift_from_positions
 
 MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
@@ -141,11 +141,11 @@ def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
     ]
     statement = f"positions of a are of {names[0]}, those of b of {names[1]}"
     if None in (a.datum, b.datum):
-        return b, (f"{statement}: compared without a transformation; datums differ by up to 2 m",)
+        return b, (f"{statement}: {UNTRANSFORMED}; datums differ by up to 2 m",)
     try:
         moved = b.moved(*between_datums(b.lat, b.lon, b.height, *datums[::-1]))
     except (InputError, UsageError) as refusal:
-        return b, (f"{statement}: compared without a transformation, since {refusal}",)
+        return b, (f"{statement}: {UNTRANSFORMED}, since {refusal}",)
     by = " by the motion of its plate" if None not in (a.epoch, b.epoch) else ""
     by *= a.epoch != b.epoch
     return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed{by}",)
