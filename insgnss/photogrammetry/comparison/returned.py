@@ -129,7 +129,7 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
     if kind:
         return Framed(CoordinateFrame(kind), x)
     if hints.plane is not None:
-        return Framed(CoordinateFrame(TANGENT, hints.plane), x)
+        return Framed(tangent_frame(path, x, hints.plane), x)
     return _recognised(x, path)
 
 
@@ -158,8 +158,8 @@ def _recognised(x: Array, path: Path) -> Framed:
         tangent_frame(path, x, None)
     if degrees_for_metres(x):
         extent, height = float(np.ptp(x[:, :2], axis=0).max()), float(np.median(np.abs(x[:, 2])))
-        note = f"{path.name} names no CRS; X and Y are taken as degrees: as metres the flight would"
-        note += f" be {extent:.4f} m long at a height of {height:.0f} m"
+        note = f"{path.name} names no CRS; X and Y are taken as longitude and latitude, degrees: as"
+        note += f" metres the flight would be {extent:.4f} m long at a height of {height:.0f} m"
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
         return Framed(CoordinateFrame(GEOGRAPHIC), x, note)
     return Framed(None, x)

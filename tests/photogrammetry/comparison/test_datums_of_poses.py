@@ -168,7 +168,9 @@ def test_heights_go_along_into_the_datum_of_the_crs(tmp_path: Path) -> None:
 )
 def test_a_geoid_by_name_says_where_to_get_it(name: str, grid: str) -> None:
     """Oracle: the names of the agencies in PROJ's list of grids."""
-    with pytest.raises(UsageError, match=f"pyproj sync --file {grid}"):
+    with pytest.raises(UsageError, match=f"`pyproj sync --file {grid}"):
         geoid_file(Path(name))
+    with pytest.raises(UsageError, match=r"get it by `pyproj sync --file us_nga_egm08_25\.tif"):
+        geoid_file(Path("egm2008"))  # before that of Spain
     with pytest.raises(UsageError, match="PROJ has none of that name"):
         geoid_file(Path("mine.gtx"))
