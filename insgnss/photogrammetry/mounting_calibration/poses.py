@@ -169,6 +169,10 @@ def date_of(eo: ExteriorOrientation) -> str:
 def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
     """Return the poses of a file of another program; in their own axes without a frame."""
     given = read_returned_poses(path, form)
+    if given.C is None:
+        raise InputError.in_file(
+            path, "has positions and no attitudes; give poses of an adjustment"
+        )
     framed = framed_coordinates(given, hints, path)
 
     def block() -> MeasuredBlock:
