@@ -201,6 +201,31 @@ def compare_poses(
     )
 
 
+def largest_difference(a: Poses, b: Poses) -> str:
+    """Return what explains most of the differences in position; empty where nothing does.
+
+    Parameters
+    ----------
+    a, b : of the same images.
+
+    Returns
+    -------
+    str
+        With the files that are a and b: coordinates of the second are read otherwise.
+    """
+    a, b = (replace(poses, C_Ex=None) for poses in (a, b))
+    compared = compare_poses(a, b), compare_poses(b, a)
+    ranked = [
+        (finding.before - finding.after, of, finding.statement)
+        for of in compared
+        for finding in of.findings
+    ] or [(0.0, of, of.notes[-1]) for of in compared if of.notes]
+    if not ranked:
+        return ""
+    _, of, statement = max(ranked, key=lambda row: row[0])
+    return f"{of.a} (a), {of.b} (b): {statement}"
+
+
 def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
     """b's attitude of the same thing as a's, camera or body, where the mounting is known."""
     if a.C_Ex is None or b.C_Ex is None or a.x == b.x:

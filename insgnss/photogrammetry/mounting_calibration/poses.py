@@ -31,7 +31,7 @@ from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
-from ..comparison.compare import compare_poses
+from ..comparison.compare import largest_difference
 from ..comparison.hints import Hints, turned
 from ..comparison.poses import FarError, Poses
 from ..comparison.position import SHIFT_M
@@ -143,22 +143,12 @@ def compared_with(
     if camera.frame == "own":
         return ""
     try:
-        a = replace(read_poses(camera.source, hints=hints), C_Ex=None)
+        a = read_poses(camera.source, hints=hints)
     except InputError:  # a tangent plane of the flight
         return ""
     lat, lon, h = plane.geodetic_from_position(position_m)
     b = Poses(source, "gnss", "", lat, lon, h, images=camera.images)
-    compared = compare_poses(a, b), compare_poses(b, a)  # those of the second are read otherwise
-    ranked = [
-        (finding.before - finding.after, of, finding.statement)
-        for of in compared
-        for finding in of.findings
-    ]
-    ranked = ranked or [(0.0, of, of.notes[-1]) for of in compared if of.notes]
-    if not ranked:
-        return ""
-    _, of, statement = max(ranked, key=lambda row: row[0])
-    return f"{of.a} (a), {of.b} (b): {statement}"
+    return largest_difference(a, b)
 
 
 def date_of(eo: ExteriorOrientation) -> str:
