@@ -138,7 +138,10 @@ def _geographic(degrees: Array, crs: str, hints: Hints, path: Path) -> Array:
     lon, lat = np.abs(degrees[:, :2]).max(axis=0)
     if lon > 360.0 or lat > 90.0:
         problem = f"{degrees[0, 0]:.3f} {degrees[0, 1]:.3f} are no longitude and latitude, deg"
-        raise InputError.in_file(path, f"{problem}; give the CRS of these coordinates")
+        how = "give the CRS of these coordinates"
+        if lon <= 90.0 and lat <= 360.0:
+            how = "latitude stands before longitude: exchange the columns"
+        raise InputError.in_file(path, f"{problem}; {how}")
     if not crs and hints.geoid is None:
         return np.column_stack([np.radians(degrees[:, :2]), degrees[:, 2]])
     lat, lon, h = geodetic_from_geographic(

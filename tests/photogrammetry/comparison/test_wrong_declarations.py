@@ -155,6 +155,7 @@ def geocentric(x: np.ndarray) -> np.ndarray:
 SAID = {  # place, CRS that is declared, coordinates of the file, the one thing that is said
     "degrees for metres": ("Kamchatka", "EPSG:32660", globe(same), "fit EPSG:4326 WGS 84"),
     "degrees and minutes": ("Kamchatka", "EPSG:4326", globe(packed), "no longitude and latitude"),
+    "latitude first": ("Sydney", "EPSG:4326", globe(lambda x: x[:, [1, 0, 2]]), "latitude stands"),
     "radians": ("Kamchatka", "EPSG:4326", globe(radians), "b has latitude and longitude in rad"),
     "south": ("Kamchatka", "EPSG:4326", globe(times(1, -1, 1)), "b has latitudes with the other"),
     "ECEF for a map": ("Lausanne", "EPSG:2056", globe(geocentric), "heights such as 4605"),
