@@ -93,7 +93,8 @@ def grids_called(name: str) -> list[str]:
     Returns
     -------
     list of str
-        File names, at most three; none of a name of fewer than four letters and digits.
+        File names, at most three, the shortest first; none of a name of fewer than four letters
+        and digits.
     """
     from pyproj.datadir import get_data_dir
 
@@ -113,7 +114,7 @@ def grids_called(name: str) -> list[str]:
         for row in rows
         if any(plain in re.sub(r"[^a-z0-9]", "", str(alias).lower()) for alias in row)
     ]
-    return list(dict.fromkeys(grids))[:MOST_NAMED]
+    return sorted(dict.fromkeys(grids), key=len)[:MOST_NAMED]
 
 
 def operations(source: Any, target: Any, lat: Array, lon: Array) -> Any:

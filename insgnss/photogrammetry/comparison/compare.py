@@ -22,7 +22,7 @@ from .names import by_order
 from .poses import PLANE_M, FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
-from .result import Comparison, ComponentDifferences, Mismatch
+from .result import UNTRANSFORMED, Comparison, ComponentDifferences, Mismatch
 from .shifts import scatter, shift_from_positions
 
 MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
@@ -141,11 +141,11 @@ def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
     ]
     statement = f"positions of a are of {names[0]}, those of b of {names[1]}"
     if None in (a.datum, b.datum):
-        return b, (f"{statement}: compared without a transformation; datums differ by up to 2 m",)
+        return b, (f"{statement}: {UNTRANSFORMED}; datums differ by up to 2 m",)
     try:
         moved = b.moved(*between_datums(b.lat, b.lon, b.height, *datums[::-1]))
     except (InputError, UsageError) as refusal:
-        return b, (f"{statement}: compared without a transformation, since {refusal}",)
+        return b, (f"{statement}: {UNTRANSFORMED}, since {refusal}",)
     by = " by the motion of its plate" if None not in (a.epoch, b.epoch) else ""
     by *= a.epoch != b.epoch
     return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed{by}",)
@@ -199,6 +199,31 @@ def compare_poses(
         matched.of_time,
         (*notes, *more, *_notes(a, b, first), *_frame_note(settled)),
     )
+
+
+def largest_difference(a: Poses, b: Poses) -> str:
+    """Return what explains most of the differences in position; empty where nothing does.
+
+    Parameters
+    ----------
+    a, b : of the same images.
+
+    Returns
+    -------
+    str
+        With the files that are a and b: coordinates of the second are read otherwise.
+    """
+    a, b = (replace(poses, C_Ex=None) for poses in (a, b))
+    compared = compare_poses(a, b), compare_poses(b, a)
+    ranked = [
+        (finding.before - finding.after, of, finding.statement)
+        for of in compared
+        for finding in of.findings
+    ] or [(0.0, of, of.notes[-1]) for of in compared if of.notes]
+    if not ranked:
+        return ""
+    _, of, statement = max(ranked, key=lambda row: row[0])
+    return f"{of.a} (a), {of.b} (b): {statement}"
 
 
 def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:

@@ -225,6 +225,11 @@ class CoordinateFrame:
         further : other fields of `Poses`.
         """
         lat, lon, h, C_fE = self.resolved(x, path)
+        if self.kind == PROJECTED and self.projection is not None:
+            far = self.projection.degrees_outside(lat, lon) > FAR_DEG
+            if exchange := self._exchanged(x) if far else "":
+                note = f"coordinates lie outside the area of {self.projection.name}{exchange}"
+                further["notes"] = (*further.get("notes", ()), note)
         C_Ef = np.swapaxes(C_fE, 1, 2)
         return Poses(
             str(path),
@@ -265,10 +270,10 @@ def refuse_heights(numbers: Array, unit: LengthUnit, path: object) -> None:
 
 def tangent_frame(path: object, x: Array, plane: TangentPlane | None) -> CoordinateFrame:
     """Frame of coordinates (n, 3) without a CRS; FarError where they are too large for it."""
-    if plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise FarError(
-            f"{path}: does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give"
-            " it, such as --crs EPSG:2056",
-            x,
-        )
+    if float(np.abs(x[:, :2]).max()) > PLANE_M:
+        numbers = f"{x[0, 0]:.3f} {x[0, 1]:.3f}"
+        problem = f"does not say the CRS of its coordinates, {numbers}"
+        if plane is not None:
+            problem = f"its coordinates, {numbers}, are of no tangent plane but of a CRS"
+        raise FarError(f"{path}: {problem}; give it, such as --crs EPSG:2056", x)
     return CoordinateFrame(TANGENT, plane)

@@ -133,7 +133,8 @@ def sniff_poses(path: str | Path) -> str:
     if "# frame kind:" in text and "# camera axes:" in text:
         return "generic_ascii"
     if (label := re.search(r"^#?[ \t]*label[,;\t].*", text, re.MULTILINE)) is not None:
-        return "metashape_opk" if "omega" in label[0] else "metashape"
+        angles = {"omega": "metashape_opk", "yaw": "metashape"}
+        return next((angles[k] for k in angles if k in label[0]), "metashape_reference")
     for form, columns in FORM_HEADERS.items():
         if re.search(columns, text, re.MULTILINE):
             return form
@@ -184,10 +185,8 @@ def _odm_geo(path: Path, hints: Hints) -> Poses:
     kind, crs = kind_of_wkt(crs, path)
     if kind == "geographic":
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
-    C = np.broadcast_to(np.eye(3), (len(images), 3, 3))
-    positions = ReturnedPoses(images, x, C, kind, crs, cov_position=diagonal(path, sigma))
-    poses = placed_poses(positions, framed_coordinates(positions, hints, path), path, "odm")
-    return replace(poses, C_Ex=None)
+    positions = ReturnedPoses(images, x, None, kind, crs, cov_position=diagonal(path, sigma))
+    return placed_poses(positions, framed_coordinates(positions, hints, path), path, "odm")
 
 
 def _generic_ascii(path: Path, hints: Hints) -> Poses:

@@ -26,6 +26,7 @@ Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 SCREEN_UNITS = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
 WIDE = 1.5  # rms over sigma from which on the standard deviations are doubted
+UNTRANSFORMED = "compared without a transformation"  # what a note says of two datums
 NO_MISMATCH = "no mismatch of names, axes, angles, time, height or lever arm recognised"
 LARGE = 10.0  # m or m/s, from which thousandths are not shown
 
@@ -216,7 +217,8 @@ class Comparison(Charted):
             f"differences are larger than their standard deviations say (rms over sigma {wide}; up"
             f" to {WIDE:g} passes)"
         )
-        return worst_of(NO_MISMATCH, [mismatch] if names else [larger] if wide else [])
+        remarks = [mismatch] if names else [larger] if wide else []
+        return worst_of(NO_MISMATCH, remarks + [n for n in self.notes if UNTRANSFORMED in n])
 
     def summary(self) -> str:
         """Return the text for the terminal."""

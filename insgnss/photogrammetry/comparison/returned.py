@@ -129,7 +129,7 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
     if kind:
         return Framed(CoordinateFrame(kind), x)
     if hints.plane is not None:
-        return Framed(CoordinateFrame(TANGENT, hints.plane), x)
+        return Framed(tangent_frame(path, x, hints.plane), x)
     return _recognised(x, path)
 
 
@@ -138,7 +138,10 @@ def _geographic(degrees: Array, crs: str, hints: Hints, path: Path) -> Array:
     lon, lat = np.abs(degrees[:, :2]).max(axis=0)
     if lon > 360.0 or lat > 90.0:
         problem = f"{degrees[0, 0]:.3f} {degrees[0, 1]:.3f} are no longitude and latitude, deg"
-        raise InputError.in_file(path, f"{problem}; give the CRS of these coordinates")
+        how = "give the CRS of these coordinates"
+        if lon <= 90.0 and lat <= 360.0:
+            how = "latitude stands before longitude: exchange the columns"
+        raise InputError.in_file(path, f"{problem}; {how}")
     if not crs and hints.geoid is None:
         return np.column_stack([np.radians(degrees[:, :2]), degrees[:, 2]])
     lat, lon, h = geodetic_from_geographic(
@@ -158,8 +161,8 @@ def _recognised(x: Array, path: Path) -> Framed:
         tangent_frame(path, x, None)
     if degrees_for_metres(x):
         extent, height = float(np.ptp(x[:, :2], axis=0).max()), float(np.median(np.abs(x[:, 2])))
-        note = f"{path.name} names no CRS; X and Y are taken as degrees: as metres the flight would"
-        note += f" be {extent:.4f} m long at a height of {height:.0f} m"
+        note = f"{path.name} names no CRS; X and Y are taken as longitude and latitude, degrees: as"
+        note += f" metres the flight would be {extent:.4f} m long at a height of {height:.0f} m"
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
         return Framed(CoordinateFrame(GEOGRAPHIC), x, note)
     return Framed(None, x)

@@ -25,6 +25,7 @@ FEWEST = 3  # images of both files, by name: an outlier among fewer would be the
 # largest scatter of both files' differences, in that of the positions: axes of another CRS are
 # turned by degrees against each other, 0.5 % are 0.3 deg
 OF_EXTENT = 0.005
+OF_PLANE = 0.1  # of what whole steps leave, where the tangent plane of the other file leaves less
 
 
 def shift_from_positions(
@@ -66,6 +67,11 @@ def shift_from_positions(
         return None
     if scatter(difference) > OF_EXTENT * scatter(expected[to]):
         return None
+    if reference.plane is not None:  # in whose axes the coordinates may stand as they are
+        x = reference.plane.position_from_geodetic(reference.lat, reference.lon, reference.height)
+        beside = np.median(np.abs(x[to] - position), axis=0).max()
+        if beside < OF_PLANE * np.abs(middle - whole).max():
+            return None
     shift = (float(whole[0]), float(whole[1]), float(whole[2]))
     return replace(hints, crs=crs, shift=shift)
 

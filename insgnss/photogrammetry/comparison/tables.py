@@ -130,6 +130,9 @@ def _columns(form: str, table: TextTable, layout: PoseColumns) -> dict[str, int]
     if names is None:
         more = "".join(f", or also {' '.join(further)}" for further in layout.more)
         problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
+        # the name and the decimals of each number
+        if table.layout.delimiter == "," and any(n in (2 * len(c) - 1, 2 * len(c)) for c in whole):
+            problem += ", or are the decimal signs commas? write decimal points"
         raise InputError.at_line(table.path, table.layout.first_line, problem)
     for name, field in zip(names, table.layout.header_fields or (), strict=False):
         if name in ("yaw", "omega") and field.lower() not in (name, SYNONYMS.get(name)):

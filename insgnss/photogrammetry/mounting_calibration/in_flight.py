@@ -7,6 +7,7 @@ are small beside their standard deviations: what is written was tried.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,9 @@ from .judgement import (
 from .options import Assumptions
 from .plausibility import FlightPath as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
-from .poses import read_camera_poses
+from .poses import compared_with, read_camera_poses, refuse_distant
 from .products import files_of
-from .records import CameraPoses, CovariantPoses, Stated
+from .records import CameraPoses, CovariantPoses, Rows, Stated
 from .solution import AdjustedMounting, solve
 
 MOST_RUNS = 3  # of processing the flight with the corrected mounting: the second changes little
@@ -168,7 +169,7 @@ def calibrate_mounting(
         block, rows = common_images(given, flight_poses.eo)
         if number == 0:
             progress("are these poses of this flight")
-            refuse_implausible(block, flight_poses, rows, _path(result, flight_poses))
+            _refuse_other_poses(block, hints, flight_poses, rows, result, flight)
         progress("adjusting the mounting")
         solved = solve(block, flight_poses, rows, assumptions)
         good, gross = gross_errors(solved)
@@ -218,6 +219,22 @@ def calibrate_mounting(
         tuple(notes),
         (*input_files(flight), poses),
     )
+
+
+def _refuse_other_poses(
+    block: CameraPoses,
+    hints: Hints,
+    flight: CovariantPoses,
+    rows: Rows,
+    result: ProcessResult,
+    file: Flight,
+) -> None:
+    """Refuse poses of another place, of other images, or in another reading."""
+    eo = flight.eo
+    placed = eo.position_m[rows], TangentPlane(*eo.origin), str(file.path)
+    refuse_distant(block, hints, *placed)
+    compared = partial(compared_with, block, hints, *placed)
+    refuse_implausible(block, flight, rows, _path(result, flight), compared)
 
 
 def _stated(flight: Flight) -> Stated:

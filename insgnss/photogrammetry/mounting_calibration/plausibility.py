@@ -126,7 +126,11 @@ def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> PoseMisfit:
 
 
 def refuse_implausible(
-    block: CameraPoses, flight: CovariantPoses, rows: Rows, path: FlightPath | None
+    block: CameraPoses,
+    flight: CovariantPoses,
+    rows: Rows,
+    path: FlightPath | None,
+    compared: Callable[[], str] = str,
 ) -> None:
     """Refuse poses that another reading explains, or that no mounting does.
 
@@ -140,6 +144,8 @@ def refuse_implausible(
         (n,) rows of the images in the flight's orientation.
     path : FlightPath, optional
         The flight at other times.
+    compared : callable
+        Says what a comparison of the coordinates, without a similarity, recognises.
 
     Raises
     ------
@@ -177,8 +183,8 @@ def refuse_implausible(
         raise InputError(
             f"{apart} after a similarity and a bore-sight; {limit_m:.0f} m and"
             f" {np.degrees(limit_rad):.0f} deg are the most that a mounting explains, and no other"
-            " order, clock or axes do: are these the poses of another flight, or an adjustment that"
-            " failed?"
+            " order, clock or axes do: "
+            + (compared() or "are these the poses of another flight, or an adjustment that failed?")
         )
 
 

@@ -31,8 +31,10 @@ from ...io.formats.returned.reading import read_returned_poses, returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
+from ..comparison.compare import largest_difference
 from ..comparison.hints import Hints, turned
 from ..comparison.poses import FarError, Poses
+from ..comparison.position import SHIFT_M
 from ..comparison.reading import read_poses, sniff_poses
 from ..comparison.returned import degrees_for_metres, framed_coordinates, placed_poses
 from .options import PlaceOptions
@@ -93,6 +95,62 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
     return _on_the_earth(path, read_poses(path, hints=hints))
 
 
+def refuse_distant(
+    camera: CameraPoses, hints: Hints, position_m: Array, plane: TangentPlane, source: str
+) -> None:
+    """Refuse poses of another place than positions, which a similarity would bring together.
+
+    Parameters
+    ----------
+    camera : CameraPoses
+        Poses; those in axes of their own are of no place.
+    hints : Hints
+        By which they were read.
+    position_m : ndarray, (n, 3)
+        Positions of the same images in a tangent plane.
+    plane : TangentPlane
+        The plane.
+    source : str
+        Whose positions they are.
+
+    Raises
+    ------
+    InputError
+        With what explains the distance.
+    """
+    if camera.frame == "own":
+        return
+    distance = np.linalg.norm(camera.in_plane(plane).position - position_m, axis=1)
+    if float(np.median(distance)) > SHIFT_M:
+        raise InputError(compared_with(camera, hints, position_m, plane, source))
+
+
+def compared_with(
+    camera: CameraPoses, hints: Hints, position_m: Array, plane: TangentPlane, source: str
+) -> str:
+    """Return what `insgnss compare` says of the largest difference; empty where it says nothing.
+
+    Parameters
+    ----------
+    camera, hints, position_m, plane, source
+        As of `refuse_distant`.
+
+    Returns
+    -------
+    str
+        With the files that are a and b.
+    """
+    if camera.frame == "own":
+        return ""
+    try:
+        a = read_poses(camera.source, hints=hints)
+    except InputError:  # a tangent plane of the flight
+        return ""
+    lat, lon, h = plane.geodetic_from_position(position_m)
+    b = Poses(source, "gnss", "", lat, lon, h, images=camera.images)
+    return largest_difference(a, b)
+
+
 def date_of(eo: ExteriorOrientation) -> str:
     """Return the day of the first image, ISO."""
     return calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
@@ -101,6 +159,10 @@ def date_of(eo: ExteriorOrientation) -> str:
 def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
     """Return the poses of a file of another program; in their own axes without a frame."""
     given = read_returned_poses(path, form)
+    if given.C is None:
+        raise InputError.in_file(
+            path, "has positions and no attitudes; give poses of an adjustment"
+        )
     framed = framed_coordinates(given, hints, path)
 
     def block() -> MeasuredBlock:

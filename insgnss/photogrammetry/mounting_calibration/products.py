@@ -134,7 +134,7 @@ class CalibratedMounting(Shown):
         if self.mounting.values():
             return None
         reason = self.mounting.not_determined.get("antenna_m", "")
-        return DataError(f"nothing was determined: {reason}")
+        return DataError(f"no vector was determined in all its components: {reason}")
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -23,11 +23,7 @@ from ...io.formats.blocks.reading import read_measured_block
 from ...io.formats.returned.cameras import read_camera
 from ...records import Array
 from ...report.charts.chart import Chart
-from ..comparison.compare import compare_poses
 from ..comparison.hints import Hints
-from ..comparison.poses import Poses
-from ..comparison.position import SHIFT_M
-from ..comparison.reading import read_poses
 from ..lever_arm.flight_direction import (
     FlightDirection,
     flight_direction,
@@ -48,6 +44,7 @@ from .poses import (
     joined,
     read_camera_poses,
     read_positions,
+    refuse_distant,
 )
 from .products import (
     DETERMINED,
@@ -98,9 +95,8 @@ def calibrate_similarity(
     InputError
         A file is wrong, or they do not belong together.
     """
-    camera = read_camera_poses(
-        cameras, Hints(crs=options.crs, geoid=options.geoid, shift=options.shift), only=False
-    )
+    hints = Hints(crs=options.crs, geoid=options.geoid, shift=options.shift)
+    camera = read_camera_poses(cameras, hints, only=False)
     plane = camera.plane
     fixes = read_positions(antenna, options, plane)
     rows, own, notes = joined(camera.images, fixes.names, cameras, antenna, 1)
@@ -119,7 +115,8 @@ def calibrate_similarity(
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
         notes += more
-    _refuse_places(camera, poses, fixes.plane, options, (cameras, antenna))
+    if fixes.plane is not None:
+        refuse_distant(camera, hints, position, fixes.plane, str(antenna))
     result = _estimated(poses, ground, camera, cameras, antenna)
     _refuse_attitudes(result, poses, camera, cameras)
     time = None if fixes.time is None else fixes.time[order]
@@ -198,28 +195,6 @@ def _ground(
         np.array(model), np.array(model_cov), surveyed.position[rows], surveyed.cov[rows]
     )
     return ground, tuple(notes)
-
-
-def _refuse_places(
-    camera: CameraPoses,
-    poses: PosedAntennas,
-    plane: TangentPlane | None,
-    options: SimilarityOptions,
-    paths: tuple[Path, Path],
-) -> None:
-    """Refuse positions of two places on the Earth, which a similarity brings together."""
-    if plane is None or camera.frame == "own":
-        return
-    difference = camera.in_plane(plane).position - poses.antenna_m
-    if float(np.median(np.linalg.norm(difference, axis=1))) <= SHIFT_M:
-        return
-    hints = Hints(crs=options.crs, geoid=options.geoid, shift=options.shift)
-    a = replace(read_poses(paths[0], hints=hints), C_Ex=None)
-    lat, lon, h = plane.geodetic_from_position(poses.antenna_m)
-    b = Poses(str(paths[1]), "gnss", "", lat, lon, h, images=camera.images)
-    compared = compare_poses(a, b)
-    why = compared.findings[0].statement if compared.findings else compared.notes[-1]
-    raise InputError(f"{paths[0]} (a), {paths[1]} (b): {why}")
 
 
 def _estimated(

@@ -92,7 +92,7 @@ def test_what_values_can_only_be_is_taken_and_said(tmp_path: Path) -> None:
         text += joined(name, *place, *opk_deg(C), *(C @ D).T.reshape(9), by="\t")
     (tmp_path / "opk.txt").write_text(f"# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11\n{text}")
     assert max(differ(eo, tmp_path / "opk.txt")) < 1e-4
-    assert "taken as degrees" in insgnss.read_poses(tmp_path / "opk.txt").notes[-1]
+    assert "taken as longitude and latitude" in insgnss.read_poses(tmp_path / "opk.txt").notes[-1]
     assert max(differ(eo, tmp_path / "opk.txt", crs="EPSG:4326")) < 1e-4
 
 
@@ -121,6 +121,8 @@ def test_large_coordinates_without_a_crs_are_asked_for(tmp_path: Path) -> None:
     for read in (insgnss.read_poses, read_camera_poses):
         with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
             read(path)
+    with pytest.raises(InputError, match="are of no tangent plane but of a CRS"):
+        insgnss.read_poses(path, origin=(46.57, 6.54, 0.0))
     path = micmac(framed(block(), "geocentric"), tmp_path)
     for file in path.glob("Orientation-*"):  # in feet
         head, tail = file.read_text().split("<Centre>")
@@ -133,6 +135,14 @@ def test_large_coordinates_without_a_crs_are_asked_for(tmp_path: Path) -> None:
     (tmp_path / "a.OPK").write_text(text)
     with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
         insgnss.read_poses(tmp_path / "a.OPK")
+
+
+def test_exchanged_coordinates_are_said_where_a_file_is_read(tmp_path: Path) -> None:
+    """Oracle: the columns that were exchanged; the place is 140 deg off, and compare names it."""
+    eo = in_map(block(), "EPSG:32632")
+    exchanged = replace(eo, coordinates=eo.coordinates[:, [1, 0, 2]])
+    (note,) = insgnss.read_poses(ign_opk(exchanged, tmp_path), crs="EPSG:32632").notes
+    assert "with easting and northing exchanged they lie at 46.5" in note
 
 
 def test_a_mounting_asks_before_the_flight_is_processed(tmp_path: Path) -> None:

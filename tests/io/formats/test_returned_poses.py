@@ -23,6 +23,8 @@ from insgnss.io.formats.bundle.inpho import write_inpho_prj
 from insgnss.io.formats.bundle.micmac import write_micmac_xml
 from insgnss.io.formats.returned.crs import kind_of_definition, kind_of_wkt
 from insgnss.io.formats.returned.reading import RETURNED, read_returned_poses, returned_form
+from insgnss.photogrammetry.comparison.hints import Hints
+from insgnss.photogrammetry.comparison.reading import read_poses
 from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses
 from insgnss.records import FramedOrientation
 
@@ -420,3 +422,20 @@ def test_the_calibration_of_the_mounting_reads_them(tmp_path: Path, name: str) -
     lat, lon, h = got.plane.geodetic_from_position(got.position)
     assert np.abs(np.column_stack([lat, lon]) - eo.geodetic[:, :2]).max() < 1e-10
     assert np.abs(h - eo.geodetic[:, 2]).max() < 1e-3
+
+
+def test_a_reference_table_without_angles_holds_positions(tmp_path: Path) -> None:
+    """Oracle: what is written; X_acc are metres, of positions that `insgnss adjust` weighs."""
+    head = "#Label,X/Longitude,Y/Latitude,Z/Altitude,X_acc,Y_acc,Z_acc\n"
+    row = "IMG_1.jpg,6.54,46.57,630.0,0.02,0.03,0.04\n"
+    (tmp_path / "reference.csv").write_text(head + row)
+    returned = read_returned_poses(tmp_path / "reference.csv", "metashape_reference")
+    assert returned.C is None
+    assert returned.position.tolist() == [[6.54, 46.57, 630.0]]
+    assert returned.cov_position is not None
+    assert np.sqrt(np.diagonal(returned.cov_position[0])) == pytest.approx([0.02, 0.03, 0.04])
+    poses = read_poses(tmp_path / "reference.csv", hints=Hints(crs="EPSG:4326"))
+    assert poses.C_Ex is None
+    assert np.degrees([poses.lat[0], poses.lon[0]]) == pytest.approx([46.57, 6.54])
+    with pytest.raises(InputError, match="has positions and no attitudes"):
+        read_camera_poses(tmp_path / "reference.csv", Hints(crs="EPSG:4326"))

@@ -23,9 +23,10 @@ from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
     lie_elsewhere,
     oriented_similarity,
 )
-from insgnss.photogrammetry.block_adjustment.aerial.positions import _of_images
+from insgnss.photogrammetry.block_adjustment.aerial.positions import _of_images, _refuse_distant
 from insgnss.photogrammetry.block_adjustment.ground import ground_of
 from insgnss.photogrammetry.block_adjustment.run import adjust
+from insgnss.photogrammetry.comparison.poses import Poses
 from insgnss.photogrammetry.comparison.reading import read_poses
 
 BLOCK = "01_Observations/Camera/Block"
@@ -317,6 +318,23 @@ def test_positions_that_no_ground_point_checks_are_reported(up_m, words, tmp_pat
     finding = lie_elsewhere(tmp_path / "a.MRK", first.images, Y, plane, first)
     assert re.search(words, finding.found)
     assert (finding.verdict == "unknown") == (up_m > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1.0 / 0.9, r"b has latitude and longitude in gon"), (np.pi / 180.0, r"longitude in radians")],
+)
+def test_positions_of_another_place_than_the_first_poses_are_named(factor, words):
+    """Oracle: the unit that the test gives the angles, thousands of kilometres off."""
+    _, Y = posed_block()
+    lat, lon, height = geodetic(Y)[0].T
+    images = tuple(f"a{k}.tif" for k in range(60))
+    on_earth = Poses("eo.json", "eo_json", "", lat, lon, height, images=images)
+    measured = on_earth.moved(factor * lat, factor * lon, height)
+    first, _ = posed_block(on_earth=on_earth)
+    _refuse_distant(on_earth, images, first)
+    with pytest.raises(InputError, match=words):
+        _refuse_distant(measured, images, first)
 
 
 MRK = (

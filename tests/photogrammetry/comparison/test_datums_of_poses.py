@@ -91,13 +91,21 @@ def test_epochs_differ_by_the_motion_of_the_plate() -> None:
 
 @pytest.mark.parametrize(
     ("place", "datum", "epoch", "why"),
-    [(PLACE, None, None, "datums differ by up to 2 m"), ((35, 139, 0), ITRF, 2020, "at one epoch")],
+    [
+        (PLACE, None, None, "datums differ by up to 2 m"),
+        ((35, 139, 0), ITRF, 2020, "at one epoch"),
+        (PLACE, ITRF, 2290.0, "epoch 2290 is no decimal year of GNSS positions, 1980 to 2100"),
+    ],
 )
 def test_what_cannot_be_transformed_is_said(place, datum, epoch, why) -> None:
-    """Oracle: without a datum, or where the ground moves by faults (Japan), numbers stay."""
-    moved, notes = apart(orientation_at(*place, ITRF, 2023.5), orientation_at(*place, datum, epoch))
+    """Oracle: without a datum, or where the ground moves by faults (Japan), numbers stay; 2290 is a
+    GPS week. Positions that are equal by their numbers are not good of two datums.
+    """
+    pair = orientation_at(*place, ITRF, 2023.5), orientation_at(*place, datum, epoch)
+    moved, notes = apart(*pair)
     assert np.abs(moved).max() < 1e-9
     assert why in notes
+    assert "Doubtful: positions of a are of EPSG:7912" in compare_files(*pair).summary()
 
 
 @pytest.mark.parametrize("form", FILES)
@@ -160,7 +168,9 @@ def test_heights_go_along_into_the_datum_of_the_crs(tmp_path: Path) -> None:
 )
 def test_a_geoid_by_name_says_where_to_get_it(name: str, grid: str) -> None:
     """Oracle: the names of the agencies in PROJ's list of grids."""
-    with pytest.raises(UsageError, match=f"pyproj sync --file {grid}"):
+    with pytest.raises(UsageError, match=f"`pyproj sync --file {grid}"):
         geoid_file(Path(name))
+    with pytest.raises(UsageError, match=r"get it by `pyproj sync --file us_nga_egm08_25\.tif"):
+        geoid_file(Path("egm2008"))  # before that of Spain
     with pytest.raises(UsageError, match="PROJ has none of that name"):
         geoid_file(Path("mine.gtx"))

@@ -65,7 +65,7 @@ class Site:
 
     def export(self, form: str, name: str, **options: object) -> Path:
         metric = form in ("colmap", "odm")
-        if form.startswith("micmac"):
+        if form.startswith(("micmac", "realitycapture")):
             target = ExportFrame()
         else:
             target = ExportFrame(self.metric if metric else self.crs, self.geoid)
@@ -107,6 +107,36 @@ def pix4d_external(site: Site) -> Path:
     site.write("p_offset.xyz", line(*offset))
     site.write("p_wkt.prj", site.wkt)
     return site.write("p_calibrated_external_camera_parameters.txt", text)
+
+
+def pix4d_camera(site: Site) -> Path:
+    offset = np.round(np.mean([x for _, x, *_ in site.rows], axis=0), -3)
+    text = "camera model m = K [R|-Rt] X\n\n"
+    for name, x, _, C in site.rows:
+        lines = ["5607 0 2560", "0 5607 1920", "0 0 1", "0 0 0", "0 0"]
+        lines += [line(*row).rstrip() for row in (x - offset, *C.T)]
+        text += f"{name} 5120 3840\n" + "\n".join(lines) + "\n"
+    site.write("p_offset.xyz", line(*offset))
+    site.write("p_wkt.prj", site.wkt)
+    return site.write("p_calibrated_camera_parameters.txt", text)
+
+
+def metashape_xml(site: Site) -> Path:
+    """Cameras of a chunk whose transform leads to geocentric axes."""
+    eo, plane = site.eo, TangentPlane(*site.eo.origin)
+    X = plane.origin_ecef + eo.position_m @ plane.C_em.T
+    R, t, s = Rotation.from_rotvec([0.3, -0.4, 1.2]).as_matrix(), X.mean(axis=0) + 7.0, 2.5
+    root = '<document version="2.0.0"><chunk label="c" enabled="true"><sensors/><components>'
+    root += f'<component id="0"><transform><rotation>{line(*R.ravel())}</rotation>'
+    root += f"<translation>{line(*t)}</translation><scale>{s}</scale></transform></component>"
+    root += "</components><cameras>"
+    for k, name in enumerate(eo.images):
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = R.T @ plane.C_em @ eo.C_mc[k], R.T @ (X[k] - t) / s
+        root += f'<camera id="{k}" component_id="0" label="{name[:-4]}" enabled="true">'
+        root += f"<transform>{line(*T.ravel())}</transform></camera>"
+    wkt = CRS("EPSG:4326").to_wkt("WKT1_GDAL").replace('"', "&quot;")
+    return site.write("a.xml", f"{root}</cameras><reference>{wkt}</reference></chunk></document>")
 
 
 def opf(site: Site) -> Path:
@@ -193,6 +223,9 @@ WAYS: dict[str, Callable[[Site], Path]] = {
     "pix4d_matic": lambda site: site.export("pix4d_matic", "pix4d_matic.csv"),
     "pix4d_mapper": lambda site: site.export("pix4d_mapper", "pix4d_mapper.csv"),
     "pix4d_external": pix4d_external,
+    "pix4d_camera": pix4d_camera,
+    "metashape_xml": metashape_xml,
+    "realitycapture": lambda site: site.export("realitycapture", "flight.csv"),
     "opf": opf,
     "odm": lambda site: site.export("odm", "geo.txt"),
     "odm_shots": odm_shots,
@@ -225,7 +258,7 @@ def test_a_way_back(way: str, name: str, tmp_path: Path) -> None:
     site = site_at(name, tmp_path)
     file = WAYS[way](site)
     crs = site.metric if way in ("colmap", "odm") else site.crs
-    if way.startswith("micmac") or way == "odm_shots":
+    if way.startswith("micmac") or way in ("odm_shots", "realitycapture", "metashape_xml"):
         done = compare_files(site.eo, file)
     else:
         done = compare_files(site.eo, file, crs=crs, geoid=site.geoid)

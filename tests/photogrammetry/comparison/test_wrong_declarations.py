@@ -1,5 +1,6 @@
 """Files whose frame is declared wrongly: the mistake is named or asked about, and nothing else."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sites import orientation_at
-from test_ways_back import Site, ign_opk, site_at
+from test_ways_back import Site, ign_opk, odm_shots, realitycapture_camera, site_at
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import TangentPlane, geodetic_to_ecef
@@ -155,6 +156,7 @@ def geocentric(x: np.ndarray) -> np.ndarray:
 SAID = {  # place, CRS that is declared, coordinates of the file, the one thing that is said
     "degrees for metres": ("Kamchatka", "EPSG:32660", globe(same), "fit EPSG:4326 WGS 84"),
     "degrees and minutes": ("Kamchatka", "EPSG:4326", globe(packed), "no longitude and latitude"),
+    "latitude first": ("Sydney", "EPSG:4326", globe(lambda x: x[:, [1, 0, 2]]), "latitude stands"),
     "radians": ("Kamchatka", "EPSG:4326", globe(radians), "b has latitude and longitude in rad"),
     "south": ("Kamchatka", "EPSG:4326", globe(times(1, -1, 1)), "b has latitudes with the other"),
     "ECEF for a map": ("Lausanne", "EPSG:2056", globe(geocentric), "heights such as 4605"),
@@ -242,6 +244,32 @@ def test_degrees_exchanged_or_of_another_sign(columns, east, why, tmp_path: Path
     site.crs = "EPSG:32660" if columns == (0, 1) else "EPSG:32633"
     done = compare_files(site.eo, degrees(site.eo, site, columns, east), crs="EPSG:4326")
     assert done.findings[0].statement.startswith(why)
+
+
+def test_a_tangent_plane_that_is_declared_a_zone(tmp_path: Path) -> None:
+    """Oracle: the axes of the other file; 500 km and 6874 km less leave 180 m of a shift."""
+    site = site_at("Kamchatka", tmp_path)
+    with pytest.raises(InputError, match="what was subtracted from them"):
+        compare_files(site.eo, site.export("micmac_xml", "Ori-Nav"), crs="EPSG:32660")
+
+
+def test_exchanged_coordinates_of_a_geojson(tmp_path: Path) -> None:
+    """Oracle: longitude 177 in the place of the latitude."""
+    site = site_at("Kamchatka", tmp_path)
+    path = odm_shots(site)
+    text = re.sub(r'"coordinates": \[(\S+), (\S+),', r'"coordinates": [\2, \1,', path.read_text())
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"latitude 177.* GeoJSON has longitude first"):
+        compare_files(site.eo, path)
+
+
+def test_decimal_commas_of_a_flight_log(tmp_path: Path) -> None:
+    """Oracle: the sign, which doubles the fields of a line."""
+    path = realitycapture_camera(site_at("Paris", tmp_path))
+    head, rows = path.read_text().split("alt,heading", 1)
+    path.write_text(head + "alt,heading" + rows.replace(".", ","))
+    with pytest.raises(InputError, match="are the decimal signs commas"):
+        compare_files(site_at("Paris", tmp_path).eo, path, crs="EPSG:2154")
 
 
 def test_decimal_commas(tmp_path: Path) -> None:

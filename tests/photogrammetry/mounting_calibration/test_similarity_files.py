@@ -16,12 +16,19 @@ from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.io.formats.orientation.mounting_file import read_mounting_file
+from insgnss.navigation.orient.frame import in_frame
+from insgnss.photogrammetry.comparison.hints import Hints
 from insgnss.photogrammetry.lever_arm.flight_direction import (
     flight_direction,
     neighbour_correlation,
 )
 from insgnss.photogrammetry.mounting_calibration.options import PlaceOptions
-from insgnss.photogrammetry.mounting_calibration.poses import read_positions
+from insgnss.photogrammetry.mounting_calibration.poses import (
+    compared_with,
+    read_camera_poses,
+    read_positions,
+    refuse_distant,
+)
 from insgnss.report.charts.files import charts_of
 
 ARM = np.array([0.098, -0.070, -0.091])  # in-flight calibration of Table 1, paper 002
@@ -394,3 +401,38 @@ def test_a_reference_table_of_metashape_holds_antenna_positions(crs, tmp_path) -
             read_positions(path, PlaceOptions(crs="EPSG:2056"), plane)
     positions = read_positions(path, PlaceOptions(crs=crs), plane)
     assert np.abs(positions.position - eo.position_m).max() < 1e-4
+
+
+POSED_ELSEWHERE = {  # CRS that is declared of UTM 32, factors and order, and what is named
+    "feet": (
+        "EPSG:32632",
+        (1.0, 1.0, 1.0 / 0.3048),
+        [0, 1, 2],
+        "heights of b are in feet where",
+    ),
+    "order": ("EPSG:32632", (1.0, 1.0, 1.0), [1, 0, 2], "b has east and north exchanged"),
+    "zone": ("EPSG:32631", (1.0, 1.0, 1.0), [0, 1, 2], "numbers of a fit EPSG:32632 WGS 84"),
+}
+
+
+@pytest.mark.parametrize("name", POSED_ELSEWHERE)
+def test_poses_of_another_place_than_the_flight_are_named(name, tmp_path) -> None:
+    """Oracle: what was done to the coordinates of UTM 32; calibrate mounting asks as well."""
+    crs, factors, order, why = POSED_ELSEWHERE[name]
+    eo = orientation_at(46.57, 6.54)
+    framed = in_frame(eo, "projected", MapProjection("EPSG:32632"))
+    opk = Rotation.from_matrix(framed.C_fc @ NADIR).as_euler("XYZ", degrees=True)
+    table = np.column_stack([(framed.coordinates * factors)[:, order], opk]).tolist()
+    rows = [
+        f"{image} {' '.join(f'{v:.8f}' for v in row)} c\n"
+        for image, row in zip(eo.images, table, strict=True)
+    ]
+    (path := tmp_path / "a.OPK").write_text("NOM X Y Z O P K CAMERA\n" + "".join(rows))
+    camera, hints = read_camera_poses(path, Hints(crs=crs)), Hints(crs=crs)
+    placed = eo.position_m, TangentPlane(*eo.origin), "flight.toml"
+    assert why in compared_with(camera, hints, *placed)
+    if name == "feet":
+        refuse_distant(camera, hints, *placed)
+        return
+    with pytest.raises(InputError, match=why):
+        refuse_distant(camera, hints, *placed)

@@ -55,6 +55,9 @@ def read_odm_shots(path: Source) -> ReturnedPoses:
         turns.append(vector_of(path, properties, "rotation"))
     images = image_names(names, path)
     lon, lat, h = np.array(places).T
+    if np.abs(lat).max() > 90.0:
+        problem = f"latitude {lat[np.abs(lat).argmax()]:g} deg; GeoJSON has longitude first"
+        raise InputError.in_file(path, f"{problem}: exchange the coordinates")
     lat, lon = np.radians(lat), np.radians(lon)
     origin = (float(lat.mean()), float(lon.mean()), float(h.mean()))
     position = TangentPlane(*origin).position_from_geodetic(lat, lon, h)

@@ -25,8 +25,9 @@ class ReturnedPoses:
     position : ndarray, (n, 3)
         Projection centres: easting, northing, height in the unit of the CRS; longitude, latitude,
         rad, and height, m; or Cartesian coordinates, m.
-    C : ndarray, (n, 3, 3)
-        Camera (x right, y down, z viewing direction) to the axes of the frame at the image.
+    C : ndarray, (n, 3, 3), or None
+        Camera (x right, y down, z viewing direction) to the axes of the frame at the image; None
+        of positions alone.
     kind : str
         Kind of the frame, of `records.framed.KINDS`; empty where the file does not say.
     crs : str
@@ -48,7 +49,7 @@ class ReturnedPoses:
 
     images: tuple[str, ...]
     position: Array
-    C: Array
+    C: Array | None
     kind: str = ""
     crs: str = ""
     origin: tuple[float, ...] = ()

@@ -16,6 +16,7 @@ pix4d_camera           ten lines an image: K, distortions, position t, rotation 
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ IGN_UNITS = {"g": 0.9, "d": 1.0, "r": float(np.degrees(1.0))}  # deg of a unit, 
 MATRIX_COLUMNS = 16  # these, and nine elements of the matrix
 SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
+ACCURACIES = "x_acc", "y_acc", "z_acc"  # of reference coordinates, m
 ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies
 PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
 EXTERNAL, PIX4D_CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
@@ -114,12 +116,13 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     Returns
     -------
     ReturnedPoses
-        Images without estimated values are left out, with a note.
+        Images without estimated values are left out, with a note. Without angles the reference
+        positions alone, with their accuracies where the table has them.
 
     Raises
     ------
     InputError
-        No header or no angles, with file and line; a CRS that is unknown.
+        No header or no coordinates, with file and line; a CRS that is unknown.
     """
     lines = lines_of(decoded(path))
     wkt = lines[0].partition(":")[2].strip() if lines else ""
@@ -130,10 +133,9 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     fields = [name.strip().lower().lstrip("# ") for name in split_fields(lines[head], delimiter)]
     fields = [name.partition("/")[0] for name in fields]
     base = {name.removesuffix("_est") for name in fields}
-    angles = next((name for name in ("yaw", "omega") if name in base), None)
-    if angles is None or "x" not in base:
-        problem = "names no X, Y, Z and angles; set rotation angles in the reference settings"
-        raise InputError.at_line(path, head + 1, f"the header {problem}, and export it again")
+    angles = next((name for name in ("yaw", "omega") if name in base), "")
+    if "x" not in base:
+        raise InputError.at_line(path, head + 1, "the header names no X, Y, Z; export it again")
     body = [
         (line, [word.strip().strip('"') for word in split_fields(text, delimiter)])
         for line, text in enumerate(lines[head + 1 :], start=head + 2)
@@ -144,8 +146,12 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         fields.index("x_est") < len(cells) and cells[fields.index("x_est")] for _, cells in body
     )
     wanted = [
-        f"{name}_est" if estimated else name for group in ("x", angles) for name in FIRST[group]
+        f"{name}_est" if estimated else name
+        for group in ("x", angles)
+        for name in FIRST.get(group, ())
     ]
+    accuracies = [] if estimated else [name for name in ACCURACIES if name in fields]
+    wanted += accuracies
     if missing := [name for name in wanted if name not in fields]:
         raise InputError.at_line(
             path, head + 1, f"the header has no {missing[0]}; export the table with it"
@@ -158,21 +164,28 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
             problem = f"{len(cells)} fields, the header has {len(fields)}: {line_text}"
             raise InputError.at_line(path, line, problem)
         pose = [cells[k] if k < len(cells) else "" for k in columns]
-        if not any(pose[:3]) or not any(pose[3:]):
+        if not any(pose[:3]) or (angles and not any(pose[3:6])):
             left_out += 1
             continue
         names.append(cells[fields.index("label")])
         rows.append(numbers(pose, path, line))
     kind, crs = kind_of_wkt(wkt, path)
-    table = np.reshape(rows, (-1, 6))
+    table = np.reshape(rows, (-1, len(wanted)))
+    cov = None
+    if len(accuracies) == len(ACCURACIES):
+        cov = table[:, -3:, None] ** 2 * np.eye(3)
     if kind == GEOGRAPHIC:
         table[:, :2] = np.radians(table[:, :2])
     values = "estimated" if estimated else "reference values, not estimated ones:"
     notes = (f"{left_out} images without {values} pose are left out",) if left_out else ()
     if not estimated:
         notes = ("the file has reference values, none that the adjustment estimated", *notes)
+    if not angles:
+        images = image_names(names, path)
+        return ReturnedPoses(images, table[:, :3], None, kind, crs, notes=notes, cov_position=cov)
     angle_set = "opk" if angles == "omega" else "ypr"
-    return _of_angles(path, names, table, kind, crs, notes, angle_set)
+    poses = _of_angles(path, names, table[:, :6], kind, crs, notes, angle_set)
+    return replace(poses, cov_position=cov)
 
 
 def read_pix4d_external(path: Source) -> ReturnedPoses:

@@ -23,8 +23,10 @@ from ....io.formats.blocks.joined import matched
 from ....io.formats.blocks.measured_block import MeasuredBlock
 from ....records import ExteriorOrientation
 from ....records.block import Array
+from ...comparison.compare import largest_difference
 from ...comparison.hints import Hints, turned
 from ...comparison.poses import Poses
+from ...comparison.position import SHIFT_M
 from ...comparison.reading import read_poses
 from ..placing import noted_plane
 from .first_poses import (
@@ -79,6 +81,7 @@ def orientation_of(
     first = first_poses(table, source)
     rows, images = _of_images(poses, first, source, notes)
     poses = poses.taken(rows)
+    _refuse_distant(poses, images, first)
     plane = noted_plane(plane_of(poses), "positions", notes)
     position = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)
     C_mE = plane.C_mn(poses.lat, poses.lon) @ NED_ENU
@@ -125,6 +128,18 @@ def orientation_of(
         epoch=poses.epoch,
     )
     return orientation, table, lie_elsewhere(path, images, position, plane, first)
+
+
+def _refuse_distant(poses: Poses, images: Sequence[str], first: FirstPoses) -> None:
+    """Refuse positions of another place than the first poses, with what explains the distance."""
+    if first.on_earth is None:
+        return
+    row = matched(images, first.on_earth.images)
+    names = tuple(images[k] for k in np.flatnonzero(row >= 0).tolist())
+    a = replace(first.on_earth.taken(row[row >= 0]), images=names)
+    b = replace(poses.taken(np.flatnonzero(row >= 0)), images=names)
+    if names and float(np.median(np.linalg.norm(b.ecef - a.ecef, axis=1))) > SHIFT_M:
+        raise InputError(largest_difference(a, b))
 
 
 def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array:
