@@ -20,8 +20,10 @@ _DATE = re.compile(
     re.ASCII,
 )
 UNIX = "unix"  # of the clock that dates become
+# columns of a date, and s of those of a fraction of its second by their names
 CALENDAR = ("year", "month", "day", "hour", "minute", "second")
 FRACTIONS_S = {"millisecond": 1e-3, "ms": 1e-3, "nano": 1e-9, "nanosecond": 1e-9, "nsec": 1e-9}
+# of each column: values of a date, up to the leap second; before 1970 no clock was logged
 LOWEST_PARTS, HIGHEST_PARTS = (1970, 1, 1, 0, 0, 0), (2100, 13, 32, 24, 60, 61)
 PARTS_S = {3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the number of digits, at most
 
@@ -54,8 +56,8 @@ def seconds_of_dates(texts: Sequence[str]) -> Array | None:
 def calendar_columns(fields: Sequence[str] | None) -> dict[str, int]:
     """Return the columns of the parts of a date by the names of a header; none where one lacks."""
     names = [re.sub(r"[^a-z]|^(\W*utc)", "", name.lower()) for name in fields or ()]
-    parts = {part: names.index(part) for part in (*CALENDAR, *FRACTIONS_S) if part in names}
-    return parts if parts.keys() >= set(CALENDAR) else {}
+    columns = {n: names.index(n) for n in (*CALENDAR, *FRACTIONS_S) if n in names}
+    return columns if columns.keys() >= set(CALENDAR) else {}
 
 
 def take_calendar(fields: Sequence[str] | None, values: Array) -> frozenset[int]:
@@ -64,7 +66,7 @@ def take_calendar(fields: Sequence[str] | None, values: Array) -> frozenset[int]
     Rows whose parts are no date, as before the date was known, are of 1970.
     """
     columns = calendar_columns(fields)
-    parts = values[:, [columns[part] for part in CALENDAR]] if columns else np.empty((0, 6))
+    parts = values[:, [columns[name] for name in CALENDAR]] if columns else np.empty((0, 6))
     dated = np.all((parts >= LOWEST_PARTS) & (parts < HIGHEST_PARTS), axis=1)
     parts[~dated, :3] = LOWEST_PARTS[:3]
     if not dated.size or np.mean(dated) <= 0.5:
