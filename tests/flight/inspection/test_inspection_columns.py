@@ -10,11 +10,14 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.flight.inspection.sources import as_long_as
 from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
+from insgnss.flight.inspection.tables.exposures import exposures_of
 from insgnss.flight.inspection.tables.grids import GridTable, tables_of_file
 from insgnss.flight.inspection.tables.names import UnknownTable
 from insgnss.flight.inspection.tables.roles import gnss_roles, imu_roles
 from insgnss.flight.inspection.tables.tabular import sources_of_table
+from insgnss.io.exposures.rig import own_events
 from insgnss.io.formats import read_gnss, read_imu
+from insgnss.io.options.camera_options import CameraInput
 from insgnss.records import GnssFixes, ImuSamples
 
 ROS = "field.angular_velocity. field.linear_acceleration."
@@ -65,6 +68,56 @@ def test_a_date_in_columns_comes_before_a_counter_of_ticks():
     year = {"UTC_Nano": 1e7 * (np.arange(N) % 100), "UTC_Year": 1.53e9 + 0.01 * np.arange(N)}
     grid = table(SampleTimeFine=5e5 + 100.0 * np.arange(N), **year, **parts, **SIX).grid
     assert next(iter(imu_roles(grid).clocks.items())) == (2, "s")
+
+
+def test_fixes_have_clocks_of_any_name_and_velocities_of_their_receiver():
+    """Oracle: Unix seconds under a name of no list, and a u-blox's integers of mm/s beside its mm;
+    GPS before the name of a column is its device.
+    """
+    count = np.arange(N)
+    place = {"GPS_Lat": 465e6 + count, "GPS_Long": 65e6 + count, "GPS_Alt": 500e3 + count % 7}
+    speed = {"velN": 100.0 + count % 3, "velE": 0.0 * count - 20, "velD": 1.0 + count % 2}
+    roles = gnss_roles(table(stamp_of_pi=1.53e9 + 0.2 * count, **place, **speed).grid)
+    assert roles is not None
+    assert roles.clocks == {0: "s"}
+    assert (roles.units["length"], roles.units["velocity"]) == ("mm", "mm/s")
+    assert {"lat", "lon", "h", "vn", "ve", "vd"} <= roles.columns.keys()
+
+
+def test_rows_of_one_table_that_repeat_each_fix_are_read(tmp_path):
+    """Oracle: every fifth row, at which the position changes."""
+    count = np.arange(1000)
+    fix, samples = count // 5, np.random.default_rng(1).normal(size=(1000, 6)) + 9.8
+    position = [46.5 + 1e-6 * fix, 6.5 + 1e-6 * fix, 500.0 + 0.1 * fix]
+    path = tmp_path / "flight.csv"
+    names = f"offsetTime,{','.join(GYRO + ACC)},GPS:Lat,GPS:Long,GPS:Height"
+    rows = np.column_stack([100.0 + 0.02 * count, samples, *position])
+    np.savetxt(path, rows, "%.9f", ",", header=names, comments="")
+    (one,) = tables_of_file(path)
+    gnss = next(source for source in sources_of_table(path, one) if source.role == "gnss")
+    assert gnss.keys["repeat_column"] == "GPS:Lat"
+    columns = gnss.keys["columns"]
+    fixes = read_gnss(path, columns=columns, repeat_column="GPS:Lat", sigma_m=[1, 1, 1])
+    np.testing.assert_allclose(fixes.time, 100.0 + 0.1 * np.arange(1, 200), atol=1e-9)
+    np.testing.assert_allclose(fixes.height, 500.0 + 0.1 * np.arange(1, 200), atol=1e-9)
+    with pytest.raises(InputError, match="zero' is missing"):
+        read_gnss(path, columns=columns, repeat_column="zero", sigma_m=[1, 1, 1])
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "unix"), (1e3, "unix_ms"), (1e6, "unix_us")])
+def test_exposures_in_unix_time_state_their_unit(tmp_path, factor, unit):
+    """Oracle: 1530608382 s are 205200 s of week 2008 in GPST; [camera] takes what is drafted."""
+    stamps = 1530608382.0 + 2.5 * np.arange(20)
+    path = tmp_path / "shots.csv"
+    rows = [f"DSC{k:04d}.JPG,{factor * stamp:.3f}" for k, stamp in enumerate(stamps)]
+    path.write_text("\n".join(["image,time_unix", *rows]) + "\n")
+    (source,), _ = exposures_of(path)
+    assert source.keys["units"] == {"time": unit}
+    options = CameraInput(events=path, columns=source.keys["columns"], units=source.keys["units"])
+    events = own_events(options, None)
+    assert events is not None
+    assert events.gps_week == 2008
+    np.testing.assert_allclose(events.time, 205200.0 + 2.5 * np.arange(20), atol=1e-6)
 
 
 def test_a_clock_of_unknown_name_is_told_by_its_values():

@@ -7,7 +7,7 @@ import numpy as np
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
-from .order import Lines, Picked, Rows, put_in_order, refuse_rows
+from .order import SHARE_LIMIT, Lines, Picked, Rows, put_in_order, refuse_rows
 from .stamps import on_one_clock, unrepeated
 from .units import SENSOR_SCALES, split_unit, unit_factor
 
@@ -123,7 +123,9 @@ def ordered_time(
     def same_dated(i: int, k: int) -> bool:
         return same(i + undated, k + undated)
 
-    time, repeat_notes = unrepeated(time, same_dated, name)
+    shared = np.mean(time[1:] == time[:-1]) if time.size > 1 else 0.0
+    # fewer stamps that a receiver repeats are single contradictions
+    time, repeat_notes = unrepeated(time, same_dated, name) if shared > SHARE_LIMIT else (time, ())
     rows, notes = put_in_order(lines, time, same_dated, name)
     if rows is not None:
         time, dated = time[rows], dated[rows]
