@@ -43,7 +43,7 @@ TIME: Names = {
     " ~rosbag_timestamp ~header_time ~sampletimefine ~utc ~time_utc ~gps ~ts ~ms ~us ~millis"
     " ~micros ~year ~utc_year "
     f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
-    "week": "week gpsweek gps_week wn ~gwk ~wk",
+    "week": "week gpsweek gps_week wn wnc ~gwk ~wk",
 }
 # nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can
 # name it

@@ -84,6 +84,34 @@ def test_fixes_have_clocks_of_any_name_and_velocities_of_their_receiver():
     assert {"lat", "lon", "h", "vn", "ve", "vd"} <= roles.columns.keys()
 
 
+def test_a_geodetic_block_of_septentrio_as_text_is_read(tmp_path):
+    """Oracle: the header of bin2asc, a line drawn under it, radians and the week under WNc."""
+    names = "TOW [s],WNc [w],Type,Flag2D,Error,Latitude [rad],Longitude [rad],Height [m],"
+    names += "Undulation [m],Vn [m/s],Ve [m/s],Vu [m/s],COG [deg],NrSV,HAccuracy [m],VAccuracy [m]"
+    count = np.arange(N)
+    position = [0.8116 + 1e-8 * count, np.full(N, 0.1134), 500.0 + 0.01 * count]
+    rest = [49.5, 0.6, 0.0, 0.1, 0.0, 18, 0.04, 0.06]
+    rows = np.column_stack([205200.0 + 0.1 * count, *np.full((4, N), 0.0), *position])
+    rows[:, 1] = 2008
+    path = tmp_path / "log_SBF_PVTGeodetic2.txt"
+    head = f"{names}\n{'-' * 120}"
+    np.savetxt(
+        path, np.hstack([rows, np.tile(rest, (N, 1))]), "%.10f", ",", header=head, comments=""
+    )
+    (one,) = tables_of_file(path)
+    (source,) = sources_of_table(path, one)
+    fixes = read_gnss(
+        path,
+        **{k: v for k, v in source.keys.items() if k in ("columns", "units")},
+        sigma_velocity=[0.1, 0.1, 0.1],
+    )
+    assert fixes.gps_week == 2008
+    np.testing.assert_allclose(fixes.time, 205200.0 + 0.1 * count, atol=1e-6)
+    np.testing.assert_allclose(fixes.lat, position[0], atol=1e-9)
+    np.testing.assert_allclose(fixes.velocity_ned[0], [0.6, 0.0, -0.1], atol=1e-9)
+    np.testing.assert_allclose(np.sqrt(fixes.cov_ned[0].diagonal()), [0.04, 0.04, 0.06])
+
+
 def test_rows_of_one_table_that_repeat_each_fix_are_read(tmp_path):
     """Oracle: every fifth row, at which the position changes."""
     count = np.arange(1000)
