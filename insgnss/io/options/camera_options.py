@@ -248,7 +248,7 @@ class CameraInput:
     units: Mapping[str, str] | None = option(
         None,
         "time, as imu.units: of a table whose times are no seconds of the GPS week",
-        kind="gnss_units",
+        kind="units",
         members=lambda: ("time",),
         usual="by the header, else s",
         of_file=True,
