@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.flight.inspection.sources import as_long_as
+from insgnss.flight.inspection.run import _read as read_sources
+from insgnss.flight.inspection.sources import InputSource, as_long_as
 from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
 from insgnss.flight.inspection.tables.exposures import exposures_of
 from insgnss.flight.inspection.tables.grids import GridTable, tables_of_file
@@ -284,6 +285,14 @@ def test_heights_above_the_geoid_are_looked_at_and_left_open(name, above_geoid, 
     (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
     assert ("undulation_m" in source.keys) == above_geoid
     assert ("above the geoid" in source.why.get("undulation_m", "")) == above_geoid
+    for file, header, rows in (
+        ("g.csv", ",".join(columns), np.column_stack(list(columns.values()))),
+        ("imu.csv", "tow,gx,gy,gz,ax,ay,az", np.column_stack([2e5 + 0.01 * t, *SIX.values()])),
+    ):
+        np.savetxt(tmp_path / file, rows, "%.9f", ",", header=header, comments="")
+    _, fixes, _ = read_sources(InputSource("imu", tmp_path / "imu.csv", ""), source, None)
+    noted = [check for check in fixes.notes if "not processed" in (check.remedy or "")]
+    assert bool(noted) == above_geoid
 
 
 def test_ticks_that_last_ten_times_too_long_are_tenths(tmp_path):
