@@ -362,9 +362,9 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         ("gnss.gate_sigma", "must be 2 to 30"),
     ),
     "option of another format": (
-        _toml("[gnss]", '[gnss]\nrepeat_column = "tow"'),
+        _toml("[gnss]", '[gnss]\nvariable = "tow"'),
         INPUT,
-        ("gnss_text, which takes no repeat_column", "columns"),
+        ("gnss_text, which takes no variable", "columns"),
     ),
     "unknown check accepted": (
         _toml("[imu]", 'accept = ["specfic force"]\n[imu]'),

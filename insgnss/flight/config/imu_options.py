@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, OptionError, near
-from ...io.options.kinds import Checked, OptionKind, no_mapping, no_text, other_class, register
+from ...io.options.kinds import Checked, OptionKind, no_text, other_class, register
 from ...io.options.schema import Declared, Triple, Words, columns_of_file, option, take_record
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
 
 
 register("axes", OptionKind(_no_axes))
-register("imu_units", OptionKind(no_mapping, member=lambda item, name, unit: no_text(item, unit)))
 register("noise", OptionKind(_no_noise, _name_or_path))
 
 
@@ -123,7 +122,7 @@ class ImuInput(Checked, table="imu"):
         "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
         "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
         'one count means ("0.05 deg/s")',
-        kind="imu_units",
+        kind="units",
         members=_imu_unit_keys,
         usual="by header (imu_csv.md), else SI",
         of_file=True,

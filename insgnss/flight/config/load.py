@@ -206,7 +206,7 @@ def _camera(table: OptionTable, raw: bool) -> CameraInput:
 def _further_camera(table: OptionTable) -> CameraInput:
     """A further camera of a rig; without events of its own it has the trigger of the first one."""
     own = "events" in table.data
-    for key in () if own else ("columns", "time_scale"):
+    for key in () if own else ("columns", "units", "time_scale"):
         if key in table.data:
             problem = "is of camera.further.events, which is missing: the trigger of the first"
             raise table.error(key, f"{problem} camera exposes this one")

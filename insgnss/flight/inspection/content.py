@@ -91,7 +91,7 @@ def draft_flight(
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
         source = by_role["events"]
-        for key in ("columns", "time_scale"):
+        for key in ("columns", "units", "time_scale"):
             if key in source.keys:
                 why = source.why[key]
                 draft.add("camera", key, source.keys[key], why, why != SCALE_OPEN)

@@ -20,6 +20,7 @@ import numpy as np
 from ...base.errors import InputError
 from ...base.wording import some
 from ...io.formats import read_events, read_gnss, read_imu
+from ...io.formats.text.order import note
 from ...navigation.prepare.axes import axes_words, parse_axes
 from ...navigation.prepare.clock import NO_WEEK, common_week
 from ...navigation.prepare.fix_covariance.quality import with_floors
@@ -260,6 +261,11 @@ def _read(
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
     samples = read_imu(imu.path, **_spec(imu))
     fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
+    if gnss is not None and fixes is not None and "undulation_m" in gnss.keys:
+        finding = gnss.why["undulation_m"].partition(":")[0]
+        advice = "set gnss.undulation_m, without which the flight is not processed"
+        ask = note("GNSS position", finding, "heights above the ellipsoid", advice)
+        fixes = replace(fixes, notes=(*fixes.notes, ask))
     return samples, fixes, None if events is None else read_events(events.path, **_spec(events))
 
 

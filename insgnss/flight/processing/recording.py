@@ -46,7 +46,7 @@ from ...records.qualities import Quality
 from ...report.charts.gnss import fix_series
 from ..config.flight_file import Flight
 from .checks import check_stationary, of_flight_file, refuse_unreachable_crs
-from .clocks import clock_offsets, fixes_say_gpst
+from .clocks import clock_offsets, fixes_say_gpst, unstated_offset
 from .input_files import read_barometer_file, read_files, read_measurements
 from .recording_checks import OF_RECORDING, Observed
 
@@ -212,7 +212,11 @@ def read_recording(flight: Flight) -> Recording:
     gnss = in_week(gnss, week)
     with of_flight_file(flight):
         measurements, notes_on_rows = read_measurements(flight, week)
-    all_cameras = on_clock(cameras, flight.camera, offsets, week, devices[0].span_s(week))
+    span_s = devices[0].span_s(week)
+    measurements = tuple(
+        replace(m, time=m.time + unstated_offset(m.time, offsets, span_s)) for m in measurements
+    )
+    all_cameras = on_clock(cameras, flight.camera, offsets, week, span_s)
     refuse_unreachable_crs(flight, gnss)
     gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
     models = [load_noise_model(imu.noise) for imu in (flight.imu, *flight.imu.further)]
@@ -224,7 +228,9 @@ def read_recording(flight: Flight) -> Recording:
     imu, C_b_imu = prepared_imu.samples, prepared_imu.C_b_imu
     if barometer is not None:
         barometer = in_week(barometer, week)
-        barometer = replace(barometer, time=barometer.time + offsets.unstated)
+        barometer = replace(
+            barometer, time=barometer.time + unstated_offset(barometer.time, offsets, span_s)
+        )
         refuse_apart(barometer, imu)
     noise = models[0]
     if prepared_imu.weight is not None:

@@ -71,6 +71,9 @@ MUCH_WIDER = 1.5
 CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA = 0.02, 3.0
 """How far, in metres and in median sigmas, the two clocks put an exposure apart that it matters."""
 
+LEAST_WITHIN = 0.5
+"""Share of the exposures that lie within the flight by a clock that may be theirs (chosen)."""
+
 MOST_IMAGES_LISTED = 5
 """Images that a check names."""
 
@@ -99,15 +102,20 @@ def check_exposure_clock(
         exposures further apart than `CLOCKS_MATTER_M` and `CLOCKS_MATTER_SIGMA`.
     """
     cameras = () if flight.camera is None else flight.camera.all_of_rig
+    first, last = segments[0].solution.time[0], segments[-1].solution.time[-1]
     for k, (options, exposures) in enumerate(zip(cameras, recording.cameras, strict=False)):
         if options.clock != "auto" or exposures.clock != "imu":
             continue
-        apart = [0.0]
+        apart, within = [0.0], []
         for segment in segments:
             solution, instant = segment.solution, segment.exposed[k].instant
             moved = flight.gnss.time_offset_s + segment.time_offset_s + event_delay(solution)
             speed = np.linalg.norm(solution.nav[solution.event_epochs, VEL], axis=1)
             apart += (np.abs(moved) * speed)[instant].tolist()
+            stamps = (solution.time[solution.event_epochs] + moved)[instant]
+            within += ((stamps >= first) & (stamps <= last)).tolist()
+        if np.mean(within or [True]) < LEAST_WITHIN:
+            continue  # stamps of the receiver's clock would not be of this flight
         if max(apart) <= CLOCKS_MATTER_M:
             continue
         sigma = [

@@ -193,14 +193,17 @@ def _of_table(
     """Return the columns that a table has of the values, and its rows in SI."""
     table = kind.spec.read(options.file, options.columns)
     settled = table.settled(kind.spec.checked_units(options.units))
-    time, own_week, notes = table.examined_time(
-        "measurement rows", None if "week" in table else week, settled.units["time"]
-    )
     columns = tuple(name for name in kind.values.split() if name in table)
     if not columns:
         problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
         raise InputError.at_line(str(options.file), None, problem)
     factor, values = settled.factors[kind.unit], table.block(" ".join(columns))
+    time, own_week, notes = table.examined_time(
+        "measurement rows",
+        None if "week" in table else week,
+        settled.units["time"],
+        lambda i, k: bool((values[i] == values[k]).all()),
+    )
     names, sigma = [f"sigma_{name}" for name in columns], None
     if all(name in table for name in names):
         unit = {"angle": "deg", "velocity": "m/s", "length": "m", "field": "uT"}[kind.unit]

@@ -95,9 +95,9 @@ class Observations:
         """Return the observations of the epochs `taken`, times from the week of the first."""
         week = self.gps_week + int(self.time[taken[0]] // WEEK_S)
         back = (week - self.gps_week) * WEEK_S
-        place = np.full(self.time.size, -1)
-        place[taken] = np.arange(taken.size)
-        epoch = place[self.epoch]
+        position = np.full(self.time.size, -1)
+        position[taken] = np.arange(taken.size)
+        epoch = position[self.epoch]
         rows = np.argsort(epoch, kind="stable")[np.sum(epoch < 0) :]
         records = tuple(
             replace(r, time=None if r.time is None else r.time - back) for r in self.records

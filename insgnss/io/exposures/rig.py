@@ -86,6 +86,7 @@ def own_events(camera: CameraInput, gps_week: int | None) -> CameraEvents | None
         camera.match.image_ending,
         columns=camera.columns,
         gps_week=gps_week,
+        units=camera.units,
         time_scale=camera.time_scale,
     )
 

@@ -39,8 +39,8 @@ __all__ = [
 ]
 
 _IMU_MAP = "columns variable units quantity gps_week rate_hz"
-_GNSS_TABLE = "columns sigma_m sigma_velocity units gps_week undulation_m reference"
-_GNSS_MAP = f"variable repeat_column {_GNSS_TABLE}"
+_GNSS_TABLE = "columns repeat_column sigma_m sigma_velocity units gps_week undulation_m reference"
+_GNSS_MAP = f"variable {_GNSS_TABLE}"
 _NO_SIGMAS = "sigma_m sigma_velocity_mps"
 
 

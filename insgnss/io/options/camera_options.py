@@ -14,6 +14,7 @@ two images taken together are those of one body (`navigation.orient.rig`).
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -212,7 +213,7 @@ class CameraInput:
 
     Parameters
     ----------
-    columns, time_scale : how the file of the events is read.
+    columns, units, time_scale : how the file of the events is read.
     time_offset_s : added to the times of the events, s.
     clock : "auto", "imu" or "receiver", whose clock stamps the events.
     name : of the camera in the products of a rig.
@@ -244,6 +245,14 @@ class CameraInput:
         "the rover's file",
     )
     columns: "Columns" = columns_of_file("as imu.columns", of_file=True)
+    units: Mapping[str, str] | None = option(
+        None,
+        "time, as imu.units: of a table whose times are no seconds of the GPS week",
+        kind="units",
+        members=lambda: ("time",),
+        usual="by the header, else s",
+        of_file=True,
+    )
     time_scale: str | None = option(
         None,
         'scale of events given as dates that do not say it: "utc", "gpst", which is 18 s ahead, or '

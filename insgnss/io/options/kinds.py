@@ -484,6 +484,7 @@ OPTION_KINDS: dict[str, OptionKind] = {
     "texts": _TEXTS,
     "triple": OptionKind(_no_triple, _as_triple),
     "triples": OptionKind(no_mapping, by_name(_as_triple), lambda item, _, v: _no_triple(item, v)),
+    "units": OptionKind(no_mapping, member=lambda item, _, unit: no_text(item, unit)),
     "whole": OptionKind(_no_number, as_number, word=int),
     "zone": OptionKind(_no_zone),
 }

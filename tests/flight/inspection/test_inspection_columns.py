@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.flight.inspection.sources import as_long_as
+from insgnss.flight.inspection.run import _read as read_sources
+from insgnss.flight.inspection.sources import InputSource, as_long_as
 from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
+from insgnss.flight.inspection.tables.exposures import exposures_of
 from insgnss.flight.inspection.tables.grids import GridTable, tables_of_file
 from insgnss.flight.inspection.tables.names import UnknownTable
 from insgnss.flight.inspection.tables.roles import gnss_roles, imu_roles
 from insgnss.flight.inspection.tables.tabular import sources_of_table
+from insgnss.io.exposures.rig import own_events
 from insgnss.io.formats import read_gnss, read_imu
+from insgnss.io.options.camera_options import CameraInput
 from insgnss.records import GnssFixes, ImuSamples
 
 ROS = "field.angular_velocity. field.linear_acceleration."
@@ -65,6 +69,84 @@ def test_a_date_in_columns_comes_before_a_counter_of_ticks():
     year = {"UTC_Nano": 1e7 * (np.arange(N) % 100), "UTC_Year": 1.53e9 + 0.01 * np.arange(N)}
     grid = table(SampleTimeFine=5e5 + 100.0 * np.arange(N), **year, **parts, **SIX).grid
     assert next(iter(imu_roles(grid).clocks.items())) == (2, "s")
+
+
+def test_fixes_have_clocks_of_any_name_and_velocities_of_their_receiver():
+    """Oracle: Unix seconds under a name of no list, and a u-blox's integers of mm/s beside its mm;
+    GPS before the name of a column is its device.
+    """
+    count = np.arange(N)
+    place = {"GPS_Lat": 465e6 + count, "GPS_Long": 65e6 + count, "GPS_Alt": 500e3 + count % 7}
+    speed = {"velN": 100.0 + count % 3, "velE": 0.0 * count - 20, "velD": 1.0 + count % 2}
+    roles = gnss_roles(table(stamp_of_pi=1.53e9 + 0.2 * count, **place, **speed).grid)
+    assert roles is not None
+    assert roles.clocks == {0: "s"}
+    assert (roles.units["length"], roles.units["velocity"]) == ("mm", "mm/s")
+    assert {"lat", "lon", "h", "vn", "ve", "vd"} <= roles.columns.keys()
+
+
+def test_a_geodetic_block_of_septentrio_as_text_is_read(tmp_path):
+    """Oracle: the header of bin2asc, a line drawn under it, radians and the week under WNc."""
+    names = "TOW [s],WNc [w],Type,Flag2D,Error,Latitude [rad],Longitude [rad],Height [m],"
+    names += "Undulation [m],Vn [m/s],Ve [m/s],Vu [m/s],COG [deg],NrSV,HAccuracy [m],VAccuracy [m]"
+    count = np.arange(N)
+    position = [0.8116 + 1e-8 * count, np.full(N, 0.1134), 500.0 + 0.01 * count]
+    rest = [49.5, 0.6, 0.0, 0.1, 0.0, 18, 0.04, 0.06]
+    rows = np.column_stack([205200.0 + 0.1 * count, *np.full((4, N), 0.0), *position])
+    rows[:, 1] = 2008
+    path = tmp_path / "log_SBF_PVTGeodetic2.txt"
+    head = f"{names}\n{'-' * 120}"
+    np.savetxt(
+        path, np.hstack([rows, np.tile(rest, (N, 1))]), "%.10f", ",", header=head, comments=""
+    )
+    (one,) = tables_of_file(path)
+    (source,) = sources_of_table(path, one)
+    fixes = read_gnss(
+        path,
+        **{k: v for k, v in source.keys.items() if k in ("columns", "units")},
+        sigma_velocity=[0.1, 0.1, 0.1],
+    )
+    assert fixes.gps_week == 2008
+    np.testing.assert_allclose(fixes.time, 205200.0 + 0.1 * count, atol=1e-6)
+    np.testing.assert_allclose(fixes.lat, position[0], atol=1e-9)
+    np.testing.assert_allclose(fixes.velocity_ned[0], [0.6, 0.0, -0.1], atol=1e-9)
+    np.testing.assert_allclose(np.sqrt(fixes.cov_ned[0].diagonal()), [0.04, 0.04, 0.06])
+
+
+def test_rows_of_one_table_that_repeat_each_fix_are_read(tmp_path):
+    """Oracle: every fifth row, at which the position changes."""
+    count = np.arange(1000)
+    fix, samples = count // 5, np.random.default_rng(1).normal(size=(1000, 6)) + 9.8
+    position = [46.5 + 1e-6 * fix, 6.5 + 1e-6 * fix, 500.0 + 0.1 * fix]
+    path = tmp_path / "flight.csv"
+    names = f"offsetTime,{','.join(GYRO + ACC)},GPS:Lat,GPS:Long,GPS:Height"
+    rows = np.column_stack([100.0 + 0.02 * count, samples, *position])
+    np.savetxt(path, rows, "%.9f", ",", header=names, comments="")
+    (one,) = tables_of_file(path)
+    gnss = next(source for source in sources_of_table(path, one) if source.role == "gnss")
+    assert gnss.keys["repeat_column"] == "GPS:Lat"
+    columns = gnss.keys["columns"]
+    fixes = read_gnss(path, columns=columns, repeat_column="GPS:Lat", sigma_m=[1, 1, 1])
+    np.testing.assert_allclose(fixes.time, 100.0 + 0.1 * np.arange(1, 200), atol=1e-9)
+    np.testing.assert_allclose(fixes.height, 500.0 + 0.1 * np.arange(1, 200), atol=1e-9)
+    with pytest.raises(InputError, match="zero' is missing"):
+        read_gnss(path, columns=columns, repeat_column="zero", sigma_m=[1, 1, 1])
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "unix"), (1e3, "unix_ms"), (1e6, "unix_us")])
+def test_exposures_in_unix_time_state_their_unit(tmp_path, factor, unit):
+    """Oracle: 1530608382 s are 205200 s of week 2008 in GPST; [camera] takes what is drafted."""
+    stamps = 1530608382.0 + 2.5 * np.arange(20)
+    path = tmp_path / "shots.csv"
+    rows = [f"DSC{k:04d}.JPG,{factor * stamp:.3f}" for k, stamp in enumerate(stamps)]
+    path.write_text("\n".join(["image,time_unix", *rows]) + "\n")
+    (source,), _ = exposures_of(path)
+    assert source.keys["units"] == {"time": unit}
+    options = CameraInput(events=path, columns=source.keys["columns"], units=source.keys["units"])
+    events = own_events(options, None)
+    assert events is not None
+    assert events.gps_week == 2008
+    np.testing.assert_allclose(events.time, 205200.0 + 2.5 * np.arange(20), atol=1e-6)
 
 
 def test_a_clock_of_unknown_name_is_told_by_its_values():
@@ -203,6 +285,14 @@ def test_heights_above_the_geoid_are_looked_at_and_left_open(name, above_geoid, 
     (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
     assert ("undulation_m" in source.keys) == above_geoid
     assert ("above the geoid" in source.why.get("undulation_m", "")) == above_geoid
+    for file, header, rows in (
+        ("g.csv", ",".join(columns), np.column_stack(list(columns.values()))),
+        ("imu.csv", "tow,gx,gy,gz,ax,ay,az", np.column_stack([2e5 + 0.01 * t, *SIX.values()])),
+    ):
+        np.savetxt(tmp_path / file, rows, "%.9f", ",", header=header, comments="")
+    _, fixes, _ = read_sources(InputSource("imu", tmp_path / "imu.csv", ""), source, None)
+    noted = [check for check in fixes.notes if "not processed" in (check.remedy or "")]
+    assert bool(noted) == above_geoid
 
 
 def test_ticks_that_last_ten_times_too_long_are_tenths(tmp_path):

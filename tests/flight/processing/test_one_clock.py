@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss.flight.processing.clocks import clock_offsets
+from insgnss.flight.processing.clocks import clock_offsets, unstated_offset
 from insgnss.io.exposures.instants import on_clock
 from insgnss.io.exposures.rig import CameraExposures, ClockOffsets
 from insgnss.records import CameraEvents
@@ -73,10 +73,10 @@ def test_the_clock_of_a_sensor_leaves_products_as_they_are(sim, right, case):
     assert said is ("gnss__time_offset_s" in keys)
 
 
-def flight_with(imu_s=0.0, gnss_s=0.0, columns=None):
-    imu, gnss = SimpleNamespace(time_offset_s=imu_s), SimpleNamespace(time_offset_s=gnss_s)
-    gnss.columns = columns
-    return SimpleNamespace(imu=imu, gnss=gnss)
+def flight_with(imu_s=0.0, gnss_s=0.0, columns=None, week=None, imu_units=None, gnss_units=None):
+    imu = SimpleNamespace(time_offset_s=imu_s, units=imu_units)
+    gnss = SimpleNamespace(time_offset_s=gnss_s, columns=columns, units=gnss_units)
+    return SimpleNamespace(imu=imu, gnss=gnss, gps_week=week)
 
 
 @pytest.mark.parametrize(
@@ -87,13 +87,37 @@ def flight_with(imu_s=0.0, gnss_s=0.0, columns=None):
         (18.0, 2200, None, ClockOffsets(-17.75, 0.0, -18.0)),  # of a format that says GPST
         (-18.0, None, "t x y z", ClockOffsets(18.25, 0.0, 18.0)),
         (7200.0, None, None, ClockOffsets(-7199.75, 0.0, -7200.0)),
+        (205190.0, None, None, ClockOffsets(0.25, 205190.0, 0.0)),  # fixes since power-up
+        (-205190.0, None, None, ClockOffsets(205190.25, 0.0, 205190.0)),  # an IMU since power-up
     ],
 )
 def test_which_sensor_is_moved(gnss_s, week, columns, expected):
     """Oracle: by hand: GPST is 18 s ahead of UTC; the difference of both clocks stays."""
     flight = flight_with(0.25, gnss_s, columns)
-    assert clock_offsets(flight, SimpleNamespace(gps_week=week)) == expected
+    fixes = SimpleNamespace(gps_week=week, source_format="")
+    assert clock_offsets(flight, fixes) == expected
     assert expected.gnss - expected.imu == pytest.approx(gnss_s - 0.25)
+
+
+@pytest.mark.parametrize("units", [None, {"time": "unix"}])
+@pytest.mark.parametrize("form", ["gnss_text", "rtklib_pos"])
+def test_a_week_of_the_flight_file_is_no_date_of_a_table(units, form):
+    """Oracle: by hand: fixes 18 s late are UTC where their table has no epoch; `.pos` says GPST."""
+    flight, fixes = flight_with(0.0, 18.0, week=2200, gnss_units=units), SimpleNamespace()
+    fixes.gps_week, fixes.source_format = 2200, form
+    moved = form == "gnss_text" and units is None
+    assert clock_offsets(flight, fixes).gnss == (18.0 if moved else 0.0)
+    of_imu = flight_with(0.0, 7200.0, week=2200, gnss_units=units, imu_units={"time": "unix_ms"})
+    assert clock_offsets(of_imu, fixes).gnss == (7200.0 if moved else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("first_s", "expected"), [(205200.0, 0.0), (10.0, 205190.0), (205190.0, 0.0), (5.0, 205190.0)]
+)
+def test_another_sensor_moves_with_the_imu_unless_it_fits_better(first_s, expected):
+    """Oracle: by hand: an IMU of power-up, moved to 205200 s, and sensors on it or not."""
+    span, offsets = np.array([205200.0, 205300.0]), ClockOffsets(205190.0, 0.0, 205190.0)
+    assert unstated_offset(first_s + np.arange(90.0), offsets, span) == expected
 
 
 def test_exposures_that_only_fit_the_clock_of_the_fixes_are_of_it():

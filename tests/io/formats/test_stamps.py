@@ -112,6 +112,25 @@ def test_fixes_with_dates_for_stamps(tmp_path):
     assert any("taken as UTC" in note.found for note in fixes.notes)
 
 
+@pytest.mark.parametrize(
+    ("names", "stamp"),
+    [
+        ("time,lat,lon,h,sd_n,sd_e,sd_u", "2015-11-26T17:30:{:02d}.250+02:30"),
+        ("time,lat,lon,h,sd_n,sd_e,sd_u", "2015-11-26T08:00:{:02d}.250-0700"),
+        ("Date,time,lat,lon,h,sd_n,sd_e,sd_u", "2015/11/26,15:00:{:02d}.250"),
+        ("time,Day,lat,lon,h,sd_n,sd_e,sd_u", "15:00:{:02d}.250,2015-11-26"),
+    ],
+)
+def test_zones_are_taken_off_and_days_stand_beside_times_of_day(tmp_path, names, stamp):
+    """Oracle: the same instants as one date in UTC, week 1872."""
+    path = tmp_path / "g.txt"
+    rows = [f"{stamp.format(k)},46.5{k},6.5,500.0,1,1,2" for k in range(2, 40)]
+    path.write_text("\n".join([names, *rows]) + "\n")
+    fixes = read_gnss(path)
+    assert fixes.gps_week == 1872
+    assert fixes.time[0] == pytest.approx(4 * 86400.0 + 15 * 3600.0 + 2.25 + 17.0)
+
+
 @pytest.mark.parametrize("undated", [0, 30])
 @pytest.mark.parametrize("fraction", ["UTC_Nano", "Millisecond", "Second"])
 def test_a_date_in_columns_of_its_parts_is_a_clock(tmp_path, fraction, undated):

@@ -7,6 +7,7 @@ words of the header decide; where they do not, the file is left out with the col
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from ....io.formats.text.text import TextTable, read_text_table
 from ....records import Array
 from ..event_clock import SCALE_OPEN
 from ..sources import InputSource
+from .clocks import UNIX_FROM
 
 IMAGE_WORDS = "image img photo foto picture pic bild file name frame shot event seq number id"
 TIME_WORDS = "time zeit date datum stamp clock tow sec sek utc gps"
@@ -30,6 +32,8 @@ EXPOSURE_WORDS = "exposure shutter shot taken trigger capture event mid aufnahme
 OTHER_TIMES = "created modified upload download duration length"
 CLOCK_TEXT = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", re.ASCII)
 LAST_TOW_S = 2.0 * WEEK_S  # largest time of week (s): flights run past the week's end by hours
+LAST_WEEK = 4000  # GPS week, of 2056: later ones are of ticks taken for seconds
+EPOCH_UNITS = ("unix", "unix_ms", "unix_us", "unix_ns")
 LARGEST_LIST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 characters each
 NAMES_BY_VALUES = "by the values of its columns, and where several could be meant by their names"
 
@@ -63,14 +67,21 @@ def exposures_of(path: Path) -> tuple[list[InputSource], str]:
 def _source(path: Path, columns: dict[str, str] | None) -> InputSource | None:
     """The file as a source, read by its header or by `columns`; None where that gives no names."""
     dated = columns is None or "time" in columns
-    try:
-        events = read_events(path, columns=columns, time_scale="utc" if dated else None)
-    except InsgnssError:  # dates or numbers of something else
-        return None
-    if any(check.name == UNNAMED for check in events.notes):
+    events, units = None, None
+    for unit in ("", *(() if dated else EPOCH_UNITS)):
+        units = {"time": unit} if unit else None
+        with suppress(InsgnssError):  # dates or numbers of something else
+            scale = "utc" if dated else None
+            read = read_events(path, columns=columns, units=units, time_scale=scale)
+            if (read.gps_week or 0) < LAST_WEEK:
+                events = read
+                break
+    if events is None or any(check.name == UNNAMED for check in events.notes):
         return None
     keys: dict[str, Any] = {} if columns is None else {"columns": columns}
     why = dict.fromkeys(keys, NAMES_BY_VALUES)
+    if units is not None:
+        keys["units"], why["units"] = units, "times are of no week, but count from 1970"
     if events.time_scale:
         keys["time_scale"], why["time_scale"] = events.time_scale, SCALE_OPEN
     count = f"exposures{' with their dates' if dated else ''}, {len(events.images)} of them"
@@ -149,7 +160,8 @@ def _seconds(name: str, texts: Sequence[str]) -> int:
     values, score = _numbers(texts), _time_words(name)
     if values is None:
         return 0
-    fits = (np.diff(values) > 0.0).all() and values[0] >= 0.0 and values[-1] < LAST_TOW_S
+    in_range = (values[-1] < LAST_TOW_S) | (values[0] > UNIX_FROM)
+    fits = (np.diff(values) > 0.0).all() and values[0] >= 0.0 and in_range
     whole = (values == np.round(values)).all()  # a count of images is no time but by its name
     return score if fits and not (whole and score < 2) else 0
 

@@ -10,6 +10,7 @@ from ....io.formats.text.headers import LONGEST_COLUMN_NAME, factor_of, unit_in,
 from ....io.formats.text.units import usual_unit
 from ....records import Array
 
+RECEIVER = re.compile("^(gps|gnss|rtk|ublox)")  # whose name stands before those of its columns
 # kinds of the units of what is no clock
 OF_VALUES = tuple(kind for kind in SENSOR_SCALES if kind != "time")
 
@@ -86,6 +87,8 @@ class UnknownTable:
         for k, name in enumerate(self.names):
             for short in bare(name, OF_VALUES) if name is not None else ():
                 columns.setdefault(short, k)
+        for name, k in list(columns.items()):
+            columns.setdefault(RECEIVER.sub("", name), k)
         return columns
 
     def triad(self, sensor: str) -> dict[str, int]:

@@ -195,11 +195,14 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
         and (height == np.round(height)).all()
     ):
         units["length"] = "mm"  # receivers that count so write whole millimetres
+        speeds = [k for name, k in columns.items() if name in ("vn", "ve", "vd", "vu", "speed")]
+        if speeds and (grid.values[:, speeds] == np.round(grid.values[:, speeds])).all():
+            units["velocity"] = "mm/s"
     if "course" in columns:
         # loggers name it wrongly
         largest = np.abs(grid.values[:, columns["course"]]).max()
         units["course"] = "rad" if 0.0 < largest <= 6.3 else "deg"
-    ticks = clocks(grid, 30.0)
+    ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set(columns.values()))
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
     reasons = {named[role]: f"{role}: {why}" for role, why in left.items() if role in named}

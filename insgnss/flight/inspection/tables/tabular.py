@@ -14,7 +14,7 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ....io.formats import GNSS_OPTIONS, SENSOR_SCALES
+from ....io.formats import SENSOR_SCALES
 from ....io.formats.gnss import gnss_text
 from ....io.formats.gnss.cartesian import reference_in
 from ....io.formats.gnss.heights import refused_heights
@@ -48,6 +48,7 @@ UNIT_REASONS = {
     "deg": "values beyond what a course in rad can be",
     "mm": "heights are whole numbers beside latitudes in 1e-7 deg",
 }
+VELOCITY_UNIT_REASON = "velocities are whole numbers beside heights in mm"
 NMEA_CODES = (
     "the standard deviations show that the quality has the codes of NMEA: 1 single, 4 fixed, 5"
     " float"
@@ -216,19 +217,6 @@ def _header_units(grid: UnknownTable, columns: dict[str, int], entry: Keys) -> d
 
 def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
     """Fixes by their first clock; by the others in `other_clocks`."""
-    if (
-        roles.repeat_column is not None
-        and path.suffix.lower() not in ARRAY_ENDINGS
-        and "repeat_column" not in GNSS_OPTIONS["gnss_text"]
-    ):
-        message = (
-            f"repeats each fix until the next ({table.fields[roles.repeat_column]} changes with"
-            " each new fix), which is not supported in text tables"
-        )
-        raise InputError.in_file(
-            path,
-            f"{message}; write one row a fix into a file of its own, or the whole as .npy or .mat",
-        )
     sources = []
     for clock, unit in roles.clocks.items():
         entry = _named(table)
@@ -244,6 +232,8 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
                 quantity = "a course" if key == "course" else "latitude and longitude"
                 usual = f"no value exceeds what {quantity} in rad can be"
                 entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
+        if "velocity" in roles.units:
+            entry.set_unit("velocity", roles.units["velocity"], VELOCITY_UNIT_REASON)
         if roles.repeat_column is not None:
             entry.set("repeat_column", table.fields[roles.repeat_column], HELD_FIXES)
         if not POSITION_SIGMAS & columns.keys():

@@ -15,7 +15,7 @@ from ....records import Array, GnssFixes, ImuSamples
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
 from ..gnss.cartesian import position_columns
-from ..gnss.fixes import FIX_SIGMAS, OF_POSITION, VELOCITY_SIGMA, fixes_from_columns
+from ..gnss.fixes import FIX_SIGMAS, OF_POSITION, VELOCITY_SIGMA, fixes_from_columns, new_fixes
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
 from ..imu import imu_csv
@@ -134,13 +134,7 @@ def gnss_of_content(path: object, content: Content, options: ReadOptions) -> Gns
                 f"{path}: {repeat_column} has {mark.size} rows, the columns have"
                 f" {table['tow'].size}; name a field of the same recording"
             )
-        is_new = np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])
-        rows = np.flatnonzero(is_new) + 1
-        if rows.size == 0:
-            raise InputError(
-                f"{path}: {repeat_column} never changes, so no row is a new fix; set repeat_column"
-                " to a field that changes with each fix, or to None"
-            )
+        rows = new_fixes(path, repeat_column, mark)
         table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
     elif is_held(
         [table[name] for name in position_columns(table)[:2]],

@@ -142,6 +142,24 @@ def fixes_from_columns(
     )
 
 
+def new_fixes(path: object, repeat_column: str, mark: Array) -> NDArray[np.intp]:
+    """Return the rows at which the column `mark` (n,) of a file changes to a new fix.
+
+    Raises
+    ------
+    InputError
+        The column never changes.
+    """
+    is_new = np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])
+    rows = np.flatnonzero(is_new) + 1
+    if rows.size == 0:
+        raise InputError(
+            f"{path}: {repeat_column} never changes, so no row is a new fix; set repeat_column to"
+            " a field that changes with each fix, or to None"
+        )
+    return rows
+
+
 def _positions(cols: Mapping[str, Array], scales: FixScales) -> Array:
     """ECEF positions (n, 3), m, of columns, whatever they hold."""
     with np.errstate(all="ignore"):

@@ -16,9 +16,9 @@ from ....records.observations import OF_THE_SOLUTION
 from ..names import GNSS, OF_A_SOLUTION, taken_by_readers
 from ..orientation.exported import quoted_names
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.columns import NamedTable, TableOut, TableSpec
+from ..text.columns import NamedTable, TableOut, TableSpec, place_of
 from ..text.headers import Settled, factor_of, normalised, unit_in
-from ..text.order import note
+from ..text.order import Lines, Picked, note
 from ..text.text import NumberTable, Source, read_table
 from .cartesian import position_columns, reference_in
 from .fixes import (
@@ -28,6 +28,7 @@ from .fixes import (
     VELOCITY_SIGMA,
     FixScales,
     fixes_from_columns,
+    new_fixes,
 )
 from .heights import settled_undulation
 
@@ -95,7 +96,7 @@ def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
         `columns` of the keys of `GNSS`; `units` of "angle" (latitude and longitude: deg, rad),
         "time", "length", "velocity", "course" (deg, rad) and "quality" (rtklib, nmea);
         `undulation_m`, added to heights that are above the geoid (`heights`); `reference`, else
-        that of a comment.
+        that of a comment; `repeat_column`, whose changes are new fixes.
 
     Returns
     -------
@@ -118,11 +119,15 @@ def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
         path, header_line, table.fields("h"), options.undulation_m, commented=True
     )
     cols = replace(table, index={**_described(table), **table.index}).numbers()
+    lines: Lines = table
+    if (mark := options.repeat_column) is not None:
+        taken = new_fixes(path, mark, rows.values[:, place_of(str(path), rows.layout, mark)])
+        lines, cols = Picked(table, taken), {name: x[taken] for name, x in cols.items()}
     scales = fix_scales(settled, units)
     if options.reference is None and "north" in table:
         options = replace(options, reference=reference_in(path))
     notes = (*settled.notes, *vertical, *height_notes)
-    return fixes_from_columns(cols, table, scales, options, geoid_m, notes)
+    return fixes_from_columns(cols, lines, scales, options, geoid_m, notes)
 
 
 def spec_of(names: Collection[str | None]) -> TableSpec:

@@ -24,7 +24,7 @@ from ..text.direct import Bytes, DirectRows, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
-from ..text.stamps import line_of, on_one_clock, spread_evenly, unrepeated, without_jitter
+from ..text.stamps import line_of, on_one_clock, spread_evenly, without_jitter
 from ..text.text import NumberTable, Source, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
 from .apart import joined
@@ -273,13 +273,12 @@ def _samples(
         )
         notes = (*notes, *clock_notes)
     clock.clear()  # so that one copy of the stamps lives
-    time, repeat_notes = unrepeated(time)
     time, jitter_notes = without_jitter(time)
     rows, order_notes = put_in_order(lines, time, same, "IMU rows")
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
     time, stamp_notes = spread_evenly(time)
-    notes = (*notes, *repeat_notes, *jitter_notes, *order_notes, *stamp_notes)
+    notes = (*notes, *jitter_notes, *order_notes, *stamp_notes)
     return ImuSamples(time, gyro, accel, quantity, gps_week, lines.path, notes, scales.units)
 
 

@@ -8,8 +8,8 @@ from ....base.errors import InputError
 from ....base.wording import asked
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
-from .order import Lines, Picked, Rows, put_in_order, refuse_rows
-from .stamps import on_one_clock
+from .order import SHARE_LIMIT, Lines, Picked, Rows, put_in_order, refuse_rows
+from .stamps import on_one_clock, unrepeated
 from .units import SENSOR_SCALES, split_unit, unit_factor
 
 
@@ -92,7 +92,11 @@ def examined_time(
     if undated:
         message = f"{undated} rows were stamped before the clock knew the date; delete these rows"
         raise lines.error_at(0, f"{message}, or correct their times")
-    return *gps_time(lines, tow, week, gps_week, unit), notes
+    time, gps_week = gps_time(lines, tow, week, gps_week, unit)
+    if same is not None:
+        time, repeat_notes = unrepeated(time, same, name)
+        notes = (*notes, *repeat_notes)
+    return time, gps_week, notes
 
 
 def ordered_time(
@@ -116,11 +120,18 @@ def ordered_time(
         lines, tow = Picked(lines, dated), tow[undated:]
         week = None if week is None else week[undated:]
     time, gps_week = gps_time(lines, tow, week, gps_week, unit)
-    rows, notes = put_in_order(lines, time, lambda i, k: same(i + undated, k + undated), name)
+
+    def same_dated(i: int, k: int) -> bool:
+        return same(i + undated, k + undated)
+
+    shared = np.mean(time[1:] == time[:-1]) if time.size > 1 else 0.0
+    # fewer stamps that a receiver repeats are single contradictions
+    time, repeat_notes = unrepeated(time, same_dated, name) if shared > SHARE_LIMIT else (time, ())
+    rows, notes = put_in_order(lines, time, same_dated, name)
     if rows is not None:
         time, dated = time[rows], dated[rows]
     taken = None if rows is None and not undated else dated
-    return time, gps_week, taken, (*clock_notes, *notes)
+    return time, gps_week, taken, (*clock_notes, *repeat_notes, *notes)
 
 
 def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:

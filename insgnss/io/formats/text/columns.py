@@ -183,7 +183,7 @@ class TableSpec:
             if canonical not in self.names:
                 choices = ", ".join(self.names)
                 raise UsageError(f"{path}: columns: {canonical!r} is none of {choices}")
-            index = _place_of(path, layout, column)
+            index = place_of(path, layout, column)
             if assigned[index] is not None:
                 raise UsageError(
                     f"{path}: columns: {column!r} is both {assigned[index]} and {canonical};"
@@ -240,7 +240,7 @@ def _uneven_header(path: str, layout: TextLayout) -> InputError:
     return InputError.at_line(path, layout.header_line, message)
 
 
-def _place_of(path: str, layout: TextLayout, column: str) -> int:
+def place_of(path: str, layout: TextLayout, column: str) -> int:
     """Return the index of a field that the caller names, or gives by its place."""
     fields = layout.header_fields
     names = [normalised(field)[0] for field in fields or ()]

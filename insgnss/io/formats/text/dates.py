@@ -3,8 +3,9 @@
 Year, month, day, hour, minute and second stand between signs that are no digits; what follows a
 point or comma is a fraction of a second, what follows another sign counts milliseconds (three
 digits or fewer), microseconds or nanoseconds. Such a column becomes a clock in seconds since 1970;
-dates are taken for UTC, since they rarely say. A date may stand in columns of its parts, too:
-UTC_Year to UTC_Second, UTC_Nano. That of the year then becomes the clock.
+dates are taken for UTC, since they rarely say; a zone behind one (+02:00) is taken off. A date may
+stand in columns of its parts, too: UTC_Year to UTC_Second, UTC_Nano. That of the year then becomes
+the clock, and of a day beside a time of day that of the latter.
 """
 
 import re
@@ -16,14 +17,25 @@ from ....records import Array
 
 _DATE = re.compile(
     r"\"?(\d{4})[-_/.:](\d{1,2})[-_/.:](\d{1,2})[-_/.:T ](\d{1,2})[-_/.:](\d{1,2})[-_/.:](\d{1,2})"
-    r"(?:([-_/.:,])(\d{1,9}))?Z?\"?",
+    r"(?:([-_/.:,])(\d{1,9}))?(?:Z|([+-]\d\d):?([0-5]\d))?\"?",
     re.ASCII,
 )
+DAY, CLOCK = re.compile(r"\"?\d{4}[-_/.:]\d{1,2}[-_/.:]\d{1,2}\"?"), re.compile(r"\"?\d{1,2}:.*")
 UNIX = "unix"  # of the clock that dates become
+# columns of a date, and s of those of a fraction of its second by their names
 CALENDAR = ("year", "month", "day", "hour", "minute", "second")
 FRACTIONS_S = {"millisecond": 1e-3, "ms": 1e-3, "nano": 1e-9, "nanosecond": 1e-9, "nsec": 1e-9}
+# of each column: values of a date, up to the leap second; before 1970 no clock was logged
 LOWEST_PARTS, HIGHEST_PARTS = (1970, 1, 1, 0, 0, 0), (2100, 13, 32, 24, 60, 61)
 PARTS_S = {3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the number of digits, at most
+
+
+def joined_dates(days: Sequence[str], clocks: Sequence[str]) -> list[str] | None:
+    """Return dates of a column of days and one of times of day; None where one is neither."""
+    if all(map(DAY.fullmatch, days)) and all(map(CLOCK.fullmatch, clocks)):
+        pairs = zip(days, clocks, strict=True)
+        return [f"{day} {clock}".replace('"', "") for day, clock in pairs]
+    return None
 
 
 def is_date(text: str) -> bool:
@@ -39,11 +51,13 @@ def seconds_of_dates(texts: Sequence[str]) -> Array | None:
         match = _DATE.fullmatch(text.strip())
         if match is None:
             return None
-        year, month, day, hour, minute, second, sign, digits = match.groups()
+        year, month, day, hour, minute, second, sign, digits, zone, more = match.groups()
         whole.append(f"{year}-{month:0>2}-{day:0>2}T{hour:0>2}:{minute:0>2}:{second:0>2}")
         if digits is not None:
             unit = next(factor for size, factor in PARTS_S.items() if len(digits) <= size)
             parts[i] = float(f"0.{digits}") if sign in ".," else int(digits) * unit
+        if zone is not None:
+            parts[i] -= 3600.0 * int(zone) + float(f"{zone[0]}60.0") * int(more)
     try:
         stamps = np.array(whole, dtype="datetime64[s]")
     except ValueError:  # a thirteenth month
@@ -54,8 +68,8 @@ def seconds_of_dates(texts: Sequence[str]) -> Array | None:
 def calendar_columns(fields: Sequence[str] | None) -> dict[str, int]:
     """Return the columns of the parts of a date by the names of a header; none where one lacks."""
     names = [re.sub(r"[^a-z]|^(\W*utc)", "", name.lower()) for name in fields or ()]
-    parts = {part: names.index(part) for part in (*CALENDAR, *FRACTIONS_S) if part in names}
-    return parts if parts.keys() >= set(CALENDAR) else {}
+    columns = {n: names.index(n) for n in (*CALENDAR, *FRACTIONS_S) if n in names}
+    return columns if columns.keys() >= set(CALENDAR) else {}
 
 
 def take_calendar(fields: Sequence[str] | None, values: Array) -> frozenset[int]:
@@ -64,7 +78,7 @@ def take_calendar(fields: Sequence[str] | None, values: Array) -> frozenset[int]
     Rows whose parts are no date, as before the date was known, are of 1970.
     """
     columns = calendar_columns(fields)
-    parts = values[:, [columns[part] for part in CALENDAR]] if columns else np.empty((0, 6))
+    parts = values[:, [columns[name] for name in CALENDAR]] if columns else np.empty((0, 6))
     dated = np.all((parts >= LOWEST_PARTS) & (parts < HIGHEST_PARTS), axis=1)
     parts[~dated, :3] = LOWEST_PARTS[:3]
     if not dated.size or np.mean(dated) <= 0.5:

@@ -5,10 +5,10 @@ Rules, the same for all formats
     character is one of # % ! ; or where it begins with //. The delimiter is the first of tab,
     semicolon, comma and blanks that separates the first 20 data lines; a decimal comma is one where
     the delimiter is no comma and no field has a point. The header is the first line without any
-    number, else the last comment line before the data that has as many fields as they. Everything
-    else is data: every line has the same number of fields, and the first that has not, or that is
-    no number where a number must stand, is refused with its line. Nothing is skipped and nothing is
-    filled in.
+    number, under which a line of - or = may be drawn, else the last comment line before the data
+    that has as many fields as they. Everything else is data: every line has the same number of
+    fields, and the first that has not, or that is no number where a number must stand, is refused
+    with its line. Nothing is skipped and nothing is filled in.
 """
 
 import os
@@ -50,6 +50,7 @@ _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
 _COLUMN_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
+RULE = re.compile(r"[-=_+|,;\s]*[-=]{3}[-=_+|,;\s]*")  # a line that is drawn
 _DELIMITERS = ("\t", ";", ",", None)
 
 
@@ -203,10 +204,11 @@ def _sample(
         offset = 0
         for line, chunk in enumerate(raw, start=1):
             text = decode(chunk)
+            drawn = len(data) == 1 and RULE.fullmatch(text)  # under the header
             if is_comment(text):
                 if not data:
                     comments.append((line, text.strip()))
-            elif text.strip():
+            elif text.strip() and not drawn:
                 data.append((line, offset, text))
             offset += len(chunk) + 1
             if len(data) > SAMPLE_LINES:

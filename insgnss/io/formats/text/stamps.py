@@ -314,17 +314,15 @@ def _intervals_moved(time: Array, x: Array, row: int, interval: float) -> int:
     them is that of a few intervals, along it.
     """
     ends = []
-    for rows, at in (
-        (slice(max(row - MOVED_ROWS, 0), row), row - 1),
-        (slice(row, row + MOVED_ROWS), row),
-    ):
-        t = time[rows] - time[at]
+    sides = ((slice(max(row - MOVED_ROWS, 0), row), row - 1), (slice(row, row + MOVED_ROWS), row))
+    for rows, end in sides:
+        t = time[rows] - time[end]
         if t.size < LEAST_LEVEL_ROWS or not ((step := np.diff(t)) > 0.0).all():
             return 0
         if step.max() > SET_INTERVALS * interval or not np.isfinite(x[rows]).all():
             return 0
         line = np.column_stack([np.ones_like(t), t])
-        ends.append(np.linalg.lstsq(line, x[rows] - x[at], rcond=None)[0])
+        ends.append(np.linalg.lstsq(line, x[rows] - x[end], rcond=None)[0])
     v = 0.5 * (ends[0][1] + ends[1][1])
     speed, turned = np.linalg.norm(v), np.linalg.norm(ends[1][1] - ends[0][1])
     if not speed > LEAST_SPEED_MPS or turned > MOST_CHANGE * speed:
@@ -392,14 +390,18 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
 
-def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Return stamps (n,), s, without repetitions beside skipped stamps, and the note on them.
+def unrepeated(
+    time: Array, same: Callable[[int, int], bool] = lambda i, k: False, name: str = "IMU rows"
+) -> tuple[Array, tuple[Finding, ...]]:
+    """Return stamps (n,), s, without repetitions beside skipped stamps, and their note `name`.
 
     Rows that a driver hands over at once have the stamp of the last of them. The stamps stay as
-    they are where more repeat than that explains.
+    they are where more repeat than that explains, or where most rows repeat with all their values.
     """
     repeats = time[1:] == time[:-1]
     if time.size < LEAST_STAMPS or not repeats.any() or _of_several_sensors(time):
+        return time, ()
+    if np.mean([same(k, k + 1) for k in np.flatnonzero(repeats).tolist()]) > 0.5:
         return time, ()
     usual = _mean_interval(time)
     run = np.concatenate([[0], np.cumsum(~repeats)])  # of rows of one stamp, each row's
@@ -418,7 +420,7 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     out[np.cumsum(length)[mended & skip_after] - 1] += usual
     finding = f"{int((length - 1)[mended].sum())} stamps occur twice beside a missing stamp"
     advice = "such rows got the missing stamps; if the logger can, log more digits or sensor time"
-    return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
+    return out, (note(name, finding, "stamps of more digits than the rate needs", advice),)
 
 
 def without_jitter(time: Array) -> tuple[Array, tuple[Finding, ...]]:

@@ -18,7 +18,7 @@ from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.inputs import BOM, opened, readable
 from ....records import Array
-from .dates import is_date, seconds_of_dates, take_calendar
+from .dates import is_date, joined_dates, seconds_of_dates, take_calendar
 from .layout import (
     BINARY,
     NUMBER,
@@ -308,16 +308,19 @@ def _take_dates(
     buf: NDArray[np.uint8], layout: TextLayout, values: Array, columns: Iterable[int]
 ) -> frozenset[int]:
     """Put seconds since 1970 into the columns of `values` that hold dates; return these columns."""
-    of_dates = []
-    rows: list[list[str]] | None = None
-    for k in columns:
-        if rows is None:
-            rows = _fields_of(buf, layout)
-        if len(rows) != len(values) or not rows or not is_date(rows[0][k]):
-            continue
-        if (seconds := seconds_of_dates([row[k] for row in rows])) is not None:
+    of_dates = set[int]()
+    rows = _fields_of(buf, layout)
+    if len(rows) != len(values) or not rows:
+        return frozenset()
+    texts = {k: [row[k] for row in rows] for k in columns}
+    for k, day in list(texts.items()):
+        later = (c for c in texts if c != k)
+        if match := next(((c, d) for c in later if (d := joined_dates(day, texts[c]))), None):
+            texts[match[0]] = match[1]
+    for k, fields in texts.items():
+        if is_date(fields[0]) and (seconds := seconds_of_dates(fields)) is not None:
             values[:, k] = seconds
-            of_dates.append(k)
+            of_dates.add(k)
     return frozenset(of_dates)
 
 
