@@ -365,7 +365,7 @@ def _insufficient(
         faults.setdefault((column, help_, *outages), []).append((ratio, why, rows))
     for (_, help_, *outages), places_of_it in faults.items():  # one fault, one sentence
         rows = np.logical_or.reduce([rows for _, _, rows in places_of_it])
-        _, why, _ = max(places_of_it, key=lambda place: place[0])
+        _, why, _ = max(places_of_it, key=lambda run: run[0])
         row, column = _weakest(sigma / needed, rows)
         if column < 3:
             size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))
