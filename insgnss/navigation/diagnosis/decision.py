@@ -335,19 +335,19 @@ def _variance(
     winner = variances.strongest()
     if winner is None or winner.family in state.attempted:
         return None
-    model = with_variances(state.model, winner)
+    model = with_variances(state.model, winner, search.drafted)
     if model is None:
         return None
 
     def adopt() -> _Search | None:
-        search.progress(f"filter, with larger {winner.family}")
+        search.progress(f"filter, with other {winner.family}")
         solution = search.solved(posed, model)
         if solution is None:
             return None
         after = VarianceSearch(solution, search.progress)
         if after.left() > winner.evidence:
             return None
-        check = variance_check(winner, search.claims)
+        check = variance_check(winner, search.claims, search.drafted)
         adopted = solution, model
         return state.after_trial([winner.family], [check], adopted=adopted, variances=after)
 

@@ -111,6 +111,8 @@ class ErrorModelSearch:
         Whether there are any, whose place depends on that of the IMU in the mounting.
     claims : FixClaims
         What is known beforehand of the sigmas of the fixes.
+    drafted : bool
+        Whether the noise model of the IMU is a draft, which the flight corrects both ways.
     """
 
     requested_errors: FixErrors
@@ -125,6 +127,7 @@ class ErrorModelSearch:
     events_with_fixes: bool = False
     exposures: bool = False
     claims: FixClaims = NO_CLAIMS
+    drafted: bool = False
 
     @property
     def requested_model(self) -> ErrorModel:

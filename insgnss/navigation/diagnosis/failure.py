@@ -118,10 +118,10 @@ def rescue(
             explained = least_misfit(search, stronger)
             if explained is not None and follows(explained[2]):
                 return explained[2], (explained[0].check(explained[2]),)
-            larger = None if winner is None else with_variances(model, winner)
+            larger = None if winner is None else with_variances(model, winner, search.drafted)
             if winner is None or larger is None:
                 return None
-            model, check = larger, variance_check(winner, search.claims)
+            model, check = larger, variance_check(winner, search.claims, search.drafted)
             solution = search.solved((problem, start), model)
             if solution is not None and follows(solution):
                 return solution, (check,)

@@ -154,6 +154,9 @@ def test_whose_noise_is_named():
     assert (check.name, check.verdict) == ("IMU noise", "note")
     assert "gyro.white_noise 3.00" in check.found
     assert "tune --flight" in check.advice
+    draft = variance_check(replace(imu, factors={"gyro.white_noise": 0.25}), drafted=True)
+    assert draft.verdict == "ok"
+    assert "gyro.white_noise 0.25 times as large" in draft.found
 
 
 @pytest.mark.parametrize(
