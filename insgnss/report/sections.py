@@ -39,7 +39,7 @@ def limits(s: Summary) -> Section:
         ranked(x["topic"], x["rank"], x["text"], x["help"])
         for x in s["limits"]
         if x["topic"] not in s["use"]["topics"]
-        and not any(x["text"] in r for r in reasons)
+        and not any(x["text"].partition(" (expected: ")[0] in r for r in reasons)
         and not any(cause in x["text"] for cause in outages)
     ]
     usable = s["use"]["verdict"] == USE

@@ -161,11 +161,14 @@ def use(
             topics.append(inflation.topic)
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
+    until = ""
     if verdict != NO and (questions := list(_questions(f))):
         verdict, reasons, beyond = EXCEPT, [*questions, *reasons], np.ones_like(beyond)
+        until = " until the question below is answered"
     return {
         "verdict": verdict,
-        "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
+        "sentence": PHRASES[verdict]
+        + (f" {judged.listed(beyond)}{until}" if verdict == EXCEPT else ""),
         "images": [name for name, out in zip(judged.names, beyond, strict=False) if out],
         "reasons": [*against, *reasons],
         "topics": list(dict.fromkeys(topics)),
