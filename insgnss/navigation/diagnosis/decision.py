@@ -42,7 +42,7 @@ from .evidence import (
     misfit,
 )
 from .sensitivity import Sensitivity
-from .sensor_dynamics import DYNAMICS, DynamicsTrial, dynamics_trial
+from .sensor_dynamics import DYNAMICS, DynamicsTrial, dynamics_trials
 from .time_correlated import is_suspicious, time_correlated_error
 from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
@@ -267,12 +267,9 @@ def _delays(
     search: ErrorModelSearch, posed: Posed, state: _Search, least: float
 ) -> list[DynamicsTrial]:
     """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
-    trials = [
-        dynamics_trial(search, posed, state.model, state.solution, dynamics)
-        for dynamics in DYNAMICS
-        if dynamics.name not in state.attempted
-    ]
-    rivals = [one for one in trials if one is not None and one.evidence > least]
+    untried = [dynamics for dynamics in DYNAMICS if dynamics.name not in state.attempted]
+    trials = dynamics_trials(search, posed, state.model, state.solution, untried)
+    rivals = [one for one in trials if one.evidence > least]
     return sorted(rivals, key=lambda one: -one.evidence)
 
 
