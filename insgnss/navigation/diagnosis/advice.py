@@ -290,7 +290,7 @@ def _lever_arm(
         advised = joined((first, advised), " else ")
     stated = f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off"
     another = "another one explains the innovations, " * exact
-    finding = f"{another}from the IMU off by {estimate} m{by}"
+    finding = f"{another}the vector from the IMU to the antenna is off by {estimate} m{by}"
     return Question(LEVER_ARM, stated).against(finding, advised, contradicts)
 
 
