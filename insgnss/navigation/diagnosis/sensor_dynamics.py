@@ -250,15 +250,15 @@ def dynamics_trials(
     posed: Posed,
     model: ErrorModel,
     solution: Solution,
-    tried: Sequence[SensorDynamics],
+    every: Sequence[SensorDynamics],
 ) -> list[DynamicsTrial]:
     """Look for the delays of sensors that explain the innovations best; none without any.
 
     The parameters are those of `dynamics_trial`.
     """
     opened = replace(posed[0], gate=np.inf, huber_threshold=np.inf)
-    same = search.misfit_of((opened, posed[1]), model) if tried else np.nan
-    trials = (dynamics_trial(search, posed, model, solution, one, same) for one in tried)
+    same = search.misfit_of((opened, posed[1]), model) if every else np.nan
+    trials = (dynamics_trial(search, posed, model, solution, one, same) for one in every)
     return [trial for trial in trials if trial is not None]
 
 
