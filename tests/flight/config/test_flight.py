@@ -266,6 +266,7 @@ def test_resolved_flight_is_json_with_every_default(load):
         "need_deg": None,
         "crs": None,
         "geoid": None,
+        "background": None,
         "ground_m": None,
         "rename": [],
         "strip_covariance": True,
