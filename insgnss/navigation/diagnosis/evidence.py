@@ -187,7 +187,7 @@ class ErrorModelSearch:
             run_filter(problem, start, history)
         except DataError:
             return np.inf
-        return _misfit(history, problem.gate)
+        return misfit_of_pass(history, problem.gate)
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
@@ -275,10 +275,11 @@ def misfit(solution: Solution) -> float:
 
     The correlations between the components of an innovation are left out.
     """
-    return _misfit(solution, solution.problem.gate)
+    return misfit_of_pass(solution, solution.problem.gate)
 
 
-def _misfit(passed: Solution | FilterHistory, gate: float) -> float:
+def misfit_of_pass(passed: Solution | FilterHistory, gate: float) -> float:
+    """Evaluate `misfit` of what a forward pass left, under the gate of its problem."""
     measured = np.flatnonzero(passed.verdict[:, POSITION_ROW] != NOT_MEASURED)
     rejected = passed.verdict[measured, POSITION_ROW] == REJECTED
     size = np.where(rejected, gate, np.minimum(passed.nis[measured, 0], gate))
