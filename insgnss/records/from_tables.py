@@ -223,14 +223,22 @@ def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeigh
 
 
 def _columns_of(given: Any) -> dict[str, Any] | None:
-    """Return the columns of a mapping or a table, its named index among them; None for others."""
+    """Return the columns of a mapping or a table, its named index among them; None for others.
+
+    Capitals of names do not matter, unless another column has the name without.
+    """
     if isinstance(given, Mapping):
-        return dict(given)
-    if not (hasattr(given, "columns") and hasattr(given, "index")):
+        columns = dict(given)
+    elif hasattr(given, "columns") and hasattr(given, "index"):
+        index = {} if given.index.name is None else {given.index.name: given.index.to_numpy()}
+        columns = index | {name: given[name].to_numpy() for name in given.columns}
+    else:
         return None
-    columns = {str(name): given[name].to_numpy() for name in given.columns}
-    index = {} if given.index.name is None else {str(given.index.name): given.index.to_numpy()}
-    return index | columns
+    names = {str(name) for name in columns}
+    return {
+        lower if (lower := str(name).lower()) not in names else str(name): values
+        for name, values in columns.items()
+    }
 
 
 def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:

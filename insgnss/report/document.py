@@ -34,6 +34,7 @@ from .markup import (
     table,
     with_contents,
 )
+from .terms import TermLinks
 from .verdict import Verdict
 
 WIDTH = 110  # most characters of a row of a table: 110, because usual terminals wrap wider ones
@@ -57,23 +58,20 @@ class Marked(str):
     kind : str
         "ok", "note", "contradiction", "whole" (not broken into lines), "strong", "code"; of a
         sentence "soft" or "text" for a paragraph instead of an item of a list.
-    tip, link : str
-        What it says on pointing at it, and the address that it leads to.
+    link : str
+        The address that it leads to.
     help : str
         A second sentence: what to do about it.
     """
 
-    __slots__ = ("help", "kind", "link", "tip")
+    __slots__ = ("help", "kind", "link")
     kind: str
-    tip: str
     link: str
     help: str
 
-    def __new__(
-        cls, text: object, kind: str = "", *, tip: str = "", link: str = "", help: str = ""
-    ) -> "Marked":
+    def __new__(cls, text: object, kind: str = "", *, link: str = "", help: str = "") -> "Marked":
         marked = super().__new__(cls, text)
-        marked.kind, marked.tip, marked.link, marked.help = kind, tip, link, help
+        marked.kind, marked.link, marked.help = kind, link, help
         return marked
 
 
@@ -280,16 +278,21 @@ class Document:
             brief = whole or (s.map if isinstance(s, Chart) else s.brief)
             return html if brief or not html else f'<div class="{APPENDIX}">\n{html}</div>\n'
 
-        body = "".join(map(placed, (*shown, first)))
-        origin = "".join(map(placed, origins))
         word, why, _ = self.verdict
         reason = f"<strong>{escape(self.verdict.shown)}</strong>: {escape(why)}."
+        terms = TermLinks()
+        top = terms.within(
+            f'<p class="headline {word}">{escape(self.headline)}.</p>\n'
+            f'<p class="reason {word}">{reason}</p>\n'
+        )
+        body = terms.within("".join(map(placed, shown)))
+        body += placed(_meanings(terms)) + placed(first)
+        origin = "".join(map(placed, origins))
         charts = [s for s in shown if isinstance(s, Chart)]
         yield opening(self.title, bool(charts))
         yield f"<h1>{escape(self.heading or self.title)}</h1>\n"
         yield f'<p class="soft about">{escape(sentence(self.about))}</p>\n' if self.about else ""
-        yield f'<p class="headline {word}">{escape(self.headline)}.</p>\n'
-        yield f'<p class="reason {word}">{reason}</p>\n'
+        yield top
         yield with_contents(body, "" if whole else APPENDIX)
         yield origin
         yield from (embedded(name, script_safe(block)) for name, block in data.items())
@@ -303,6 +306,15 @@ class Document:
         yield pairs("Inputs (SHA-256)", dict(self.hashes) | {str(p): sha256(p) for p in files})
         yield pairs("The run", circumstances())
         yield pairs("Versions", run_by | {"numpy": np.__version__} | dict(self.versions))
+
+
+def _meanings(terms: TermLinks) -> Section:
+    """Return the section of the terms that a page links."""
+    html = "".join(
+        f'<dt id="{anchor}">{escape(term)}</dt><dd>{escape(meaning)}</dd>\n'
+        for anchor, term, meaning in terms.rows()
+    )
+    return Section("Terms", [Drawing(f"<dl>\n{html}</dl>\n")] if html else [], "page")
 
 
 def write_with_page(
@@ -437,8 +449,6 @@ def _inline(cell: str) -> str:
         return text
     if cell.link:
         text = f'<a href="{escape(cell.link)}">{text}</a>'
-    if cell.tip:
-        text = f'<abbr title="{escape(cell.tip)}">{text}</abbr>'
     if cell.kind in ("strong", "code"):
         tag = {"strong": "b", "code": "code"}[cell.kind]
         return f"<{tag}>{text}</{tag}>"

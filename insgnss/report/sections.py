@@ -12,24 +12,6 @@ from .rules.wording import clock, lengths, millimetres, no_fix
 
 Summary = Mapping[str, Any]
 
-# terms that say on pointing at them what they mean
-NIS = (
-    "normalised innovation squared: the innovation of a fix squared over its covariance; one per"
-    " degree of freedom in the mean where the sigmas are honest"
-)
-SEPARATION = (
-    "the flight filtered backward minus the same forward; one sigma in the mean where both are"
-    " honest"
-)
-PDOP = (
-    "position dilution of precision: what the geometry of the satellites makes of the error of one"
-    " range; below 2 is good, beyond 4 poor"
-)
-FIXED_EXPLAINED = (
-    "epochs whose integer ambiguities were resolved (centimetres); float: those whose were not"
-    " (decimetres)"
-)
-
 DECISIVE_KEYS = {  # keys of the summary by table: what decides the result, on half a printed page
     "imu": ("file", "noise", "axes"),
     "gnss": ("file", "sigma_m", "datum", "epoch", "undulation_m", "time_offset_s"),
@@ -57,7 +39,7 @@ def limits(s: Summary) -> Section:
         ranked(x["topic"], x["rank"], x["text"], x["help"])
         for x in s["limits"]
         if x["topic"] not in s["use"]["topics"]
-        and not any(x["text"] in r for r in reasons)
+        and not any(x["text"].partition(" (expected: ")[0] in r for r in reasons)
         and not any(cause in x["text"] for cause in outages)
     ]
     usable = s["use"]["verdict"] == USE
@@ -160,6 +142,7 @@ def flight_lines(s: Summary) -> Section:
     lines: Sequence[Mapping[str, Any]] = s["lines"]
     columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "Line": lambda line: str(line["line"]),
+        **_clock_times(s),
         "TOW, s": lambda line: f"{line['start_s']:.1f} – {line['end_s']:.1f}",
         "course, deg": lambda line: f"{line['course_deg']:.0f}",
         "length, m": lambda line: f"{line['length_m']:.0f}",
@@ -179,6 +162,18 @@ def flight_lines(s: Summary) -> Section:
     )
     table = Table.of(lines, columns, numbers=True, name="lines")
     return _captioned("Line by line", caption, table, brief=True)
+
+
+def _clock_times(s: Summary) -> dict[str, Callable[[Mapping[str, Any]], str]]:
+    """Return the column of clock times of flight lines; without a GPS week none."""
+    if s["span"]["gps_week"] is None:
+        return {}
+
+    def cell(line: Mapping[str, Any]) -> str:
+        begin, end = (clock(s, line[key]) for key in ("start_s", "end_s"))
+        return f"{begin:%H:%M:%S} – {end:%H:%M:%S}"
+
+    return {f"{clock(s, s['span']['start_tow_s']):%Z}": cell}
 
 
 def _with_largest(
@@ -205,15 +200,13 @@ def fixes_by_line(s: Summary) -> Section:
         "Line": lambda line: str(line["line"]),
         "fixes used": lambda line: str(line["used"]),
         "rejected": lambda line: strong(str(line["rejected"]), line["rejected"] > 0),
-        Marked("fixed / float, %", tip=FIXED_EXPLAINED): lambda line: (
+        "fixed / float, %": lambda line: (
             f"{share(line['fixed_share'])} / {share(line['float_share'])}"
         ),
         "satellites (least)": lambda line: pair(
             line["satellites"], line["least_satellites"], ".0f"
         ),
-        Marked("PDOP (largest)", tip=PDOP): lambda line: pair(
-            line["pdop"], line["largest_pdop"], ".1f"
-        ),
+        "PDOP (largest)": lambda line: pair(line["pdop"], line["largest_pdop"], ".1f"),
         "mean innovation N / E / D, mm": lambda line: three(line["innovation_mm"], ".1f"),
         "sigma of one, mm": lambda line: three(line["innovation_sigma_mm"], ".1f"),
     }
@@ -277,11 +270,10 @@ def _agreement(s: Summary) -> Iterator[tuple[str, str]]:
     """What the innovations and the two directions say of the sigmas."""
     for quantity, c in s["consistency"].items():
         if c is not None:
-            yield Marked(f"NIS of {quantity} per degree of freedom", tip=NIS), _nis(c)
+            yield f"NIS of {quantity} per degree of freedom", _nis(c)
     ratios = s["separation"]["normalised_rms"]
     both = (f"{name} {three(ratios[name], '.2f')}" for name in ("position", "attitude"))
-    label = Marked("Forward/backward separation over its sigma", tip=SEPARATION)
-    yield label, f"{', '.join(both)} (N / E / D; 1 expected)"
+    yield "Forward/backward separation over its sigma", f"{', '.join(both)} (N / E / D; 1 expected)"
 
 
 def _nis(c: Mapping[str, Any]) -> str:

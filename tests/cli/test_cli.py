@@ -58,7 +58,7 @@ def inspection(monkeypatch):
 
 
 def _raising(error):
-    def process(flight, out, progress, force):
+    def process(flight, out, progress, force, compare):
         raise error
 
     return process
@@ -70,7 +70,7 @@ def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary
     """Oracle: the arguments of the command and the summary of the made-up result."""
     seen = {}
 
-    def process(loaded, out, progress, force):
+    def process(loaded, out, progress, force, compare):
         progress("smoothing")
         seen.update(name=loaded.name, out=out)
         return types.SimpleNamespace(report={}, files=[], summary=lambda: "12 images")
@@ -88,7 +88,7 @@ def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary
 def test_quiet_leaves_the_summary_alone(pipeline, flight, capsys):
     """Oracle: the summary of the made-up result."""
 
-    def process(loaded, out, progress, force):
+    def process(loaded, out, progress, force, compare):
         progress("smoothing")
         assert out is None
         return types.SimpleNamespace(report={}, summary=lambda: "12 images")
@@ -109,7 +109,7 @@ def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
         4: "key",
     }
 
-    def process(loaded, out, progress, force):
+    def process(loaded, out, progress, force, compare):
         progress("smoothing")
         return types.SimpleNamespace(as_dict=lambda: report, summary=lambda: "not shown")
 
@@ -185,7 +185,7 @@ def test_a_program_is_taken_from_the_command_line_alone(pipeline, flight, capsys
     flight.write_text(flight.read_text().replace('file = "gnss.txt"', raw))
     taken = []
 
-    def process(flight, out, progress, force):
+    def process(flight, out, progress, force, compare):
         taken.append(flight.gnss.raw.engine)
         raise DataError("enough")
 
@@ -212,7 +212,7 @@ def test_a_wrong_flight_file_is_bad_input_before_anything_runs(pipeline, tmp_pat
 def test_warnings_are_one_line_each(pipeline, flight, capsys):
     """Oracle: the text of the warning."""
 
-    def process(loaded, out, progress, force):
+    def process(loaded, out, progress, force, compare):
         warnings.warn("3 fixes\nleft out", UserWarning, stacklevel=1)
         return types.SimpleNamespace(report={}, summary=lambda: "done")
 

@@ -837,7 +837,7 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         _toml("[0.462, -0.001, -0.065]", "[1.462, -0.001, -0.065]"),
         INPUT,
         (
-            "antenna lever arm: from the IMU off by forward +",
+            "antenna lever arm: the vector from the IMU to the antenna is off by forward +",
             "mounting.antenna_m = [0.4",
         ),
     ),

@@ -191,6 +191,17 @@ def test_angles_in_degrees_and_seconds_since_1970_are_refused_by_their_name():
     assert "columns: name, tow" in note.found
 
 
+def test_capitals_of_columns_do_not_matter():
+    """Oracle: the same table with names in small letters; a column of its own stays."""
+    t = np.array([0.0, 1.0])
+    table = {"time": t, "latitude": 46.0 + t, "longitude": 6.0 + t, "altitude": 500.0 + t}
+    small = gnss_fixes(table, (0.02, 0.02, 0.03))
+    capital = {name.capitalize(): values for name, values in table.items()}
+    assert (gnss_fixes(capital, (0.02, 0.02, 0.03)).lat == small.lat).all()
+    both = table | {"Latitude": 0.0 * t}
+    assert (gnss_fixes(both, (0.02, 0.02, 0.03)).lat == small.lat).all()
+
+
 def test_marks_must_increase():
     """Oracle: the same mark twice."""
     with pytest.raises(InputError, match="must increase"):

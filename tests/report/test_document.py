@@ -32,7 +32,7 @@ def filled(tmp_path) -> Document:
         (
             Section("First", [EVIL, Marked(EVIL, "note", help=EVIL)]),
             chart,
-            Section("Table", [Table([(EVIL, Marked("1", "ok", tip=EVIL, link=f"#{EVIL}"))])]),
+            Section("Table", [Table([(EVIL, Marked("1", "ok", link=f"#{EVIL}"))])]),
             checked([CHECK]),
             Section("Text", [Marked(EVIL, "soft"), Drawing("<svg></svg>")], "page"),
             Section("Only here", [EVIL], "terminal"),

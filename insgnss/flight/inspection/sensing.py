@@ -28,7 +28,7 @@ from ...navigation.noise_model.model import (
     load_noise_model,
     shipped_models,
 )
-from ...navigation.noise_model.noise_model import NOISE_UNITS
+from ...navigation.noise_model.noise_model import DRAFT_SOURCE, NOISE_UNITS
 from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, GnssFixes, ImuSamples
@@ -256,8 +256,8 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
         for sensor, white, turn_on, sigma in of_sensors
     )
     source = (
-        "drafted by insgnss inspect: white noise measured in this recording, the rest a-priori of"
-        f" a {sensing.grade} sensor"
+        f"{DRAFT_SOURCE}white noise measured in this recording, the rest a-priori of a"
+        f" {sensing.grade} sensor"
     )
     return NoiseModel(name, source, gyro, accel)
 

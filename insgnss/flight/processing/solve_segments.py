@@ -237,6 +237,7 @@ def _search(
             flight.gnss.sigma_m if assumed is not None and assumed.all() else None,
             flight.gnss.white_scale,
         ),
+        drafted=recording.noise.drafted,
     )
 
 

@@ -51,8 +51,8 @@ class Reader(NamedTuple):
     takes; it returns `ImuSamples`, `GnssFixes`, `CameraEvents` or `BarometerHeights`. `tells` tells
     the format by the first bytes of a file; empty where `detect` does, and of the last of a kind,
     which is any text. Of shipped ones both are module and function in `formats`.
-    `what` is how `inspect` describes such a file; empty of a table, whose columns say what it holds.
-    `lacks` are the keys of the flight file that give what such files have not.
+    `what` is how `inspect` describes such a file; empty of a table, whose columns say what it
+    holds. `lacks` are the keys of the flight file that give what such files have not.
     """
 
     function: str | Callable[[str | Path, ReadOptions], Any]

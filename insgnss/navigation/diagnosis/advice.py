@@ -195,7 +195,9 @@ def millimetres(metres: float) -> str:
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
 
-def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIMS) -> Finding:
+def variance_check(
+    suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIMS, drafted: bool = False
+) -> Finding:
     """Say whose noise is larger than its model says.
 
     Parameters
@@ -204,12 +206,14 @@ def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIM
         The family and its factors.
     claims : FixClaims
         What is known beforehand of the sigmas of the fixes.
+    drafted : bool
+        Whether nobody states the noise of the IMU.
 
     Returns
     -------
     Finding
-        A note: the flight is solved with the larger noise; in order where the fixes' sigmas are
-        off by no more than usual of their source.
+        A note: the flight is solved with the larger noise; in order of a draft, and where the
+        fixes' sigmas are off by no more than usual of their source.
     """
     # smaller noise than the model's is not adopted
     larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
@@ -225,6 +229,11 @@ def variance_check(suspected: "VarianceHypothesis", claims: FixClaims = NO_CLAIM
             f"{scatter} ({evidence}); the result allows for it",
             claims.advised(larger.get("fixes.position", 1.0)),
             when=max(larger.values()) > claims.usual_scale,
+        )
+    if drafted:
+        factors = ", ".join(f"{name} {factor:.2g}" for name, factor in suspected.factors.items())
+        return Question("IMU noise", "factors of a draft by inspect").ok(
+            f"the flight corrects the drafted noise model: {factors} times as large ({evidence})"
         )
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     return Question("IMU noise", "factors of one").note(
@@ -281,7 +290,7 @@ def _lever_arm(
         advised = joined((first, advised), " else ")
     stated = f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off"
     another = "another one explains the innovations, " * exact
-    finding = f"{another}from the IMU off by {estimate} m{by}"
+    finding = f"{another}the vector from the IMU to the antenna is off by {estimate} m{by}"
     return Question(LEVER_ARM, stated).against(finding, advised, contradicts)
 
 

@@ -42,6 +42,7 @@ from ...base.findings.remedies import Step
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
 from ...records.interpolation import columns_at
+from ..filter.blocks import BlockwisePasses
 from ..filter.codes import (
     N_CHANNELS,
     N_NAV,
@@ -56,9 +57,10 @@ from ..filter.solution import Solution, solve
 from .advice import NEGLIGIBLE_M
 from .candidates import FAR_FACTOR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
 from .estimated import fix_counts, rms_speed
-from .evidence import follows, misfit
+from .evidence import follows, misfit, misfit_of_pass
 from .sensitivity import Constants, Sensitivity
 
+WIDE_STEP_S = FAR_FACTOR * WIDE_TIME_OFFSET_S  # a-priori sigma of a step (s)
 CLOCK_STEP = "clock step"
 INSTANTS = 48  # of a pass, at which a step is looked for
 REFINEMENTS = 3  # of which each looks at the neighbourhood of the best of the one before
@@ -250,11 +252,11 @@ def _with_samples(
         jump = np.zeros((1, N_NAV))
         jump[0, POS] = -velocity[np.searchsorted(time, since)]
         bridged = _fixes_alone(_bridged(problem, since, -step_s))
-        solution, size, sigma, _ = _scanned(bridged, start, np.array([since]), jump)
+        unexplained, size, sigma = _passed(bridged, start, np.array([since]), jump)
         # of the misfit, with the step that this one shows
         gain = float(size[0] / sigma[0]) ** 2
         step_s = min(step_s + float(size[0]), -problem.inc.nominal_s)
-        return misfit(solution) - gain, since, step_s, float(sigma[0])
+        return unexplained - gain, since, step_s, float(sigma[0])
 
     coarse, *finer = SPACINGS_S
     best = outcome(candidate.since, candidate.step_s)
@@ -367,13 +369,39 @@ def _scanned(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
 ) -> tuple[Solution, Array, Array, Array]:
     """Return the solution, and of a step at each instant its size, its sigma and (Z.1)."""
-    wide = FAR_FACTOR * WIDE_TIME_OFFSET_S
-    steps = Sensitivity.before(problem, Constants.steps(problem.layout, since, jump, wide))
+    steps = _steps(problem, since, jump)
     solution = solve(problem, start, "off", separations=0, follower=steps.through)
+    return solution, *_shown_steps(steps)
+
+
+def _passed(
+    problem: EstimationProblem, start: InitialState, since: Array, jump: Array
+) -> tuple[float, Array, Array]:
+    """Return the misfit, and of a step at each instant its size and its sigma.
+
+    Nothing is smoothed, unless measurements are linearised about what is.
+    """
+    if problem.measurements:
+        solution, size, sigma, _ = _scanned(problem, start, since, jump)
+        return misfit(solution), size, sigma
+    steps = _steps(problem, since, jump)
+    passes = BlockwisePasses(problem, start, np.zeros(0, dtype=np.int64), 0)
+    passes.filter(follower=steps.through)
+    size, sigma, _ = _shown_steps(steps)
+    return misfit_of_pass(passes.history, problem.gate), size, sigma
+
+
+def _steps(problem: EstimationProblem, since: Array, jump: Array) -> Sensitivity:
+    wide = Constants.steps(problem.layout, since, jump, WIDE_STEP_S)
+    return Sensitivity.before(problem, wide)
+
+
+def _shown_steps(steps: Sensitivity) -> tuple[Array, Array, Array]:
+    """Return size, sigma and (Z.1) of the step at each instant."""
     J, j = np.diag(steps.information), steps.vector
-    weight = J + wide**-2
-    evidence = 0.5 * j**2 / weight - 0.5 * np.log(weight * wide**2)
-    return solution, j / weight, weight**-0.5, evidence
+    weight = J + WIDE_STEP_S**-2
+    evidence = 0.5 * j**2 / weight - 0.5 * np.log(weight * WIDE_STEP_S**2)
+    return j / weight, weight**-0.5, evidence
 
 
 def _gaps(problem: EstimationProblem) -> list[_Lapse]:

@@ -42,7 +42,7 @@ from .evidence import (
     misfit,
 )
 from .sensitivity import Sensitivity
-from .sensor_dynamics import DYNAMICS, DynamicsTrial, dynamics_trial
+from .sensor_dynamics import DYNAMICS, DynamicsTrial, dynamics_trials
 from .time_correlated import is_suspicious, time_correlated_error
 from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
@@ -266,12 +266,9 @@ def late_sensors(
     search: ErrorModelSearch, posed: Posed, state: Stage, least: float
 ) -> list[DynamicsTrial]:
     """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
-    trials = [
-        dynamics_trial(search, posed, state.model, state.solution, dynamics)
-        for dynamics in DYNAMICS
-        if dynamics.name not in state.attempted
-    ]
-    rivals = [one for one in trials if one is not None and one.evidence > least]
+    untried = [dynamics for dynamics in DYNAMICS if dynamics.name not in state.attempted]
+    trials = dynamics_trials(search, posed, state.model, state.solution, untried)
+    rivals = [one for one in trials if one.evidence > least]
     return sorted(rivals, key=lambda one: -one.evidence)
 
 
@@ -334,19 +331,19 @@ def _variance(
     winner = variances.strongest()
     if winner is None or winner.family in state.attempted:
         return None
-    model = with_variances(state.model, winner)
+    model = with_variances(state.model, winner, search.drafted)
     if model is None:
         return None
 
     def adopt() -> Stage | None:
-        search.progress(f"filter, with larger {winner.family}")
+        search.progress(f"filter, with other {winner.family}")
         solution = search.solved(posed, model)
         if solution is None:
             return None
         after = VarianceSearch(solution, search.progress)
         if after.left() > winner.evidence:
             return None
-        check = variance_check(winner, search.claims)
+        check = variance_check(winner, search.claims, search.drafted)
         adopted = solution, model
         return state.after_trial([winner.family], [check], adopted=adopted, variances=after)
 

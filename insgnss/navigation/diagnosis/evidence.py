@@ -22,6 +22,7 @@ from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
 from ..filter.codes import NOT_MEASURED, POSITION_ROW, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter
+from ..filter.kernels.records import FilterHistory
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution, solve
@@ -111,6 +112,8 @@ class ErrorModelSearch:
         Whether there are any, whose place depends on that of the IMU in the mounting.
     claims : FixClaims
         What is known beforehand of the sigmas of the fixes.
+    drafted : bool
+        Whether the noise model of the IMU is a draft, which the flight corrects both ways.
     """
 
     requested_errors: FixErrors
@@ -125,6 +128,7 @@ class ErrorModelSearch:
     events_with_fixes: bool = False
     exposures: bool = False
     claims: FixClaims = NO_CLAIMS
+    drafted: bool = False
 
     @property
     def requested_model(self) -> ErrorModel:
@@ -167,6 +171,23 @@ class ErrorModelSearch:
             return solve(*again, self.second_pass, self.progress)
         except DataError:
             return None
+
+    def misfit_of(self, posed: Posed, model: ErrorModel) -> float:
+        """Return `misfit` of one pass with another error model; infinite without a solution.
+
+        Nothing is smoothed, unless measurements are linearised about what is.
+        """
+        problem, start = widened(*posed, self.layout(model))
+        if problem.measurements:
+            quick = replace(self, second_pass="off", progress=lambda _: None)
+            solution = quick.solved(posed, model)
+            return np.inf if solution is None else misfit(solution)
+        history = make_history(problem.epochs, problem.layout, smoothed=False)
+        try:
+            run_filter(problem, start, history)
+        except DataError:
+            return np.inf
+        return misfit_of_pass(history, problem.gate)
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
@@ -254,11 +275,15 @@ def misfit(solution: Solution) -> float:
 
     The correlations between the components of an innovation are left out.
     """
-    measured = np.flatnonzero(solution.verdict[:, POSITION_ROW] != NOT_MEASURED)
-    rejected = solution.verdict[measured, POSITION_ROW] == REJECTED
-    gate = solution.problem.gate
-    size = np.where(rejected, gate, np.minimum(solution.nis[measured, 0], gate))
-    log_sigma = np.sum(np.log(solution.innovation_sigma[measured, :3]), axis=1)
+    return misfit_of_pass(solution, solution.problem.gate)
+
+
+def misfit_of_pass(passed: Solution | FilterHistory, gate: float) -> float:
+    """Evaluate `misfit` of what a forward pass left, under the gate of its problem."""
+    measured = np.flatnonzero(passed.verdict[:, POSITION_ROW] != NOT_MEASURED)
+    rejected = passed.verdict[measured, POSITION_ROW] == REJECTED
+    size = np.where(rejected, gate, np.minimum(passed.nis[measured, 0], gate))
+    log_sigma = np.sum(np.log(passed.innovation_sigma[measured, :3]), axis=1)
     return float(np.sum(size + 2.0 * log_sigma))
 
 

@@ -10,7 +10,7 @@ Such a sensor looks like a wrong lever arm or clock. That is no state: what it m
     g of load more                          turns alone, as a lever arm does
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -245,12 +245,30 @@ class DynamicsTrial:
         )
 
 
+def dynamics_trials(
+    search: ErrorModelSearch,
+    posed: Posed,
+    model: ErrorModel,
+    solution: Solution,
+    every: Sequence[SensorDynamics],
+) -> list[DynamicsTrial]:
+    """Look for the delays of sensors that explain the innovations best; none without any.
+
+    The parameters are those of `dynamics_trial`.
+    """
+    opened = replace(posed[0], gate=np.inf, huber_threshold=np.inf)
+    same = search.misfit_of((opened, posed[1]), model) if every else np.nan
+    trials = (dynamics_trial(search, posed, model, solution, one, same) for one in every)
+    return [trial for trial in trials if trial is not None]
+
+
 def dynamics_trial(
     search: ErrorModelSearch,
     posed: Posed,
     model: ErrorModel,
     solution: Solution,
     dynamics: SensorDynamics,
+    same: float,
 ) -> DynamicsTrial | None:
     """Look for the delay of a sensor that explains the innovations best.
 
@@ -268,6 +286,8 @@ def dynamics_trial(
         The solution with this model.
     dynamics : SensorDynamics
         The delay.
+    same : float
+        The misfit without it, with an open gate.
 
     Returns
     -------
@@ -276,16 +296,13 @@ def dynamics_trial(
     """
     search.progress(f"{dynamics.name}, as a rival of what is suspected")
     problem, start = posed
-    quick = replace(search, second_pass="off", progress=lambda _: None)
     opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
 
     def cost(value: Array) -> float:
-        one = quick.solved((dynamics.corrected(opened, solution, value), start), model)
-        size = np.inf if one is None else misfit(one)
+        size = search.misfit_of((dynamics.corrected(opened, solution, value), start), model)
         return size if np.isfinite(size) else np.nan
 
     steps = np.diag(dynamics.trial)
-    same = cost(0.0 * steps[0])
     more, less = (np.array([cost(sign * step) for step in steps]) for sign in (1.0, -1.0))
     hessian = np.diag(more + less - 2.0 * same)
     for i, j in combinations(range(len(steps)), 2):

@@ -326,7 +326,9 @@ def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:
     return float(0.5 * b @ np.linalg.solve(M, b))
 
 
-def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorModel | None:
+def with_variances(
+    model: ErrorModel, suspected: VarianceHypothesis, drafted: bool = False
+) -> ErrorModel | None:
     """Return an error model with variances as a hypothesis has them.
 
     Parameters
@@ -335,22 +337,26 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
         What is estimated already.
     suspected : VarianceHypothesis
         The factors.
+    drafted : bool
+        Whether nobody states the noise of the IMU: a draft is a class's, and may be too large.
 
     Returns
     -------
     ErrorModel or None
-        The model; None where fixes are better than they claim, which their user may have reasons
+        The model; None where noise is smaller than it is stated, which its user may have reasons
         for.
     """
-    larger = [max(1.0, suspected.factors.get(name, 1.0)) for name in FAMILIES[suspected.family]]
-    if suspected.family == "GNSS sigmas":
-        if max(larger) <= 1.0:
-            return None
-        return replace(model, fixes=with_larger_white_share(model.fixes, *larger))
+    of_gnss = suspected.family == "GNSS sigmas"
+    least = 0.0 if drafted and not of_gnss else 1.0
+    factors = [max(least, suspected.factors.get(name, 1.0)) for name in FAMILIES[suspected.family]]
+    if least > 0.0 and max(factors) <= 1.0:
+        return None
+    if of_gnss:
+        return replace(model, fixes=with_larger_white_share(model.fixes, *factors))
     if suspected.family == BIAS_NOISE:
-        gyro, accel = np.multiply(model.imu.driving_noise, larger).tolist()
+        gyro, accel = np.multiply(model.imu.driving_noise, factors).tolist()
         return replace(model, imu=replace(model.imu, driving_noise=(gyro, accel)))
-    gyro, accel = np.multiply(model.imu.white_noise, larger).tolist()
+    gyro, accel = np.multiply(model.imu.white_noise, factors).tolist()
     return replace(model, imu=replace(model.imu, white_noise=(gyro, accel)))
 
 

@@ -177,6 +177,10 @@ class RecordingSource:
     sampling_rate_hz: float
 
 
+DRAFT_SOURCE = "drafted by insgnss inspect: "
+"""The beginning of `NoiseModel.source` of a draft."""
+
+
 @dataclass(frozen=True, repr=False)
 class NoiseModel:
     """Noise of three gyroscopes and three accelerometers, and what it was estimated from.
@@ -211,6 +215,11 @@ class NoiseModel:
     accel: tuple[AxisNoise, AxisNoise, AxisNoise]
     recordings: tuple[RecordingSource, ...] = ()
     misfit: tuple[str, ...] = ()
+
+    @property
+    def drafted(self) -> bool:
+        """Whether it is a draft, in which the class of the sensor stands for what is not known."""
+        return self.source.startswith(DRAFT_SOURCE)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))

@@ -161,11 +161,14 @@ def use(
             topics.append(inflation.topic)
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
+    until = ""
     if verdict != NO and (questions := list(_questions(f))):
         verdict, reasons, beyond = EXCEPT, [*questions, *reasons], np.ones_like(beyond)
+        until = " until the question below is answered"
     return {
         "verdict": verdict,
-        "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
+        "sentence": PHRASES[verdict]
+        + (f" {judged.listed(beyond)}{until}" if verdict == EXCEPT else ""),
         "images": [name for name, out in zip(judged.names, beyond, strict=False) if out],
         "reasons": [*against, *reasons],
         "topics": list(dict.fromkeys(topics)),
@@ -365,7 +368,7 @@ def _insufficient(
         faults.setdefault((column, help_, *outages), []).append((ratio, why, rows))
     for (_, help_, *outages), places_of_it in faults.items():  # one fault, one sentence
         rows = np.logical_or.reduce([rows for _, _, rows in places_of_it])
-        _, why, _ = max(places_of_it, key=lambda place: place[0])
+        _, why, _ = max(places_of_it, key=lambda run: run[0])
         row, column = _weakest(sigma / needed, rows)
         if column < 3:
             size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))

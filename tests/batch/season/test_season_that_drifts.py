@@ -64,7 +64,10 @@ def test_a_lever_arm_that_drifts_is_named_with_its_rate_and_a_constant_one_is_no
     assert 2 <= len(refused) <= 6
     for row in refused:
         assert row["name"].startswith("wing3_")
-        assert "antenna lever arm: from the IMU off by down -0.0" in row["reason"]
+        assert (
+            "antenna lever arm: the vector from the IMU to the antenna is off by down -0.0"
+            in row["reason"]
+        )
     for row in rows:  # each flight by itself, in sigmas of three components
         equipment, k = row["name"].split("_")
         true = rig(int(k), RATE_MM if equipment == "wing3" else 0.0).antenna_lever_b

@@ -37,6 +37,14 @@ ROWS = "a.jpg,2021-03-18 12:19:04.623{0}\nb.jpg,2021-03-18 12:19:06.323{0}\n"
         ("file,GPST\n" + ROWS.format(""), None, -18.0),
         (ROWS.format("").replace("-03-18 ", ":03:18 "), "utc", 0.0),
         (ROWS.format("").replace("2021-03-18 ", "2021/03/18,"), "utc", 0.0),
+        ("Foto;Zeit\n" + ROWS.format("").replace(",2021-03-18", ";18.03.2021"), "utc", 0.0),
+        (ROWS.format("").replace("2021-03-18 ", "18.3.2021,"), "utc", 0.0),
+        (
+            "SourceFile,CreateDate,SubSecTime\n./x/a.jpg,2021:03:18 12:19:04,623\n"
+            "./x/b.jpg,2021:03:18 12:19:06,323\n",
+            "utc",
+            0.0,
+        ),
         (
             "SourceFile,DateTimeOriginal,SubSecDateTimeOriginal\n"
             "./x/a.jpg,2021:03:18 12:19:04,2021:03:18 12:19:04.623\n"

@@ -154,6 +154,9 @@ def test_whose_noise_is_named():
     assert (check.name, check.verdict) == ("IMU noise", "note")
     assert "gyro.white_noise 3.00" in check.found
     assert "tune --flight" in check.advice
+    draft = variance_check(replace(imu, factors={"gyro.white_noise": 0.25}), drafted=True)
+    assert draft.verdict == "ok"
+    assert "gyro.white_noise 0.25 times as large" in draft.found
 
 
 @pytest.mark.parametrize(
@@ -239,7 +242,9 @@ def test_an_exact_lever_arm_is_contradicted_and_not_estimated():
     values = {OF_LEVER_ARM[0]: (0.2, 0.004)}
     (arm,) = advice(replace(ASKEW, antenna_sigma_m=0.0), SOLUTION, hypothesis(values))
     assert arm.verdict == "contradiction"
-    assert arm.found.startswith("another one explains the innovations, from the IMU off by")
+    assert arm.found.startswith(
+        "another one explains the innovations, the vector from the IMU to the antenna is off by"
+    )
     assert "stated as exact" in arm.expected
     assert "filter.lever_arm" not in arm.advice
     assert "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated" in arm.advice

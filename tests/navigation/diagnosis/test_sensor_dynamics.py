@@ -108,7 +108,10 @@ def test_a_wrong_lever_arm_is_no_late_sensor(size_m: float) -> None:
     sim = insgnss.simulate("ign8", 5.0, imu_rate_hz=100.0, seed=700)
     off = sim.mounting.C_cb @ np.array([0.0, 0.0, size_m])
     mounting = replace(sim.mounting, antenna_m=sim.mounting.antenna_m + off)
-    with pytest.raises(insgnss.InsgnssError, match="antenna lever arm: from the IMU off by down"):
+    with pytest.raises(
+        insgnss.InsgnssError,
+        match="antenna lever arm: the vector from the IMU to the antenna is off by down",
+    ):
         estimated(sim, (sim.imu, sim.gnss, mounting))
 
 

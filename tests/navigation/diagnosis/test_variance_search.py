@@ -121,6 +121,14 @@ def test_what_a_hypothesis_changes_in_the_error_model():
         3.0 * NAVCHIP.gyro[0].gauss_markov[0].sigma
     )
     assert own.accel == NAVCHIP.accel
+    # smaller noise than somebody states is not adopted, that of a draft is
+    quiet = {"gyro.driving_noise": 0.5, "accel.driving_noise": 0.2}
+    quieter = replace(driven, factors=quiet)
+    assert with_variances(model, quieter) is None
+    drafted = with_variances(model, quieter, drafted=True)
+    assert drafted is not None
+    assert drafted.imu.driving_noise == (0.5, 0.2)
+    assert with_variances(model, better, drafted=True) is None
 
 
 @pytest.mark.parametrize(

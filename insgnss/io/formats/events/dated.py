@@ -36,14 +36,16 @@ from ..text.order import Lines, note
 from ..text.text import FileLine, Source, TextTable, data_lines, load
 from .events import events_in_order
 
+_DAY = r"(?:(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})|(\d{1,2})\.(\d{1,2})\.(\d{4}))"  # or day first
 DATED_STAMP = re.compile(
-    r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})[ T_]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,](\d{1,9}))?"
+    _DAY + r"[ T_]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,](\d{1,9}))?"
     r"\s*(Z|UTC|GPST|[+-]\d{2}:?\d{2})?",
     re.ASCII,
 )
-DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})", re.ASCII)
+DAY = re.compile(_DAY, re.ASCII)
 SPEC = TableSpec(DATED, "time", ("time", "image time", "image date time"), text=True)
 DATED_QUOTES = " \"'"
+SUBSECONDS = ("subsectimeoriginal", "subsectime")  # of exiftool, beside times without them
 FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
 TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
 UTC_OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
@@ -119,12 +121,26 @@ def read_dated_events(path: Source, options: ReadOptions = STATED_NOTHING) -> Ca
         days = named_table.strings("date")
         texts = tuple(f"{day} {clock}" for day, clock in zip(days, texts, strict=True))
     header = table.layout.header_fields or ()
+    texts = _with_subseconds(table, texts)
     named_columns = [index[key] for key in ("time", "date") if key in index]
     title = " ".join(header[k] for k in named_columns if k < len(header))
     images = named_table.strings("image") if "image" in index else None
     if images is not None:
         images = tuple(Path(name.replace("\\", "/")).name for name in images)
     return dated_events(images, texts, table, title, options)
+
+
+def _with_subseconds(table: TextTable, texts: Sequence[str]) -> tuple[str, ...]:
+    """Return times with the decimals that exiftool has in a column of their own."""
+    header = [name.strip().lower() for name in table.layout.header_fields or ()]
+    column = next((header.index(name) for name in SUBSECONDS if name in header), None)
+    if column is None or any("." in text for text in texts):
+        return tuple(texts)
+    decimals = (row[column].strip(DATED_QUOTES) for row in table.rows)
+    return tuple(
+        f"{text.strip(DATED_QUOTES)}.{digits}" if digits.isdecimal() else text
+        for text, digits in zip(texts, decimals, strict=True)
+    )
 
 
 def table_of_dates(path: Source) -> TextTable:
@@ -194,7 +210,7 @@ def dated_events(
         GPST, with standard deviations where stamps have few digits.
     """
     stamps = [_stamp(text, lines, row) for row, text in enumerate(texts)]
-    stated = stated_scale(title, {stamp[8] for stamp in stamps if stamp[8]})
+    stated = stated_scale(title, {stamp[11] for stamp in stamps if stamp[11]})
     scale = stated or options.time_scale
     if scale is None:
         raise lines.error_at(
@@ -205,7 +221,7 @@ def dated_events(
     times = [_gpst(stamp, scale, lines, row) for row, stamp in enumerate(stamps)]
     week = times[0][0] if options.gps_week is None else options.gps_week
     time = np.array([tow + (own_week - week) * WEEK_S for own_week, tow in times])
-    time, sigma, notes = rounded(time, max(len((s[7] or "").rstrip("0")) for s in stamps))
+    time, sigma, notes = rounded(time, max(len((s[10] or "").rstrip("0")) for s in stamps))
     events = events_in_order(images, time, lines, week, notes)
     matters = sigma * 12.0**0.5 >= MATTERS_S
     return replace(
@@ -289,9 +305,12 @@ def stated_scale(title: str, signs: set[str]) -> str | None:
 
 def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int, float]:
     """GPS week and seconds of a stamp with an offset of its own, or of a scale."""
-    own = match[8] if match[8] and match[8][0] in "+-" else ""
+    own = match[11] if match[11] and match[11][0] in "+-" else ""
     offset = offset_of(scale)
-    year, month, day, hour, minute, second = (int(match[k]) for k in range(1, 7))
+    year, month, day = (
+        int(x) for x in (match.group(1, 2, 3) if match[1] else match.group(6, 5, 4))
+    )
+    hour, minute, second = (int(match[k]) for k in range(7, 10))
     try:
         if second > 60:  # which a leap second is called
             raise ValueError(second)
@@ -306,4 +325,4 @@ def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int
         raise lines.error_at(row, f"{shown(match[0])} is no date; correct the line") from None
     except InputError as error:
         raise lines.error_at(row, str(error)) from None
-    return week, tow + (float(f"0.{match[7]}") if match[7] else 0.0)
+    return week, tow + (float(f"0.{match[10]}") if match[10] else 0.0)

@@ -41,7 +41,8 @@ CLAIMED_SCALE: Mapping[str, tuple[float, float]] = {
     CALIBRATED_ORIGIN: (-0.15, 0.35),
     # squares of 0.36 to 0.53 with the engine's own sigmas there; also of Emlid, whose engine it is
     "rtklib_pos": (-0.4, 0.35),
-    # of a u-blox as a rule, whose estimate is one number for open sky and for town; chosen
+    # of a u-blox as a rule, which claims too much under multipath (PX4-Autopilot issue 9549,
+    # ArduPilot pull request 15109, both without a number): one number for open sky and town; chosen
     "ardupilot": (0.0, 0.5),
     "ulog": (0.0, 0.5),
     # of an inertial solution (Trimble's POSPac, NovAtel's Inertial Explorer); chosen
