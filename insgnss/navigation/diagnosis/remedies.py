@@ -30,9 +30,12 @@ from .estimated import constant, fix_counts
 from .evidence import ErrorModelSearch
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
-    FixSpell,
+    AS_FLOAT,
+    ENLARGED,
+    LEFT_OUT,
     incorrect_check,
     undecided_spells,
+    with_converging_fixes,
     with_steps,
     withhold_incorrect_fixes,
 )
@@ -79,8 +82,8 @@ class Case:
         A contradiction that ends the run, the remark that follows it, and the checks to accept.
     followed : Sensitivity or None
         What went along with the first filter pass.
-    spells : tuple of FixSpell
-        Spells of incorrect fixes that are withheld.
+    spells : tuple of Finding
+        What was done with spells of incorrect fixes.
     other_model : bool
         Whether a remedy changed the error model; no other one is searched then.
     checks : tuple of Finding
@@ -104,7 +107,7 @@ class Case:
     failure: DataError | None = None
     refused: tuple[Finding, str, tuple[str, ...]] | None = None
     followed: Sensitivity | None = None
-    spells: tuple[FixSpell, ...] = ()
+    spells: tuple[Finding, ...] = ()
     other_model: bool = False
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
@@ -223,14 +226,26 @@ def _without_incorrect_fixes(case: Case) -> Case | None:
     search, start = case.search, case.start
     assert start is not None
     search.progress("which fixes stand apart")
-    problem, spells = withhold_incorrect_fixes(case.problem, start)
+    errors, done = case.errors, AS_FLOAT
+    converging = with_converging_fixes(case.problem, start, search.layout_factory, errors)
+    if converging is not None:
+        problem, start, errors, spells = converging
+        search = replace(search, requested_errors=errors)
+    else:
+        done = LEFT_OUT
+        problem, spells = withhold_incorrect_fixes(case.problem, start)
+        # a step whose level nothing tells is carried by the covariance, and not left out
+        if not spells and not (case.solution and undecided_spells(case.solution)):
+            problem, spells = withhold_incorrect_fixes(case.problem, start, closing=False)
     if not spells:
         return None
     try:
         solution = solve(problem, start, search.second_pass, search.progress)
     except DataError:
         return None
-    return replace(case, problem=problem, solution=solution, failure=None, spells=spells)
+    check = incorrect_check(problem, spells, done)
+    case = replace(case, problem=problem, errors=errors, search=search, start=start)
+    return replace(case, solution=solution, failure=None, spells=(check,))
 
 
 def _without_incorrect_values(case: Case) -> Case | None:
@@ -349,13 +364,11 @@ def _with_error_model(case: Case) -> Case:
 
 def _with_undecided_steps(case: Case) -> Case:
     """Say which fixes are withheld, and enlarge the covariance where nothing tells which level."""
-    solution, notes = case.solution, list[Finding]()
+    solution, notes = case.solution, [*case.spells]
     assert solution is not None
-    if case.spells:
-        notes.append(incorrect_check(solution.problem, case.spells, True))
     if undecided := undecided_spells(solution):
         solution = with_steps(solution, undecided)
-        notes.append(incorrect_check(solution.problem, tuple(undecided), False))
+        notes.append(incorrect_check(solution.problem, tuple(undecided), ENLARGED))
     return replace(case, solution=solution, checks=(*case.checks, *notes))
 
 
