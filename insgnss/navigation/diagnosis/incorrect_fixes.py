@@ -34,8 +34,14 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.wording import some
 from ...records import Array, Finding, Question
-from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION_ROW, REJECTED
-from ..filter.epochs import UNFIXED_GROUP
+from ..filter.codes import (
+    COVARIANCE_RESET,
+    NOT_MEASURED,
+    POSITION_ROW,
+    REJECTED,
+    UNFIXED_GROUP,
+    USED,
+)
 from ..filter.event_chain import SharedError
 from ..filter.filter import make_history, run_filter
 from ..filter.kernels.records import Epochs, FilterHistory
@@ -55,6 +61,8 @@ STEP_SIGMAS = 3.0  # of what the fixes claim, below which a step is none: code s
 PASSES = 4  # of the filter, each of which may show further steps
 CONVERGING_S = 30.0  # correlation time of a float solution that converges within a minute
 LARGEST_FLOAT_M = 2.0  # step of a float solution; larger ones are glitches
+# innovation of its first fix over that before: a wrong IMU leaves the fixes by and by
+SUDDEN = 3.0
 LONGEST_FLOAT_S, MOST_FLOAT = 90.0, 0.65  # after a step; share of the fixes
 
 
@@ -184,10 +192,18 @@ def with_converging_fixes(
 
 
 def _steps(problem: EstimationProblem, history: FilterHistory) -> list[FixSpell]:
-    """Return the spells of rejected fixes in which the covariance was reset."""
+    """Return the spells of rejected fixes in which the covariance was reset, if all are sudden."""
     verdict = history.verdict[:, POSITION_ROW]
-    spells = rejected_spells(problem, history)
-    return [one for one in spells if COVARIANCE_RESET in verdict[one.first : one.last + 1]]
+    spells = [
+        one
+        for one in rejected_spells(problem, history)
+        if COVARIANCE_RESET in verdict[one.first : one.last + 1]
+    ]
+    size = np.linalg.norm(history.innovation[:, :3], axis=1)
+    used = np.flatnonzero(verdict == USED)
+    before = [used[np.searchsorted(used, one.first) - 1] for one in spells]
+    sudden = [size[one.first] > SUDDEN * size[k] for one, k in zip(spells, before, strict=True)]
+    return spells if all(sudden) else []
 
 
 def _float(steps: list[FixSpell]) -> bool:

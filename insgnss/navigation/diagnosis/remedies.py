@@ -24,10 +24,11 @@ from ..filter.solution import Solution, solve
 from ..innovations.incorrect_values import suspicious, withhold_incorrect_values
 from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
-from .decision import diagnose
+from .constants import STRONG
+from .decision import Stage, diagnose, late_sensors
 from .drift import hidden_drift
 from .estimated import constant, fix_counts
-from .evidence import ErrorModelSearch
+from .evidence import ErrorModelSearch, follows
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
     AS_FLOAT,
@@ -221,6 +222,27 @@ def _filtered(case: Case) -> Case:
     return replace(case, solution=solution)
 
 
+def _with_late_sensor(case: Case) -> Case | None:
+    """Correct a sensor that follows the motion late, or worse in turns, and so loses the fixes."""
+    search, start, gate = case.search, case.start, case.problem.gate
+    assert start is not None
+    opened = replace(case.problem, gate=np.inf), start
+    try:
+        shown = solve(*opened, "off", search.progress)
+        trials = late_sensors(search, opened, Stage(shown, search.requested_model), STRONG)
+        for trial in trials:
+            problem = replace(trial.posed[0], gate=gate)
+            solution = solve(
+                problem, start, search.second_pass, search.progress, about=trial.solution
+            )
+            if follows(solution) and not fix_counts(solution.verdict)[2]:
+                case = replace(case, problem=problem, solution=solution, failure=None)
+                return replace(case, checks=(*case.checks, trial.check()))
+    except DataError:
+        return None
+    return None
+
+
 def _without_incorrect_fixes(case: Case) -> Case | None:
     """Withhold the fixes of spells that stand apart from the rest."""
     search, start = case.search, case.start
@@ -381,6 +403,11 @@ REMEDIES: tuple[Remedy, ...] = (
     ),
     # no remedy itself: the one above changes what is filtered, those below look at the outcome
     Remedy("filter and smooth", lambda case: not case.failed, _filtered),
+    Remedy(
+        "a sensor that follows the motion late",
+        lambda case: case.loses_fixes and case.moving,
+        _with_late_sensor,
+    ),
     Remedy("incorrect fixes", lambda case: case.loses_fixes, _without_incorrect_fixes),
     Remedy(
         "incorrect values of further sensors",
