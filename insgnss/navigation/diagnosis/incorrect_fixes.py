@@ -209,9 +209,9 @@ def _steps(problem: EstimationProblem, history: FilterHistory) -> list[FixSpell]
 def _float(steps: list[FixSpell]) -> bool:
     """Tell whether steps are those of float solutions: two and more, none takes another back."""
     size = [float(np.linalg.norm(one.step)) for one in steps]
-    of_both = [float(np.linalg.norm(a.step + b.step)) for a, b in pairwise(steps)]
+    sums = [float(np.linalg.norm(a.step + b.step)) for a, b in pairwise(steps)]
     back = any(
-        both < TAKEN_BACK * max(pair) for both, pair in zip(of_both, pairwise(size), strict=True)
+        total < TAKEN_BACK * max(pair) for total, pair in zip(sums, pairwise(size), strict=True)
     )
     return len(steps) > 1 and not back and max(size) < LARGEST_FLOAT_M
 
@@ -363,8 +363,8 @@ def undecided_spells(solution: Solution) -> list[FixSpell]:
     length_s = float(ep.time[one.last] - ep.time[one.first])
     if (before.size == 0) == (after.size == 0) or length_s < LEAST_SIDE * float(ep.time[-1]):
         return spells
-    other = before if before.size else after
-    return [one, replace(one, first=int(other[0]), last=int(other[-1]))]
+    longer = before if before.size else after
+    return [one, replace(one, first=int(longer[0]), last=int(longer[-1]))]
 
 
 def with_steps(solution: Solution, spells: list[FixSpell]) -> Solution:
