@@ -51,7 +51,7 @@ def limits(s: Summary) -> Section:
 
 def hidden(s: Summary) -> Section:
     """Return what no data of the flight can reveal."""
-    caption = "no flight data reveal these errors, and no sigma includes them"
+    caption = "no flight data reveal these errors; sigmas include what a line says"
     rows = [(x["name"], x["effect"], x["help"]) for x in s["hidden_errors"]]
     head = ("Error", "what it does", "how to exclude it")
     return _captioned("What no flight can show", caption, Table(rows, head), brief=True)

@@ -201,3 +201,11 @@ def test_lever_arms_from_the_imu_in_body_axes_come_back():
     np.testing.assert_allclose(mounting.boresight, B, atol=1e-15)
     with pytest.raises(InputError, match="antenna_lever_b"):
         Mounting.from_body([0.3, -0.2])
+
+
+@pytest.mark.parametrize(
+    ("stated", "of_axes"), [(None, (0.005, 0.005, 0.02)), (0.003, (0.003,) * 3)]
+)
+def test_heights_of_an_unstated_phase_centre_are_known_less(stated, of_axes):
+    """Oracle: a caliper's 5 mm, and 20 mm downwards for phase centres of 30 to 60 mm; as stated."""
+    assert Mounting(antenna_sigma_m=stated).antenna_sigmas_b == of_axes

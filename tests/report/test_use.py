@@ -18,30 +18,34 @@ def with_need(**need):
 
 
 def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; 1.5 sigmas of a fix, a good flight's tilt, ten median headings."""
+    """Oracle: by hand; 1.5 sigmas of a fix, in height with 20 mm of a phase centre that nobody
+    stated, a good flight's tilt, ten median headings.
+    """
     s = summary(diagnostics(), eo())
     assert (s["use"]["verdict"], s["use"]["images"], s["use"]["reasons"]) == ("use", [], [])
-    assert s["use"]["need_m"] == pytest.approx([0.03, 0.03, 0.045])
+    assert s["use"]["need_m"] == pytest.approx([0.03, 0.03, 1.5 * np.hypot(0.03, 0.02)])
     assert s["use"]["need_deg"] == pytest.approx([0.05, 0.05, 0.2])
     assert s["use"]["measure"] == "receiver and IMU"
     assert s["headline"].startswith("Use it: 30 images")
     colour, why, _ = run_verdict(s)
     assert colour == "good"
     assert "known to 2.0 / 3.0 / 4.0 mm and 0.004 / 0.003 / 0.02 deg" in why
-    assert "needed: 30.0 / 30.0 / 45.0 mm and 0.05 / 0.05 / 0.2 deg" in why
+    assert "needed: 30.0 / 30.0 / 54.1 mm and 0.05 / 0.05 / 0.2 deg" in why
 
 
 def test_the_usual_need_is_that_of_a_fix_in_the_axes_of_the_images(
     diagnostics, eo, summary
 ) -> None:
     """Oracle: sigmas 20, 24, 30 mm north, east, down, and a slow error of 10, 7, 40 mm: root sums
-    of squares times 1.5, east first; one that few fixes have does not count.
+    of squares times 1.5, east first; one that few fixes have does not count, and a lever arm
+    whose sigma is stated adds none in height.
     """
     sigma = np.broadcast_to([0.02, 0.024, 0.03], (1200, 3))
     share = (1.0, 1.0, 1.0)
     slow = TimeCorrelatedError(60.0, 1200, (0.01, 0.007, 0.04), share, share)
     few = TimeCorrelatedError(60.0, 500, (1.0, 1.0, 1.0), share, share)
-    s = summary(diagnostics(innovation_sigma=sigma, time_correlated=(slow, few)), eo())
+    solved = diagnostics(innovation_sigma=sigma, time_correlated=(slow, few))
+    s = summary(solved, eo(), mounting={"antenna_sigma_m": 0.005})
     need = 1.5 * np.hypot([0.024, 0.02, 0.03], [0.007, 0.01, 0.04])
     assert s["use"]["need_m"] == pytest.approx(need.tolist())
 

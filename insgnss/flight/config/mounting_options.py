@@ -27,12 +27,14 @@ class MountingTable:
         kind="lever",
         unit="m",
     )
-    antenna_sigma_m: float = option(
-        0.005,
-        "standard deviation of each component of the lever arm from the IMU to the antenna"
-        " (default: measured by caliper), carried as states, so that every covariance includes"
-        " it; 0: exact, estimated only with filter.lever_arm",
+    antenna_sigma_m: float | None = option(
+        None,
+        "standard deviation of each component of the lever arm from the IMU to the antenna's phase"
+        " centre, carried as states, so that every covariance includes it; where it is not stated,"
+        " the phase centre may be higher than the reference point that a caliper reaches; 0: exact,"
+        " estimated only with filter.lever_arm",
         unit="m",
+        usual="0.005, in height 0.02",
         low=0.0,
         high=10.0,
     )

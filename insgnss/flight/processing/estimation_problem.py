@@ -217,7 +217,7 @@ def stated_constants(flight: Flight) -> dict[str, float]:
     if flight.gnss.stationary is not None:
         return {}
     sigmas = {
-        LEVER_ARM: (options.lever_arm, flight.mounting.antenna_sigma_m),
+        LEVER_ARM: (options.lever_arm, max(flight.mounting.antenna_sigmas_b)),
         TIME_OFFSET.group: (options.time_offset, flight.gnss.time_sigma_s),
     }
     return {group: sigma for group, (requested, sigma) in sigmas.items() if sigma and not requested}
@@ -244,7 +244,13 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     off = gnss.gm_sigma == "off"
     stated = stated_constants(flight)
     return FixErrors(
-        lever_arm_m=options.lever_arm_sigma_m if options.lever_arm else stated.get(LEVER_ARM),
+        lever_arm_m=(
+            options.lever_arm_sigma_m
+            if options.lever_arm
+            else flight.mounting.antenna_sigmas_b
+            if LEVER_ARM in stated
+            else None
+        ),
         time_offset_s=(
             options.time_offset_sigma_s if options.time_offset else stated.get(TIME_OFFSET.group)
         ),

@@ -238,7 +238,9 @@ def variance_check(
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     return Question("IMU noise", "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, {evidence}; solved with it",
-        "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors",
+        "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
+        + "; GNSS positions that swing over a minute or two look the same, and shift all images:"
+        " compare with a second base" * ("accel.driving_noise" in larger),
     )
 
 

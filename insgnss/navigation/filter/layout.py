@@ -68,8 +68,8 @@ class FixErrors:
 
     Parameters
     ----------
-    lever_arm_m : float, optional
-        A-priori sigma of each component of the antenna's lever arm, m.
+    lever_arm_m : float or tuple of float, optional
+        A-priori sigma of all components of the antenna's lever arm, or of each of them, m.
     time_offset_s : float, optional
         A-priori sigma of the time offset of the stamps, s.
     clock_rate : float, optional
@@ -96,7 +96,7 @@ class FixErrors:
         Sigma of the white error of velocities in their standard deviations.
     """
 
-    lever_arm_m: float | None = None
+    lever_arm_m: float | tuple[float, ...] | None = None
     time_offset_s: float | None = None
     clock_rate: float | None = None
     gm_sigma: tuple[float, ...] | None = None
@@ -363,7 +363,8 @@ def _fix_states(fixes: FixErrors) -> list[Row]:
     """Return the states of the errors of the fixes."""
     rows = []
     if fixes.lever_arm_m is not None:
-        rows += [_constant(state, fixes.lever_arm_m) for state in OF_LEVER_ARM]
+        sigmas = np.broadcast_to(fixes.lever_arm_m, 3).tolist()
+        rows += [_constant(*of_axis) for of_axis in zip(OF_LEVER_ARM, sigmas, strict=True)]
     if fixes.time_offset_s is not None:
         rows.append(_constant(TIME_OFFSET, fixes.time_offset_s))
         if fixes.clock_rate is not None:

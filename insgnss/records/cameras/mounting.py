@@ -49,11 +49,32 @@ printed.
 """
 
 ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
+# the same downwards, where nobody states it: a caliper reaches the antenna's reference point, 30 to
+# 60 mm above which drones' antennas have their phase centre
+PHASE_CENTRE_SIGMA_M = 0.02
 MAX_LEVER_M = 100.0  # longer ones are in another unit
 LONGEST_DELAY_S = 10.0  # of a camera (s): a longer one is in another unit
 
 PAPER_CAMERA_FROM_BODY = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 """T of paper 000: half a turn about z; the image's right is backward, its down is left."""
+
+
+def antenna_sigmas(stated_m: float | None) -> tuple[float, float, float]:
+    """Return the standard deviations of a lever arm in body axes, m, stated (None: not) or usual.
+
+    Parameters
+    ----------
+    stated_m : float or None
+        That of each component, m.
+
+    Returns
+    -------
+    tuple of float
+        Forward, right, down, m.
+    """
+    if stated_m is None:
+        return (ANTENNA_SIGMA_M, ANTENNA_SIGMA_M, PHASE_CENTRE_SIGMA_M)
+    return (stated_m,) * 3
 
 
 def _opk(angles: Array, T: Array) -> Array:
@@ -162,7 +183,7 @@ class Mounting:
         viewing direction).
     boresight : (3, 3) B_b^b', the IMU's body axes to those that the camera realises.
     antenna_sigma_m : standard deviation of each component of the lever arm from the IMU to the
-        antenna, m; zero where it is exact.
+        antenna, m; zero where it is exact; None as `antenna_sigmas_b` says.
 
     Raises
     ------
@@ -175,10 +196,10 @@ class Mounting:
     imu_m: Array = field(default_factory=lambda: np.zeros(3))
     camera_from_body: Array = field(default_factory=lambda: np.array(PAPER_CAMERA_FROM_BODY))
     boresight: Array = field(default_factory=lambda: np.eye(3))
-    antenna_sigma_m: float = ANTENNA_SIGMA_M
+    antenna_sigma_m: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.antenna_sigma_m <= 10.0:
+        if self.antenna_sigma_m is not None and not 0.0 <= self.antenna_sigma_m <= 10.0:
             raise InputError.of_value(
                 "antenna_sigma_m", f"{self.antenna_sigma_m!r} m; it must be between 0 and 10 m"
             )
@@ -194,7 +215,7 @@ class Mounting:
         camera_lever_b: ArrayLike = (0.0, 0.0, 0.0),
         camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY,
         boresight: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-        antenna_sigma_m: float = ANTENNA_SIGMA_M,
+        antenna_sigma_m: float | None = None,
     ) -> "Mounting":
         """Return the mounting of lever arms that start at the IMU and stand in body axes.
 
@@ -239,6 +260,11 @@ class Mounting:
     def antenna_lever_b(self) -> Array:
         """(3,) m, from the IMU to the antenna phase centre, in body axes (M.2)."""
         return self.C_cb.T @ (self.antenna_m - self.imu_m)
+
+    @property
+    def antenna_sigmas_b(self) -> tuple[float, float, float]:
+        """(3,) m, standard deviations of `antenna_lever_b`, stated or usual, in body axes."""
+        return antenna_sigmas(self.antenna_sigma_m)
 
     @property
     def camera_lever_b(self) -> Array:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 from ...base.findings import Finding, ranked
 from ...base.wording import some
+from ...records.cameras.mounting import antenna_sigmas
 from ...records.states import OF_LEVER_ARM
 from ...records.verdicts import REMARK
 from .hidden import BORESIGHT, known_boresight
@@ -218,13 +219,15 @@ def lever_arm(f: Figures) -> Iterator[Finding]:
     if f["exposures"] is None or f["standing"] or not arm or "mounting" not in f["flight"]:
         return
     mounting, options = f["flight"]["mounting"], f["flight"]["filter"]
-    stated = mounting["antenna_sigma_m"]
+    least = 0.0
     if options["lever_arm"] and options["lever_arm_sigma_m"] != USUAL_ARM_SIGMA_M:
-        stated = max(stated, options["lever_arm_sigma_m"])
+        least = options["lever_arm_sigma_m"]
     beyond = [
-        abs(state["value"]) / math.hypot(state["sigma"], stated)
-        for state in arm.values()
-        if abs(state["value"]) > NEGLIGIBLE_ARM_M
+        abs(arm[of.axis]["value"]) / math.hypot(arm[of.axis]["sigma"], max(stated, least))
+        for of, stated in zip(
+            OF_LEVER_ARM, antenna_sigmas(mounting["antenna_sigma_m"]), strict=True
+        )
+        if of.axis in arm and abs(arm[of.axis]["value"]) > NEGLIGIBLE_ARM_M
     ]
     if not beyond or max(beyond) <= SIGNIFICANT:
         return

@@ -9,12 +9,18 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...base.findings import Finding
-from .wording import Figures, degrees, millimetres
+from ...base.units import STANDARD_GRAVITY
+from ...records.cameras.mounting import antenna_sigmas
+from .wording import Figures, degrees, millimetres, tilt
 
 PER_M = 100.0  # distance to the ground, m, at which an error of attitude is given in mm as well
 BORESIGHT_DEG = 0.1  # a bore-sight error whose effect is shown, deg: of an uncalibrated camera
 # deflection of the vertical, arcsec: usual in hills; in high mountains it is three times as large
 DEFLECTION_ARCSEC = 10.0
+# a swing of the fixes of amplitude A and period P is an acceleration A (tau / P)^2; the innovations
+# of simulated flights show one beyond this share of the sigma of the tilt times gravity: 0.3 m in
+# two minutes with a NavChip, 0.1 m in one
+SWING_S, SWING_NOTICED = 120.0, 0.5
 UNDULATION_M = 107.0  # largest height of the geoid above or below the ellipsoid, m (EGM2008)
 DATUMS_M = 0.8  # ITRF2020 against ETRS89 in Europe, m: 35 years of 2.4 cm since 1989
 BORESIGHT = "bore-sight"  # topic, and check that `accept` of a flight file takes
@@ -44,21 +50,32 @@ def _of_positions(f: Figures) -> Iterator[Finding]:
         "compare one height with a ground point; gnss.undulation_m states the undulation (now"
         f" {stated})",
     )
+    arm = antenna_sigmas(f["flight"].get("mounting", {}).get("antenna_sigma_m"))
     constants = [c["found"] for c in f["checks"] if c["name"] == UNSEEN]
+    effect = f"an error within the sigma of the lever arm shifts {moved} by as much"
     yield _note(
         "antenna phase centre and GNSS time stamps",
-        constants[0]
-        if constants
-        else f"an error within the sigma of the lever arm shifts {moved} by as much",
+        f"{constants[0] if constants else effect}; the sigmas allow for an arm off by"
+        f" {1e3 * arm[0]:g} mm, in height by {1e3 * arm[2]:g} mm",
         "measure the lever arm to the phase centre that the GNSS engine uses;"
         " mounting.antenna_sigma_m and gnss.time_sigma_s state how well both are known",
     )
-    tilt = DEFLECTION_ARCSEC / 3600.0
+    tilted = math.radians(tilt(f["trajectory"]["attitude_deg"]["median"]))
+    swing_m = SWING_NOTICED * STANDARD_GRAVITY * tilted * (SWING_S / math.tau) ** 2
+    yield _note(
+        "slow errors of the GNSS positions",
+        f"errors that change over minutes shift {moved} by as much: PPK over short baselines has 5"
+        f" to 10 mm of them. In {SWING_S:g} s the IMU of this flight does not notice a swing of"
+        f" about {millimetres(1e3 * swing_m)}",
+        "compare with a second base or a few ground points; gnss.gm_sigma and"
+        " gnss.correlation_time_s state such an error",
+    )
+    leans = DEFLECTION_ARCSEC / 3600.0
     allowed = (f["flight"].get("gnss") or {}).get("deflection_sigma_arcsec", 0.0)
     yield _note(
         "deflection of the vertical",
         f"a plumb line that is not normal to the ellipsoid tilts {moved} by as much:"
-        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(tilt)}; the sigmas allow"
+        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(leans)}; the sigmas allow"
         f" for {allowed:g} arcsec",
         "do nothing where this is below the accuracy that is needed; else state"
         " gnss.deflection_arcsec from a geoid model and its sigma, or adjust with ground control",

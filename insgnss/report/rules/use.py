@@ -12,7 +12,8 @@ it concerns. A remark that lifts no image beyond its need changes nothing for th
 
 The flight file states the need (`output.need_m`, `output.need_deg`). Without it the measure is what
 this receiver and this IMU give where all is well: an image is known at least as well as a single
-fix is predicted (`NEED_OF_FIX`), and turned no worse than `NEED_OF_MEDIAN` times the median image,
+fix is predicted (`NEED_OF_FIX`, in height with a phase centre that is not stated), and turned no
+worse than `NEED_OF_MEDIAN` times the median image,
 or than a good flight's tilt and heading (`accuracy.GOOD_TILT_DEG`, `GOOD_HEADING_DEG`).
 """
 
@@ -25,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.wording import some
+from ...records.cameras.mounting import PHASE_CENTRE_SIGMA_M
 from . import accuracy, fixes, places
 from .wording import Figures, at_time, degrees, millimetres, no_fix, span
 
@@ -196,6 +198,8 @@ def _usual_need(f: Figures, judged: JudgedPlaces) -> tuple[Array, Array]:
         return NEED_OF_MEDIAN[0] * median_m, need_deg
     most = 0.5 * f["counts"]["fixes"]
     slow = [np.square(e["sigma_m"]) for e in f["time_correlated_errors"] if e["fixes"] > most]
+    unstated = f["flight"].get("mounting", {}).get("antenna_sigma_m") is None
+    slow.append(np.square([0.0, 0.0, PHASE_CENTRE_SIGMA_M * unstated]))
     north, east, down = np.sqrt(np.square(np.array(predicted) * 1e-3) + sum(slow))
     return NEED_OF_FIX * np.array([east, north, down]), need_deg
 

@@ -218,6 +218,22 @@ def test_what_is_stated_not_to_be_known_exactly_is_in_every_covariance(sim):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("up_m", [0.0, 0.03, 0.05])
+def test_a_phase_centre_that_nobody_stated_is_in_the_sigma_of_the_heights(sim, up_m):
+    """Oracle: the exact motion; an antenna whose phase centre is 3 or 5 cm above the stated place.
+    Heights were 25 mm off at a sigma of 5, and calm.
+    """
+    unstated = replace(sim.mounting, antenna_sigma_m=None)
+    result = run(sim, lever=(0.0, 0.0, up_m), mounting=unstated)
+    z = normalised(sim, result)
+    assert np.abs(z).max() < 4.0
+    assert np.mean(z[:, 2] ** 2) > 0.1
+    assert result.report["use"]["verdict"] == "use"
+    (hidden,) = [one for one in result.report["hidden_errors"] if "phase centre" in one["name"]]
+    assert "off by 5 mm, in height by 20 mm" in hidden["effect"]
+
+
+@pytest.mark.slow
 def test_an_exact_lever_arm_is_contradicted_and_never_estimated(sim):
     """Oracle: what was planted, 10 cm; the contract, that a sigma of 0 is exact. A right one
     that is stated so is left alone.
