@@ -209,11 +209,16 @@ def _readout(solved: AdjustedBlock, excess: float, progress: Callable[[str], Non
     if solved.inputs.file.camera.readout_s is not None:
         return None
     progress("trying: readout time of the shutter")
-    estimate = readout_gain(solved.result, motion_of_images(solved.inputs))
+    options = solved.inputs.file.adjustment
+
+    def cleaned(problem: Problem, values: Unknowns) -> Adjusted:
+        return without_outliers(problem, values, options.limit_w).result
+
+    motion = motion_of_images(solved.inputs)
+    estimate = readout_gain(solved.result, motion, None if options.keep_all else cleaned)
     if estimate is None:
         return None
-    value, sigma, moved = estimate
-    gain = (value / sigma) ** 2
+    value, sigma, gain, moved = estimate
     return Trial(
         "readout time of the shutter",
         gain,
