@@ -26,6 +26,7 @@ from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
 from insgnss.photogrammetry.block_adjustment.aerial.positions import _of_images
 from insgnss.photogrammetry.block_adjustment.ground import ground_of
 from insgnss.photogrammetry.block_adjustment.run import adjust
+from insgnss.photogrammetry.block_adjustment.trials import trials
 from insgnss.photogrammetry.comparison.reading import read_poses
 
 BLOCK = "01_Observations/Camera/Block"
@@ -341,6 +342,19 @@ def test_positions_at_exposures_are_poses_without_attitude(tmp_path, name, text)
     assert_allclose(place, [-36.41144502, 174.63075195, 170.415], rtol=1e-12)
     assert_allclose(poses.time, [275295.301059])
     assert_allclose(np.sqrt(np.diagonal(poses.cov_position[0])), [0.013, 0.012, 0.021])
+
+
+@pytest.mark.slow
+def test_the_shift_of_one_line_stands_before_a_lever_arm_that_gains_less(flown, without_imu):
+    """Oracle: 12 cm that the test adds north to the first line: of the explanations the one with
+    the largest gain beyond its unknowns and what the best of three gains by chance is first.
+    """
+    done = adjust(block_of(flown, without_imu(shift=(19, 0.12))), write=False).solved
+    found = trials(done, 0.0, lambda _: None)
+    excess = [t.gain - t.unknowns - 2.0 * np.log(3.0) * ("line" in t.name) for t in found]
+    assert found[0].name == "shift of the flight line from 8001.tif to 8019.tif"
+    assert excess == sorted(excess, reverse=True)
+    assert found[0].value[1] == pytest.approx(0.12, abs=0.06)
 
 
 @pytest.mark.slow
