@@ -26,14 +26,20 @@ FORMS = (
     *("inpho_prj", "ign_opk", "odm_shots", "opf"),
 )  # those of `photogrammetry.comparison.reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differences.html
-  insgnss compare trajectory.sbet reference.pos --week 2008"""
+  insgnss compare trajectory.sbet reference.pos --week 2008
+  insgnss compare Adjustment Adjustment_without_gcp"""
 
 
 @dataclass(frozen=True)
 class Inputs(Checked):
     """What is compared."""
 
-    a: Path = argument(..., f"exterior orientation or trajectory: {', '.join(FORMS)}", cli="A")
+    a: Path = argument(
+        ...,
+        f"exterior orientation or trajectory: {', '.join(FORMS)}; or a directory or adjust.json of"
+        " insgnss adjust, of two of which points and cameras are compared, too",
+        cli="A",
+    )
     b: Path = argument(
         ..., "the second orientation or trajectory; differences are B minus A", cli="B"
     )

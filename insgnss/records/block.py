@@ -216,6 +216,11 @@ class ImageObservations:
         return int(self.uv.shape[0])
 
 
+# standard deviation of a coordinate that is not known (m): larger than a block, so that it weighs
+# nothing, and small enough that 13 digits hold the others beside it
+UNKNOWN_M = 1e4
+
+
 @dataclass(frozen=True, eq=False)
 class GroundPoints:
     """Points on the ground with coordinates and their covariance.
@@ -253,6 +258,17 @@ class GroundPoints:
                 f"GroundPoints.cov: of row {int(smallest.argmin())} not positive definite; give"
                 " each coordinate a standard deviation"
             )
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """(n, 3) coordinates that are not known: their values stand for nothing."""
+        return np.diagonal(self.cov, axis1=1, axis2=2) > (0.5 * UNKNOWN_M) ** 2
+
+    @property
+    def complete(self) -> "GroundPoints":
+        """The points of which all coordinates are known."""
+        rows = ~self.unknown.any(axis=1)
+        return GroundPoints(self.point[rows], self.position_m[rows], self.cov[rows])
 
     def __len__(self) -> int:
         """Return the number of points."""

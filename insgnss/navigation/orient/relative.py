@@ -108,7 +108,8 @@ def line_pairs(
 
     A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other
     goes on in the direction of the way before or of the way after it within 20 deg (or has no
-    neighbour within the gap), and if the camera turns about the vertical by less.
+    neighbour within the gap), and if the camera turns about the vertical by less, or the way goes
+    straight on before and after it, as that of a copter which yaws in the wind.
 
     Parameters
     ----------
@@ -147,7 +148,11 @@ def line_pairs(
     isolated = np.ones(n - 1, dtype=bool)
     isolated[:-1] &= ~joined
     isolated[1:] &= ~joined
-    on = (on | isolated) & near & moved & (np.abs(_turn(C_fc, up)) < STRAIGHT_RAD)
+    through = on.copy()
+    through[:-1] &= straight | ~joined
+    through[1:] &= straight | ~joined
+    turns = np.abs(_turn(C_fc, up)) >= STRAIGHT_RAD
+    on = (on | isolated) & near & moved & (through | ~turns)
     first = np.flatnonzero(on)
     goes_on = np.diff(first) == 1
     goes_on &= straight[first[:-1]] if first.size > 1 else goes_on

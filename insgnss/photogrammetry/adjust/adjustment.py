@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...base.advance import converged, share
 from ...base.errors import DataError
-from ...records.block import Array
+from ...records.block import UNKNOWN_M, Array
 from .normals import Linearised, Problem, assembled, corrections, cost, factorised, linearised
 from .start import directions, intersected
 from .unknowns import Unknowns
@@ -210,6 +210,8 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
 def redundancy_of(problem: Problem) -> int:
     """Return the number of observations less that of unknowns.
 
+    Coordinates of points that are not known are no observations.
+
     Parameters
     ----------
     problem : Problem
@@ -220,7 +222,10 @@ def redundancy_of(problem: Problem) -> int:
     int
         The redundancy.
     """
-    n = 2 * int(problem.rays.active.sum()) + sum(len(group.weight) for group in problem.groups)
+    weights = [group.weight for group in problem.groups]
+    n = 2 * int(problem.rays.active.sum()) + sum(len(weight) for weight in weights)
+    points = np.array([weight for weight in weights if len(weight) == 3]).reshape(-1, 3, 3)
+    n -= int((np.linalg.eigvalsh(points) < (2.0 / UNKNOWN_M) ** 2).sum())
     eliminated = problem.determined & (problem.layout.kept < 0)
     return n - int((~problem.layout.held).sum()) - 3 * int(eliminated.sum())
 

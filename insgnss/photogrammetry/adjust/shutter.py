@@ -14,8 +14,18 @@ makes the derivative a of its pixel by r. Where r is one unknown more beside tho
 with residuals e, weights W, design J and cofactors Q, one step of its iteration gives
 
     N = a^T W a - a^T W J Q J^T W a,    r = a^T W e / N,    gain = r^2 N                     (R.3)
+
+Observations that r moves most were rejected as gross errors, and r without them is too small. A
+significant r is taken off all pixels, these are cleaned again, and what is left of r is added. A
+rate that is not known distorts all of an image, so that its residuals are not independent. With
+a', what J leaves of a, and e', what r leaves of e, image k says s_k = a'_k^T W e'_k, and
+
+    sigma_r^2 = max(N, sum s_k^2 + N - a'^T W a') / N^2                                      (R.4)
+
+where N - a'^T W a' is of the groups, whose weights are taken as they are.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +40,9 @@ STEP_S = 1e-4  # of numerical derivatives: a camera moves by millimetres in it
 FEWEST_VELOCITIES = 3  # images whose velocities are known, below which nothing is tried
 # least share of a^T W a that other unknowns leave: else r is as good as one of them
 SEPARATED = 1e-4
+SIGNIFICANT = 3.0  # sigmas of r from which on gross errors are looked for again
+SETTLED = 0.1  # sigmas that a further step may still move r
+MOST_STEPS = 3  # of them (chosen): the first one finds most of what was rejected
 
 
 def pixels_by_readout(problem: Problem, values: Unknowns, motion: tuple[Array, Array]) -> Array:
@@ -98,9 +111,11 @@ def without_readout(
 
 
 def readout_gain(
-    result: Adjusted, motion: tuple[Array, Array]
-) -> tuple[float, float, Array] | None:
-    """Estimate the readout time beside all unknowns of an adjustment (R.3).
+    result: Adjusted,
+    motion: tuple[Array, Array],
+    cleaned: Callable[[Problem, Unknowns], Adjusted] | None = None,
+) -> tuple[float, float, float, Array] | None:
+    """Estimate the readout time beside all unknowns of an adjustment (R.3, R.4).
 
     Parameters
     ----------
@@ -108,26 +123,53 @@ def readout_gain(
         The adjustment.
     motion : tuple of ndarray
         As of `pixels_by_readout`.
+    cleaned : callable, optional
+        Adjusts image observations, all of which are active, without gross errors; by default those
+        of the adjustment stay as they are.
 
     Returns
     -------
     tuple, or None
-        The readout time, s, its standard deviation, and by how much it moves each projection
-        centre, (n, 3) m; None where it is not determined.
+        The readout time, s, its standard deviation, the gain of (R.3), and by how much it moves
+        each projection centre, (n, 3) m; None where it is not determined.
     """
     if (motion[0] != 0.0).any(axis=1).sum() < FEWEST_VELOCITIES:
         return None
-    problem, values = result.problem, result.values
-    values = problem.filled(values)
-    a = pixels_by_readout(problem, values, motion)
-    e = values.residuals(problem.rays)
-    weighted = np.where(problem.rays.active[:, None], problem.rays.weight**2 * a, 0.0)
-    along = float(np.nansum(weighted * e))
-    whole = float((weighted * a).sum())
+    problem, values = result.problem, result.problem.filled(result.values)
+    if (first := _estimated(problem, problem, values, motion)) is None:
+        return None
+    readout, sigma, N, moved = change, *_ = first
+    every = problem.with_active(np.ones_like(problem.rays.active))
+    for _ in range(MOST_STEPS):
+        small = abs(change) < SETTLED * sigma or abs(readout) < SIGNIFICANT * sigma
+        if cleaned is None or small:
+            break
+        uv = every.rays.uv - readout * pixels_by_readout(every, values, motion)
+        again = cleaned(replace(every, rays=every.rays._replace(uv=uv)), values)
+        values = every.filled(again.values.completed(values))
+        if (further := _estimated(every, again.problem, values, motion)) is None:
+            break
+        change, sigma, N, _ = further
+        readout += change
+    return readout, sigma, readout**2 * N, readout / first[0] * moved
+
+
+def _estimated(
+    measured: Problem, problem: Problem, values: Unknowns, motion: tuple[Array, Array]
+) -> tuple[float, float, float, Array] | None:
+    """Return r, its sigma, N and dr of the centres (R.3, R.4); None where r is not determined.
+
+    The rows are those of `measured`, the residuals those of `problem`.
+    """
+    rays = problem.rays
+    a = pixels_by_readout(measured.with_active(rays.active), values, motion)
+    e = values.residuals(rays)
+    weight = np.where(rays.active[:, None], rays.weight**2, 0.0)
+    along, whole = float(np.nansum(weight * a * e)), float((weight * a**2).sum())
     scale = 1.0 / np.sqrt(max(whole, np.finfo(float).tiny))
     normals, dx, dp = _step(problem, values)
-    shifted = problem.rays._replace(uv=problem.rays.uv - scale * a)
-    moved, dx_moved, dp_moved = _step(replace(problem, rays=shifted), values)
+    shifted = replace(problem, rays=rays._replace(uv=rays.uv - scale * a))
+    moved, dx_moved, dp_moved = _step(shifted, values)
     eliminated = problem.layout.kept < 0
     g, gp = moved.g - normals.g, moved.gp - normals.gp
     dx, dp = dx_moved - dx, dp_moved - dp
@@ -135,9 +177,13 @@ def readout_gain(
     if not 1.0 - absorbed > SEPARATED:
         return None
     N = whole * (1.0 - absorbed)
-    readout = along / N
+    r = along / N
+    a_left = (e - values.moved(problem.layout, dx, dp).residuals(shifted.rays)) / scale
+    score = np.nansum(weight * a_left * (e - r * a_left), axis=1)
+    of_images = np.bincount(rays.image, weights=score)
+    V = float((of_images**2).sum()) + N - float(np.nansum(weight * a_left**2))
     columns = 6 * problem.layout.place[:, None] + np.arange(3)
-    return readout, 1.0 / np.sqrt(N), readout / scale * dx[columns]
+    return r, np.sqrt(max(N, V)) / N, N, r / scale * dx[columns]
 
 
 def _step(problem: Problem, values: Unknowns) -> tuple[Normals, Array, Array]:

@@ -203,8 +203,8 @@ def first_values(block: ImageBlock) -> Unknowns:
     """Return first values of all unknowns of a block.
 
     Images without pose are resected from ground control and from points that other images have
-    intersected, most points first; then all points are intersected. Ground control keeps its
-    coordinates.
+    intersected, most points first; then all points are intersected. Ground control of which all
+    coordinates are known keeps them.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def first_values(block: ImageBlock) -> Unknowns:
     xy = directions(block)
     position, C_mc = np.array(block.position_m), np.array(block.C_mc)
     surveyed = np.full((len(block.points), 3), np.nan)
-    surveyed[block.control.point] = block.control.position_m
+    surveyed[block.control.complete.point] = block.control.complete.position_m
     failed: set[int] = set()
     while True:
         point = intersected(position, C_mc, xy, obs.image, obs.point, len(block.points))
@@ -242,4 +242,6 @@ def first_values(block: ImageBlock) -> Unknowns:
         position[i], C_mc[i] = pose[:2]
         failed.clear()
     interior = np.array([camera.interior for camera in block.cameras])
+    unseen = np.isnan(point[block.control.point]).any(axis=1)
+    point[block.control.point[unseen]] = block.control.position_m[unseen]
     return Unknowns(position, C_mc, interior, point)

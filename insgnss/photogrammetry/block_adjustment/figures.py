@@ -228,14 +228,18 @@ def _control(solved: AdjustedBlock) -> list[dict[str, Any]]:
     tests = [test for test in solved.precision.groups if test.name == GROUND_CONTROL]
     rows = [test.keys[0][1] for test in tests]
     cov = [solved.precision.cov((POINT, row)) for row in rows]
+    control = problem.block.control
+    unknown = dict(zip(control.point.tolist(), control.unknown, strict=True))
+    stated = [~unknown.get(row, np.zeros(3, dtype=bool)) for row in rows]
+    pairs = list(zip(tests, stated, strict=True))
     return _rows(
         {
             "point": [problem.block.points[row] for row in rows],
             "images": problem.ray_count[rows],
-            "residual_m": [test.e for test in tests],
+            "residual_m": [np.where(k, test.e, np.nan) for test, k in pairs],
             "redundancy": [test.redundancy for test in tests],
             "w": [test.w for test in tests],
-            "detectable_m": [test.detectable for test in tests],
+            "detectable_m": [np.where(k, test.detectable, np.nan) for test, k in pairs],
             "position_m": point[rows],
             "sigma_m": [np.sqrt(np.diagonal(P)) for P in cov],
         }

@@ -68,14 +68,14 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     if common.sum() >= FEWEST_COMMON:
         R = nearest_rotation(np.einsum("nij,nkj->ik", block.C_mc[common], C[common]))
         fitted = similarity(position[common], block.position_m[common], R)
-    elif len(block.control) >= FEWEST_COMMON:
+    elif len(control := block.control.complete) >= FEWEST_COMMON:
         obs = block.observations
         X = intersected(position, C, directions(block), obs.image, obs.point, len(block.points))[
-            block.control.point
+            control.point
         ]
         good = np.isfinite(X).all(axis=1)
         if good.sum() >= FEWEST_COMMON:
-            fitted = similarity(X[good], block.control.position_m[good])
+            fitted = similarity(X[good], control.position_m[good])
     if fitted is None:
         return block
     new_position, new_C = np.array(block.position_m), np.array(block.C_mc)

@@ -227,9 +227,9 @@ def _refuse_images(
 
 def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> None:
     """Refuse ground points that lie elsewhere than images see them, all of them."""
-    block = inputs.block
-    rows = np.concatenate([block.control.point, block.check.point])
-    stated = np.concatenate([block.control.position_m, block.check.position_m])
+    block, control = inputs.block, inputs.block.control.complete
+    rows = np.concatenate([control.point, block.check.point])
+    stated = np.concatenate([control.position_m, block.check.position_m])
     if rows.size < FEWEST_IMAGES:
         return
     mine = whole.rows(np.isin(whole.point, rows))

@@ -179,9 +179,8 @@ def trials(
     Returns
     -------
     tuple of Trial
-        Those that could be adjusted, the largest gain beyond its unknowns first; the shift of one
-        line, which is the worst of many, before those of the whole flight only where these gain
-        much less.
+        Those that could be adjusted, the largest gain beyond its unknowns first; of the shift of
+        one line, which is the worst of many, beyond what their number gains by chance as well.
     """
     done = []
     if solved.direct:
@@ -197,10 +196,12 @@ def trials(
         done.append(trial)
     if (readout := _readout(solved, excess, progress)) is not None:
         done.append(readout)
-    done.sort(key=lambda trial: trial.unknowns - trial.gain)
+    chosen = {}
     if (of_line := _shifted_line(solved, excess)) is not None:
-        rivals = any(trial.gain > RIVAL_GAIN * of_line.gain for trial in done)
-        done.insert(len(done) if rivals else 0, of_line)
+        done.append(of_line)
+        lines = sum(_is_line(group) for group in solved.result.problem.stated_groups)
+        chosen = {of_line.name: 2.0 * np.log(lines)}  # what the best of as many gains by chance
+    done.sort(key=lambda trial: trial.unknowns + chosen.get(trial.name, 0.0) - trial.gain)
     return tuple(done)
 
 
@@ -209,11 +210,16 @@ def _readout(solved: AdjustedBlock, excess: float, progress: Callable[[str], Non
     if solved.inputs.file.camera.readout_s is not None:
         return None
     progress("trying: readout time of the shutter")
-    estimate = readout_gain(solved.result, motion_of_images(solved.inputs))
+    options = solved.inputs.file.adjustment
+
+    def cleaned(problem: Problem, values: Unknowns) -> Adjusted:
+        return without_outliers(problem, values, options.limit_w).result
+
+    motion = motion_of_images(solved.inputs)
+    estimate = readout_gain(solved.result, motion, None if options.keep_all else cleaned)
     if estimate is None:
         return None
-    value, sigma, moved = estimate
-    gain = (value / sigma) ** 2
+    value, sigma, gain, moved = estimate
     return Trial(
         "readout time of the shutter",
         gain,

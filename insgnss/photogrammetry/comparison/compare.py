@@ -23,6 +23,7 @@ from .poses import PLANE_M, FarError, NoOriginError, Poses
 from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import UNTRANSFORMED, Comparison, ComponentDifferences, Mismatch
+from .returned import adjustment_in, differences_of_adjustments, orientation_in
 from .shifts import scatter, shift_from_positions
 
 MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
@@ -37,7 +38,8 @@ def compare_files(
 
     Parameters
     ----------
-    a, b : files of any format of `reading.FORMS`, or records.
+    a, b : files of any format of `reading.FORMS`, adjust.json or directories of `insgnss adjust`,
+        of two of which points and cameras are compared as well, or records.
     options : fields of `ComparisonOptions`.
 
     Raises
@@ -54,11 +56,18 @@ def compare_files(
         stated.origin, stated.crs, stated.gps_week, stated.geoid, shift=stated.coordinate_shift
     )
     undulations = (stated.undulation_a_m, stated.undulation_b_m)
+    adjusted = [adjustment_in(file) for file in (a, b)]
+    a, b = (x if d is None else orientation_in(d) for x, d in zip((a, b), adjusted, strict=True))
     read, notes = _read_both(
         ((a, stated.form_a), (b, stated.form_b)),
         tuple(replace(hints, undulation_m=height) for height in undulations),
     )
-    return compare_poses(*read, time_shift_s=stated.time_shift_s, notes=notes)
+    result = compare_poses(*read, time_shift_s=stated.time_shift_s, notes=notes)
+    first, second = adjusted
+    if first is None or second is None:
+        return result
+    one_frame = read[0].plane == read[1].plane
+    return replace(result, adjusted=differences_of_adjustments(first, second, one_frame))
 
 
 def _read_both(

@@ -28,6 +28,7 @@ DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
 WIDE = 1.5  # rms over sigma from which on the standard deviations are doubted
 UNTRANSFORMED = "compared without a transformation"  # what a note says of two datums
 NO_MISMATCH = "no mismatch of names, axes, angles, time, height or lever arm recognised"
+WIDE_PARAMETER = 3.5  # sigmas of one camera parameter: one of 2000 differs by more
 LARGE = 10.0  # m or m/s, from which thousandths are not shown
 
 
@@ -135,6 +136,59 @@ class ComponentDifferences:
         return out
 
 
+@dataclass(frozen=True)
+class ParameterDifference:
+    """Difference b minus a of a camera parameter (px, or of the polynomial), and its sigma."""
+
+    camera: str
+    name: str
+    difference: float
+    sigma: float
+
+    @property
+    def ratio(self) -> float:
+        """Difference over its standard deviation; zero where neither file estimates it."""
+        return self.difference / self.sigma if self.sigma > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedDifferences:
+    """Object points and cameras of two adjustments, b minus a, in the axes of the block.
+
+    Parameters
+    ----------
+    points : x, y, z of the points of one name; empty where a file lists none.
+    parameters : of the cameras of one name.
+    notes : what was left out.
+    """
+
+    points: tuple[ComponentDifferences, ...] = ()
+    parameters: tuple[ParameterDifference, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def sections(self) -> tuple[Section, ...]:
+        """Return tables of points and cameras; none without any."""
+        rows = [
+            (p.camera, p.name, f"{p.difference:.4g}", f"{p.sigma:.3g}", f"{p.ratio:.2f}")
+            for p in self.parameters
+        ]
+        head = ("camera", "", "b minus a", "sigma", "over sigma")
+        count = self.points[0].difference.size if self.points else 0
+        return (
+            Section(f"{count} object points, b minus a, axes of the block", _table(self.points)),
+            Section("Interior orientation", [Table(rows, head, numbers=True)] if rows else []),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able, SI and px."""
+        return {
+            "points": {c.name: {"unit": c.unit, **c.statistics()} for c in self.points},
+            "cameras": [
+                picked(p, "camera", "name", "difference", "sigma") for p in self.parameters
+            ],
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison(Charted):
     """Differences b minus a, in the axes east, north, up at a's points.
@@ -150,6 +204,7 @@ class Comparison(Charted):
     findings : in the order in which they were taken off.
     remaining : the components after it, at `remaining_time`: other poses where the clocks disagree.
     notes : what a reader should know.
+    adjusted : of two adjustments, what their points and cameras differ in.
     """
 
     a: str
@@ -168,6 +223,7 @@ class Comparison(Charted):
     remaining: tuple[ComponentDifferences, ...] = ()
     remaining_time: Array | None = None
     notes: tuple[str, ...] = ()
+    adjusted: AdjustedDifferences = field(default_factory=AdjustedDifferences)
 
     @property
     def n(self) -> int:
@@ -199,10 +255,11 @@ class Comparison(Charted):
                     "What remains after the recognised differences are removed",
                     _table(self.remaining),
                 ),
+                *self.adjusted.sections(),
                 Section(
                     "What was compared", [Table(files, ("", "file", "format", "positions of"))]
                 ),
-                Section("Notes", [without, *self.notes]),
+                Section("Notes", [without, *self.notes, *self.adjusted.notes]),
             ),
             [Path(self.a), Path(self.b)],
         )
@@ -210,12 +267,20 @@ class Comparison(Charted):
     def _verdict(self) -> Verdict:
         """Return what the differences say of the two."""
         names = ", ".join(finding.name for finding in self.findings)
-        ratios = ((c.name, c.statistics().get("normalised_rms", 0.0)) for c in self.components)
-        wide = ", ".join(f"{name} {ratio:.1f}" for name, ratio in ratios if ratio > WIDE)
+        ratios = [(c.name, c.statistics().get("normalised_rms", 0.0)) for c in self.components]
+        points = self.adjusted.points
+        ratios += [(f"points {c.name}", c.statistics()["normalised_rms"]) for c in points]
+        parameters = [(f"{p.name} of {p.camera}", abs(p.ratio)) for p in self.adjusted.parameters]
+        listed = [pair for pair in ratios if pair[1] > WIDE]
+        listed += [pair for pair in parameters if pair[1] > WIDE_PARAMETER]
+        wide = ", ".join(f"{name} {ratio:.1f}" for name, ratio in listed)
         mismatch = f"a mismatch of conventions explains a part of the differences: {names}"
+        passes = f"up to {WIDE:g} passes"
+        if parameters:
+            passes += f", of one camera parameter up to {WIDE_PARAMETER:g}"
         larger = (
-            f"differences are larger than their standard deviations say (rms over sigma {wide}; up"
-            f" to {WIDE:g} passes)"
+            f"differences are larger than their standard deviations say (rms over sigma {wide};"
+            f" {passes})"
         )
         remarks = [mismatch] if names else [larger] if wide else []
         return worst_of(NO_MISMATCH, remarks + [n for n in self.notes if UNTRANSFORMED in n])
@@ -233,7 +298,8 @@ class Comparison(Charted):
             "components": {c.name: {"unit": c.unit, **c.statistics()} for c in self.components},
             "findings": [finding.as_dict() for finding in self.findings],
             "remaining": {c.name: {"unit": c.unit, **c.statistics()} for c in self.remaining},
-            "notes": list(self.notes),
+            "notes": [*self.notes, *self.adjusted.notes],
+            **self.adjusted.as_dict(),
         }
 
     def charts(self) -> "tuple[Chart, ...]":

@@ -8,23 +8,30 @@ one, such as with heights), that of the caller, and what the values themselves c
     one's own      small coordinates: a tangent plane, or axes of no place
 
 Large coordinates without a CRS are refused, and coordinates in a CRS that lie far from its area.
+
+Of two adjustments of `insgnss adjust` points and cameras are compared as well: `points.csv` and
+`adjust.json` have their standard deviations.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ...base.errors import InputError
+from ...base.received.nesting import read_object
 from ...geodesy.crs import crs_of, geodetic_from_geographic
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import read_returned_poses
+from ...io.formats.text.columns import TableSpec
 from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from .hints import Hints
 from .poses import PLANE_M, CoordinateFrame, Poses, tangent_frame
+from .result import AdjustedDifferences, ComponentDifferences, ParameterDifference
 
 # heights above the ellipsoid of a camera (m): Dead Sea to a jet's ceiling
 CAMERA_HEIGHTS_M = -500.0, 15e3
@@ -33,6 +40,12 @@ CAMERA_HEIGHTS_M = -500.0, 15e3
 OFF_EQUATOR_M = 2e4
 LARGEST_EXTENT_DEG = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
 STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no flight is 1 m wide
+
+
+ADJUST_DOCUMENT, ORIENTATION, POINTS = "adjust.json", "eo.json", "points.csv"
+POINT_COLUMNS = TableSpec.exactly(
+    "point x y z sd_x sd_y sd_z cov_xy cov_xz cov_yz rays role", text=True
+)
 
 
 class Framed(NamedTuple):
@@ -174,3 +187,80 @@ def degrees_for_metres(x: Array) -> bool:
     angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
     steep = float(np.median(np.abs(x[:, 2]))) > STEEP * extent
     return angles and 0.0 < extent < LARGEST_EXTENT_DEG and steep
+
+
+def adjustment_in(file: object) -> Path | None:
+    """Directory of an adjustment that its adjust.json or the directory names; None otherwise."""
+    if not isinstance(file, str | Path):
+        return None
+    path = Path(file)
+    document = path / ADJUST_DOCUMENT if path.is_dir() else path
+    return document.parent if document.name == ADJUST_DOCUMENT and document.is_file() else None
+
+
+def orientation_in(directory: Path) -> Path:
+    """The eo.json of an adjustment.
+
+    Raises
+    ------
+    InputError
+        It has none.
+    """
+    if not (path := directory / ORIENTATION).is_file():
+        raise InputError.in_file(
+            directory / ADJUST_DOCUMENT,
+            f"no {ORIENTATION} beside it: an adjustment without aerial control, or one that was"
+            " refused, writes none; give the poses themselves",
+        )
+    return path
+
+
+def differences_of_adjustments(a: Path, b: Path, one_frame: bool) -> AdjustedDifferences:
+    """Points and cameras of two adjustments, b minus a.
+
+    Parameters
+    ----------
+    a, b : their directories.
+    one_frame : whether both have the same axes.
+    """
+    without = [str(d / POINTS) for d in (a, b) if not (d / POINTS).is_file()]
+    notes: list[str] = []
+    points: tuple[ComponentDifferences, ...] = ()
+    if without:
+        notes.append(f"no object points compared: no {without[0]} (adjust with output.tables)")
+    elif not one_frame:
+        notes.append("no object points compared: the axes of both blocks differ")
+    else:
+        points = _point_differences(a / POINTS, b / POINTS)
+    parameters = tuple(_parameter_differences(a, b))
+    if not parameters:
+        notes.append("no camera compared: none has the same name in both")
+    return AdjustedDifferences(points, parameters, tuple(notes))
+
+
+def _point_differences(a: Path, b: Path) -> tuple[ComponentDifferences, ...]:
+    tables = [POINT_COLUMNS.read(path) for path in (a, b)]
+    names = [table.strings("point") for table in tables]
+    rows = [{name: k for k, name in enumerate(each)} for each in names]
+    common = [name for name in names[0] if name in rows[1]]
+    taken = [[row[name] for name in common] for row in rows]
+    x, sigma = (
+        [table.block(columns)[k] for table, k in zip(tables, taken, strict=True)]
+        for columns in ("x y z", "sd_x sd_y sd_z")
+    )
+    if not common:
+        return ()
+    d, s = x[1] - x[0], np.hypot(*sigma)
+    return tuple(ComponentDifferences(n, "m", d[:, k], s[:, k]) for k, n in enumerate("xyz"))
+
+
+def _parameter_differences(a: Path, b: Path) -> Iterator[ParameterDifference]:
+    cameras = [read_object(d / ADJUST_DOCUMENT).get("cameras", []) for d in (a, b)]
+    of_b = {camera["name"]: camera["parameters"] for camera in cameras[1]}
+    for camera in cameras[0]:
+        for name, first in camera["parameters"].items():
+            second = of_b.get(camera["name"], {}).get(name)
+            if second is not None and (first["estimated"] or second["estimated"]):
+                sigma = float(np.hypot(first["sigma"] or 0.0, second["sigma"] or 0.0))
+                difference = second["value"] - first["value"]
+                yield ParameterDifference(camera["name"], name, difference, sigma)

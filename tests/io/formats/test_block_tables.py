@@ -6,6 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 from format_pages import on_page
+from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError, UsageError
 from insgnss.geodesy.frames import TangentPlane
@@ -23,7 +24,7 @@ from insgnss.io.formats.blocks.image_points import (
 )
 from insgnss.io.formats.blocks.joined import joined
 from insgnss.io.formats.blocks.measured_block import of_table
-from insgnss.records.block import INTERIOR, BrownCamera, ImageObservations
+from insgnss.records.block import INTERIOR, BrownCamera, GroundPoints, ImageObservations
 
 READERS = {
     "image_points": read_image_points,
@@ -278,3 +279,37 @@ def test_names_that_need_quotation_marks_and_those_that_no_table_holds(tmp_path)
         write_image_points(measured(("a", "a\nb", 1, 2)), tmp_path / "x")
     with pytest.raises(UsageError, match="the directory does not exist"):
         write_camera_toml(camera(f=1.0), tmp_path / "no" / "x")
+
+
+GROUND_HEAD = "point,x,y,z,sigma_x,sigma_y,sigma_z,role\n"
+
+
+def test_coordinates_that_are_not_known_are_empty(tmp_path):
+    """Oracle: by hand: medians of the others and sigmas of 10 km in their place."""
+    path = tmp_path / "ground.csv"
+    rows = "A,1,2,3,.1,.1,.1,control\nB,,,5,,,.1,control\nC,7,8,-,.2,.2,-,control\n"
+    path.write_text(GROUND_HEAD + rows)
+    ground = read_ground_points(path)
+    assert_allclose(ground.position_m, [[1, 2, 3], [4, 5, 5], [7, 8, 4]])
+    sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
+    assert_allclose(sigma, [[0.1, 0.1, 0.1], [1e4, 1e4, 0.1], [0.2, 0.2, 1e4]])
+    points = GroundPoints(np.arange(3), ground.position_m, ground.cov)
+    assert points.unknown.tolist() == [[False] * 3, [True, True, False], [False, False, True]]
+    assert points.complete.point.tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("B,,7,5,,,.1,control", "one of x and y alone"),
+        ("B,,,,,,,control", "no coordinate; give plan or height"),
+        ("B,,,5,,,.1,check", "a check point needs all its coordinates"),
+        ("B,1,2,3,.1,.1,,control", "'' where a finite number must stand"),
+    ],
+)
+def test_coordinates_that_are_known_in_no_part_are_refused(rows, message, tmp_path):
+    """Oracle: the rules by hand, with the line."""
+    path = tmp_path / "ground.csv"
+    path.write_text(f"{GROUND_HEAD}A,1,2,3,.1,.1,.1,control\n{rows}\n")
+    with pytest.raises(InputError, match=f":3: {re.escape(message)}"):
+        read_ground_points(path)

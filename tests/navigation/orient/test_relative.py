@@ -231,6 +231,19 @@ def test_a_camera_that_never_turns_is_told_by_its_way() -> None:
     assert line.tolist() == [1, 1, 1, 2, 2, 2]
 
 
+def test_a_copter_that_yaws_on_a_straight_way_flies_one_line() -> None:
+    """Oracle: the plan: images on a straight way, whose camera turns by 30 deg to and fro, are one
+    line; so is the way back. Beside the step across between both a turn ends the line as ever.
+    """
+    time, place, up, C = legs((30.0, 0.0), (-30.0, 0.0), per_leg=10)
+    place[10:] += [-30.0, 40.0, 0.0]  # image 10 lies straight north of image 9
+    yaw = np.radians(15.0) * (-1.0) ** np.arange(20)
+    turned = rotation_from_vector(np.outer(yaw, [0.0, 0.0, 1.0])) @ C[0]
+    i, line = line_pairs(time, place, up, turned)
+    assert i.tolist() == [*range(8), *range(11, 19)]
+    assert line.tolist() == [1] * 8 + [2] * 8
+
+
 def test_gap_ends_a_line() -> None:
     """Oracle: paper 003: at most 10 s; a pair by itself between two gaps is a line of its own."""
     time, place, up, C = legs((30.0, 0.0), per_leg=6)

@@ -9,6 +9,7 @@ from mounted_blocks import Plan, precision_expected
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.photogrammetry.adjust.adjustment import adjusted
 from insgnss.photogrammetry.adjust.normals import problem_of
+from insgnss.photogrammetry.adjust.outliers import without_outliers
 from insgnss.photogrammetry.adjust.shutter import readout_gain, without_readout
 from insgnss.records.cameras.camera import pixels_of
 
@@ -42,14 +43,46 @@ def test_a_readout_time_is_estimated_with_its_sigma(readout_s):
     """Oracle: the planted readout; the sigma of the parabola through costs of adjustments of other
     readouts, which need no formula; the adjustment without it moves the centres as is said."""
     result, motion, true = rolled(readout_s)
-    value, sigma, moved = readout_gain(result, motion)
+    value, _, gain, moved = readout_gain(result, motion)
     assert value == pytest.approx(readout_s, rel=0.02)
     corrected = without_readout(result.problem, true, motion, readout_s)
     again = adjusted(problem_of(corrected, result.problem.groups, true.blocks), true)
     assert again.cost < 1e-3 * result.cost
-    assert (result.cost - again.cost) / (value / sigma) ** 2 == pytest.approx(1.0, rel=0.05)
+    assert (result.cost - again.cost) / gain == pytest.approx(1.0, rel=0.05)
     centres = again.values.position - result.values.position
     assert np.abs(moved - centres).max() < 0.1 * np.abs(centres).max()
+
+
+def test_a_rate_that_is_not_known_makes_the_readout_less_certain():
+    """Oracle: the planted readout; the sigma of independent residuals is too small."""
+    result, (velocity, rate), _ = rolled(0.012)
+    value, sigma, gain, _ = readout_gain(result, (velocity, 0.0 * rate))
+    assert abs(value - 0.012) < 2.0 * sigma
+    assert abs(value - 0.012) > 3.0 * abs(value) / np.sqrt(gain)
+
+
+@pytest.mark.slow
+def test_rays_that_a_readout_made_gross_errors_take_part_again():
+    """Oracle: the planted readout, over three draws of noise; without the rays that were rejected
+    since the readout moved them most it is two sigma too small.
+    """
+    z = []
+    for seed in range(3):
+        result, motion, true = rolled(0.008)
+        block = result.problem.block
+        obs, draw = block.observations, np.random.default_rng(seed)
+        obs = replace(obs, uv=obs.uv + obs.sigma_px * draw.normal(size=obs.uv.shape))
+        block = replace(block, observations=obs)
+        problem = problem_of(block, result.problem.groups, true.blocks)
+        result = without_outliers(problem, true, 2.5).result
+        estimates = (
+            readout_gain(result, motion),
+            readout_gain(result, motion, lambda p, v: without_outliers(p, v, 2.5).result),
+        )
+        z.append([(value - 0.008) / sigma for value, sigma, *_ in estimates])
+    biased, mean = np.mean(z, axis=0)
+    assert biased < -1.5
+    assert abs(mean) < 1.0
 
 
 def test_a_readout_that_the_camera_takes_up_is_less_certain():

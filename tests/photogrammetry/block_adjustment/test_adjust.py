@@ -188,6 +188,39 @@ def turned(eo, boresight, delay):
 
 
 @pytest.mark.slow
+def test_control_of_plan_or_height_alone(flown, adjusted, tmp_path) -> None:
+    """Oracle: the same points with their true coordinates at sigmas of 10 km: poses within 1e-6
+    sigma; what is not known has no residual, and is no observation.
+    """
+    lines = flown.block.ground.file.read_text().splitlines()
+    results = []
+    for name, sigma in (("empty", ""), ("wide", "10000")):
+        rows, k = [], 0
+        for row in (line.split(",") for line in lines[2:]):
+            if row[-1] == "control" and (k := k + 1) % 3:
+                columns = (1, 2, 4, 5) if k % 3 == 1 else (3, 6)
+                for column in columns if not sigma else columns[len(columns) // 2 :]:
+                    row[column] = sigma
+            rows.append(",".join(row))
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join([*lines[:2], *rows]) + "\n")
+        ground = replace(flown.block.ground, file=path)
+        results.append(adjust(replace(flown.block, ground=ground), write=False))
+    empty, wide = (done.solved.result for done in results)
+    sigma = np.sqrt(np.diagonal(results[0].solved.precision.pose_cov, axis1=1, axis2=2))[:, :3]
+    assert np.abs((empty.values.position - wide.values.position) / sigma).max() < 1e-6
+    control = results[0].figures["ground_control"]
+    assert control[0]["residual_m"][:2] == [None, None]
+    assert control[1]["residual_m"][2] is None
+    unknown = sum(x is None for point in control for x in point["residual_m"])
+    before = adjusted.solved.result
+    rays = [int(result.problem.rays.active.sum()) for result in (empty, before)]
+    points = [int(result.problem.determined.sum()) for result in (empty, before)]
+    expected = 2 * (rays[0] - rays[1]) - 3 * (points[0] - points[1]) - unknown
+    assert empty.redundancy - before.redundancy == expected
+
+
+@pytest.mark.slow
 def test_a_wrong_delay_is_named_and_estimated(flown, tmp_path) -> None:
     """Oracle: what was done to the orientation: 6 ms and half a degree."""
     from insgnss.io.formats.orientation.eo_json import write_eo_json

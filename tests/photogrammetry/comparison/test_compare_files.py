@@ -374,3 +374,39 @@ def test_formats_are_told_by_content_not_by_name(flight: Written, tmp_path: Path
     assert read_poses(tmp_path / "b.txt").form == "trajectory_csv"
     shutil.copy(flight["antenna.txt"], tmp_path / "c.txt")
     assert read_poses(tmp_path / "c.txt").form == "gnss"
+
+
+def test_points_and_cameras_of_two_adjustments_are_compared(flight: Written, tmp_path) -> None:
+    """Oracle: by hand: x is 3 mm off at sigmas of 3 and 4 mm, f 5 px at 0.6 and 0.8 px; a point
+    and a camera parameter that one of both does not have take no part.
+    """
+    for name, x, f, sigma, extra in (
+        ("a", 1.0, 3000.0, 0.003, 0.6),
+        ("b", 1.003, 3005.0, 0.004, 0.8),
+    ):
+        (directory := tmp_path / name).mkdir()
+        shutil.copy(flight["eo.json"], directory / "eo.json")
+        rows = [f"P{k},{x + k},2,3,{sigma},1,1,0,0,0,4,tie" for k in range(3)] + [
+            f"of_{name},0,0,0,1,1,1,0,0,0,2,tie"
+        ]
+        header = "point,x,y,z,sd_x,sd_y,sd_z,cov_xy,cov_xz,cov_yz,rays,role"
+        (directory / "points.csv").write_text("\n".join([header, *rows]) + "\n")
+        of_f = {"value": f, "sigma": extra, "estimated": True}
+        held = {"value": 0.0, "sigma": None, "estimated": False}
+        camera = {"name": "C", "parameters": {"f": of_f, "k4": held}}
+        (directory / "adjust.json").write_text(json.dumps({"cameras": [camera]}))
+    c = compare_files(tmp_path / "a", tmp_path / "b" / "adjust.json")
+    of_x = c.adjusted.points[0].statistics()
+    assert_allclose([of_x["mean"], of_x["normalised_rms"]], [0.003, 0.6], rtol=1e-9)
+    (of_f,) = c.adjusted.parameters
+    assert_allclose([of_f.difference, of_f.ratio], [5.0, 5.0])
+    assert "f of C 5.0" in c.summary()
+    assert c.as_dict()["cameras"][0]["sigma"] == pytest.approx(1.0)
+    (tmp_path / "b" / "points.csv").unlink()
+    without = compare_files(tmp_path / "a", tmp_path / "b")
+    assert without.adjusted.points == ()
+    assert "output.tables" in without.summary()
+    assert compare_files(flight["eo.json"], tmp_path / "b").adjusted.parameters == ()
+    (tmp_path / "b" / "eo.json").unlink()
+    with pytest.raises(InputError, match=r"adjust\.json: no eo\.json beside it"):
+        compare_files(tmp_path / "a", tmp_path / "b")

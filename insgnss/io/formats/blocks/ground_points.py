@@ -13,12 +13,14 @@ from ....base.units import METRE
 from ....geodesy.crs import geodetic_from_geographic, is_geographic
 from ....geodesy.frames import TangentPlane
 from ....geodesy.projection import MapProjection
+from ....records.block import UNKNOWN_M
 from ..names import OF_A_REFERENCE, PLACES, ROLE
 from ..orientation.exported import quoted_names
 from ..origins import stated_plane
-from ..text.columns import METRES, Columns, TableOut, TableSpec
+from ..text.columns import METRES, Columns, NamedTable, TableOut, TableSpec
 from ..text.layout import shown
-from ..text.text import Source
+from ..text.order import refuse_rows
+from ..text.text import Source, TextTable
 
 Array = NDArray[np.float64]
 
@@ -34,6 +36,7 @@ SPEC = TableSpec(
 )
 OUT = TableOut("point x=%.4f y=%.4f z=%.4f sigma_x=%.5f sigma_y=%.5f sigma_z=%.5f role")
 ROLES = ("control", "check")
+NOT_KNOWN = ("", "-")  # in the place of a coordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +220,7 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
         A column that is unknown, a field that is no number, a standard deviation that is not
         positive, a role that is none, or a point that is there twice, with file and line.
     """
-    table = SPEC.read(path, columns)
+    table, unknown = _filled(SPEC.read(path, columns))
     points, rows = table.rows_of("point", "point")
     table.refuse_repeats(lambda row: f"point {shown(points[rows[row]])} is there twice", rows)
     position, sigma = table.block("x y z"), table.positive(SIGMAS, "m")
@@ -226,7 +229,39 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
         if role not in ROLES:
             raise table.error_at(row, f"role {shown(role)}; {near(role, ROLES)}")
     check = np.array([role == "check" for role in roles] or [False] * len(rows), dtype=bool)
+    refuse_rows(
+        table,
+        check & unknown.any(axis=1),
+        "a check point needs all its coordinates; make it control, or leave it out",
+    )
+    for axes, name in ((slice(0, 2), "plan"), (slice(2, 3), "height")):
+        if unknown[:, axes].all() and len(points):
+            raise table.error_at(0, f"no point has a {name}; give that of one, at least roughly")
+        somewhere = np.median(position[~unknown[:, axes.start]][:, axes], axis=0)
+        position[unknown[:, axes.start], axes] = somewhere
     return GroundTable(points, position, sigma[:, :, None] ** 2 * np.eye(3), check, True)
+
+
+def _filled(table: NamedTable) -> tuple[NamedTable, NDArray[np.bool_]]:
+    """Return a table with numbers in the place of coordinates that are not known, and which (n, 3).
+
+    Raises
+    ------
+    InputError
+        Easting without northing, or no coordinate at all, with file and line.
+    """
+    assert isinstance(table.table, TextTable)
+    rows, unknown = [list(row) for row in table.table.rows], np.zeros((len(table), 3), dtype=bool)
+    for k, row in enumerate(rows):
+        for column, name in enumerate("xyz"):
+            if row[table.index[name]].strip(" \"'") in NOT_KNOWN:
+                unknown[k, column] = True
+                row[table.index[name]], row[table.index[f"sigma_{name}"]] = "0", f"{UNKNOWN_M:g}"
+    none = np.asarray(unknown.all(axis=1))
+    refuse_rows(table, none, "no coordinate; give plan or height, or leave it out")
+    one = np.asarray(unknown[:, 0] != unknown[:, 1])
+    refuse_rows(table, one, "one of x and y alone; leave both empty where the plan is not known")
+    return replace(table, table=replace(table.table, rows=rows)), unknown
 
 
 def write_ground_points(ground: GroundTable, path: Source, comments: Sequence[str] = ()) -> None:

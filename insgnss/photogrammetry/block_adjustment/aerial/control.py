@@ -207,7 +207,8 @@ def differenced(eo: ExteriorOrientation) -> Array:
     """Return velocities (n, 3), m/s, of positions by the differences to their neighbours in time.
 
     The nearer of both neighbours counts by the fourth power of the intervals, so that at the end of
-    a flight line the turn to the next one, which takes longer, has no part.
+    a flight line the turn to the next one, which takes longer, has no part. That of an image
+    without neighbour within `GAP_S` is not known, and zero.
     """
     if len(eo) < 2:
         return np.zeros((len(eo), 3))
@@ -216,7 +217,8 @@ def differenced(eo: ExteriorOrientation) -> Array:
     before, after = np.append(np.inf, step), np.append(step, np.inf)
     ahead = (1.0 / (1.0 + (after / before) ** 4))[:, None]
     first, last = np.vstack([slope[:1], slope]), np.vstack([slope, slope[-1:]])
-    return np.asarray(ahead * last + (1.0 - ahead) * first)
+    has_neighbour = (np.minimum(before, after) <= GAP_S)[:, None]
+    return np.where(has_neighbour, ahead * last + (1.0 - ahead) * first, 0.0)
 
 
 def _other_lines(eo: ExteriorOrientation, options: AerialControlTable) -> dict[int, str]:
