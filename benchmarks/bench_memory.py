@@ -19,7 +19,7 @@ from bench_process import COMMAND, run
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.scenario import GnssOptions
 
-BARS_MB = {"45 min, 500 Hz": 450, "45 min, 500 Hz, fixes at 200 Hz": 2000, "hours, 500 Hz": 2000}
+BARS_MB = {"45 min, 500 Hz": 300, "45 min, 500 Hz, fixes at 200 Hz": 2000, "hours, 500 Hz": 2000}
 
 
 def main() -> None:

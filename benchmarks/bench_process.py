@@ -5,7 +5,7 @@ of its IMU file, and what other flights take.
 
 Both are processes of their own, run in turn; CPU and peak memory are those that the system accounts
 to each (os.wait4). The ratio of CPU is the median of the pairs; the bar is 4, with all products on
-a machine at rest. The split by step is wall time, from report.json. Also the wall time of `insgnss
+a machine at rest. The split by step is CPU time, from report.json. Also the wall time of `insgnss
 --help`, and the very first run, with an empty compiler cache. With --others, single runs of flights
 of 15 minutes, 15 minutes from RINEX (`pip install '.[ppk]'`) and 45 minutes, as a user would have
 them. DIR keeps the flight for another time. Modules are compiled to bytecode once, as pip
@@ -24,6 +24,8 @@ import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
+
+from common import processor
 
 COMMAND = [sys.executable, "-m", "insgnss"]
 BAR = 4.0
@@ -93,6 +95,7 @@ def compare(flight: Path, minutes: float, repeats: int, scratch: Path) -> None:
         steps.append(json.loads((scratch / "out" / "report.json").read_text())["timings_s"])
     a, b = medians(ours), medians(theirs)
     ratio = statistics.median(x.cpu / y.cpu for x, y in zip(ours, theirs, strict=True))
+    print(processor())
     print(
         f"{minutes:g} minutes, {imu.stat().st_size / 1e6:.0f} MB of IMU file; medians of {repeats},"
         " in turn"
@@ -102,8 +105,8 @@ def compare(flight: Path, minutes: float, repeats: int, scratch: Path) -> None:
     print(f"  ratio of CPU        {ratio:6.2f}                                  (bar: {BAR:g})")
     named = {name: statistics.median(s[name] for s in steps) for name in steps[0]}
     inside = sum(named.values())
-    print("  wall by step        " + ", ".join(f"{n} {s:.2f}" for n, s in named.items()))
-    print(f"                      start, report and writing {a.wall - inside:.2f}")
+    print("  CPU by step         " + ", ".join(f"{n} {s:.2f}" for n, s in named.items()))
+    print(f"                      start, report and writing {a.cpu - inside:.2f}")
     print(
         f"  insgnss --help      {medians(helps).wall:6.2f} s wall                           (bar:"
         " 0.3)"

@@ -1,5 +1,6 @@
 """What every record checks at its birth."""
 
+import sys
 from collections.abc import Mapping
 from datetime import date, timedelta
 from typing import Any
@@ -42,7 +43,8 @@ def float_array(who: str, value: Any, finest: float = FINEST_DIGIT) -> Array:
 
 def _refuse_masked(who: str, values: Any) -> None:
     """Refuse masked values: what stands below a mask is no measurement."""
-    mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+    ma = sys.modules.get("numpy.ma")  # without it nobody made a masked array
+    mask = ma.getmaskarray(values) if ma and isinstance(values, ma.MaskedArray) else None
     if mask is not None and mask.any():
         row = int(np.argwhere(mask)[0][0])
         raise InputError.of_value(

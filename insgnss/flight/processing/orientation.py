@@ -12,7 +12,7 @@ from ...geodesy.frames import TangentPlane
 from ...io.exposures.rig import CameraExposures, ExposedRows
 from ...navigation.filter.blocks import ChainAgain
 from ...navigation.filter.codes import N_NAV
-from ...navigation.filter.event_chain import EVENTS_OF_PART, EventChain, common_errors, nodes_of
+from ...navigation.filter.event_chain import EVENTS_OF_PIECE, EventChain, common_errors, nodes_of
 from ...navigation.filter.event_clock import at_uncertain_times, event_derivatives, receiver_events
 from ...navigation.filter.trajectory import dense_trajectory, trajectory
 from ...navigation.orient.exterior import exterior_orientation, pose_derivatives
@@ -196,20 +196,20 @@ def strip_covariances(
 
 
 def _of_strips(
-    own: "_CameraImages",
+    images: "_CameraImages",
     strips: Sequence[NDArray[np.int64]],
     segments: Sequence[Segment],
     plane: TangentPlane,
 ) -> Iterator[tuple[NDArray[np.int64], Array]]:
     """Yield strips of a camera and their covariances, from parts of the chain of events."""
-    of, begin, end = -1, 0, 0
+    solved, begin, end = -1, 0, 0
     for strip in strips:
-        number, instant = int(own.segment[strip[0]]), own.instant[strip]
-        if number != of or instant[-1] >= end:
-            of, begin, chain = number, int(instant[0]), _chain(segments[number])
-            end = min(max(begin + EVENTS_OF_PART, int(instant[-1]) + 1), chain.epoch.size)
-            part, T = chain.part(begin, end), own.derivatives(number, plane, slice(begin, end))
-        yield strip, part.covariance_of(instant - begin, T[instant - begin])
+        number, instant = int(images.segment[strip[0]]), images.instant[strip]
+        if number != solved or instant[-1] >= end:
+            solved, begin, chain = number, int(instant[0]), _chain(segments[number])
+            end = min(max(begin + EVENTS_OF_PIECE, int(instant[-1]) + 1), chain.epoch.size)
+            piece, T = chain.piece(begin, end), images.derivatives(number, plane, slice(begin, end))
+        yield strip, piece.covariance_of(instant - begin, T[instant - begin])
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,8 +264,8 @@ def pose_chains(
         events = images.instant[rows]
         T, cov = images.derivatives(number, plane, events), np.zeros((0, 0))
         if rows.size:
-            part = _chain(segment).part(int(events[0]), int(events[-1]) + 1)
-            cov = part.covariance_of(events - events[0], T)
+            piece = _chain(segment).piece(int(events[0]), int(events[-1]) + 1)
+            cov = piece.covariance_of(events - events[0], T)
         _set_own(cov, rows, eo)
         chains.append(PoseChain(rows, events, T, cov))
     return chains
@@ -445,23 +445,23 @@ class _RigPairs:
     def _by_chain(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
         """Return those of pairs whose instants are apart, or of two clocks."""
         chain = _chain(self._instants(int(a[0])).segment)
-        cov, begin = np.zeros((a.size, 6, 6)), self.instant[a] // EVENTS_OF_PART * EVENTS_OF_PART
+        cov, begin = np.zeros((a.size, 6, 6)), self.instant[a] // EVENTS_OF_PIECE * EVENTS_OF_PIECE
         for first in np.unique(begin):
-            own = np.flatnonzero(begin == first)
-            part = chain.part(int(first), int(self.instant[b[own]].max()) + 1)
-            T = [self.J[rows] @ self._derivatives(rows) for rows in (a[own], b[own])]
-            events = (self.instant[a[own]] - first, self.instant[b[own]] - first)
-            cov[own] = part.cross(events, (T[0], T[1]))
+            pairs = np.flatnonzero(begin == first)
+            piece = chain.piece(int(first), int(self.instant[b[pairs]].max()) + 1)
+            T = [self.J[rows] @ self._derivatives(rows) for rows in (a[pairs], b[pairs])]
+            events = (self.instant[a[pairs]] - first, self.instant[b[pairs]] - first)
+            cov[pairs] = piece.cross(events, (T[0], T[1]))
         return cov
 
     def _derivatives(self, rows: NDArray[np.int64]) -> Array:
         """(images, 9, n) errors at images of one segment by the errors of all states."""
         instants = self._instants(int(rows[0]))
         T = instants.derivatives(self.instant[rows])
-        other = self.receiver[rows] != instants.of_receiver
-        if other.any():
-            at = rows[other]
-            T[other] = self._instants(int(at[0])).derivatives(self.instant[at])
+        of_other_clock = self.receiver[rows] != instants.of_receiver
+        if of_other_clock.any():
+            index = rows[of_other_clock]
+            T[of_other_clock] = self._instants(int(index[0])).derivatives(self.instant[index])
         return T
 
     def _instants(self, row: int) -> _Instants:

@@ -322,10 +322,21 @@ class ConstantsEvidence:
         """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
         return np.array([state in OF_FIXES for state in self.states])
 
-    def _is_suspected(self, groups: tuple[State, ...]) -> list[bool]:
+    @cached_property
+    def _candidates_of(self) -> dict[State, set[int]]:
+        """The numbers of the candidates that a group or a single state has."""
+        numbers: dict[State, set[int]] = {}
+        for k, names in enumerate(zip(self.states, self.group, strict=True)):
+            for name in names:
+                numbers.setdefault(name, set()).add(k)
+        return numbers
+
+    def _is_suspected(self, groups: tuple[State, ...]) -> np.ndarray:
         """Tell which candidates these groups or single states are."""
-        pairs = zip(self.states, self.group, strict=True)
-        return [state in groups or group in groups for state, group in pairs]
+        out = np.zeros(len(self.states), dtype=np.bool_)
+        for name in groups:
+            out[list(self._candidates_of.get(name, ()))] = True
+        return out
 
     def _evaluate(
         self, cases: Sequence[tuple[tuple[State, ...], float]]

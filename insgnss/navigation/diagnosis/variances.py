@@ -142,8 +142,10 @@ class VarianceSearch:
         }
         self.names = tuple(dict.fromkeys(name for some in self.families.values() for name in some))
         segment = linear_segment(self.part, self.names)
-        self.search = Search([segment], self.names, progress, gain=LAST_GAIN)
         self.nothing = evaluate([segment], np.zeros(len(self.names)))
+        # the segment, 9 kB a fix, stays only where a maximum is looked for
+        segments = [segment] if self.promising() else []
+        self.search = Search(segments, self.names, progress, gain=LAST_GAIN)
 
     def promising(self) -> tuple[str, ...]:
         """Return the families that promise more than `LEAST_PROMISE` (V.1)."""

@@ -69,7 +69,7 @@ WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kep
 MOST_COVARIANCE_ROWS = 4000
 
 State = TypeVar("State", FilterState, SmootherState)
-NO_EVENTS = slice(0, 0)
+NO_EVENTS = slice(0, 0)  # of a block that is filtered again without its events
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
 
 Follower = Callable[[IntegrationIntervals, Epochs, FilterHistory, int], None]
@@ -212,8 +212,10 @@ class BlockwisePasses:
                 records = _unread(records)
             run_forward(epochs, state, records, begin, *inputs)
             if self.transitions is not None:
-                own = self.transitions._replace(of_events=self.transitions.of_events[events])
-                event_transitions(epochs.event, records, begin, own)
+                transitions = self.transitions._replace(
+                    of_events=self.transitions.of_events[events]
+                )
+                event_transitions(epochs.event, records, begin, transitions)
             if follower is not None:
                 follower(inputs[0], epochs, records, begin)
         self.held = self.first.size - 1
@@ -396,8 +398,9 @@ class BlockAgain:
         own = own._replace(event=_numbered_within(own.event, events))
         outage = _relabelled(self.outage[front:last])
         count = last - front, n, last - front
-        wanted = events.stop - events.start
-        room = history_room(*count, self.slot, self.used, outage, last - front, wanted)
+        room = history_room(
+            *count, self.slot, self.used, outage, last - front, events.stop - events.start
+        )
         if self.nominal is not None:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
@@ -434,7 +437,7 @@ class ChainAgain:
     read: EventRows
     shared: tuple[SharedError, ...] = ()
 
-    def part(self, first: int, last: int) -> EventChain:
+    def piece(self, first: int, last: int) -> EventChain:
         """Return the chain of consecutive events, to the bit as it would have been kept.
 
         Parameters
@@ -450,14 +453,14 @@ class ChainAgain:
         again, before = self.again, max(first - 1, 0)  # M_k begins at the event before
         n, events = again.problem.layout.size, slice(before, last)
         transitions = EventTransitions.before(last - before, n, again.used.size)
-        read = self.read.part(before, last)
+        read = self.read.piece(before, last)
         rows = Smoothed.of(again.size + 1, n, np.zeros(0, dtype=np.int64), read, 0)
         for b in range(self.epoch[before] // again.size, self.epoch[last - 1] // again.size + 1):
             room, event, _, begin = again.records(b, events)
             event_transitions(event, room, begin, transitions)
             piece = rows.piece(0, event.size, slice(0, last - before))
             run_backward(event, room, True, _copied(again.adjoints[b]), begin, piece)
-        kept = EventChain(
+        chain = EventChain(
             self.epoch[events],
             transitions.of_events,
             read,
@@ -465,11 +468,22 @@ class ChainAgain:
             rows.event_gain,
             self.shared,
         )
-        return kept.part(first - before, last - before)
+        return chain.piece(first - before, last - before)
 
 
 def keeps_events(problem: EstimationProblem) -> bool:
-    """Return whether chain and whole covariances of the camera events are kept."""
+    """Return whether chain and whole covariances of the camera events are kept.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+
+    Returns
+    -------
+    bool
+        Whether they take `event_chain.CHAIN_BYTES` at most.
+    """
     events = np.count_nonzero(problem.epochs.event != ABSENT)
     return int(events) * event_bytes(problem.layout) <= CHAIN_BYTES
 

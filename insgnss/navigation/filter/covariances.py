@@ -107,8 +107,8 @@ class SmoothedCovariances:
         """
         epochs = np.arange(len(self.nav))[index]
         if states is not None:
-            parts = np.array_split(epochs, -(-epochs.size // COVARIANCES_AT_A_TIME) or 1)
-            of_states = [self.whole(part)[:, states[:, None], states] for part in parts]
+            pieces = np.array_split(epochs, -(-epochs.size // COVARIANCES_AT_A_TIME) or 1)
+            of_states = [self.whole(piece)[:, states[:, None], states] for piece in pieces]
             return np.concatenate(of_states)
         out = unpacked(self._triangles(epochs))
         if self.states is not None:

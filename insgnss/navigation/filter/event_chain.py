@@ -57,7 +57,7 @@ MOST_NODES = 200  # nodes of a segment; farther apart where it takes more
 CHAIN_BYTES = 48_000_000
 # events of a part of the chain: 17 MB of 34 states, while the blocks that two parts share, which
 # are filtered twice, are few of its own
-EVENTS_OF_PART = 1024
+EVENTS_OF_PIECE = 1024
 JITTER = (0.0, 1e-12, 1e-9)  # of the variances: bias and slow process are known by their sum
 
 
@@ -97,14 +97,36 @@ class SharedError:
 
 
 def event_bytes(layout: StateLayout) -> int:
-    """Return the bytes of an event whose chain and whole covariance are kept."""
+    """Return the bytes of an event whose chain and whole covariance are kept.
+
+    Parameters
+    ----------
+    layout : StateLayout
+        The error states.
+
+    Returns
+    -------
+    int
+        Of its transition, of the rows that its pose reads, and of the packed covariance.
+    """
     n = layout.size
     return 8 * (n * n + 2 * layout.read_of_events.size * n) + 4 * n * (n + 1)
 
 
-def parts_of(events: int) -> list[tuple[int, int]]:
-    """Return the first event of each part of a chain, and the first behind it."""
-    edges = [*range(0, events, EVENTS_OF_PART), events]
+def pieces_of(events: int) -> list[tuple[int, int]]:
+    """Return the pieces of a chain.
+
+    Parameters
+    ----------
+    events : int
+        Camera events.
+
+    Returns
+    -------
+    list of (int, int)
+        The first event of each piece, and the first behind it.
+    """
+    edges = [*range(0, events, EVENTS_OF_PIECE), events]
     return list(pairwise(edges))
 
 
@@ -214,7 +236,7 @@ class EventChain:
     gain: Array
     shared: tuple[SharedError, ...] = ()
 
-    def part(self, first: int, last: int) -> "EventChain":
+    def piece(self, first: int, last: int) -> "EventChain":
         """Return the chain of consecutive events.
 
         Parameters
@@ -227,12 +249,12 @@ class EventChain:
         EventChain
             Whose events count from 0; views.
         """
-        own, rows = slice(first, last), slice(*self.read.begin[[first, last]])
+        events, rows = slice(first, last), slice(*self.read.begin[[first, last]])
         return replace(
             self,
-            epoch=self.epoch[own],
-            transitions=self.transitions[own],
-            read=self.read.part(first, last),
+            epoch=self.epoch[events],
+            transitions=self.transitions[events],
+            read=self.read.piece(first, last),
             filtered=self.filtered[rows],
             gain=self.gain[rows],
         )
@@ -400,7 +422,7 @@ class ChainInParts(Protocol):
     def shared(self) -> tuple[SharedError, ...]:
         """What was added to the smoothed covariance."""
 
-    def part(self, first: int, last: int) -> EventChain:
+    def piece(self, first: int, last: int) -> EventChain:
         """Return the chain of the events first..last - 1, which count from 0."""
 
 
@@ -432,16 +454,16 @@ def common_errors(
     cov = _of_nodes(chain, event, state, derivatives, out[:, :, :c])
     sigma = np.sqrt(np.diagonal(cov))
     correlation = cov / np.outer(sigma, sigma)
-    for first, last in parts_of(k):
-        own, T = out[first:last], derivatives(slice(first, last))
-        cross = own[:, :, :c].reshape(len(own) * d, c)
-        own[:, :, :c] = _whitened(cross / sigma, correlation).reshape(len(own), d, c)
+    for first, last in pieces_of(k):
+        errors, T = out[first:last], derivatives(slice(first, last))
+        cross = errors[:, :, :c].reshape(len(errors) * d, c)
+        errors[:, :, :c] = _whitened(cross / sigma, correlation).reshape(len(errors), d, c)
         for i, error in enumerate(chain.shared):
             inside = error.within(chain.epoch[first:last])
             size, axes = np.linalg.eigh(error.cov)
             root = axes * np.sqrt(np.maximum(size, 0.0))
             derivative = np.where(inside[:, None, None], T[:, :, error.block], 0.0)
-            own[:, :, c + 3 * i : c + 3 * i + 3] = derivative @ root
+            errors[:, :, c + 3 * i : c + 3 * i + 3] = derivative @ root
     return out
 
 
@@ -456,29 +478,29 @@ def _of_nodes(
     c, begin = event.size, np.searchsorted(event, np.arange(chain.epoch.size + 1))
     n, cov = derivatives(slice(0, 1)).shape[2], np.zeros((c, c))
     P, gain, back = np.zeros((c, n)), np.zeros((c, n)), np.zeros((n, c))
-    parts = parts_of(chain.epoch.size)
-    for first, last in parts[::-1]:
-        part, T = chain.part(first, last), derivatives(slice(first, last))
+    pieces = pieces_of(chain.epoch.size)
+    for first, last in pieces[::-1]:
+        piece, T = chain.piece(first, last), derivatives(slice(first, last))
         nodes = range(begin[first], begin[last])
-        rows = [part.row_of(int(event[i]) - first, int(state[i])) for i in nodes]
+        rows = [piece.row_of(int(event[i]) - first, int(state[i])) for i in nodes]
         P[begin[first] : begin[last]], gain[begin[first] : begin[last]] = (
-            each[rows] for each in (part.filtered, part.gain)
+            each[rows] for each in (piece.filtered, piece.gain)
         )
         for j in range(last - 1, first - 1, -1):  # nodes at this event, and later ones
             own, later = slice(begin[j], begin[j + 1]), slice(begin[j], None)
             back[:, own] = gain[own].T
-            here = part.product(T[j - first], part.filtered, j - first)
-            cross[j, :, later] = here @ back[:, later]
+            read = piece.product(T[j - first], piece.filtered, j - first)
+            cross[j, :, later] = read @ back[:, later]
             cov[own, later] = P[own] @ back[:, later]
-            back[:, later] = part.transitions[j - first].T @ back[:, later]
+            back[:, later] = piece.transitions[j - first].T @ back[:, later]
     ahead = np.zeros((c, n))
-    for first, last in parts:
-        part, T = chain.part(first, last), derivatives(slice(first, last))
+    for first, last in pieces:
+        piece, T = chain.piece(first, last), derivatives(slice(first, last))
         for j in range(first, last):  # earlier nodes
             own, earlier = slice(begin[j], begin[j + 1]), slice(0, begin[j])
-            ahead[earlier] = ahead[earlier] @ part.transitions[j - first].T
-            here = part.product(T[j - first], part.gain, j - first)
-            cross[j, :, earlier] = here @ ahead[earlier].T
+            ahead[earlier] = ahead[earlier] @ piece.transitions[j - first].T
+            read = piece.product(T[j - first], piece.gain, j - first)
+            cross[j, :, earlier] = read @ ahead[earlier].T
             ahead[own] = P[own]
     upper = np.triu(cov, 1)
     return upper + upper.T + np.diag(np.diagonal(cov))

@@ -164,8 +164,19 @@ class EventRows(NamedTuple):
         begin = np.searchsorted(event[order], np.arange(events + 1))
         return cls(begin, state[order], common.size)
 
-    def part(self, first: int, last: int) -> "EventRows":
-        """Return the rows of the events first..last - 1, counted from the first of them."""
+    def piece(self, first: int, last: int) -> "EventRows":
+        """Return the rows of consecutive events.
+
+        Parameters
+        ----------
+        first, last : int
+            The first of them, and the first behind them.
+
+        Returns
+        -------
+        EventRows
+            Of events that count from 0.
+        """
         begin = self.begin[first : last + 1]
         return EventRows(begin - begin[0], self.state[begin[0] : begin[-1]], self.common)
 

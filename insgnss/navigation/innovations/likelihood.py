@@ -272,10 +272,10 @@ def _measured_alone(problem: EstimationProblem) -> tuple[EstimationProblem, np.n
     if 2 * index.size >= needed.size:
         return problem, slice(None)
     inc = problem.inc
-    own = replace(
+    increments = replace(
         inc, marks=inc.marks[index], stop=inc.stop[index], rate=inc.rate[index], bridged=None
     )
-    return with_epochs(problem, index, own), index
+    return with_epochs(problem, index, increments), index
 
 
 def _linear(

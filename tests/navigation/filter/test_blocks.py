@@ -117,14 +117,14 @@ def test_the_chain_of_many_events_is_worked_out_again(posed, monkeypatch, block)
     """
     kept = solved(posed, monkeypatch, block, 0, 3)
     monkeypatch.setattr(blocks, "CHAIN_BYTES", 0)
-    monkeypatch.setattr(event_chain, "EVENTS_OF_PART", 2)
+    monkeypatch.setattr(event_chain, "EVENTS_OF_PIECE", 2)
     again = solved(posed, monkeypatch, block, 0, 3)
     assert isinstance(kept.chain, EventChain)
     assert isinstance(again.chain, ChainAgain)
     assert_array_equal(again.event_cross, kept.event_cross)
     assert set(kept.rows) - set(again.rows) == set(kept.event_epochs)
     for first, last in ((0, 5), (0, 2), (1, 4), (4, 5)):
-        got, expected = (each.chain.part(first, last) for each in (again, kept))
+        got, expected = (each.chain.piece(first, last) for each in (again, kept))
         for name in ("epoch", "transitions", "filtered", "gain"):
             assert_array_equal(getattr(got, name), getattr(expected, name))
         assert_array_equal(got.read.begin, expected.read.begin)

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
+from insgnss.geodesy.crs import above_ellipsoid, source_crs
+from insgnss.geodesy.datums import code_of, datum_words
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector
-from insgnss.navigation.orient.frame import in_frame
+from insgnss.navigation.orient.frame import _Wgs84, in_frame
 from insgnss.records import ExteriorOrientation
 
 ORIGIN = np.array([np.radians(46.57), np.radians(6.54), 0.0])
@@ -166,3 +168,11 @@ def test_refusals(kind: str, code: str | None, ground: float | None, why: str) -
     """Oracle: what the frames are."""
     with pytest.raises(UsageError, match=why):
         in_frame(master(), kind, MapProjection(code) if code else None, ground)
+
+
+def test_names_of_wgs84_are_those_of_proj() -> None:
+    """Oracle: pyproj; a frame without a stated datum is named without loading it."""
+    proj, own = source_crs(None, None), _Wgs84()
+    assert above_ellipsoid(own) == above_ellipsoid(proj)
+    assert code_of(own) == code_of(proj)
+    assert datum_words(own, None) == datum_words(proj, None)

@@ -29,11 +29,13 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 def _powers_of_ten():
-    from fractions import Fraction
-
     exponents = range(-EXPONENT_LIMIT - 20, EXPONENT_LIMIT + 21)
     high = [float(f"1e{e}") for e in exponents]
-    low = [float(Fraction(10) ** e - Fraction(x)) for e, x in zip(exponents, high, strict=True)]
+    low = []
+    for e, x in zip(exponents, high, strict=True):
+        p, q = x.as_integer_ratio()
+        up, down = 10 ** max(e, 0), 10 ** max(-e, 0)
+        low.append((up * q - p * down) / (q * down))  # of integers, rounded once
     return np.array(high), np.array(low)
 
 
