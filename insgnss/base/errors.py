@@ -26,6 +26,7 @@ class InsgnssError(Exception):
     """
 
     exit_code = 1
+    problem = ""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*(without_text(arg) if isinstance(arg, str) else arg for arg in args))
@@ -77,12 +78,12 @@ class InputError(InsgnssError):
     findings : mapping
         What a run had found by then, as its report would say it; empty of most errors.
     key, problem : str
-        The value and what is wrong with it, of `of_value`; empty of all others.
+        The value, of `of_value`, and what is wrong, of `at_line` without the place.
     """
 
     exit_code = 3
     findings: Mapping[str, Any] = MappingProxyType({})
-    key = problem = ""
+    key = ""
 
     @classmethod
     def of_value(cls, key: str, problem: str) -> "InputError":
@@ -99,7 +100,9 @@ class InputError(InsgnssError):
         """
         problem = instead(path) if contents_withheld(path) else problem
         text = f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}"
-        return cls(_ENDS.sub(" ", text))
+        error = cls(_ENDS.sub(" ", text))
+        error.problem = _ENDS.sub(" ", problem)
+        return error
 
     @classmethod
     def in_file(cls, path: object, problem: str) -> "InputError":
@@ -200,12 +203,17 @@ def words_of(error: Exception) -> str:
     return "".join(c if c.isprintable() else "?" for c in text) or type(error).__name__
 
 
-def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
-    """Return advice for a word that is not known: the nearest choice, or all of them."""
+def nearest(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Return the choice that a word is nearly; an empty text where it is like none."""
     import difflib
 
     names = list(choices)
-    close = difflib.get_close_matches(
-        word, names, n=1, cutoff=likeness
-    ) or difflib.get_close_matches(word.lower(), names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}"
+    close = difflib.get_close_matches(word, names, n=1, cutoff=likeness)
+    return next(iter(close or difflib.get_close_matches(word.lower(), names, n=1)), "")
+
+
+def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Return advice for a word that is not known: the nearest choice, or all of them."""
+    names = list(choices)
+    close = nearest(word, names, likeness)
+    return f"did you mean {close!r}?" if close else f"known are {', '.join(names)}"
