@@ -196,8 +196,8 @@ def _ranking(
     ranked = partial(rank, recordings=groups, sampling=options.sampling, below_a_sample=False)
     try:
         return ranked(curves, candidates), notes
-    except UsageError as error:  # a singular covariance, of scales that hardly differ
-        why = str(error).partition(";")[0]
+    except UsageError:
+        why = "the covariance of scales that hardly differ is singular"
         notes += (f"the models are compared with the weights of the intervals: {why}",)
         return ranked(curves, candidates, weights="interval"), notes
 
