@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
-from ....base.wording import asked, named
+from ....base.wording import named, written
 from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
@@ -120,7 +120,7 @@ class TableSpec:
             line = None if columns is not None else layout.header_line
             how = (
                 f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
-                f" or {asked('columns {...}', BY_NAME)}"
+                f" or {written('columns {...}', BY_NAME)}"
             )
             raise InputError.at_line(path, line, f"{source} {why}; {how}")
         for k, own in enumerate(layout.header_fields or () if self.strict else ()):
@@ -217,7 +217,7 @@ BY_NAME = 'columns = { tow = "its name in the file", ... }'
 
 def _listed() -> str:
     """How the present caller lists the columns of a table."""
-    return asked("columns [...]", "columns = [...]")
+    return written("columns [...]", "columns = [...]")
 
 
 def _uneven_header(path: str, layout: TextLayout) -> InputError:
