@@ -217,8 +217,8 @@ def _options(
         )
         message = (
             f"needs {written('columns {...}', 'columns = {tow = ..., ...}')}, and"
-            f" {named('variable')} where they are fields of a struct or labels of a matrix; there are"
-            f" {tables}"
+            f" {named('variable')} where they are fields of a struct or labels of a matrix;"
+            f" there are {tables}"
         )
         raise UsageError(
             f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {message[:600]}"
