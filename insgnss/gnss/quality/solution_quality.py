@@ -18,7 +18,11 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import picked
-from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
+from ...io.formats.gnss.pos_covariance import (
+    SIGMAS_ASSUMED,
+    covariance_of_roots,
+    without_inverse,
+)
 from ...io.formats.gnss.pos_header import ROOTS
 from ...io.formats.gnss.rtklib_pos import PosRows, fixes_of_rows
 from ...io.formats.read_options import ReadOptions
@@ -117,7 +121,7 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         " engine's dynamics model needs an epoch about every second"
     )
     note = Question("GNSS covariance", "a covariance each").note(finding, advice)
-    others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
+    others = tuple(check for check in fixes.notes if check.topic != SIGMAS_ASSUMED)
     return replace(fixes, notes=(*others, note))
 
 

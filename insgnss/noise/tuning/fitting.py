@@ -209,11 +209,11 @@ def _kept(first: NoiseFit, options: TuneOptions) -> tuple[NoiseFit, str, Goodnes
     """
     if options.weights == "diagonal":
         return first, "weights of the intervals, as requested", None
-    second, sentence = second_step(first)
+    second, sentence, settled = second_step(first)
     if second is first or options.weights == "full":
         return second, sentence, None
     kept = "weights of the intervals kept: efficient ones"
-    if "not settled" in sentence:
+    if not settled:
         return first, f"{kept} do not settle, as happens where the model does not fit", None
     goodness = _j_test(second)
     if _tested(goodness) and goodness.p_value < MISFIT_P:

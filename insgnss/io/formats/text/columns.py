@@ -122,7 +122,7 @@ class TableSpec:
                 f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
                 f" or {written('columns {...}', BY_NAME)}"
             )
-            raise InputError.at_line(path, line, f"{source} {why}; {how}")
+            raise UnnamedColumns.at_line(path, line, f"{source} {why}", how)
         for k, own in enumerate(layout.header_fields or () if self.strict else ()):
             name, unit = normalised(own)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
@@ -161,12 +161,12 @@ class TableSpec:
             if not taken:
                 message = (
                     f"{n} fields and no header; without a header the columns must be"
-                    f" {'; '.join(self.layouts)}; name them by {_listed()} of"
-                    f" {', '.join(self.names)}"
+                    f" {'; '.join(self.layouts)}"
                 )
+                how = f"name them by {_listed()} of {', '.join(self.names)}"
                 if "image" in self.names and not layout.delimiter and n > max(map(len, layouts)):
-                    message += '; names with blanks stand in quotation marks: "my image 1.jpg"'
-                raise InputError.at_line(path, layout.first_line, message)
+                    how += '; names with blanks stand in quotation marks: "my image 1.jpg"'
+                raise UnnamedColumns.at_line(path, layout.first_line, message, how)
         return [name if name in self.names else None for name in taken], source
 
     def _from_mapping(
@@ -212,6 +212,10 @@ class TableSpec:
         return check_units(units, (*self.units, *more))
 
 
+class UnnamedColumns(InputError):
+    """A table does not say what its columns are, or not of all that are needed."""
+
+
 BY_NAME = 'columns = { tow = "its name in the file", ... }'
 
 
@@ -224,12 +228,12 @@ def _uneven_header(path: str, layout: TextLayout) -> InputError:
     """Return the error of a header that has another number of fields than the data."""
     message = (
         f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
-        f" data; set {_listed()}"
+        " data"
     )
+    how = f"set {_listed()}"
     if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
-        message += ", or, if the numbers have decimal commas, write them with decimal"
-        message += " points"
-    return InputError.at_line(path, layout.header_line, message)
+        how += ", or, if the numbers have decimal commas, write them with decimal points"
+    return UnnamedColumns.at_line(path, layout.header_line, message, how)
 
 
 def _place_of(path: str, layout: TextLayout, column: str) -> int:
