@@ -200,7 +200,7 @@ class _Arcs:
                 mp = self.code[:, k] - own - 2.0 / (a - 1.0) * (own - other)
             good = np.isfinite(mp)
             arc = np.cumsum(new)[good]
-            if not name or good.sum() < 2:
+            if good.sum() < 2:
                 continue
             count = np.maximum(np.bincount(arc), 1)
             rest = mp[good] - (np.bincount(arc, mp[good]) / count)[arc]
