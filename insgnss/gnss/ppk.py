@@ -261,7 +261,15 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
         series["pdop"] = position_dilution(sky, fixes.time.size)
     checks += [*causes, *unasked, *(events.notes if events is not None else ())]
     result = PpkResult(
-        fixes, events, tuple(checks), summary, numbers, series, files, run.engine, run.cpu_s
+        fixes=fixes,
+        events=events,
+        checks=tuple(checks),
+        verdict=summary,
+        quality=numbers,
+        series=series,
+        files=files,
+        engine=run.engine,
+        cpu_s=run.cpu_s,
     )
     result.write(files["solution"])
     return result

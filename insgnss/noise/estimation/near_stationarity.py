@@ -130,7 +130,16 @@ def near_stationarity(
     asymptotic = float(chdtrc(degrees, statistic))
     spread = _spread(joint, single, groups)
     return NearStationarity(
-        statistic, degrees, asymptotic, p, error, draws, shares, joint, single, spread
+        statistic=statistic,
+        degrees=degrees,
+        p_value=asymptotic,
+        bootstrapped=p,
+        bootstrapped_error=error,
+        draws=draws,
+        shares=shares,
+        joint=joint,
+        single=single,
+        spread=spread,
     )
 
 

@@ -142,7 +142,17 @@ def tune_axes(
                 kept, recordings=groups, draws=DRAWS, seed=options.seed
             )
     return Tuned(
-        sensor, axes, first, kept, inference, goodness, how, noise, remarks, ranking, stationarity
+        sensor=sensor,
+        axes=axes,
+        first=first,
+        kept=kept,
+        inference=inference,
+        goodness=goodness,
+        how=how,
+        noise=noise,
+        remarks=remarks,
+        ranking=ranking,
+        stationarity=stationarity,
     )
 
 

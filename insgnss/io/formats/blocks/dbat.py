@@ -99,21 +99,21 @@ def read_dbat(path: Source) -> ImageBlock:
     points, row = np.unique(np.concatenate(every), return_inverse=True)
     rows = np.split(row, np.cumsum([len(x) for x in every])[:-1])
     return ImageBlock(
-        cameras,
-        names,
-        np.zeros(len(ids), dtype=np.int64),
-        position,
-        C_mc,
-        _held(path, root, position),
-        tuple(str(p) for p in points),
-        Observations(
+        cameras=cameras,
+        images=names,
+        camera=np.zeros(len(ids), dtype=np.int64),
+        position_m=position,
+        C_mc=C_mc,
+        held=_held(path, root, position),
+        points=tuple(str(p) for p in points),
+        observations=Observations(
             np.concatenate([image for image, *_ in measurements]),
             np.concatenate(rows[:-2]),
             np.concatenate([uv for _, _, uv, _ in measurements]),
             np.concatenate([sigma for *_, sigma in measurements]),
         ),
-        GroundPoints(rows[-2], *control[1:]),
-        GroundPoints(rows[-1], *check[1:]),
+        control=GroundPoints(rows[-2], *control[1:]),
+        check=GroundPoints(rows[-1], *check[1:]),
     )
 
 
