@@ -167,7 +167,8 @@ def _curves(
     for curve, r in zip(curves, [r for _ in axes for r in recordings], strict=True):
         if int(curve.level[-1]) < levels[0]:
             raise UsageError(
-                f"--levels {options.levels}: {r.name} has levels 1 to {int(curve.level[-1])} only"
+                f"--levels {options.levels}: {r.name} has levels 1 to {int(curve.level[-1])} only;"
+                " give some of these"
             )
     return [curve.selected(levels) for curve in curves]
 

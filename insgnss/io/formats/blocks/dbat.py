@@ -358,7 +358,9 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
         raise InputError.in_file(
-            path, f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm"
+            path,
+            f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm;"
+            " correct it",
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's

@@ -292,7 +292,8 @@ def _inpho(path: Path) -> Cameras:
         focal = _numbers(path, lines.get("FOCAL_LENGTH", ""), "FOCAL_LENGTH")[0]
         ppa = _numbers(path, lines.get("PRINCIPAL_POINT_PPA", "0 0"), "PRINCIPAL_POINT_PPA")
         if A.size != 6 or ppa.size < 2:
-            raise InputError.in_file(path, f"camera {shown(name)}: its matrix is not 2 x 3")
+            problem = f"camera {shown(name)}: its matrix is not 2 x 3; export the project again"
+            raise InputError.in_file(path, problem)
         A = A.reshape(2, 3)
         cx, cy = A @ (*ppa[:2], 1.0) + CENTRE_SHIFT_PX
         of = {"f": abs(A[1, 1]) * focal, "cx": cx, "cy": cy}

@@ -176,12 +176,13 @@ class TableSpec:
         for canonical, column in columns.items():
             if canonical not in self.names:
                 choices = ", ".join(self.names)
-                raise UsageError(f"{path}: columns: {canonical!r} is none of {choices}")
+                name = f"{named('columns')}: {canonical!r}"
+                raise UsageError(f"{path}: {name} is none of {choices}")
             index = _place_of(path, layout, column)
             if assigned[index] is not None:
                 raise UsageError(
-                    f"{path}: columns: {column!r} is both {assigned[index]} and {canonical};"
-                    " give each a field of its own"
+                    f"{path}: {named('columns')}: {column!r} is both {assigned[index]} and"
+                    f" {canonical}; give each a field of its own"
                 )
             assigned[index] = canonical
         return assigned
