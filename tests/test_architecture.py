@@ -128,6 +128,16 @@ PLANTED_LABELS = """
 if check.name.startswith("GNSS ") or " from " in state.name or state.name == "drift":
     number = name.rpartition("_")[2] if not path.name.startswith(".") else ""
 """
+SENTENCES = ("found", "evidence", "advice", "sentence", "remedy")
+PLANTED_SENTENCES = """
+try:
+    pass
+except Bad as refusal:
+    problem = str(refusal).partition(": ")[2]
+    words = "set" in str(refusal), str(refusal).split()
+if check.found.startswith("as ") or "counts" in finding.evidence or check.found == "unknown":
+    pass
+"""
 FOLDER_MODULES = 16  # beside __init__: as many as a reader overlooks
 
 LOCAL_ONLY = {
@@ -317,6 +327,48 @@ def test_no_kind_is_read_from_a_name() -> None:
         for node in texts_of_labels(tree(module), module.startswith(LABELLED))
     }
     assert not parsed, "\n".join(sorted(parsed))
+
+
+def test_no_message_is_taken_apart() -> None:
+    """Oracle: the syntax tree. What is wrong by an error (`problem`, `location`, `key`) and what a
+    finding holds stands in its fields; a sentence is shown as a whole.
+    """
+    assert {ast.unparse(node) for node in sentences_parsed(ast.parse(PLANTED_SENTENCES))} == {
+        "check.found.startswith('as ')",
+        "'counts' in finding.evidence",
+        "'set' in str(refusal)",
+        "str(refusal).partition(': ')",
+    }
+    parsed = {
+        f"{module}:{node.lineno}: {ast.unparse(node)}"
+        for module in MODULES
+        for node in sentences_parsed(tree(module))
+    }
+    assert not parsed, "\n".join(sorted(parsed))
+
+
+def sentences_parsed(parsed: ast.AST) -> Iterator[ast.expr]:
+    """Yield where a part of a finding's sentence, or of the text of a caught error, decides."""
+    caught = {node.name for node in ast.walk(parsed) if isinstance(node, ast.ExceptHandler)}
+
+    def is_sentence(node: ast.expr) -> bool:
+        match node:
+            case ast.Attribute(attr=attr):
+                return attr in SENTENCES
+            case ast.Call(func=ast.Name("str"), args=[ast.Name(name)]):
+                return name in caught
+        return False
+
+    for node in ast.walk(parsed):
+        match node:
+            case ast.Call(func=ast.Attribute(value=text, attr=method), args=[_, *_]):
+                parses = method in PARSING and is_sentence(text)
+            case ast.Compare(ops=[ast.In() | ast.NotIn()], comparators=[text]):
+                parses = is_sentence(text)
+            case _:
+                parses = False
+        if parses:
+            yield node
 
 
 def texts_of_labels(parsed: ast.AST, bare: bool) -> Iterator[ast.expr]:

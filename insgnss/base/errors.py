@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from .received.trusted import contents_withheld, instead, without_text
 from .wording import named, setting
@@ -16,6 +16,9 @@ from .wording import named, setting
 UNSET: Any = object()
 WORDS_SHOWN = 120  # characters of a library's message: the rest is its own affair (chosen)
 _ENDS = re.compile("[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]+")
+
+
+Advised = TypeVar("Advised", bound="InsgnssError")
 
 
 class InsgnssError(Exception):
@@ -26,6 +29,14 @@ class InsgnssError(Exception):
     """
 
     exit_code = 1
+    problem = location = ""
+
+    @classmethod
+    def advised(cls: type[Advised], problem: str, remedy: str) -> Advised:
+        """Error that holds its `problem` apart, for who has a remedy of his own."""
+        error = cls(f"{problem}; {remedy}")
+        error.problem = problem
+        return error
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*(without_text(arg) if isinstance(arg, str) else arg for arg in args))
@@ -77,12 +88,12 @@ class InputError(InsgnssError):
     findings : mapping
         What a run had found by then, as its report would say it; empty of most errors.
     key, problem : str
-        The value and what is wrong with it, of `of_value`; empty of all others.
+        The value, of `of_value`, and what is wrong, without `location` (file and line) and remedy.
     """
 
     exit_code = 3
     findings: Mapping[str, Any] = MappingProxyType({})
-    key = problem = ""
+    key = ""
 
     @classmethod
     def of_value(cls, key: str, problem: str) -> "InputError":
@@ -92,14 +103,18 @@ class InputError(InsgnssError):
         return error
 
     @classmethod
-    def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":
+    def at_line(
+        cls, path: object, line: int | None, problem: str, remedy: str = ""
+    ) -> "InputError":
         """Error that names the file, and the line counted from 1 where one is known.
 
         What ends lines, out of a name or a value of the file, becomes a blank.
         """
-        problem = instead(path) if contents_withheld(path) else problem
-        text = f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}"
-        return cls(_ENDS.sub(" ", text))
+        problem = _ENDS.sub(" ", instead(path) if contents_withheld(path) else problem)
+        location = f"{path}:{line}" if line is not None else f"{path}"
+        error = cls(_ENDS.sub(" ", f"{location}: {problem}" + (f"; {remedy}" if remedy else "")))
+        error.problem, error.location = problem, location
+        return error
 
     @classmethod
     def in_file(cls, path: object, problem: str) -> "InputError":
@@ -200,12 +215,17 @@ def words_of(error: Exception) -> str:
     return "".join(c if c.isprintable() else "?" for c in text) or type(error).__name__
 
 
-def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
-    """Return advice for a word that is not known: the nearest choice, or all of them."""
+def nearest(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Return the choice that a word is nearly; an empty text where it is like none."""
     import difflib
 
     names = list(choices)
-    close = difflib.get_close_matches(
-        word, names, n=1, cutoff=likeness
-    ) or difflib.get_close_matches(word.lower(), names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}"
+    close = difflib.get_close_matches(word, names, n=1, cutoff=likeness)
+    return next(iter(close or difflib.get_close_matches(word.lower(), names, n=1)), "")
+
+
+def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Return advice for a word that is not known: the nearest choice, or all of them."""
+    names = list(choices)
+    close = nearest(word, names, likeness)
+    return f"did you mean {close!r}?" if close else f"known are {', '.join(names)}"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import UNSET, InputError, OptionError, near
+from .errors import UNSET, InputError, OptionError, near, nearest
 from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST_NESTING, too_deep
@@ -77,7 +77,7 @@ class OptionTable:
         line, prefix = None, full
         while prefix and line is None:
             line, prefix = source.lines.get(prefix), prefix.rpartition(".")[0]
-        ours = near(key.partition(".")[0], self.keys.get(self.name, ())).startswith("did you")
+        ours = nearest(key.partition(".")[0], self.keys.get(self.name, ()))
         # a key of ours, or one that is nearly so, is no text of others, wherever the file lies
         with trusting([source.path]) if ours else nullcontext():
             text = str(value).lower() if isinstance(value, bool) else reprlib.repr(value)

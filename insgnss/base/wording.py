@@ -81,9 +81,9 @@ def named(key: str) -> str:
     return _DOOR.get().name(key)
 
 
-def asked(key: str, example: str) -> str:
+def written(key: str, example: str) -> str:
     """The option `key` with a value to be filled in: `example` of the flight file, unless the
-    caller writes it otherwise, as `asked("columns [...]", "columns = [...]")` is --columns NAMES.
+    caller writes it otherwise, as `written("columns [...]", "columns = [...]")` is --columns NAMES.
     """
     option = named(key)
     return example if option == key else option

@@ -138,7 +138,8 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "E
     from ..noise.processes.consumers import CONSUMER_FORMS, text_for
 
     if any(x is not None for x in (given.crs, given.geoid, given.frame, given.ground)):
-        raise UsageError("export: --crs, --geoid, --frame and --ground have no meaning for noise")
+        of_poses = "--crs, --geoid, --frame and --ground"
+        raise UsageError(f"export: {of_poses} have no meaning for noise; leave them out")
     _refuse_camera(given, "for noise")
     settings = _settings(given.settings)
     if odd := [key for key in settings if key not in NOISE_SETTINGS]:

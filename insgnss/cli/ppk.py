@@ -92,7 +92,7 @@ class PpkRun:
         from ..report.verdict import worst_of
 
         result, given = self.result, self.given
-        word = result.verdict.partition(":")[0]
+        grade = result.quality["grade"]
         odd = [check for check in result.checks if check.verdict != "ok"]
         odd.sort(key=lambda check: check.verdict == "note")
         findings = [f"{check.name}: {check.found}" for check in odd]
@@ -110,8 +110,8 @@ class PpkRun:
             result.verdict,
             worst_of(
                 f"nearly all epochs are fixed and confirmed, and no check contradicts them{notes}",
-                findings if word not in ("good", "poor") else [],
-                findings if word == "poor" else [],
+                findings if grade not in ("good", "poor") else [],
+                findings if grade == "poor" else [],
             ),
             (*charts, checked(result.checks), pairs("Figures of merit", merits)),
             [*all_of(given.rover), *all_of(given.base), *given.navigation],

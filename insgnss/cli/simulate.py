@@ -89,7 +89,8 @@ def run(options: argparse.Namespace, progress: Progress) -> Message:
     if options.flight in PUBLISHED_BLOCKS:
         return _published(options, progress)
     if options.unknown_boresight is not None:
-        raise UsageError(f"--unknown-boresight is of --flight {', '.join(PUBLISHED_BLOCKS)}")
+        blocks = ", ".join(PUBLISHED_BLOCKS)
+        raise UsageError(f"--unknown-boresight is of --flight {blocks}; leave it out of others")
     from ..simulation.dataset import write_dataset
 
     if options.block and options.flight not in (None, options.block):

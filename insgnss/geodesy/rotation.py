@@ -41,6 +41,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+# exchange of north and east, down for up; camera with x right, y down for x right, y up
 NED_ENU: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 CV_RUB: Array = np.diag([1.0, -1.0, -1.0])
 NED_ENU.flags.writeable = False

@@ -56,6 +56,7 @@ from .ppk_options import all_of
 from .quality.solution_quality import (
     EngineSolution,
     coverage_numbers,
+    grade,
     solution_numbers,
     solution_of,
     solution_series,
@@ -246,6 +247,7 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
         checks.append(check)
     signals = signals_of(rover)
     numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
+    numbers["grade"] = grade(numbers, checks)
     summary, causes = verdict(numbers, checks)
     if MIXED_CODES in "".join(run.codes):
         summary += f"; codes of the rover {run.codes[0]}, of the base {run.codes[1]}"
@@ -259,7 +261,15 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
         series["pdop"] = position_dilution(sky, fixes.time.size)
     checks += [*causes, *unasked, *(events.notes if events is not None else ())]
     result = PpkResult(
-        fixes, events, tuple(checks), summary, numbers, series, files, run.engine, run.cpu_s
+        fixes=fixes,
+        events=events,
+        checks=tuple(checks),
+        verdict=summary,
+        quality=numbers,
+        series=series,
+        files=files,
+        engine=run.engine,
+        cpu_s=run.cpu_s,
     )
     result.write(files["solution"])
     return result

@@ -9,7 +9,7 @@ from ..base.errors import InputError
 from ._checked import Array, frozen, frozen_integers
 
 INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
-RADIAL = INTERIOR[5:9]
+RADIAL = INTERIOR[5:9]  # k1 to k4
 RADIAL_MODELS = ("forward", "backward", "fisheye")
 """Parameters of interior orientation, in the order of their arrays."""
 

@@ -90,13 +90,13 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
     )
     nothing = np.stack([whole[:-1, 1], whole[1:, 0]], axis=1)
     return Marks(
-        start,
-        f"minutes since TOW {start:.1f} s",
-        minutes(lines),
-        minutes(stationary_periods(d)),
-        minutes(np.stack([without[:, 0], without.sum(axis=1)], axis=1)),
-        minutes(nothing),
-        np.zeros(0) if eo is None else minutes(eo.time),
-        slices(np.searchsorted(d.time, nothing.mean(axis=1)), d.time.size),
-        (0.0, float(minutes(d.time[-1]))),
+        start=start,
+        label=f"minutes since TOW {start:.1f} s",
+        lines=minutes(lines),
+        stationary=minutes(stationary_periods(d)),
+        outages=minutes(np.stack([without[:, 0], without.sum(axis=1)], axis=1)),
+        nothing=minutes(nothing),
+        exposures=np.zeros(0) if eo is None else minutes(eo.time),
+        parts=slices(np.searchsorted(d.time, nothing.mean(axis=1)), d.time.size),
+        span=(0.0, float(minutes(d.time[-1]))),
     )

@@ -128,15 +128,15 @@ def flight_along(motion: ExactMotion, name: str, every_s: float) -> FlightMotion
     spacing = every_s * np.linalg.norm(motion.velocity(time), axis=1)
     images = tuple(f"{1001 + k}.tif" for k in range(time.size))
     return FlightMotion(
-        name,
-        None,
-        motion,
-        images,
-        time,
-        np.ones(time.size, dtype=np.int64),
-        spacing,
-        np.zeros(3),
-        GPS_WEEK,
+        name=name,
+        plan=None,
+        motion=motion,
+        images=images,
+        time=time,
+        line=np.ones(time.size, dtype=np.int64),
+        spacing_m=spacing,
+        wind_l=np.zeros(3),
+        gps_week=GPS_WEEK,
     )
 
 

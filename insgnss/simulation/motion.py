@@ -48,6 +48,7 @@ PIECE_MARGIN = 0.1  # of a piece of the path: from its ends, where rounding deci
 
 Array = NDArray[np.float64]
 
+# 120 times the B-spline of degree five on an interval: a row for each power of its fraction
 _BASIS = np.array(
     [
         [1.0, 26.0, 66.0, 26.0, 1.0, 0.0],

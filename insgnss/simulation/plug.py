@@ -8,7 +8,7 @@ from typing import Any
 
 from ..base.errors import UsageError
 
-PACKAGE_PARENT = Path(__file__).parents[1]
+PACKAGE_PARENT = Path(__file__).parents[1]  # this file stands one folder deep
 
 
 def plugged(module: str) -> Any:

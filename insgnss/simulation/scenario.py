@@ -179,7 +179,17 @@ def observe(
         true_eo(flight, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier
     )
     return SimulatedFlight(
-        flight, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
+        flight=flight,
+        imu=recorded.samples,
+        gnss=fixes,
+        events=events,
+        rig=rig,
+        imu_options=imu,
+        gnss_options=gnss,
+        tangent_plane=plane,
+        truth=truth,
+        second_imu=second,
+        raw_gnss=observed,
     )
 
 

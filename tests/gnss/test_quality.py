@@ -1,5 +1,7 @@
 """Figures of merit of a solution and of observations, against what was planted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -115,6 +117,14 @@ def test_multipath_is_the_planted_code_error():
         ).multipath_m
         assert set(found) == {"G C1C", "G C2W"}
         assert np.allclose(list(found.values()), code, rtol=0.05)
+
+
+def test_without_phases_of_a_second_band_no_multipath_is_claimed():
+    """Oracle: (Q.2) needs both phases; a number of such a recording would be invented."""
+    o = observed()
+    values = o.values.copy()
+    values[:, [k for k, name in enumerate(o.signals) if name.startswith("L2")]] = np.nan
+    assert signals_of(replace(o, values=values)).multipath_m == {}
 
 
 def test_cn0_is_the_median_by_band():

@@ -26,7 +26,7 @@ SHOWN_VARIABLE = "INSGNSS_SHOWN"
 PATTERN = re.compile(r"[*?\[]")
 _START = re.compile(r"(?::(\d+))?: ")
 _HOMES: ContextVar[tuple[Path, ...]] = ContextVar("directories whose files are shown", default=())
-_PACKAGE = Path(__file__).resolve().parents[2]
+_PACKAGE = Path(__file__).resolve().parents[2]  # the package: this file stands two folders deep
 
 
 def inside(path: Named, directory: Named) -> bool:

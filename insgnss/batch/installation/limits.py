@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-PACKAGE_DIRECTORY = Path(__file__).parents[2]
+PACKAGE_DIRECTORY = Path(__file__).parents[2]  # this file stands two folders deep
 
 
 @dataclass(frozen=True)

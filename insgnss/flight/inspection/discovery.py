@@ -16,7 +16,7 @@ from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
 from ...io.formats import READERS, describe, sniff_events, sniff_gnss, sniff_imu
 from ...io.formats.imu.psins import read_psins_header
-from .sources import NO_SIGMA, SINGLE_POINT, InputSource, Keys, Role
+from .sources import NO_SIGMA, SINGLE_POINT, InputSource, Keys, LeftOut, Role
 from .tables.exposures import exposures_of
 from .tables.grids import tables_of_file
 from .tables.tabular import ARRAY_ENDINGS, sources_of_table
@@ -61,7 +61,7 @@ class Discovery:
     """All candidates, and the files that are none with the reason."""
 
     sources: tuple[InputSource, ...]
-    left_out: tuple[tuple[Path, str], ...]
+    left_out: tuple[LeftOut, ...]
 
     def of(self, role: Role) -> tuple[InputSource, ...]:
         """Return the candidates for a role."""
@@ -77,7 +77,7 @@ def discover(paths: Sequence[Path]) -> Discovery:
         Where a path does not exist, or a file that was named cannot be read.
     """
     sources: list[InputSource] = []
-    left_out: list[tuple[Path, str]] = []
+    left_out: list[LeftOut] = []
     for path in paths:
         if not path.exists():
             raise InputError.in_file(
@@ -90,11 +90,11 @@ def discover(paths: Sequence[Path]) -> Discovery:
             except InsgnssError as error:
                 if path.is_file():
                     raise
-                left_out.append((file, str(error)))
+                left_out.append(LeftOut(file, str(error), error.problem or str(error)))
                 continue
             sources += file_sources
             if not file_sources:
-                left_out.append((file, _why_not(file)))
+                left_out.append(LeftOut(file, _why_not(file)))
     return Discovery(tuple(sources), tuple(left_out))
 
 

@@ -43,7 +43,7 @@ def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) ->
         next_ = f"next: insgnss process {result.written[-1]}"
     elif not result.missing:
         next_ = "next: insgnss inspect ... --write writes a flight file of this"
-    left_out = [_without(str(path), why) for path, why in result.left_out]
+    left_out = [x.why if x.problem else f"{x.path}: {x.why}" for x in result.left_out]
     unsure = [f.name for f in result.findings if f.confidence < SURE]
     at_place = [name for name in unsure if name in AXIS_CHECKS] if _hovers(result) else []
     unsure = [name for name in unsure if name not in at_place]
@@ -96,10 +96,6 @@ def _source_line(source: Any) -> str:
     columns = ", ".join(source.columns_left_out)
     text = f"{source.role}: {source.title}: {source.what}"
     return f"{text}; columns left out: {columns}" if columns else text
-
-
-def _without(path: str, why: str) -> str:
-    return f"{path}: {why.removeprefix(path).lstrip(': ')}"
 
 
 def findings_section(title: str, findings: Sequence[Finding]) -> Section:
@@ -190,6 +186,6 @@ def numbers_of(result: InspectionData) -> dict[str, Any]:
         "sensor": picked(s, "rate_hz", "length_s", "rest_s", "sees_earth", "grade")
         | {"white_noise_si": json_ready(noise)},
         "checks": [asdict(c) for c in result.checks],
-        "left_out": {str(path): why for path, why in result.left_out},
+        "left_out": {str(x.path): x.why for x in result.left_out},
         "written": [str(path) for path in result.written],
     }

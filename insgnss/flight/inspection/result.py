@@ -10,7 +10,7 @@ from ...report.notebook import Shown
 from .draft import Draft
 from .rinex.survey import Survey
 from .sensing import Sensing
-from .sources import InputSource
+from .sources import InputSource, LeftOut
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Recorded:
         Of the directory, or of the one file given.
     sources : tuple of InputSource
         The samples first.
-    left_out : tuple of Path, str
+    left_out : tuple of LeftOut
         Files that are no source, each with the reason.
     imu : ImuSamples
         As the file has them.
@@ -77,7 +77,7 @@ class Recorded:
 
     name: str
     sources: tuple[InputSource, ...]
-    left_out: tuple[tuple[Path, str], ...]
+    left_out: tuple[LeftOut, ...]
     imu: ImuSamples
     gnss: GnssFixes | None
     events: CameraEvents | None

@@ -216,11 +216,11 @@ def _choose(
 def _listed(discovery: Discovery) -> str:
     """The files found; those that could not be read first, with the reason."""
     damaged = [
-        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:REASON_LENGTH]})"
-        for path, why in discovery.left_out
-        if str(path) in why
+        f"{file.path.name} ({file.problem[:REASON_LENGTH]})"
+        for file in discovery.left_out
+        if file.problem
     ]
-    others = [path.name for path, why in discovery.left_out if str(path) not in why]
+    others = [file.path.name for file in discovery.left_out if not file.problem]
     names = [
         *damaged,
         *(f"{source.path.name} ({source.what})" for source in discovery.sources),
@@ -366,7 +366,7 @@ def _inspection(recorded: Recorded) -> Inspection:
         checks += unit_contradictions(source, recognition)
         checks += [*in_counts(source, recognition), *strangers(recognition)]
     draft, missing = draft_flight(recorded, sensing, axes, alone)
-    if missing and (damaged := [why for path, why in recorded.left_out if str(path) in why]):
+    if missing and (damaged := [file.why for file in recorded.left_out if file.problem]):
         missing += f"; not taken: {damaged[0]}"
     return Inspection(
         **vars(recorded) | {"imu": imu, "gnss": stamped},

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,16 @@ class Keys:
         """Set a unit and add its reason to those of the others."""
         reasons = [self.why["units"], reason] if "units" in self.why else [reason]
         self.set("units", {**self.keys.get("units", {}), of: unit}, "; ".join(reasons))
+
+
+class LeftOut(NamedTuple):
+    """A file that is no input, and why; of one that cannot be read its `problem` without the path,
+    else "".
+    """
+
+    path: Path
+    why: str
+    problem: str = ""
 
 
 @dataclass(frozen=True)

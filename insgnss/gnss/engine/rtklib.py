@@ -170,7 +170,8 @@ def _made(directory: Path) -> Path:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(
-            f"{directory}: no directory can be made there: {error.strerror or error}"
+            f"{directory}: no directory can be made there: {error.strerror or error}; give"
+            " another one"
         ) from None
     return directory
 

@@ -144,16 +144,16 @@ def double_differences(
     _, satellite = unique_satellites(rover.satellite[satellites.row[kept]])
     kappa = (HERTZ["G"]["1"] * length / LIGHT) ** 2
     return DoubleDifferences(
-        fixes.time[satellites.epoch[kept]],
-        epoch,
-        satellites.system[kept],
-        satellite,
-        fraction * length,
-        kappa,
-        design[kept],
-        satellites.azimuth[kept],
-        satellites.elevation[kept],
-        rise[there[many]],
+        time=fixes.time[satellites.epoch[kept]],
+        epoch=epoch,
+        system=satellites.system[kept],
+        satellite=satellite,
+        parts=fraction * length,
+        kappa=kappa,
+        design=design[kept],
+        azimuth=satellites.azimuth[kept],
+        elevation=satellites.elevation[kept],
+        rise=rise[there[many]],
     )
 
 

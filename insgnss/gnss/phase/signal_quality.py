@@ -116,15 +116,15 @@ def signals_of(observations: Observations) -> Signals:
     slip_rows = slip_table[:, 0]
     when, cn0 = _cn0(o)
     return Signals(
-        interval,
-        gaps,
-        o.time[o.epoch[slip_rows]],
-        o.satellite[slip_rows],
-        slip_table[:, 1] > 0,
-        hours,
-        when,
-        cn0,
-        multipath,
+        interval_s=interval,
+        gaps=gaps,
+        slip_time=o.time[o.epoch[slip_rows]],
+        slip_satellite=o.satellite[slip_rows],
+        flagged=slip_table[:, 1] > 0,
+        hours=hours,
+        cn0_time=when,
+        cn0=cn0,
+        multipath_m=multipath,
     )
 
 
@@ -200,7 +200,7 @@ class _Arcs:
                 mp = self.code[:, k] - own - 2.0 / (a - 1.0) * (own - other)
             good = np.isfinite(mp)
             arc = np.cumsum(new)[good]
-            if not name or good.sum() < 2:
+            if good.sum() < 2:
                 continue
             count = np.maximum(np.bincount(arc), 1)
             rest = mp[good] - (np.bincount(arc, mp[good]) / count)[arc]

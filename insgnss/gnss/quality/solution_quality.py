@@ -9,7 +9,7 @@ is not fixed. What shifts all positions together shows in no share: a doubt of t
 (`BASE_CHECKS`), or a contradiction between inputs, makes of "good" a "usable with care".
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,11 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import picked
-from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
+from ...io.formats.gnss.pos_covariance import (
+    SIGMAS_ASSUMED,
+    covariance_of_roots,
+    without_inverse,
+)
 from ...io.formats.gnss.pos_header import ROOTS
 from ...io.formats.gnss.rtklib_pos import PosRows, fixes_of_rows
 from ...io.formats.read_options import ReadOptions
@@ -117,7 +121,7 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         " engine's dynamics model needs an epoch about every second"
     )
     note = Question("GNSS covariance", "a covariance each").note(finding, advice)
-    others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
+    others = tuple(check for check in fixes.notes if check.topic != SIGMAS_ASSUMED)
     return replace(fixes, notes=(*others, note))
 
 
@@ -255,8 +259,26 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
     return float(np.diff(marks).max(initial=0.0))
 
 
+def _doubts(before: Iterable[Finding]) -> list[Finding]:
+    """The checks of inputs and steps that stand against a good solution."""
+    return [
+        check
+        for check in before
+        if check.verdict == "contradiction"
+        or (check.verdict == "note" and check.name in BASE_CHECKS)
+    ]
+
+
+def grade(numbers: Mapping[str, Any], before: Iterable[Finding] = ()) -> str:
+    """Return "good", "usable with care" or "poor", of the arguments of `verdict`."""
+    rate = numbers["fix_rate_observed"]
+    if rate < FAIR_RATE:
+        return "poor"
+    return "usable with care" if rate < GOOD_RATE or _doubts(before) else "good"
+
+
 def verdict(
-    numbers: Mapping[str, Any], before: Iterable[Finding] = ()
+    numbers: Mapping[str, Any], before: Collection[Finding] = ()
 ) -> tuple[str, tuple[Finding, ...]]:
     """Return one sentence for the whole, and a check for each of its causes.
 
@@ -273,12 +295,8 @@ def verdict(
         checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
     if "signals" in numbers:
         checks += _check_signals(numbers["signals"])
-    of_base = [c for c in before if c.verdict == "note" and c.name in BASE_CHECKS]
-    doubts = [c for c in before if c.verdict == "contradiction" or c in of_base]
-    rate = numbers["fix_rate_observed"]
-    word = "usable with care" if rate < GOOD_RATE or doubts else "good"
-    word = "poor" if rate < FAIR_RATE else word
-    summary = f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs"
+    rate, doubts = numbers["fix_rate_observed"], _doubts(before)
+    summary = f"{grade(numbers, before)}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs"
     summary += " are fixed and confirmed"
     if degraded := numbers["classes"][FIX_CLASSES[DEGRADED]]:
         summary += f", {degraded} of them degraded"

@@ -21,6 +21,7 @@ _NO_NUMBER, _BAD = -1, -2  # in the place of a whole number
 # characters by their ASCII codes; an epoch begins with >
 _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _POINT, _ZERO, _EPOCH = 10, 13, 32, 43, 45, 46, 48, 62
 _DAY_OF_1980_01_06 = 723125  # days since 0000-03-01
+# powers of ten: 15 decimals are all that a double holds
 _TEN = np.array([10.0**k for k in range(16)])
 _SYSTEM_OF = np.full(256, -1, dtype=np.int64)  # number of a system by its letter; -1: none
 for _k, _letter in enumerate("GRECJIS"):

@@ -300,22 +300,22 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         )
         raise _incorrect(path, None, problem)
     return RinexHeader(
-        str(path),
-        version,
-        system,
-        clock,
-        text_of("MARKER NAME"),
-        text_of("REC # / TYPE / VERS", 20, 40),
-        " ".join(text_of("ANT # / TYPE", 20, 40).split()),
-        approx if approx is not None and approx.any() else None,
-        delta if delta is not None else np.zeros(3),
-        float(interval[0]) if interval is not None and interval[0] > 0 else None,
-        int(leap[0]) if leap is not None and leap[0] > 0 else None,
-        types,
-        _slots(path, records),
-        scale_of(path, records, types),
-        {label: tuple(lines) for label, lines in by_label.items()},
-        len(records),
+        path=str(path),
+        version=version,
+        system=system,
+        clock=clock,
+        marker=text_of("MARKER NAME"),
+        receiver=text_of("REC # / TYPE / VERS", 20, 40),
+        antenna=" ".join(text_of("ANT # / TYPE", 20, 40).split()),
+        approx_position_m=approx if approx is not None and approx.any() else None,
+        antenna_delta_m=delta if delta is not None else np.zeros(3),
+        interval_s=float(interval[0]) if interval is not None and interval[0] > 0 else None,
+        leap_seconds=int(leap[0]) if leap is not None and leap[0] > 0 else None,
+        types=types,
+        glonass_slots=_slots(path, records),
+        scale=scale_of(path, records, types),
+        records={label: tuple(lines) for label, lines in by_label.items()},
+        lines=len(records),
     )
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ...base.errors import UsageError
 from ...base.received.plugins import installed, load_installed
-from ...base.wording import asked, named
+from ...base.wording import named, written
 from ...records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
@@ -260,8 +260,9 @@ def _options(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )
         message = (
-            f"needs {asked('columns {...}', 'columns = {tow = ..., ...}')}, and {named('variable')}"
-            f" where they are fields of a struct or labels of a matrix; there are {tables}"
+            f"needs {written('columns {...}', 'columns = {tow = ..., ...}')}, and"
+            f" {named('variable')} where they are fields of a struct or labels of a matrix;"
+            f" there are {tables}"
         )
         raise UsageError(
             f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {message[:600]}"

@@ -14,7 +14,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, ClassVar, get_args
 
-from ...base.errors import OptionError, UsageError, near
+from ...base.errors import OptionError, UsageError, near, nearest
 from ...base.units import LARGEST_UNIT, is_number, time_zone
 from ...base.wording import listed, named
 from .schema import Declared, class_names, declared, plain
@@ -348,9 +348,8 @@ def _no_choice(item: Declared, value: Any) -> str:
     comparable = isinstance(value, str | Real)  # an array is not
     if comparable and value in item.choices:
         return ""
-    advice = near(value, map(str, item.choices)) if isinstance(value, str) else ""
-    close = f"; {advice}" if advice.startswith("did") else ""
-    return f"must be {listed(item.choices)}{close}"
+    close = nearest(value, map(str, item.choices)) if isinstance(value, str) else ""
+    return f"must be {listed(item.choices)}" + (f"; did you mean {close!r}?" if close else "")
 
 
 def _no_gm_sigma(item: Declared, value: Any) -> str:

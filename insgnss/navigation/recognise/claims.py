@@ -148,9 +148,8 @@ def _compare_axes(
     statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
     if recognition.axes == claimed:
         return ask.ok(statement)
-    down_word = vertical.found.split()[0]
-    if vertical.confidence > SURE_OF_EXCHANGE and down_word != imu_word(C_b_imu[2]):
-        hint: Remedy = Step(f"{{imu.axes}} must have the IMU's {down_word} down")
+    if vertical.confidence > SURE_OF_EXCHANGE and recognition.down != imu_word(C_b_imu[2]):
+        hint: Remedy = Step(f"{{imu.axes}} must have the IMU's {recognition.down} down")
         if recognition.axes:
             hint = SetKey("imu.axes", recognition.axes)
         return ask.contradiction(statement, Step("the data look like {}", hint))

@@ -125,9 +125,8 @@ def of_axes(exchanges: Iterable[Exchange], C_b_imu: Array) -> Exchange | None:
             if np.array_equal(parse_axes(trial.axes), C_b_imu):
                 return exchange
             continue
-        down = trial.finding("vertical axis").found.split()[0]
         moved = int(np.argmax(np.abs(C_b_imu[2]))) in exchange.pair
-        if down == imu_word(C_b_imu[2]) and not moved:
+        if trial.down == imu_word(C_b_imu[2]) and not moved:
             return exchange
     return None
 

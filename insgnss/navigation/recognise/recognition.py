@@ -81,6 +81,8 @@ class Recognition:
     exchanged : bool
         Whether latitude and longitude are; the sign of the force and the axes are then abstained
         from.
+    down : str
+        Which of the IMU's axes points down, in words; empty where the data do not determine it.
     compared : bool
         Whether the motion that the IMU felt could be compared with that of the fixes.
     gyro_counts : bool
@@ -103,6 +105,7 @@ class Recognition:
     time_offset_sigma_s: float = np.inf
     time_scale: str = "same"
     exchanged: bool = False
+    down: str = ""
     compared: bool = False
     gyro_counts: bool = False
     exchanges: "tuple[Exchange, ...]" = ()
@@ -292,6 +295,7 @@ def _recognised(
         clock.sigma_s,
         clock.scale,
         mirror_is_known and exchange_odds(relation, mirror) > LEAST_LOG_ODDS,
+        down=vertical.word if of_down.confidence else "",
         compared=True,
         gyro_counts=looks_counted(relation),
     )

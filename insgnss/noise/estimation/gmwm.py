@@ -165,15 +165,15 @@ def fit(
     axis = composition.axis(values)
     value = objective(axis, chosen, omegas, sampling)
     return NoiseFit(
-        composition,
-        axis,
-        values,
-        chosen,
-        omegas,
-        value,
-        sampling,
-        _at_bound(moments, composition, values),
-        times_s,
+        composition=composition,
+        axis=axis,
+        parameters=values,
+        curves=chosen,
+        weights=omegas,
+        objective=value,
+        sampling=sampling,
+        at_bound=_at_bound(moments, composition, values),
+        times_s=times_s,
     )
 
 

@@ -83,7 +83,17 @@ def goodness_of_fit(
     sentence = _misfit_sentence(
         fitted, statistic, degrees, p if resampled is not None else p_value, residuals, misfits
     )
-    return GoodnessOfFit(statistic, degrees, p_value, p, error, draws, residuals, misfits, sentence)
+    return GoodnessOfFit(
+        statistic=statistic,
+        degrees=degrees,
+        p_value=p_value,
+        bootstrapped=p,
+        bootstrapped_error=error,
+        draws=draws,
+        residuals=residuals,
+        misfits=misfits,
+        sentence=sentence,
+    )
 
 
 def _misfit_sentence(

@@ -48,14 +48,24 @@ class ProcessVerdict:
 
     process : as in `haar_variance_parts`.   reason : "", "superfluous", "strength", "long" or
                                              "short".
+    name, conclusion : the sentence: how the process is called, and what is said of it.
     parameters : names of its parameters that are determined all the same.
+    models : the smaller models, each smaller than the one before, in which it was judged.
     """
 
     process: str
     identifiable: bool
     reason: str
-    sentence: str
+    name: str
+    conclusion: str
     parameters: tuple[str, ...]
+    models: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        where = "".join(f"in {model}: " for model in self.models)
+        return f"{where}{self.name} {self.conclusion}"
 
 
 def verdicts(
@@ -72,10 +82,10 @@ def verdicts(
     least = min(processes, key=lambda process: _clearness(fitted, process, inverses))
     linear = Linearised(smaller, [np.asarray(np.linalg.inv(W)) for W in inverses])
     inner = verdicts(smaller, estimates(smaller, linear, "profile")[0], inverses)
-    where = f"in {smaller.composition}: "
+    model = str(smaller.composition)
     pairs = zip(inner, smaller.composition.processes, strict=True)
     out = [_renumbered(*pair, least) for pair in pairs]
-    out = [replace(verdict, sentence=where + verdict.sentence) for verdict in out]
+    out = [replace(verdict, models=(model, *verdict.models)) for verdict in out]
     out.insert(fitted.composition.processes.index(least), _superfluous(fitted, smaller, least))
     return tuple(out)
 
@@ -98,21 +108,25 @@ def _renumbered(verdict: ProcessVerdict, process: NoiseTerm, least: NoiseTerm) -
     new = replace(process, number=process.number + 1)
     pairs = zip(process.parameters, new.parameters, strict=True)
     parameters = tuple(str(later) for term, later in pairs if str(term) in verdict.parameters)
-    number = f"Gauss-Markov {process.number}"
-    sentence = verdict.sentence.replace(number, f"Gauss-Markov {new.number}", 1)
-    return replace(verdict, process=str(new), sentence=sentence, parameters=parameters)
+    return replace(verdict, process=str(new), name=_in_words(new), parameters=parameters)
+
+
+def _in_words(process: NoiseTerm) -> str:
+    number = f" {process.number}" if process.kind == GAUSS_MARKOV else ""
+    name = "Gauss-Markov" if process.kind == GAUSS_MARKOV else process.kind.replace("_", " ")
+    return name + number
 
 
 def _superfluous(fitted: NoiseFit, smaller: NoiseFit, process: NoiseTerm) -> ProcessVerdict:
     times = ", ".join(f"{gm.correlation_time_s:.3g}" for gm in smaller.axis.gauss_markov)
     with_times = f" with {times} s" if times else ""
     about = _time_words(fitted, fitted.axis.gauss_markov[process.number - 1].correlation_time_s)
-    sentence = (
-        f"Gauss-Markov {process.number} is not identifiable: {smaller.composition}{with_times} fits"
-        f" as well, so its {about} and its driving noise mean nothing by themselves; take"
-        f" {smaller.composition}, record longer or add replicates"
+    conclusion = (
+        f"is not identifiable: {smaller.composition}{with_times} fits as well, so its {about} and"
+        f" its driving noise mean nothing by themselves; take {smaller.composition}, record longer"
+        " or add replicates"
     )
-    return ProcessVerdict(str(process), False, "superfluous", sentence, ())
+    return _judged(process, "superfluous", conclusion)
 
 
 def _time_words(fitted: NoiseFit, time: float) -> str:
@@ -134,18 +148,28 @@ def _each(
             time, strength = parameters
             out.append(_gauss_markov(fitted, process, time, strength, inverses))
             continue
-        (strength,), name = parameters, process.kind.replace("_", " ")
+        (strength,) = parameters
         if why := _too_weak(fitted, process, strength, inverses):
-            out.append(_not_identifiable(process, name, why))
+            out.append(_not_identifiable(process, why))
         else:
-            sentence = f"{name} is determined to {_percent(strength)}"
-            out.append(ProcessVerdict(str(process), True, "", sentence, (strength.name,)))
+            out.append(_judged(process, "", f"is determined to {_percent(strength)}", strength))
     return tuple(out)
 
 
-def _not_identifiable(process: NoiseTerm, name: str, why: str) -> ProcessVerdict:
-    sentence = f"{name} is not identifiable: {why}; leave it out or record longer"
-    return ProcessVerdict(str(process), False, "strength", sentence, ())
+def _judged(
+    process: NoiseTerm, reason: str, conclusion: str, *determined: NoiseEstimate
+) -> ProcessVerdict:
+    """The verdict on a process; `determined` are the parameters that are so all the same."""
+    parameters = tuple(estimate.name for estimate in determined)
+    return ProcessVerdict(
+        str(process), not reason, reason, _in_words(process), conclusion, parameters
+    )
+
+
+def _not_identifiable(process: NoiseTerm, why: str) -> ProcessVerdict:
+    return _judged(
+        process, "strength", f"is not identifiable: {why}; leave it out or record longer"
+    )
 
 
 def _gauss_markov(
@@ -155,10 +179,9 @@ def _gauss_markov(
     strength: NoiseEstimate,
     inverses: Sequence[Array],
 ) -> ProcessVerdict:
-    process, name = str(term), f"Gauss-Markov {term.number}"
     limit, interval_s = LONGEST_SHARE * _length(fitted), 1.0 / max(c.rate_hz for c in fitted.curves)
     if why := _too_weak(fitted, term, strength, inverses):
-        return _not_identifiable(term, name, why)
+        return _not_identifiable(term, why)
     if time.value > limit or time.high_99 > limit:
         top = f"{time.high_99:.3g} s" if math.isfinite(time.high_99) else "any length"
         longer = 3.0 * max(time.value, limit)
@@ -167,26 +190,26 @@ def _gauss_markov(
             if math.isfinite(time.high_99)
             else "record several times longer"
         )
-        sentence = (
-            f"{name} is not identifiable: its correlation time is {time.value:.3g} s, from"
+        conclusion = (
+            f"is not identifiable: its correlation time is {time.value:.3g} s, from"
             f" {time.low:.3g} s to {top}, and a third of the recording is {limit:.3g} s; its"
             f" driving noise is known to {_percent(strength)}; {advice} or take a random walk"
             " for it"
         )
-        return ProcessVerdict(process, False, "long", sentence, (strength.name,))
+        return _judged(term, "long", conclusion, strength)
     if time.low < SHORTEST_SHARE * interval_s:
-        sentence = (
-            f"{name} is not identifiable: its correlation time is {time.value:.3g} s, from"
+        conclusion = (
+            f"is not identifiable: its correlation time is {time.value:.3g} s, from"
             f" {time.low:.3g} s, and below a fifth of the sampling interval,"
             f" {SHORTEST_SHARE * interval_s:.3g} s, it is white noise; record at a higher rate or"
             " leave it out"
         )
-        return ProcessVerdict(process, False, "short", sentence, ())
-    sentence = (
-        f"{name} is determined: {time.value:.3g} s ({time.low:.3g} to {time.high:.3g} s), driving"
+        return _judged(term, "short", conclusion)
+    conclusion = (
+        f"is determined: {time.value:.3g} s ({time.low:.3g} to {time.high:.3g} s), driving"
         f" noise to {_percent(strength)}"
     )
-    return ProcessVerdict(process, True, "", sentence, (time.name, strength.name))
+    return _judged(term, "", conclusion, time, strength)
 
 
 def _too_weak(

@@ -95,14 +95,14 @@ def inverse(V: Array) -> Array:
     return np.asarray(0.5 * (W + W.T))
 
 
-def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str]:
+def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str, bool]:
     """Fit with the weights V^-1 of the fit before, repeated until it moves by less than 0.03
     standard errors.
 
     iterations : at most so many; then the best by (I.1) goes on in its basin.
 
-    Returns the fit and how it went; where V cannot be inverted, the last fit that could be made,
-    and why.
+    Returns the fit, how it went and whether it settled; where V cannot be inverted, the last fit
+    that could be made, and why.
     """
     fitted = first
     scored_fits: list[tuple[float, NoiseFit]] = []
@@ -117,6 +117,7 @@ def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str]
             return (
                 fitted,
                 f"{which} is singular at step {step}; the weights of the previous step are kept",
+                True,
             )
         scored_fits += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
         if step <= iterations:
@@ -125,8 +126,8 @@ def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str]
             after = polished(fitted, weights)
         moved, fitted = _distance(fitted, after), after
         if moved < _SETTLED:
-            return fitted, f"efficient weights, settled after {step} steps"
-    return fitted, f"efficient weights, not settled after {2 * iterations} steps"
+            return fitted, f"efficient weights, settled after {step} steps", True
+    return fitted, f"efficient weights, not settled after {2 * iterations} steps", False
 
 
 def _pseudo_likelihood(fitted: NoiseFit, V: Sequence[Array], weights: Sequence[Array]) -> float:

@@ -47,8 +47,6 @@ class NearStationarity:
     spread : tuple of (str, float, float)
         Of each parameter the standard deviation of its logarithm over the recordings, and what it
         is by chance; NaN at edges.
-    sentence : str
-        The verdict.
     """
 
     statistic: float
@@ -61,7 +59,31 @@ class NearStationarity:
     joint: NoiseFit
     single: tuple[NoiseFit, ...]
     spread: tuple[tuple[str, float, float], ...]
-    sentence: str
+
+    @property
+    def sentence(self) -> str:
+        """The verdict, with recordings by their numbers from 1."""
+        return self.in_words([f"recording {k + 1}" for k in range(self.shares.size)])
+
+    def in_words(self, names: Sequence[str]) -> str:
+        """The verdict, with the names of the recordings."""
+        p, count = self.bootstrapped if self.draws else self.p_value, len(names)
+        if p >= 0.05:
+            return (
+                f"one parameter set serves all {count} recordings: they fit together"
+                f" {self.statistic:.1f} worse than singly, {p_text(p)}"
+            )
+        if count == 2:
+            return (
+                f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune"
+                " them singly and compare"
+            )
+        worst = int(np.argmax(self.shares))
+        share = 100.0 * self.shares[worst] / self.statistic
+        return (
+            f"one parameter set does not serve all {count} recordings: {p_text(p)}; {names[worst]}"
+            f" has {share:.0f} % of the difference; look at it, or leave it out"
+        )
 
 
 def near_stationarity(
@@ -106,11 +128,18 @@ def near_stationarity(
         p = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
         error = math.sqrt(p * (1.0 - p) / draws)
     asymptotic = float(chdtrc(degrees, statistic))
-    decisive = p if draws else asymptotic
-    sentence = _stationarity_sentence(statistic, decisive, shares)
     spread = _spread(joint, single, groups)
     return NearStationarity(
-        statistic, degrees, asymptotic, p, error, draws, shares, joint, single, spread, sentence
+        statistic=statistic,
+        degrees=degrees,
+        p_value=asymptotic,
+        bootstrapped=p,
+        bootstrapped_error=error,
+        draws=draws,
+        shares=shares,
+        joint=joint,
+        single=single,
+        spread=spread,
     )
 
 
@@ -147,23 +176,3 @@ def _spread(
         scatter = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
         out.append((name, scatter, math.nan if name in joint.at_bound else float(expected[i])))
     return tuple(out)
-
-
-def _stationarity_sentence(statistic: float, p: float, shares: Array) -> str:
-    R = shares.size
-    if p >= 0.05:
-        return (
-            f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse"
-            f" than singly, {p_text(p)}"
-        )
-    if R == 2:
-        return (
-            f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune them"
-            " singly and compare"
-        )
-    worst = int(np.argmax(shares))
-    share = 100.0 * shares[worst] / statistic
-    return (
-        f"one parameter set does not serve all {R} recordings: {p_text(p)}; recording {worst + 1}"
-        f" has {share:.0f} % of the difference; look at it, or leave it out"
-    )

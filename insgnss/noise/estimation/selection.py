@@ -267,15 +267,15 @@ def _candidate(
     errors = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     determined = not fitted.at_bound and bool((errors < _FACTOR_E).all())
     return CandidateModel(
-        fitted,
-        fitted.objective + optimism,
-        optimism,
-        math.nan,
-        test.p_value,
-        held_out,
-        False,
-        determined,
-        tuple(remarks),
+        fit=fitted,
+        wic=fitted.objective + optimism,
+        optimism=optimism,
+        difference=math.nan,
+        p_value=test.p_value,
+        held_out=held_out,
+        equivalent=False,
+        determined=determined,
+        remarks=tuple(remarks),
     )
 
 

@@ -147,7 +147,15 @@ def wavelet_variance(
         low, high = _robust_interval(estimate, low / variance, high / variance, efficiency)
         variance = estimate
     return WaveletVariance(
-        level, variance, low, high, count, float(rate_hz), n, robust, decomposition
+        level=level,
+        variance=variance,
+        low=low,
+        high=high,
+        count=count,
+        rate_hz=float(rate_hz),
+        samples=n,
+        robust=robust,
+        decomposition=decomposition,
     )
 
 

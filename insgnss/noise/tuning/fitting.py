@@ -142,7 +142,17 @@ def tune_axes(
                 kept, recordings=groups, draws=DRAWS, seed=options.seed
             )
     return Tuned(
-        sensor, axes, first, kept, inference, goodness, how, noise, remarks, ranking, stationarity
+        sensor=sensor,
+        axes=axes,
+        first=first,
+        kept=kept,
+        inference=inference,
+        goodness=goodness,
+        how=how,
+        noise=noise,
+        remarks=remarks,
+        ranking=ranking,
+        stationarity=stationarity,
     )
 
 
@@ -157,7 +167,8 @@ def _curves(
     for curve, r in zip(curves, [r for _ in axes for r in recordings], strict=True):
         if int(curve.level[-1]) < levels[0]:
             raise UsageError(
-                f"--levels {options.levels}: {r.name} has levels 1 to {int(curve.level[-1])} only"
+                f"--levels {options.levels}: {r.name} has levels 1 to {int(curve.level[-1])} only;"
+                " give some of these"
             )
     return [curve.selected(levels) for curve in curves]
 
@@ -196,8 +207,8 @@ def _ranking(
     ranked = partial(rank, recordings=groups, sampling=options.sampling, below_a_sample=False)
     try:
         return ranked(curves, candidates), notes
-    except UsageError as error:  # a singular covariance, of scales that hardly differ
-        why = str(error).partition(";")[0]
+    except UsageError:
+        why = "the covariance of scales that hardly differ is singular"
         notes += (f"the models are compared with the weights of the intervals: {why}",)
         return ranked(curves, candidates, weights="interval"), notes
 
@@ -209,11 +220,11 @@ def _kept(first: NoiseFit, options: TuneOptions) -> tuple[NoiseFit, str, Goodnes
     """
     if options.weights == "diagonal":
         return first, "weights of the intervals, as requested", None
-    second, sentence = second_step(first)
+    second, sentence, settled = second_step(first)
     if second is first or options.weights == "full":
         return second, sentence, None
     kept = "weights of the intervals kept: efficient ones"
-    if "not settled" in sentence:
+    if not settled:
         return first, f"{kept} do not settle, as happens where the model does not fit", None
     goodness = _j_test(second)
     if _tested(goodness) and goodness.p_value < MISFIT_P:

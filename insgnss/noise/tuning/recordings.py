@@ -105,7 +105,9 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     triads = {"gyro": span.gyro, "accel": span.accel}
     wanted = tuple(a and b for a, b in zip(channels, chosen_channels(options.only), strict=True))
     if not any(wanted):
-        raise UsageError(f"{path}: --only {options.only!r} names none of its channels")
+        raise UsageError(
+            f"{path}: --only {options.only!r} names none of its channels; name some or leave it out"
+        )
     curves, method_notes = _variances(triads, span, options.robust, wanted)
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))

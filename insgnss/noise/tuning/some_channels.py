@@ -25,6 +25,7 @@ from .options import TuneOptions
 
 CHANNEL_COLUMNS = (*GYRO, *ACCEL)
 PER_AXIS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
+# rad/s and m/s^2 of channels that a file has not: at rest with z down
 STAND_IN = (0.0, 0.0, 0.0, 0.0, 0.0, -STANDARD_GRAVITY)
 TABLE_LOADERS = (*LOADERS, "imu_csv")
 

@@ -30,12 +30,13 @@ from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
 from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
+from ...io.formats.text.columns import UnnamedColumns
 from ...records import Array, ExteriorOrientation, Trajectory
 from ...records.interpolation import columns_at
 from ...records.observations import UNKNOWN_MPS
 from .hints import Hints, diagonal, globe_of, turned
 from .of_records import imu_poses, poses_of
-from .poses import CoordinateFrame, NoOriginError, Poses
+from .poses import CoordinateFrame, Poses
 from .returned import framed_coordinates, placed_poses, read_adjusted_poses
 from .tables import LAYOUTS, read_table_poses
 
@@ -95,14 +96,9 @@ def read_poses(
                 datum, epoch = at_epoch(declared, epoch) if declared else (datum, epoch)
             poses = replace(poses, datum=datum, epoch=epoch)
         return poses
-    except NoOriginError:
-        raise
-    except InputError as error:
-        problem, advice, _ = str(error).partition("columns = ")
-        if not advice:
-            raise
+    except UnnamedColumns as error:
         raise InputError(
-            f"{problem.rpartition(';')[0]}; give its format, --format-a or --format-b:"
+            f"{error.location}: {error.problem}; give its format, --format-a or --format-b:"
             f" {', '.join(POSE_FORMS)}"
         ) from None
 

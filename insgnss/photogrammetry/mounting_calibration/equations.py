@@ -77,6 +77,7 @@ from .records import CameraPoses, CovariantPoses, Rows
 
 TRANSLATION, BLOCK_TURN, BLOCK_SCALE = "shift", "turn of the block", "scale of the block"
 BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
+# unknowns of each group: vectors and rotations have three, a delay and a scale one
 GROUP_SIZES = {
     BORESIGHT: 3,
     CAMERA_LEVER_ARM: 3,

@@ -29,7 +29,7 @@ from .solution import AdjustedMounting, Variant
 
 DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
-USEFUL["shift"] = 0.02
+USEFUL["shift"] = 0.02  # m: the datum of good ground control, as an antenna lever arm
 NAMES_OF_GROUPS = {
     "antenna_m": "antenna lever arm",
     "imu_m": "IMU lever arm",

@@ -1,6 +1,5 @@
 """The two jobs of `insgnss targets`: predict and measure."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -334,7 +333,7 @@ def _figures(
     if sigma:
         shift = float(np.sqrt(np.mean(np.square(diff))))
         headline += f"; sigma {np.median(sigma):.2f} px, {shift:.1f} px rms from their predictions"
-    reasons = Counter(_kind(w.measurement.rejected) for w in windows if w.measurement.rejected)
+    reasons = Counter(w.measurement.rule for w in windows if w.measurement.rejected)
     return {
         "headline": headline,
         "windows": len(windows),
@@ -380,17 +379,6 @@ def _size(inputs: TargetInputs, windows: list[Window]) -> list[str]:
         f" {fitting:.4g} m, or the height of the images above the targets is wrong in the"
         " orientation"
     ]
-
-
-def _kind(reason: str) -> str:
-    """A reason without the numbers of its window: the rule."""
-    for start, rule in (
-        ("its ring says", "another number in its ring"),
-        ("a second place", "another place that matches as well"),
-    ):
-        if reason.startswith(start):
-            return rule
-    return re.sub(r" ?-?\d+(\.\d+)? ?", " ", reason, count=1).replace(" ,", "").strip()
 
 
 def _refusal(figures: dict[str, Any], trial: str) -> DataError:

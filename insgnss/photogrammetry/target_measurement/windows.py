@@ -137,19 +137,22 @@ def _decoded(
         return got, None
     code = read_ring(grey, ring, got.match.uv, got.match.to_pixel)
     if code is None:
-        why = "its ring extends beyond the image or has no contrast"
+        rule = why = "its ring extends beyond the image or has no contrast"
     elif code.clear < LEAST_CLEAR:
+        rule = "its ring is not clear"
         why = (
             f"its ring is not clear: a segment differs from medium grey by {code.clear:.2f} of the"
             f" contrast, below {LEAST_CLEAR:g}"
         )
     elif wanted is None:
+        rule = "another number in its ring"
         why = f"its ring says {code.number}; the name of the point has no number"
     elif code.number != wanted:
+        rule = "another number in its ring"
         why = f"its ring says {code.number}, not {wanted}"
     else:
         return got, code
-    return replace(got, rejected=why), code
+    return replace(got, rejected=why, rule=rule), code
 
 
 def _shown(
@@ -192,5 +195,7 @@ def _held_together(inputs: TargetInputs, windows: list[Window]) -> Iterator[Wind
             why = (
                 f"{rejected[window.row]:.1f} sigmas from what the other images say, above {LIMIT:g}"
             )
-            window = replace(window, measurement=replace(window.measurement, rejected=why))
+            rule = f"more than {LIMIT:g} sigmas from what the other images say"
+            measurement = replace(window.measurement, rejected=why, rule=rule)
+            window = replace(window, measurement=measurement)
         yield window

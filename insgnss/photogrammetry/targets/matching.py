@@ -18,13 +18,14 @@ SHADE = (0.15, 0.9)
 """Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
 # directions, and step of the distances in pixels, of the rims that are tried
 _RIM_TRIALS = 24, 1.0
+# largest step of an iteration: share of the light, angle (rad), rim (px); more would leap too far
 _SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
 # columns of the unknowns of (GT.2): centre, deformation, log of the blur, radiometry, shadow
 _C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
 
 
 _FIRST_SCALE = np.array([[1.0, 0.0, 0.0, 1.0]]).T  # deformations, row by row
-_UNEVEN = np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, 1.0, 0.0]]).T
+_UNEVEN = np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, 1.0, 0.0]]).T  # both shears, likewise
 
 
 @dataclass(frozen=True)

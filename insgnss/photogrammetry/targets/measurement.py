@@ -82,6 +82,8 @@ class MeasuredTarget:
         Of the search, at the best place and elsewhere; NaN where there was no place.
     distance : float
         Of the match from the prediction, in standard deviations of both; NaN without match.
+    rule : str
+        The rule by which it is no measurement, the same for all that it rejects.
     """
 
     rejected: str
@@ -89,6 +91,7 @@ class MeasuredTarget:
     correlation: float = np.nan
     second: float = np.nan
     distance: float = np.nan
+    rule: str = ""
 
     @property
     def accepted(self) -> bool:
@@ -144,9 +147,9 @@ def measure(
         for angle in _azimuths(signal, azimuth_rad, limits)
     ]
     if (radius := signal.radius_m / templates[0].pixel_m) < _SMALLEST_PX:
-        return MeasuredTarget(
-            f"radius {radius:.1f} px, below {_SMALLEST_PX:g}: too small in this image", None
-        )
+        rule = f"radius below {_SMALLEST_PX:g} px: too small in this image"
+        why = f"radius {radius:.1f} px, below {_SMALLEST_PX:g}: too small in this image"
+        return MeasuredTarget(why, None, rule=rule)
     reach = int(np.ceil(max(t.reach_px for t in templates))) + 2
     wide = limits.gate * np.sqrt(np.diagonal(C) + 0.5) + reach
     low = np.maximum(np.floor(expected - wide).astype(int), 0)
@@ -159,20 +162,22 @@ def measure(
         else []
     )
     if not peaks:
-        return MeasuredTarget("the signal would leave the image", None)
+        why = "the signal would leave the image"
+        return MeasuredTarget(why, None, rule=why)
     if (first := peaks[0]).correlation < limits.found:
         why = f"correlation {first.correlation:.2f} of the search, below {limits.found:g}"
-        return MeasuredTarget(why, None, first.correlation, first.second)
+        rule = f"correlation of the search below {limits.found:g}"
+        return MeasuredTarget(why, None, first.correlation, first.second, rule=rule)
     likely = [p for p in peaks if p.correlation >= limits.found]
     best = _best(window, corner, likely, limits)
     if best is None:
         why = "the matching has no solution within the image"
-        return MeasuredTarget(why, None, first.correlation, first.second)
+        return MeasuredTarget(why, None, first.correlation, first.second, rule=why)
     peak, result = best
     difference = result.uv - expected
     distance = float(np.sqrt(difference @ np.linalg.solve(C + result.cov, difference)))
-    why = _rejected(peak, result, distance, limits)
-    return MeasuredTarget(why, result, peak.correlation, peak.second, distance)
+    rule, why = _broken_rule(peak, result, distance, limits)
+    return MeasuredTarget(why, result, peak.correlation, peak.second, distance, rule)
 
 
 def _best(
@@ -216,35 +221,54 @@ def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:
     return np.arange(count) * signal.period_rad / count
 
 
-def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
-    """The first rule that a match breaks, with the number and its limit."""
+def _broken_rule(peak: Peak, result: Match, distance: float, rules: Rules) -> tuple[str, str]:
+    """The first rule that a match breaks, and the same with its number; two empty texts of none."""
     sigma = float(np.sqrt(np.linalg.eigvalsh(result.cov)[-1]))
     contrast = result.contrast / result.sigma_0
     moved = float(np.hypot(*(result.uv - peak.uv)))
     far = rules.moved * max(1.0, peak.template.reach_px / WIDE_PX)
     deformed = deformation(result.M, rules.freedom.deformation(peak.template))
-    for broken, reason in (
-        (not result.converged, "the matching has not converged"),
+    for broken, rule, reason in (
+        (not result.converged, "matching not converged", "the matching has not converged"),
         (
             result.correlation < rules.correlation,
+            f"correlation below {rules.correlation:g}",
             f"correlation {result.correlation:.3f}, below {rules.correlation:g}",
         ),
         (
             contrast < rules.contrast,
+            f"contrast below {rules.contrast:g} sigmas of a grey value",
             f"contrast {contrast:.1f} sigmas of a grey value, below {rules.contrast:g}",
         ),
-        (sigma > rules.sigma_px, f"sigma {sigma:.2f} px, above {rules.sigma_px:g}"),
-        (moved > far, f"matched {moved:.1f} px from its place, above {far:.1f}"),
-        (deformed > rules.deformed, f"deformed {deformed:.1f} sigmas, above {rules.deformed:g}"),
-        (distance > rules.gate, f"{distance:.1f} sigmas from its prediction, above {rules.gate:g}"),
+        (
+            sigma > rules.sigma_px,
+            f"sigma above {rules.sigma_px:g} px",
+            f"sigma {sigma:.2f} px, above {rules.sigma_px:g}",
+        ),
+        (
+            moved > far,
+            "matched too far from its place",
+            f"matched {moved:.1f} px from its place, above {far:.1f}",
+        ),
+        (
+            deformed > rules.deformed,
+            f"deformed by more than {rules.deformed:g} sigmas",
+            f"deformed {deformed:.1f} sigmas, above {rules.deformed:g}",
+        ),
+        (
+            distance > rules.gate,
+            f"more than {rules.gate:g} sigmas from its prediction",
+            f"{distance:.1f} sigmas from its prediction, above {rules.gate:g}",
+        ),
         (
             peak.correlation - peak.second < rules.ambiguous,
+            "another place that matches as well",
             f"a second place correlates by {peak.second:.2f}, this one by {peak.correlation:.2f}",
         ),
     ):
         if broken:
-            return reason
-    return ""
+            return rule, reason
+    return "", ""
 
 
 def deformation(M: Array, cov: Array) -> float:

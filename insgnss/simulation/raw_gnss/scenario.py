@@ -196,15 +196,15 @@ def simulate_raw_gnss(
     )
     by_rover = events.time + _clock_at(events.time, rover, options.clock_jump_s)
     return SimulatedGnss(
-        rover_data,
-        base_data,
-        navigation,
-        by_rover,
-        position,
-        options.weather,
-        rover_slips,
-        base_slips,
-        options,
+        rover=rover_data,
+        base=base_data,
+        navigation=navigation,
+        events=by_rover,
+        base_position_m=position,
+        weather=options.weather,
+        rover_slips=rover_slips,
+        base_slips=base_slips,
+        options=options,
     )
 
 

@@ -338,6 +338,8 @@ def test_a_spike_of_one_sample(times, count) -> None:
         ({"stuck": 0.4}, None),
         ({"noise": 3.2}, 0),
         ({"noise": 2.8}, None),
+        ({"noise": 3.2, "quiet": 0.5}, 0),
+        ({"noise": 2.8, "quiet": 0.5}, None),  # the other one better than stated is no measure
         ({"spikes": 5}, 0),
         ({"spikes": 4}, None),
     ],
@@ -351,6 +353,7 @@ def test_of_two_the_one_that_shows_a_fault(fault, named) -> None:
     if "spikes" in fault:
         readings[0, 50 : 50 + 40 * fault["spikes"] : 40, 1] = 40.0
     readings[0] *= fault.get("noise", 1.0)
+    readings[1] *= fault.get("quiet", 1.0)
     imus = [imu_of(x[:, :3], x[:, 3:]) for x in readings]
     sigma = np.full((2, 2), 0.1)  # per root of Hz, a second: unit variance at 100 Hz
     assert parity._self_evident(imus, sigma)[0] == named

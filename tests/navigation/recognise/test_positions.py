@@ -67,6 +67,16 @@ def test_a_vertical_velocity_of_the_other_sense_is_named(gnss):
     assert "vu instead of vd" in check.advice
 
 
+@pytest.mark.parametrize(("climb", "verdict"), [(0.28, "ok"), (0.45, "contradiction")])
+def test_the_sense_is_judged_of_who_climbs_fast_enough(gnss, climb, verdict):
+    """Oracle: heights and vertical velocities without noise, their sense turned; 0.3 m/s."""
+    t = gnss.time - gnss.time[0]
+    velocity = gnss.velocity_ned.copy()
+    velocity[:, 2] = climb * np.cos(0.1 * t)  # down, where the heights rise
+    turned = replace(gnss, height=500.0 + 10.0 * climb * np.sin(0.1 * t), velocity_ned=velocity)
+    assert check_velocity(turned).verdict == verdict
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("sigma", [0.02, 3.0])
 def test_right_columns_are_never_contradicted(sigma, seed):

@@ -195,17 +195,17 @@ def test_whether_the_white_noise_is_still_seen(monkeypatch, share, left, seen) -
 
 
 @pytest.mark.parametrize(
-    ("p", "sentence", "kept"),
+    ("p", "settled", "kept"),
     [
-        (0.9e-3, "", "first"),
-        (1.1e-3, "", "second"),
-        (0.5, "not settled", "first"),
-        (np.nan, "", "second"),
+        (0.9e-3, True, "first"),
+        (1.1e-3, True, "second"),
+        (0.5, False, "first"),
+        (np.nan, True, "second"),
     ],
 )
-def test_which_fit_is_kept(monkeypatch, p, sentence, kept) -> None:
+def test_which_fit_is_kept(monkeypatch, p, settled, kept) -> None:
     """Oracle: by hand: the efficient one where it settles and the J test does not refuse it."""
-    monkeypatch.setattr(fitting, "second_step", lambda _: ("second", sentence))
+    monkeypatch.setattr(fitting, "second_step", lambda _: ("second", "", settled))
     goodness = SimpleNamespace(degrees=3.0, p_value=p)
     monkeypatch.setattr(fitting, "_j_test", lambda _: goodness)
     for weights, expected in (("auto", kept), ("diagonal", "first"), ("full", "second")):

@@ -199,6 +199,7 @@ def test_near_stationarity_tells_a_disturbed_recording():
     assert test.bootstrapped < 0.05
     assert int(np.argmax(test.shares)) == 2
     assert "recording 3 has" in test.sentence
+    assert "; recording 1.npy has" in test.in_words(["a.npy", "b.npy", "recording 1.npy", "c.npy"])
     assert test.degrees == 9
     assert len(test.single) == 4
 

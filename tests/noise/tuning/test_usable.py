@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from insgnss.noise.estimation.inference import infer
 from insgnss.noise.moments.theory import haar_variance
 from insgnss.noise.processes.composition import CORRELATION_TIME, DRIVING, NoiseTerm
 from insgnss.noise.tuning.products.table import interval, plus_minus, printed, unit_text
-from insgnss.noise.tuning.products.words import with_names
 from insgnss.noise.tuning.recordings import StaticRecording
 from insgnss.noise.tuning.turn_on import turn_on_sigmas
 from insgnss.noise.tuning.usable import departures, envelope, rounded_axis, usable_axis
@@ -150,15 +148,6 @@ def test_a_number_that_is_hardly_known_is_reported():
         ),
     )
     assert usable_axis(doubted)[1] == ()
-
-
-def test_numbers_of_recordings_become_names_once():
-    """Oracle: names that look like numbers themselves."""
-    recordings = [SimpleNamespace(name="recording 12.npy"), SimpleNamespace(name="curve 9.npy")]
-    said = with_names(
-        "curve 1 and recording 2 of 3 recordings", SimpleNamespace(axes=(0,)), recordings
-    )
-    assert said == "recording 12.npy and curve 9.npy of 3 recordings"
 
 
 def test_digits_of_the_file():

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError
-from insgnss.photogrammetry.mounting_calibration import plausibility
+from insgnss.photogrammetry.mounting_calibration import judgement, plausibility
 from insgnss.photogrammetry.mounting_calibration.plausibility import (
     FlightPath,
     PoseMisfit,
@@ -112,3 +112,15 @@ def test_when_a_block_is_no_block_of_this_flight(changes, message) -> None:
         return
     with pytest.raises(InputError, match=message):
         refuse_frame(solved)
+
+
+def test_the_lines_that_are_tried_turn_about_the_vertical() -> None:
+    """Oracle: a line to the north that is flown back leads south, one across it east."""
+    north, east = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    led = {"opposite": -north, "across": east, "70 % of the speed": north}
+    for variant in judgement._variants():
+        expected = next((v for word, v in led.items() if word in variant.name), None)
+        if variant.turn is None:
+            assert expected is None
+        else:
+            assert_allclose(variant.turn @ north, expected, rtol=0, atol=1e-12)

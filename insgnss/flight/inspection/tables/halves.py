@@ -22,6 +22,7 @@ from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
 
 TRIAD_COLUMNS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
 IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
+TRIAD_NAMES: dict[Role, str] = {"gyro": "gyros", "accel": "accelerometers"}
 OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
 # scatter of the size of a force, in its median: of gravity, of an estimate
@@ -57,7 +58,7 @@ def half_of_imu(
         return []
     if role == "accel":
         _refuse_without_gravity(path, values)
-    description = f"{'gyros' if role == 'gyro' else 'accelerometers'} alone, {len(values)} rows"
+    description = f"{TRIAD_NAMES[role]} alone, {len(values)} rows"
     sources = []
     for clock, unit in ticks.items():
         source = source_of(Roles(columns, {clock: unit}, week_column(table.grid)))
@@ -159,9 +160,8 @@ def _calibrated(sources: tuple[InputSource, ...]) -> InputSource:
     chosen = usual or list(sources)
     if len(chosen) > 1:
         names = ", ".join(source.title for source in chosen)
-        raise InputError(
-            f"{len(chosen)} files of {chosen[0].what.split(' alone')[0]}: {names}; name one of them"
-        )
+        triad = TRIAD_NAMES[chosen[0].role]
+        raise InputError(f"{len(chosen)} files of {triad}: {names}; name one of them")
     return chosen[0]
 
 
@@ -179,7 +179,7 @@ def _pair(gyro: InputSource, accel: InputSource) -> InputSource:
     if units:
         keys["units"] = units
     header = {**(gyro.header_units or {}), **(accel.header_units or {})}
-    description = f"{gyro.what}, with {accel.what.replace(' alone', '')} of {accel.path.name}"
+    description = f"{gyro.what}, with {TRIAD_NAMES[accel.role]} of {accel.path.name}"
     return InputSource(
         "imu",
         gyro.path,

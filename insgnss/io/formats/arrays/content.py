@@ -115,7 +115,9 @@ def take_columns(
             f" {named('variable')} to one of {', '.join(content)}"
         )
     if twice := [name for name in columns if name != "-" and list(columns).count(name) > 1]:
-        raise UsageError(f"{path}: {named('columns')} names {twice[0]} twice: {list(columns)}")
+        raise UsageError(
+            f"{path}: {named('columns')} names {twice[0]} twice: {list(columns)}; name it once"
+        )
     matrix = _matrix(path, _reach(path, content, variable or ""), variable or "the array")
     if matrix.shape[1] != len(columns):
         raise InputError(

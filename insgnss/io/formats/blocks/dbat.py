@@ -99,21 +99,21 @@ def read_dbat(path: Source) -> ImageBlock:
     points, row = np.unique(np.concatenate(every), return_inverse=True)
     rows = np.split(row, np.cumsum([len(x) for x in every])[:-1])
     return ImageBlock(
-        cameras,
-        names,
-        np.zeros(len(ids), dtype=np.int64),
-        position,
-        C_mc,
-        _held(path, root, position),
-        tuple(str(p) for p in points),
-        Observations(
+        cameras=cameras,
+        images=names,
+        camera=np.zeros(len(ids), dtype=np.int64),
+        position_m=position,
+        C_mc=C_mc,
+        held=_held(path, root, position),
+        points=tuple(str(p) for p in points),
+        observations=Observations(
             np.concatenate([image for image, *_ in measurements]),
             np.concatenate(rows[:-2]),
             np.concatenate([uv for _, _, uv, _ in measurements]),
             np.concatenate([sigma for *_, sigma in measurements]),
         ),
-        GroundPoints(rows[-2], *control[1:]),
-        GroundPoints(rows[-1], *check[1:]),
+        control=GroundPoints(rows[-2], *control[1:]),
+        check=GroundPoints(rows[-1], *check[1:]),
     )
 
 
@@ -358,7 +358,9 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
         raise InputError.in_file(
-            path, f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm"
+            path,
+            f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm;"
+            " correct it",
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's

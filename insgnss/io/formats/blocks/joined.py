@@ -106,16 +106,16 @@ def joined(
         position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
     control, check = _ground(measured, ground)
     block = ImageBlock(
-        source.cameras,
-        measured.images,
-        source.camera,
-        position,
-        C_mc,
-        np.zeros((n, 6), dtype=bool),
-        measured.points,
-        measured.observations,
-        control,
-        check,
+        cameras=source.cameras,
+        images=measured.images,
+        camera=source.camera,
+        position_m=position,
+        C_mc=C_mc,
+        held=np.zeros((n, 6), dtype=bool),
+        points=measured.points,
+        observations=measured.observations,
+        control=control,
+        check=check,
     )
     return JoinedBlock(block, row, source.position_m, source.C_mc, source.held)
 

@@ -149,21 +149,23 @@ def camera_of(text: str | None, who: str) -> ColmapCamera:
         A camera that is missing, of another model, or with another number of parameters.
     """
     if not text:
-        raise UsageError(f"{who} needs a calibrated camera; {GIVE_CAMERA}")
+        raise UsageError.advised(f"{who} needs a calibrated camera", GIVE_CAMERA)
     words = str(text).replace(",", " ").split()
     if words[0] not in NAMES:
-        raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {GIVE_CAMERA}")
+        raise UsageError.advised(f"camera model {words[0]!r} is none of COLMAP's", GIVE_CAMERA)
     if len(words) < 3:
-        raise UsageError(f"camera {text!r} is not a model and numbers; {GIVE_CAMERA}")
+        raise UsageError.advised(f"camera {text!r} is not a model and numbers", GIVE_CAMERA)
     width, height = map(whole, words[1:3])
     parameters = tuple(map(finite, words[3:]))
     if min(width, height) < 0 or any(map(math.isnan, parameters)):
-        raise UsageError(f"camera {text!r} is not a model and numbers; {GIVE_CAMERA}")
+        raise UsageError.advised(f"camera {text!r} is not a model and numbers", GIVE_CAMERA)
     if len(parameters) != (count := len(NAMES[words[0]])):
-        raise UsageError(
-            f"camera {words[0]}: {len(parameters)} parameters, the model has {count}; {GIVE_CAMERA}"
+        raise UsageError.advised(
+            f"camera {words[0]}: {len(parameters)} parameters, the model has {count}", GIVE_CAMERA
         )
     camera = ColmapCamera(words[0], width, height, parameters)
     if min(width, height) <= 0 or min(camera.focal) <= 0.0:
-        raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {GIVE_CAMERA}")
+        raise UsageError.advised(
+            f"camera {text!r}: size and focal lengths must be positive", GIVE_CAMERA
+        )
     return camera

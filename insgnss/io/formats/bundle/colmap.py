@@ -163,7 +163,7 @@ def _check_stored_names(images: Sequence[DatabaseImage], database: Source) -> No
         check_names([image.name for image in images], None)
     except UnfitName as error:
         problem = (
-            f"{str(error).partition(';')[0]}: rename the files of the images without blanks,"
+            f"{error.problem}: rename the files of the images without blanks,"
             " extract their features again, and export with --rename safe"
         )
         raise InputError.in_file(database, problem) from None

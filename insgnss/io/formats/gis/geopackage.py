@@ -121,7 +121,8 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
                 )
             db.execute("COMMIT")
         except sqlite3.OperationalError as error:  # a full disk is not an error of the system there
-            raise UsageError(f"{destination(Path(path))}: cannot be written: {error}") from None
+            problem = f"cannot be written: {error}; check space and permission"
+            raise UsageError(f"{destination(Path(path))}: {problem}") from None
         finally:
             db.close()
 

@@ -21,6 +21,7 @@ from ..read_options import ReadOptions
 from ..text.clock import clock_of, ordered_time
 from ..text.order import Lines, Picked, note, refuse_rows
 from .cartesian import geodetic_columns
+from .pos_covariance import SIGMAS_ASSUMED
 from .rounding import floor_of_zeros
 
 FIX_SIGMAS, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
@@ -121,7 +122,8 @@ def fixes_from_columns(
     if 0 < unstated < time.size:
         finding = f"{unstated} of {time.size} fixes state no standard deviation, or 0"
         advice = "sigma_m was used for these fixes; correct sigma_m if they are better or worse"
-        floor_notes += (note("GNSS rows", finding, "positive standard deviations", advice),)
+        expected = "positive standard deviations"
+        floor_notes += (note("GNSS rows", finding, expected, advice, SIGMAS_ASSUMED),)
     velocity, velocity_cov = _velocity(cols, scales, lines, options.sigma_velocity)
     quality = _quality(cols, lines, scales.quality) if "q" in cols else None
     return GnssFixes(

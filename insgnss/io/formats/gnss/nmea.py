@@ -315,7 +315,17 @@ def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | 
     height, quality = line.value(fields[9]) + above, NMEA_QUALITY[int(code)]
     described = (fields[7], fields[8], fields[13] if len(fields) > 13 else "")
     satellites, hdop, age = (_optional(text, line) for text in described)
-    return _Fix(epoch, line.number, lat, lon, height, quality, satellites, hdop, age)
+    return _Fix(
+        epoch=epoch,
+        line=line.number,
+        lat=lat,
+        lon=lon,
+        h=height,
+        q=quality,
+        satellites=satellites,
+        hdop=hdop,
+        age_s=age,
+    )
 
 
 def _degrees(field: str, side: str, sides: str, line: FileLine) -> float:

@@ -9,6 +9,8 @@ from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT
 from ..text.text import NumberTable
 
+SIGMAS_ASSUMED = "sigma_m"  # topic of notes on fixes that got the caller's sigmas
+
 SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 # between north-east-up and north-east-down: the third axis reversed
 DOWN_FROM_UP = np.diag([1.0, 1.0, -1.0])
@@ -53,7 +55,8 @@ def covariances(
     if unknown.any():
         P[unknown] = np.diag(np.asarray(sigma, dtype=np.float64) ** 2)
         finding = f"sigma_m used for {unknown.sum()} of {len(P)} epochs without standard deviations"
-        notes.append(note("GNSS rows", finding, "a covariance each", "check sigma_m for them"))
+        advice = "check sigma_m for them"
+        notes.append(note("GNSS rows", finding, "a covariance each", advice, SIGMAS_ASSUMED))
     return P, unknown
 
 

@@ -288,19 +288,19 @@ def _tags(
 
     def of(k: int) -> Tags:
         return Tags(
-            position[k].tolist(),
-            sigma[k].tolist(),
-            np.degrees(ypr[k]).tolist(),
-            np.degrees(sigma_ypr[k]).tolist(),
-            float(elevation[k]),
-            None if turn is None else turn[k].tolist(),
-            words[k],
-            calendar_from_gps(eo.gps_week, float(eo.time[k])),
-            at_sea,
-            frame_words(eo),
-            rtk_flag,
-            eo.frame.datum,
-            eo.frame.datum_name,
+            place=position[k].tolist(),
+            sigma=sigma[k].tolist(),
+            ypr=np.degrees(ypr[k]).tolist(),
+            sigma_ypr=np.degrees(sigma_ypr[k]).tolist(),
+            elevation=float(elevation[k]),
+            gimbal=None if turn is None else turn[k].tolist(),
+            gimbal_words=words[k],
+            when=calendar_from_gps(eo.gps_week, float(eo.time[k])),
+            sea_level=at_sea,
+            frame=frame_words(eo),
+            rtk_flag=rtk_flag,
+            datum=eo.frame.datum,
+            datum_name=eo.frame.datum_name,
         )
 
     return of

@@ -127,7 +127,7 @@ def _refuse_unfit(
     """Refuse the first name of which `unfit` says why the holder does not take it."""
     for name in names:
         if why := unfit(name):
-            raise UnfitName(f"{of} name {name!r} {why}, which {holder}; rename the {of}")
+            raise UnfitName.advised(f"{of} name {name!r} {why}, which {holder}", f"rename the {of}")
 
 
 def quoted_names(names: Sequence[str], separator: str | None, of: str = "image") -> tuple[str, ...]:

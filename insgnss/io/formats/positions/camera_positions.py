@@ -31,7 +31,8 @@ def write_camera_positions(positions: CameraPositions, path: Source) -> None:
     """
     check_names(positions.images, ",")
     if positions.gps_week is None:
-        raise InputError(f"{positions.source}: the GPS week of the exposures is not known")
+        problem = "the GPS week of the exposures is not known; give gps_week where they are read"
+        raise InputError(f"{positions.source}: {problem}")
     weeks = np.floor(positions.time / WEEK_S)
     table = np.column_stack(
         [

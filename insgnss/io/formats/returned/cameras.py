@@ -72,7 +72,7 @@ def read_cameras(path: Source, form: str = "auto", direction: str | None = None)
         inpho = form == "inpho"
         cameras = read_inpho_cameras(path, direction) if inpho else BY_FORMAT[form](path)
     except InputError as error:  # of the camera itself, which knows no file
-        if str(path) in str(error):
+        if error.location:
             raise
         raise InputError.in_file(path, str(error)) from None
     if not cameras:
@@ -153,7 +153,7 @@ def _of_words(path: Path, name: str, text: str) -> BrownCamera:
     try:
         camera = camera_of(text, "camera")
     except UsageError as error:
-        raise InputError.in_file(path, str(error).partition(";")[0]) from None
+        raise InputError.in_file(path, error.problem) from None
     return brown_of(path, name, camera)
 
 

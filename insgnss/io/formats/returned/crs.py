@@ -201,6 +201,7 @@ def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, 
     if text.upper().startswith("ENU:"):
         origin = tuple(finite(word) for word in text[4:].split(","))
         if len(origin) not in (2, 3) or not abs(origin[0]) <= 90.0 or any(map(isnan, origin)):
-            raise InputError.in_file(path, f"{shown(text)} is not ENU:latitude,longitude")
+            problem = f"{shown(text)} is not ENU:latitude,longitude; give both in degrees"
+            raise InputError.in_file(path, problem)
         return TANGENT, "", (*origin, 0.0)[:3]
     return (*kind_of_wkt(text, path), ())

@@ -249,7 +249,8 @@ def read_colmap(path: Source) -> ReturnedPoses:
             if words[1:2] == ["shift:"]:
                 shift = np.array(numbers(words[2:5], file, line))
                 if shift.size != 3:
-                    raise InputError.at_line(file, line, f"{shown(text)}: a shift is three numbers")
+                    problem = f"{shown(text)}: a shift is three numbers; copy the file again"
+                    raise InputError.at_line(file, line, problem)
             continue
         if poses_next:
             words = text.split(maxsplit=9)

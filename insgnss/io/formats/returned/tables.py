@@ -293,9 +293,10 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
         section = rows[first : first + PIX4D_LINES]
         if len(section) < PIX4D_LINES or len(section[0][1]) < 3:
             line, words = section[-1] if len(section) < PIX4D_LINES else section[0]
-            raise InputError.at_line(
-                path, line, f"{shown(' '.join(words))}: an image has {PIX4D_LINES} lines"
+            problem = (
+                f"{shown(' '.join(words))}: an image has {PIX4D_LINES} lines; copy the file again"
             )
+            raise InputError.at_line(path, line, problem)
         names.append(" ".join(section[0][1][:-2]))
         values = [numbers(words, path, line) for line, words in section[6:]]
         if [len(v) for v in values] != [3, 3, 3, 3]:

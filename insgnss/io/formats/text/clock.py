@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.wording import asked
+from ....base.wording import written
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
 from .order import SHARE_LIMIT, Lines, Picked, Rows, put_in_order, refuse_rows
@@ -146,7 +146,9 @@ def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) ->
                 " check unit and time scale of the time column"
             )
             row = int(np.argmin(seconds))
-            raise lines.error_at(row, f"{problem}, {asked('units time', 'units = { time = ... }')}")
+            raise lines.error_at(
+                row, f"{problem}, {written('units time', 'units = { time = ... }')}"
+            )
         first = int(seconds[0] // WEEK_S)
         time = seconds - first * WEEK_S
     else:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
-from ....base.wording import asked, named
+from ....base.wording import named, written
 from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
@@ -123,9 +123,9 @@ class TableSpec:
             line = None if columns is not None else layout.header_line
             how = (
                 f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
-                f" or {asked('columns {...}', BY_NAME)}"
+                f" or {written('columns {...}', BY_NAME)}"
             )
-            raise InputError.at_line(path, line, f"{source} {why}; {how}")
+            raise UnnamedColumns.at_line(path, line, f"{source} {why}", how)
         header = layout.header_fields or () if self.strict else ()
         beside = (self.ignored.get(normalised(name)[0], "") for name in header)
         ignored = " ".join(beside).split()
@@ -167,12 +167,12 @@ class TableSpec:
             if not taken:
                 message = (
                     f"{n} fields and no header; without a header the columns must be"
-                    f" {'; '.join(self.layouts)}; name them by {_listed()} of"
-                    f" {', '.join(self.names)}"
+                    f" {'; '.join(self.layouts)}"
                 )
+                how = f"name them by {_listed()} of {', '.join(self.names)}"
                 if "image" in self.names and not layout.delimiter and n > max(map(len, layouts)):
-                    message += '; names with blanks stand in quotation marks: "my image 1.jpg"'
-                raise InputError.at_line(path, layout.first_line, message)
+                    how += '; names with blanks stand in quotation marks: "my image 1.jpg"'
+                raise UnnamedColumns.at_line(path, layout.first_line, message, how)
         return [name if name in self.names else None for name in taken], source
 
     def _from_mapping(
@@ -182,12 +182,13 @@ class TableSpec:
         for canonical, column in columns.items():
             if canonical not in self.names:
                 choices = ", ".join(self.names)
-                raise UsageError(f"{path}: columns: {canonical!r} is none of {choices}")
+                name = f"{named('columns')}: {canonical!r}"
+                raise UsageError(f"{path}: {name} is none of {choices}")
             index = place_of(path, layout, column)
             if assigned[index] is not None:
                 raise UsageError(
-                    f"{path}: columns: {column!r} is both {assigned[index]} and {canonical};"
-                    " give each a field of its own"
+                    f"{path}: {named('columns')}: {column!r} is both {assigned[index]} and"
+                    f" {canonical}; give each a field of its own"
                 )
             assigned[index] = canonical
         return assigned
@@ -218,26 +219,30 @@ class TableSpec:
         return check_units(units, (*self.units, *more))
 
 
+class UnnamedColumns(InputError):
+    """A table does not say what its columns are, or not of all that are needed."""
+
+
 BY_NAME = 'columns = { tow = "its name in the file", ... }'
 
 
 def _listed() -> str:
     """How the present caller lists the columns of a table."""
-    return asked("columns [...]", "columns = [...]")
+    return written("columns [...]", "columns = [...]")
 
 
 def _uneven_header(path: str, layout: TextLayout) -> InputError:
     """Return the error of a header that has another number of fields than the data."""
     message = (
         f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
-        f" data; set {_listed()}"
+        " data"
     )
+    how = f"set {_listed()}"
     # of numbers alone, or behind a name
     names = len(str(layout.header).split(","))
     if layout.delimiter == "," and layout.n_fields in (2 * names, 2 * names - 1):
-        message += ", or, if the numbers have decimal commas, write them with decimal"
-        message += " points"
-    return InputError.at_line(path, layout.header_line, message)
+        how += ", or, if the numbers have decimal commas, write them with decimal points"
+    return UnnamedColumns.at_line(path, layout.header_line, message, how)
 
 
 def place_of(path: str, layout: TextLayout, column: str) -> int:

@@ -111,9 +111,10 @@ def note(
     finding: str,
     expected: str = "each stamp once, in order",
     advice: str = "check the logger, or how the file was put together",
+    topic: str = "",
 ) -> Finding:
     """Return a note on what a reader left out or sorted."""
-    return Question(name, expected).note(finding, advice)
+    return Question(name, expected, topic).note(finding, advice)
 
 
 def open_end(name: str, complete: bool) -> tuple[Finding, ...]:

@@ -159,17 +159,17 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     accepted, reasons = _judged(noise, before, after, beyond_spectrum(spectrum, model, noise))
     notes = tuple(check.found for check in gaps)
     return FlightTuning(
-        flight.name,
-        accepted,
-        reasons,
-        noise,
-        recording.noise,
-        model,
-        before,
-        after,
-        spectrum,
-        dropped,
-        notes,
+        name=flight.name,
+        accepted=accepted,
+        reasons=reasons,
+        noise=noise,
+        static=recording.noise,
+        model=model,
+        lost_before=before,
+        lost_after=after,
+        straight=spectrum,
+        dropped_correlated=dropped,
+        notes=notes,
     )
 
 

@@ -217,18 +217,18 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     band = frequency >= LOWEST_HZ
     least, level, begin = _octaves(frequency, without, HIGHEST / dt)
     return StraightFlight(
-        1.0 / dt,
-        np.array(used),
-        windows,
-        frequency,
-        np.sqrt(0.5 * S),
-        np.sqrt(0.5 * floor),
-        tuple(sorted(lines, key=lambda line: (line.channel, -line.rms))),
-        np.sqrt(0.5 * S[:, band].mean(axis=1)),
-        np.sqrt(0.5 * without[:, band].mean(axis=1)),
-        np.sqrt(0.5 * least),
-        np.sqrt(0.5 * level),
-        begin,
+        rate_hz=1.0 / dt,
+        segments=np.array(used),
+        windows=windows,
+        frequency_hz=frequency,
+        density=np.sqrt(0.5 * S),
+        floor=np.sqrt(0.5 * floor),
+        lines=tuple(sorted(lines, key=lambda line: (line.channel, -line.rms))),
+        mean_with_lines=np.sqrt(0.5 * S[:, band].mean(axis=1)),
+        mean_without_lines=np.sqrt(0.5 * without[:, band].mean(axis=1)),
+        upper_limit=np.sqrt(0.5 * least),
+        level=np.sqrt(0.5 * level),
+        level_from_hz=begin,
     )
 
 

@@ -49,7 +49,15 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     modelled = haar_variance(axis, longest.level, rate, sampling)
     title = t.name[len(t.sensor) + 1 :]
     return NoisePanel(
-        title, curves, labels, longest.averaging_time_s, modelled, parts, names, used, tested
+        title=title,
+        curves=curves,
+        labels=labels,
+        tau_s=longest.averaging_time_s,
+        modelled=modelled,
+        parts=parts,
+        part_labels=names,
+        levels=used,
+        words=tested,
     )
 
 

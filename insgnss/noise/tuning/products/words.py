@@ -3,7 +3,6 @@ model.
 """
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
@@ -67,7 +66,7 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """What limits the trust in a model."""
     yield from misfit(t, recordings)
     if t.stationarity is not None:
-        yield with_names(t.stationarity.sentence, t, recordings)
+        yield t.stationarity.in_words([r.name for r in recordings])
     yield from superfluous(t)
     # a process that is too short stands in the model as white noise
     stood_in = t.noise.white_noise > t.kept.axis.white_noise
@@ -77,7 +76,8 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
             and v.reason not in ("superfluous", "short")
             and not (stood_in and v.process == "white_noise")
         ):
-            yield with_names(_last_model(v.sentence), t, recordings)
+            # of several smaller models in which a process was judged only the last
+            yield replace(v, models=v.models[-1:]).sentence
     yield from t.remarks
 
 
@@ -94,11 +94,6 @@ def superfluous(t: "Tuned") -> Iterator[str]:
             f"{which} not identifiable: {smaller} fits as well; take it, record longer or add"
             " replicates"
         )
-
-
-def _last_model(sentence: str) -> str:
-    """Of several smaller models in which a process was judged only the last."""
-    return re.sub(r"^(in \S+: )+(?=in )", "", sentence)
 
 
 def goodness_p(t: "Tuned") -> float:
@@ -155,16 +150,6 @@ def curve_name(t: "Tuned", recordings: Sequence[StaticRecording], i: int) -> str
     """Name of the recording of a curve, with its axis where there are several."""
     k, r = divmod(i, len(recordings))
     return recordings[r].name + (f" {SENSOR_AXES[t.axes[k]]}" if len(t.axes) > 1 else "")
-
-
-def with_names(text: str, t: "Tuned", recordings: Sequence[StaticRecording]) -> str:
-    """`text` with names of recordings in the place of their numbers."""
-
-    def name(match: re.Match[str]) -> str:
-        number = int(match[2]) - 1
-        return curve_name(t, recordings, number) if match[1] == "curve" else recordings[number].name
-
-    return re.sub(r"\b(curve|recording) (\d+)", name, text)
 
 
 def ranked(t: "Tuned") -> Iterator[str]:
