@@ -17,6 +17,7 @@ Where to look
         (`received/outputs.py`), have its own text in messages (`trusted.py` there, asked by
         `errors.py`), cost what its size accounts for (`received/nesting.py`, `unpacking.py`;
         `insgnss/io/formats/text/xml.py`, `database.py` there)
+    what installed packages add by entry points: `received/plugins.py`
     which file a key of a flight file came from: `Source` in `tables.py`
     units of noise models: `units.py` (units of a header: `insgnss/io/formats/text/headers.py`)
     the cache of compiled kernels: `compilation/`, where it is `caches.py`, what a platform wheel

@@ -4,71 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped_sensors import EXPECTED, STATION, written
 
 import insgnss
 from insgnss.base.errors import InputError, UsageError
 from insgnss.flight.sensors.kinds import read_measurement
 from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
-from insgnss.geodesy.frames import LocalFrame
-from insgnss.geodesy.rotation import rotation_from_vector, rpy_from_rotation
-
-OFFSET = np.radians([0.6, -0.8, 1.5])  # by which sensors are turned against the body
-LEVER = np.array([1.0, 0.2, -0.1])
-SCALE = 0.015
-WIND = [5.0, -3.0]  # m/s, north and east, at the start
-STATION = [46.5705, 6.5395, 580.0]  # deg and m
-SHIFT = np.array([0.02, -0.01, 0.015])  # m, north, east, down, of the station
-LATE_S = 0.03
-HARD = np.array([2.5, -1.5, 1.0])  # uT
-SOFT = np.array([[0.02, -0.01, 0.015], [0.0, -0.03, 0.01], [0.02, 0.0, 0.01]])
-# of the dipole at 46.57 deg of latitude: 47.87 uT and a dip of 64.67 deg
-FIELD = [47.9 / 47.87 - 1.0, np.radians(63.1 - 64.67), np.radians(0.4)]
-
-
-def truths(sim) -> dict[str, tuple[str, np.ndarray, float]]:
-    """Header, exact values in the units of the file, and the sigma of each kind."""
-    path = sim.truth.trajectory[20:-20:4]
-    C = path.C_nb
-    body = np.einsum("kji,kj->ki", C, path.velocity_ned)
-    turned = rpy_from_rotation(C @ rotation_from_vector(OFFSET))
-    rotated = (1.0 + SCALE) * body @ rotation_from_vector(OFFSET)
-    apart = C @ rotation_from_vector(OFFSET) @ LEVER
-    tow = path.time[:, None]
-    heading = rpy_from_rotation(C)[:, 2:] + OFFSET[2]
-    steps = np.random.default_rng(3).standard_normal((len(path), 2))
-    wind = WIND + np.cumsum(0.2 * np.sqrt(np.diff(path.time).mean()) * steps, axis=0)
-    against = path.velocity_ned - np.pad(wind, ((0, 0), (0, 1)))
-    through_air = np.einsum("ki,ki->k", C[:, :, 0], against)[:, None]
-    dip, azimuth = np.radians([63.1, 2.9])
-    level = np.cos(dip) * np.array([np.cos(azimuth), np.sin(azimuth)])
-    field = np.einsum("kji,j->ki", C, 47.9 * np.array([*level, np.sin(dip)]))
-    magnetic = field + field @ SOFT.T + HARD
-    lat, lon, height = STATION
-    station = LocalFrame(np.radians(lat), np.radians(lon), height)
-    prism = station.position_from_geodetic(path.lat, path.lon, path.height)
-    prism += np.einsum("kij,kjl,l->ki", station.C_ln(path.lat, path.lon), C, LEVER) - SHIFT
-    prism += LATE_S * np.einsum("kij,kj->ki", station.C_ln(path.lat, path.lon), path.velocity_ned)
-    prism = (prism @ rotation_from_vector([0.0, 0.0, OFFSET[0]]))[:, [1, 0, 2]] * [1, 1, -1]
-    return {
-        "position": ("tow,easting,northing,height", np.hstack([tow, prism]), 0.01),
-        "heading": ("tow,heading", np.hstack([tow, np.degrees(heading)]), 0.2),
-        "attitude": ("tow,roll,pitch,yaw", np.hstack([tow, np.degrees(turned)]), 0.2),
-        "body_velocity": ("tow,vx,vy,vz", np.hstack([tow, rotated]), 0.05),
-        "magnetometer": ("tow,mag_x,mag_y,mag_z", np.hstack([tow, magnetic * [-1, -1, 1]]), 0.4),
-        "airspeed": ("tow,tas", np.hstack([tow, (1.0 + SCALE) * through_air]), 0.3),
-        "baseline": ("tow,rel_n,rel_e,rel_d", np.hstack([tow, apart]), 0.005),
-    }
-
-
-EXPECTED = {
-    "position": np.array([OFFSET[0], *SHIFT, LATE_S]),
-    "heading": OFFSET[2:],
-    "attitude": OFFSET,
-    "body_velocity": np.array([SCALE, *OFFSET]),
-    "baseline": OFFSET,
-    "airspeed": np.array([SCALE]),  # beside wind, which is no constant
-    "magnetometer": np.array([*HARD, *SOFT.ravel(), *FIELD]),
-}
 
 
 @pytest.fixture(scope="module")
@@ -78,19 +19,6 @@ def dataset(tmp_path_factory):
     return root, sim.simulated
 
 
-def written(root: Path, sim, kind: str, more: str = "") -> Path:
-    """The flight file with a sensor of a kind, with noise."""
-    header, values, sigma = truths(sim)[kind]
-    values = values.copy()
-    noise = np.random.default_rng(7).standard_normal(values[:, 1:].shape)
-    values[:, 1:] += sigma * noise
-    np.savetxt(root / f"{kind}.csv", values, "%.9f", ",", header=header, comments="")
-    table = f'\n[[measurement]]\nkind = "{kind}"\nfile = "{kind}.csv"\nsigma = {sigma}\n{more}\n'
-    file = root / f"with_{kind}.toml"
-    file.write_text((root / "flight.toml").read_text() + table)
-    return file
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SHIPPED)
 def test_a_kind_finds_what_is_unknown_of_its_sensor(dataset, kind):
@@ -98,12 +26,7 @@ def test_a_kind_finds_what_is_unknown_of_its_sensor(dataset, kind):
     values and of the heading's error as their sigmas say.
     """
     root, sim = dataset
-    more = {
-        "baseline": f"lever_m = {LEVER.tolist()}",
-        "magnetometer": 'declination_deg = 2.5\naxes = "back left down"',
-        "position": f"lever_m = {LEVER.tolist()}\nstation = {STATION}\nclock_sigma_s = 0.1",
-    }.get(kind, "")
-    result = insgnss.process(written(root, sim, kind, more), write=False)
+    result = insgnss.process(written(root, sim, kind), write=False)
     found = [e for e in result.states if e.state.group == kind]
     values, sigmas = (np.array([getattr(e, n) for e in found]) for n in ("value", "sigma"))
     assert (np.abs(values - EXPECTED[kind]) < 4.0 * sigmas).all()
@@ -131,12 +54,11 @@ def test_a_wrong_sign_is_a_contradiction(dataset):
 @pytest.mark.parametrize(
     ("kind", "more", "said"),
     [
-        ("heading", "offset_sigma_deg = 0.0", r"heading: offset of 1\.[3-7].* deg .*stated 0"),
-        ("body_velocity", "scale_sigma = 0.0", r"scale factor of 0\.01[3-7]"),
+        ("heading", {"offset_sigma_deg": 0.0}, r"heading: offset of 1\.[3-7].* deg .*stated 0"),
+        ("body_velocity", {"scale_sigma": 0.0}, r"scale factor of 0\.01[3-7]"),
         (
             "position",
-            f"lever_m = {LEVER.tolist()}\nclock_sigma_s = 0.1\n"
-            f"station = {[STATION[0] - 5e-6, *STATION[1:]]}",
+            {"station": [STATION[0] - 5e-6, *STATION[1:]]},
             r"station north of 0\.5.* m by this flight, stated 0 \+- 0\.02",
         ),
     ],
@@ -147,7 +69,7 @@ def test_a_constant_that_is_stated_wrong_is_named(dataset, kind, more, said):
     default sigmas cover the first two.
     """
     with pytest.raises(InputError, match=said):
-        insgnss.process(written(*dataset, kind, more), write=False)
+        insgnss.process(written(*dataset, kind, **more), write=False)
 
 
 @pytest.mark.slow
@@ -375,7 +297,8 @@ def test_a_file_that_cannot_be_is_refused(tmp_path, kind, text, more, said):
 def test_two_of_one_name_and_an_unknown_kind_are_refused(dataset):
     """Oracle: by hand: file and key are named."""
     root, sim = dataset
-    file = written(root, sim, "heading", '[[measurement]]\nkind = "heading"\nfile = "heading.csv"')
+    file = written(root, sim, "heading")
+    file.write_text(file.read_text() + '[[measurement]]\nkind = "heading"\nfile = "heading.csv"\n')
     with pytest.raises(InputError, match="two are named 'heading'"):
         insgnss.load_flight(file)
     file.write_text(file.read_text().replace('kind = "heading"', 'kind = "headings"', 1))

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import insgnss
+import insgnss.flight.config.imu_options  # registers the kind of option "axes"
 from insgnss.base.errors import UsageError
 from insgnss.base.received.plugins import installed
-from insgnss.flight.sensors.kinds import kinds
-from insgnss.flight.sensors.options import SHIPPED
+from insgnss.flight.sensors.kinds import kinds, read_measurement
+from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
+from insgnss.flight.sensors.shipped import KINDS
 from insgnss.io.formats import READERS, read_imu, readers
 
 PACKAGE = """
@@ -17,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 from insgnss import ImuSamples
-from insgnss.flight.sensors.shipped import KINDS
 from insgnss.io.formats import Reader
 
 
@@ -28,15 +29,15 @@ def read(path, options):
 
 LOGGER = Reader(read, "quantity gps_week", lambda head: head.startswith(b"MYLOG "))
 NO_RECORD = Reader(lambda path, options: 7, "", lambda head: head.startswith(b"SEVEN"))
-KIND = KINDS["heading"]
 """
+TUTORIAL = Path(__file__).parents[3] / "docs/tutorials/own_measurement.md"
 ENTRIES = """[insgnss.formats]
 imu.my_logger = my_sensors:LOGGER
 imu.seven = my_sensors:NO_RECORD
 imu.imu_csv = my_sensors:NO_RECORD
 
 [insgnss.measurements]
-compass = my_sensors:KIND
+inclinometer = inclinometer:KIND
 heading = my_sensors:LOGGER
 """
 
@@ -48,6 +49,9 @@ def installed_package(root: Path, monkeypatch: pytest.MonkeyPatch, entries: str)
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my-sensors\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text(entries)
     (root / "my_sensors.py").write_text(PACKAGE)
+    code = TUTORIAL.read_text(encoding="utf-8").split("```python\n")
+    (of_kind,) = [block.split("```")[0] for block in code if "KIND = SensorKind" in block]
+    (root / "inclinometer.py").write_text(of_kind)
     monkeypatch.syspath_prepend(root)
 
 
@@ -89,10 +93,15 @@ def test_an_installed_format_is_read_and_replaces_no_shipped_one(tmp_path, monke
 
 
 def test_an_installed_kind_is_found_and_replaces_no_shipped_one(tmp_path, monkeypatch):
-    """Oracle: the entry points of a distribution made by hand."""
+    """Oracle: by hand: the tutorial's kind reads degrees by its header and has two offsets."""
     installed_package(tmp_path, monkeypatch, ENTRIES)
-    assert list(kinds()) == ["compass", "heading", *SHIPPED[1:]]
-    assert kinds()["compass"] is kinds()["heading"]
+    assert list(kinds()) == ["inclinometer", "heading", *SHIPPED[1:]]
+    assert kinds()["heading"] is KINDS["heading"]
+    (tmp_path / "x.csv").write_text("tow,pitch,roll\n10.0,-2.0,3.0\n10.5,-2.1,3.1\n")
+    options = MeasurementInput(kind="inclinometer", file=tmp_path / "x.csv", sigma=0.03)
+    read, _ = read_measurement(options, 2000)
+    np.testing.assert_allclose(np.degrees(read.values), [[3.0, -2.0], [3.1, -2.1]])
+    assert [state.name for state in read.states] == ["offset roll", "offset pitch"]
 
 
 def test_a_package_that_cannot_be_imported_is_named(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import pytest
 from batch_least_squares import batch
 from flown import NO_GATE, Flown, error_of, fly, start_near
 from scipy.stats import chi2
+from shipped_sensors import OPTIONS
 
 import insgnss
 import insgnss.flight.config.imu_options  # registers the kind of option "axes"
@@ -17,7 +18,7 @@ from insgnss.base.errors import DataError, InputError
 from insgnss.flight.reference.twin import solve_twin
 from insgnss.flight.reference.verify import differences
 from insgnss.flight.sensors.kinds import kinds
-from insgnss.flight.sensors.options import MeasurementInput
+from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.filter.codes import N_KINDS, NOT_MEASURED, REJECTED, USED
@@ -30,7 +31,6 @@ from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, observe
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([0.5, 0.5, 3.0])])
-STATION = (46.5705, 6.5395, 500.0)  # deg and m
 BEACON = np.array([40.0, -30.0, 5.0])  # m in l
 TURN = 2.0 * np.pi
 
@@ -229,38 +229,26 @@ def test_rows_hold_about_another_nominal():
     assert np.abs((found.x - expected.x) / sigma[:, 9:]).max() < 0.05
 
 
-SENSORS = {  # columns, sigma, options
-    "heading": (("heading",), 0.01, {}),
-    "attitude": (("roll", "pitch", "heading"), 0.01, {}),
-    "body_velocity": (("forward", "right", "down"), 0.1, {}),
-    "baseline": (("n", "e", "d"), 0.01, {"lever_m": (1.0, 0.2, -0.1)}),
-    "airspeed": (("airspeed",), 0.3, {}),
-    "magnetometer": (("x", "y", "z"), 0.4, {"declination_deg": 2.5}),
-    "position": (
-        ("e", "n", "u"),
-        0.01,
-        {"lever_m": (0.1, 0.2, -0.3), "station": STATION, "clock_sigma_s": 0.02},
-    ),
-}
+SIGMAS = {"velocity": 0.2, "field": 0.4}  # m/s and uT; 0.01 rad or m of all others
 
 
 def shipped(kind: str) -> tuple:
     """Prediction and own states of a shipped kind."""
-    columns, _, more = SENSORS[kind]
-    options = MeasurementInput(kind=kind, file=Path("x"), **more)
-    return kinds()[kind].model(options, columns)[:2]
+    options = MeasurementInput(kind=kind, file=Path("x"), **OPTIONS.get(kind, {}))
+    return kinds()[kind].model(options, tuple(kinds()[kind].values.split()))[:2]
 
 
 def nees_of(kind: str, seed: int, exact: bool) -> tuple[float, float]:
     """NEES of nine smoothed errors in the middle, and of the states of a shipped kind of sensor,
     drawn from their a-priori sigmas, or absent where `exact`.
     """
-    (columns, sigma, _), (predict, own) = SENSORS[kind], shipped(kind)
+    predict, own = shipped(kind)
     own = tuple(replace(state, walk=0.0) for state in own)  # what is drawn stays
     rng = np.random.default_rng(1000 + seed)
     drawn = rng.standard_normal(len(own)) * [state.sigma for state in own]
     period = TURN if kinds()[kind].unit == "angle" else None
-    sigmas = (sigma,) * len(columns)
+    sigma = SIGMAS.get(kinds()[kind].unit, 0.01)
+    sigmas = (sigma,) * len(kinds()[kind].values.split())
     sensor = (predict, sigmas, own, drawn, period)
     if exact:
 
@@ -281,7 +269,7 @@ def nees_of(kind: str, seed: int, exact: bool) -> tuple[float, float]:
 
 @pytest.mark.parametrize("exact", [False, True], ids=["with states", "exact"])
 @pytest.mark.parametrize("flights", [2, pytest.param(24, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", SENSORS)
+@pytest.mark.parametrize("kind", SHIPPED)
 def test_nees_lies_within_its_bounds(kind, flights, exact):
     """Oracle: chi-square with 9 degrees of freedom a flight, and one for each state of the sensor,
     two-sided 99 % bounds.
