@@ -439,3 +439,14 @@ def test_a_reference_table_without_angles_holds_positions(tmp_path: Path) -> Non
     assert np.degrees([poses.lat[0], poses.lon[0]]) == pytest.approx([46.57, 6.54])
     with pytest.raises(InputError, match="has positions and no attitudes"):
         read_camera_poses(tmp_path / "reference.csv", Hints(crs="EPSG:4326"))
+
+
+def test_positions_for_metashape_name_their_crs(tmp_path: Path) -> None:
+    """Oracle: what `insgnss export` writes of positions without an IMU, in a CRS."""
+    head = "#Label,Easting (EPSG:2056 CH1903+ / LV95; heights above the ellipsoid),Northing,Height,"
+    row = "IMG_1.jpg,2531106.0,1158031.0,630.0,0.02,0.03,0.04\n"
+    (tmp_path / "a.csv").write_text(f"{head}X_acc,Y_acc,Z_acc\n{row}")
+    returned = read_returned_poses(tmp_path / "a.csv", "metashape_reference")
+    assert (returned.kind, returned.crs) == ("projected", "EPSG:2056")
+    assert returned.position.tolist() == [[2531106.0, 1158031.0, 630.0]]
+    assert read_poses(tmp_path / "a.csv").cov_position is not None

@@ -28,7 +28,7 @@ from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
 from ..text.layout import shown, split_fields
 from ..text.text import Source, check_fields, decoded, numbered_lines
-from .crs import kind_of_wkt
+from .crs import COORDINATE_SYSTEM, kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
 OPK_COLUMNS = 7  # name, X, Y, Z and three angles
@@ -38,6 +38,9 @@ MATRIX_COLUMNS = 16  # these, and nine elements of the matrix
 SAME = 1e-3  # of a matrix and of the angles beside it
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
 ACCURACIES = "x_acc", "y_acc", "z_acc"  # of reference coordinates, m
+# what an export of positions calls the coordinates, with the code of its CRS behind the first
+REFERENCE_NAMES = {"easting": "x", "northing": "y", "height": "z"}
+EPSG = re.compile(r"EPSG:\d+(?:\+\d+)?")
 ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies
 PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
 EXTERNAL, PIX4D_CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
@@ -125,13 +128,16 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         No header or no coordinates, with file and line; a CRS that is unknown.
     """
     lines = lines_of(decoded(path))
-    wkt = lines[0].partition(":")[2].strip() if lines else ""
+    named = COORDINATE_SYSTEM.match(lines[0]) if lines else None
+    wkt = "" if named is None else named[1].strip()
     head = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
     if head is None:
         raise InputError.in_file(path, "has no header #Label; export the reference again")
     delimiter = next((sign for sign in "\t,;" if sign in lines[head]), None)
     fields = [name.strip().lower().lstrip("# ") for name in split_fields(lines[head], delimiter)]
-    fields = [name.partition("/")[0] for name in fields]
+    fields = [REFERENCE_NAMES.get(n := re.split("[/(]", name)[0].strip(), n) for name in fields]
+    code = EPSG.search(lines[head]) if not wkt else None
+    wkt = code[0] if code else wkt
     base = {name.removesuffix("_est") for name in fields}
     angles = next((name for name in ("yaw", "omega") if name in base), "")
     if "x" not in base:
