@@ -1279,5 +1279,5 @@ def test_the_report_says_what_was_done_to_what(good, products):
     assert {"insgnss", "python", "numpy"} <= set(report["versions"])
     assert report["counts"]["images"] == len((good / EVENTS).read_text().splitlines()) - 1
     page = (products / "report.html").read_text()
-    assert not re.findall(r"""(?:src|href)\s*=\s*["']?(?!data:|#)[^"'\s>]+""", page)
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'`]?(?!data:|#)[^"'`\s>]+""", page)
     assert page.rstrip().endswith("</html>")

@@ -35,7 +35,7 @@ def test_images_that_the_span_leaves_out_are_counted():
     cameras = [CameraExposures("camera_1", events(9.0, 10.0, 20.0, 20.5))]
     (inside,), (note,) = within(cameras, 10.0, 20.0)
     assert inside.events.images == ("1.tif", "2.tif")
-    assert note.found == "2 of 4 images left out"
+    assert note.found == "2 of 4 images lie outside of these times and get no orientation"
     assert within(cameras, None, None)[1] == []
 
 
