@@ -53,7 +53,9 @@ from .estimated import fix_counts
 
 LONGEST_SPELL_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
 MOST_WITHHELD = 0.3  # share of the fixes
-LEAST_SIDE = 0.25  # of a flight, from which on a single step leaves both its sides in doubt
+# of a flight, from which on a single step leaves both its sides in doubt (chosen): of unlike sides
+# the longer is believed, as the many fixes are of several spells
+LEAST_SIDE = 0.45
 TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
 APART_S = 5.0  # between rejected fixes: from there on they make two spells
 REJECTED_BESIDE_SPELLS = 0.01  # share of the other fixes that may be rejected

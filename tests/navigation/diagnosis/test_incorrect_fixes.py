@@ -13,6 +13,7 @@ from insgnss.navigation.diagnosis.incorrect_fixes import (
     FixSpell,
     incorrect_check,
     spells_apart,
+    undecided_spells,
     with_converging_fixes,
     with_steps,
     withhold_incorrect_fixes,
@@ -193,6 +194,15 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     assert shared[np.ix_(within, within)].max() < 0.15
     assert not (with_step - without)[within[0], exposed < 39].any()
     assert "enlarged" in incorrect_check(problem, tuple(spells), ENLARGED).found
+
+
+@pytest.mark.parametrize(("since", "in_doubt"), [(60, [0.0, 60.1]), (75, [75.1])])
+def test_of_one_step_the_longer_side_is_believed_if_it_is_much_longer(flown, since, in_doubt):
+    """Oracle: what was planted: a step after 60 and after 75 of 120 s."""
+    solution = solve(with_spells(flown, (since, 130)), start(flown))
+    spells = undecided_spells(solution)
+    firsts = sorted(float(solution.problem.epochs.time[one.first]) for one in spells)
+    assert firsts == pytest.approx(in_doubt, abs=0.25)
 
 
 def test_a_step_within_what_fixes_claim_is_no_spell(flown):
