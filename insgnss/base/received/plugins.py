@@ -19,8 +19,8 @@ def installed(group: str) -> Mapping[str, Any]:
 
     Returns
     -------
-    mapping of str to EntryPoint
-        Read once a process.
+    mapping
+        `importlib.metadata.EntryPoint` by name, read once a process.
     """
     return {entry.name: entry for entry in entry_points(group=group)}
 

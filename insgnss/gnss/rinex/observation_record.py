@@ -93,6 +93,7 @@ class Observations:
 
     def only(self, taken: NDArray[np.intp]) -> "Observations":
         """Return the observations of the epochs `taken`, times from the week of the first."""
+        taken = np.arange(self.time.size)[taken]  # of a mask, too
         week = self.gps_week + int(self.time[taken[0]] // WEEK_S)
         back = (week - self.gps_week) * WEEK_S
         position = np.full(self.time.size, -1)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...records import Estimate, TimeCorrelatedError
+from ...records import Array, Estimate, TimeCorrelatedError
 from ...records.states import State
 from ..filter.codes import (
     BIAS,
@@ -141,7 +141,7 @@ def time_correlated_errors(solution: Solution) -> tuple[TimeCorrelatedError, ...
         if first < 0 or not rows.any():
             continue
         share = layout.sigma0[first : first + 3]
-        sigma_m = share * np.median(epochs.sigma[rows], axis=0)
+        sigma_m = share * usual_sigma(epochs.position_cov[rows])
         triples = (tuple(float(x) for x in values) for values in (sigma_m, share, white))
         errors.append(
             TimeCorrelatedError(float(1.0 / layout.beta[first]), int(rows.sum()), *triples)
@@ -171,6 +171,11 @@ def fix_counts(verdict: np.ndarray) -> tuple[int, int, int]:
 def rms_speed(solution: Solution) -> float:
     """Return the root mean square speed of the flight, m/s."""
     return float(np.sqrt(np.mean(np.sum(solution.nav[:, VEL] ** 2, axis=1))))
+
+
+def usual_sigma(cov: Array) -> Array:
+    """Return the median standard deviations (3,), m, of fixes with covariances (n, 3, 3), m^2."""
+    return np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2), axis=0))
 
 
 def combined(of_segments: Sequence[Sequence[Estimate]]) -> tuple[Estimate, ...]:

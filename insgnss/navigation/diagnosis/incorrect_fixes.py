@@ -20,61 +20,30 @@ the covariance S of its innovation,
 since the error is one of the step or none. Where the fixes do not step but wander, what is rejected
 one after the other makes a spell, on the same terms but however long it lasts: no step is there to
 enlarge a covariance by.
-
-A float solution that claims to be fixed steps away and converges: several steps that nothing takes
-back (a single one may last). Its fixes are used as float ones, with a Gauss-Markov error of their
-own of the size of the step and of `CONVERGING_S`, and what a fix claims as its white error.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from ...base.errors import DataError
 from ...base.wording import some
 from ...records import Array, Finding, Question
-from ..filter.codes import (
-    COVARIANCE_RESET,
-    NOT_MEASURED,
-    POSITION_ROW,
-    REJECTED,
-    UNFIXED_GROUP,
-    USED,
-)
+from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION_ROW, REJECTED
 from ..filter.event_chain import SharedError
 from ..filter.filter import make_history, run_filter
 from ..filter.kernels.records import Epochs, FilterHistory
-from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution
-from .candidates import LayoutFactory, with_layout
 from .estimated import fix_counts
 
 LONGEST_SPELL_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
 MOST_WITHHELD = 0.3  # share of the fixes
-# of a flight, from which on a single step leaves both its sides in doubt (chosen): of unlike sides
-# the longer is believed, as the many fixes are of several spells
-LEAST_SIDE = 0.45
 TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
 APART_S = 5.0  # between rejected fixes: from there on they make two spells
 REJECTED_BESIDE_SPELLS = 0.01  # share of the other fixes that may be rejected
 STEP_SIGMAS = 3.0  # of what the fixes claim, below which a step is none: code solutions wander so
 PASSES = 4  # of the filter, each of which may show further steps
-CONVERGING_S = 30.0  # correlation time of a float solution that converges within a minute
-LARGEST_FLOAT_M = 2.0  # step of a float solution; larger ones are glitches
-# innovation of its first fix over that before: a wrong IMU leaves the fixes by and by
-SUDDEN = 3.0
-LONGEST_FLOAT_S, MOST_FLOAT = 90.0, 0.65  # after a step; share of the fixes
-
-
-# what is done with spells
-LEFT_OUT = "they are left out"
-AS_FLOAT = "they are used as float solutions, with a slow error of that size"
-ENLARGED = (
-    "the data do not show which of the two levels is right: the covariance there is enlarged by"
-    " the step"
-)
 
 
 @dataclass(frozen=True)
@@ -101,7 +70,7 @@ class FixSpell:
 
 
 def withhold_incorrect_fixes(
-    problem: EstimationProblem, start: InitialState, closing: bool = True
+    problem: EstimationProblem, start: InitialState
 ) -> tuple[EstimationProblem, tuple[FixSpell, ...]]:
     """Withhold the fixes of spells that stand apart from the rest of a flight.
 
@@ -109,8 +78,6 @@ def withhold_incorrect_fixes(
     ----------
     problem, start : EstimationProblem, InitialState
         The problem and its initial state.
-    closing : bool
-        Whether spells are those whose steps take each other back, or whatever is rejected.
 
     Returns
     -------
@@ -118,104 +85,23 @@ def withhold_incorrect_fixes(
         The problem with these fixes withheld, and the spells; the problem itself and none where
         that is no remedy.
     """
-    spells_of, longest_s = (
-        (_closing_spells, LONGEST_SPELL_S) if closing else (rejected_spells, np.inf)
-    )
-    candidate, spells = problem, tuple[FixSpell, ...]()
-    for _ in range(PASSES):
-        history = _filtered(candidate, start)
-        if history is None:
-            break
-        if _follows(candidate, history):
-            return candidate, spells
-        apart = spells_of(candidate, history)
-        with_apart = _withheld(candidate, apart, longest_s)
-        if not apart or with_apart is None:
-            break
-        spells = tuple(sorted((*spells, *apart), key=lambda spell: spell.first))
-        candidate = with_apart
+    for spells_of, longest_s in ((_closing_spells, LONGEST_SPELL_S), (rejected_spells, np.inf)):
+        candidate, spells = problem, tuple[FixSpell, ...]()
+        for _ in range(PASSES):
+            history = _filtered(candidate, start)
+            if history is None:
+                break
+            if _follows(candidate, history):
+                if spells:
+                    return candidate, spells
+                break
+            apart = spells_of(candidate, history)
+            with_apart = _withheld(candidate, apart, longest_s)
+            if not apart or with_apart is None:
+                break
+            spells = tuple(sorted((*spells, *apart), key=lambda spell: spell.first))
+            candidate = with_apart
     return problem, ()
-
-
-def with_converging_fixes(
-    problem: EstimationProblem,
-    start: InitialState,
-    layout_factory: LayoutFactory,
-    errors: FixErrors,
-) -> tuple[EstimationProblem, InitialState, FixErrors, tuple[FixSpell, ...]] | None:
-    """Use the fixes after several steps as float ones, for `LONGEST_FLOAT_S` each.
-
-    Parameters
-    ----------
-    problem, start : EstimationProblem, InitialState
-        The problem and its initial state.
-    layout_factory : callable
-        The error states of the flight as a function of those of its fixes.
-    errors : FixErrors
-        Those that are estimated.
-
-    Returns
-    -------
-    tuple or None
-        Problem, initial state and errors with the float solutions', and the spells; None where that
-        is no remedy, or where the fixes have float solutions already.
-    """
-    if errors.unfixed_gm_sigma is not None:
-        return None
-    white, T = errors.white_scale[0], CONVERGING_S
-    errors = replace(
-        errors, unfixed_gm_sigma=1.0, unfixed_correlation_time_s=T, unfixed_white_scale=white
-    )
-    problem, start = with_layout(problem, start, layout_factory(errors))
-    spells = tuple[FixSpell, ...]()
-    for _ in range(PASSES):
-        history = _filtered(problem, start)
-        if history is None:
-            return None
-        if _follows(problem, history):
-            return (problem, start, errors, spells) if spells else None
-        ep, steps = problem.epochs, _steps(problem, history)
-        if not steps or (not spells and not _float(steps)):
-            return None
-        sigma, group = ep.sigma.copy(), ep.group.copy()
-        for k, one in enumerate(steps):
-            end = np.searchsorted(ep.time, ep.time[one.first] + LONGEST_FLOAT_S)
-            rows = np.arange(one.first, min(int(end), ep.time.size))
-            rows = rows[ep.has_position[rows]]
-            sigma[rows] = np.linalg.norm(one.step) / np.sqrt(3.0)
-            group[rows] = UNFIXED_GROUP
-            steps[k] = replace(one, last=int(rows[-1]))
-        spells = tuple(sorted((*spells, *steps), key=lambda spell: spell.first))
-        share = np.mean(group[ep.has_position] == UNFIXED_GROUP)
-        if share > MOST_FLOAT:
-            return None
-        problem = replace(problem, epochs=ep._replace(sigma=sigma, group=group))
-    return None
-
-
-def _steps(problem: EstimationProblem, history: FilterHistory) -> list[FixSpell]:
-    """Return the spells of rejected fixes in which the covariance was reset, if all are sudden."""
-    verdict = history.verdict[:, POSITION_ROW]
-    spells = [
-        one
-        for one in rejected_spells(problem, history)
-        if COVARIANCE_RESET in verdict[one.first : one.last + 1]
-    ]
-    size = np.linalg.norm(history.innovation[:, :3], axis=1)
-    used = np.flatnonzero(verdict == USED)
-    before = [used[np.searchsorted(used, one.first) - 1] for one in spells]
-    sudden = [size[one.first] > SUDDEN * size[k] for one, k in zip(spells, before, strict=True)]
-    return spells if all(sudden) else []
-
-
-def _float(steps: list[FixSpell]) -> bool:
-    """Tell whether steps are those of float solutions: two and more, none takes another back."""
-    size = [float(np.linalg.norm(one.step)) for one in steps]
-    sums = [float(np.linalg.norm(a.step + b.step)) for a, b in pairwise(steps)]
-    back = any(
-        total < TAKEN_BACK * max(pair) for total, pair in zip(sums, pairwise(size), strict=True)
-    )
-    return len(steps) > 1 and not back and max(size) < LARGEST_FLOAT_M
 
 
 def _follows(problem: EstimationProblem, history: FilterHistory) -> bool:
@@ -355,18 +241,7 @@ def undecided_spells(solution: Solution) -> list[FixSpell]:
         None where the steps do not close: noise, or a filter that lost the fixes.
     """
     spells = spells_apart(solution.problem, solution)
-    spells = [spell for spell in spells if spell.misclosure < TAKEN_BACK]
-    if len(spells) != 1:
-        return spells
-    # of one step either side may be the wrong one, unless it lasts much longer
-    ep, (one,) = solution.problem.epochs, spells
-    fixes = np.flatnonzero(ep.has_position & ~ep.withheld)
-    before, after = fixes[fixes < one.first], fixes[fixes > one.last]
-    length_s = float(ep.time[one.last] - ep.time[one.first])
-    if (before.size == 0) == (after.size == 0) or length_s < LEAST_SIDE * float(ep.time[-1]):
-        return spells
-    longer = before if before.size else after
-    return [one, replace(one, first=int(longer[0]), last=int(longer[-1]))]
+    return [spell for spell in spells if spell.misclosure < TAKEN_BACK]
 
 
 def with_steps(solution: Solution, spells: list[FixSpell]) -> Solution:
@@ -395,7 +270,9 @@ def with_steps(solution: Solution, spells: list[FixSpell]) -> Solution:
     return solution.enlarged(tuple(shared))
 
 
-def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], done: str) -> Finding:
+def incorrect_check(
+    problem: EstimationProblem, spells: tuple[FixSpell, ...], withheld: bool
+) -> Finding:
     """Say which fixes stand apart, and what was done.
 
     Parameters
@@ -404,8 +281,8 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], do
         The problem.
     spells : tuple of FixSpell
         The spells.
-    done : str
-        One of `LEFT_OUT`, `AS_FLOAT` and `ENLARGED`.
+    withheld : bool
+        Whether their fixes are withheld; else the covariance is enlarged.
 
     Returns
     -------
@@ -418,6 +295,12 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], do
         f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
         for s in spells
     )
+    done = (
+        "the data do not show which of the two levels is right: the covariance there is enlarged"
+        " by the step"
+    )
+    if withheld:
+        done = "they are left out"
     return Question("incorrect fixes", "one level throughout").note(
         "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
         f" {some(each, 5, '; ')}; {done}",

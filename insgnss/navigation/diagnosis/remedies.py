@@ -24,19 +24,15 @@ from ..filter.solution import Solution, solve
 from ..innovations.incorrect_values import suspicious, withhold_incorrect_values
 from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
-from .constants import STRONG
-from .decision import Stage, diagnose, late_sensors
+from .decision import diagnose
 from .drift import hidden_drift
 from .estimated import constant, fix_counts
-from .evidence import ErrorModelSearch, follows
+from .evidence import ErrorModelSearch
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
-    AS_FLOAT,
-    ENLARGED,
-    LEFT_OUT,
+    FixSpell,
     incorrect_check,
     undecided_spells,
-    with_converging_fixes,
     with_steps,
     withhold_incorrect_fixes,
 )
@@ -83,8 +79,8 @@ class Case:
         A contradiction that ends the run, the remark that follows it, and the checks to accept.
     followed : Sensitivity or None
         What went along with the first filter pass.
-    spells : tuple of Finding
-        What was done with spells of incorrect fixes.
+    spells : tuple of FixSpell
+        Spells of incorrect fixes that are withheld.
     other_model : bool
         Whether a remedy changed the error model; no other one is searched then.
     checks : tuple of Finding
@@ -108,7 +104,7 @@ class Case:
     failure: DataError | None = None
     refused: tuple[Finding, str, tuple[str, ...]] | None = None
     followed: Sensitivity | None = None
-    spells: tuple[Finding, ...] = ()
+    spells: tuple[FixSpell, ...] = ()
     other_model: bool = False
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
@@ -222,52 +218,19 @@ def _filtered(case: Case) -> Case:
     return replace(case, solution=solution)
 
 
-def _with_late_sensor(case: Case) -> Case | None:
-    """Correct a sensor that follows the motion late, or worse in turns, and so loses the fixes."""
-    search, start, gate = case.search, case.start, case.problem.gate
-    assert start is not None
-    opened = replace(case.problem, gate=np.inf), start
-    try:
-        shown = solve(*opened, "off", search.progress)
-        trials = late_sensors(search, opened, Stage(shown, search.requested_model), STRONG)
-        for trial in trials:
-            problem = replace(trial.posed[0], gate=gate)
-            solution = solve(
-                problem, start, search.second_pass, search.progress, about=trial.solution
-            )
-            if follows(solution) and not fix_counts(solution.verdict)[2]:
-                case = replace(case, problem=problem, solution=solution, failure=None)
-                return replace(case, checks=(*case.checks, trial.check()))
-    except DataError:
-        return None
-    return None
-
-
 def _without_incorrect_fixes(case: Case) -> Case | None:
     """Withhold the fixes of spells that stand apart from the rest."""
     search, start = case.search, case.start
     assert start is not None
     search.progress("which fixes stand apart")
-    errors, done = case.errors, AS_FLOAT
-    converging = with_converging_fixes(case.problem, start, search.layout_factory, errors)
-    if converging is not None:
-        problem, start, errors, spells = converging
-        search = replace(search, requested_errors=errors)
-    else:
-        done = LEFT_OUT
-        problem, spells = withhold_incorrect_fixes(case.problem, start)
-        # a step whose level nothing tells is carried by the covariance, and not left out
-        if not spells and not (case.solution and undecided_spells(case.solution)):
-            problem, spells = withhold_incorrect_fixes(case.problem, start, closing=False)
+    problem, spells = withhold_incorrect_fixes(case.problem, start)
     if not spells:
         return None
     try:
         solution = solve(problem, start, search.second_pass, search.progress)
     except DataError:
         return None
-    check = incorrect_check(problem, spells, done)
-    case = replace(case, problem=problem, errors=errors, search=search, start=start)
-    return replace(case, solution=solution, failure=None, spells=(check,))
+    return replace(case, problem=problem, solution=solution, failure=None, spells=spells)
 
 
 def _without_incorrect_values(case: Case) -> Case | None:
@@ -386,11 +349,13 @@ def _with_error_model(case: Case) -> Case:
 
 def _with_undecided_steps(case: Case) -> Case:
     """Say which fixes are withheld, and enlarge the covariance where nothing tells which level."""
-    solution, notes = case.solution, [*case.spells]
+    solution, notes = case.solution, list[Finding]()
     assert solution is not None
+    if case.spells:
+        notes.append(incorrect_check(solution.problem, case.spells, True))
     if undecided := undecided_spells(solution):
         solution = with_steps(solution, undecided)
-        notes.append(incorrect_check(solution.problem, tuple(undecided), ENLARGED))
+        notes.append(incorrect_check(solution.problem, tuple(undecided), False))
     return replace(case, solution=solution, checks=(*case.checks, *notes))
 
 
@@ -403,11 +368,6 @@ REMEDIES: tuple[Remedy, ...] = (
     ),
     # no remedy itself: the one above changes what is filtered, those below look at the outcome
     Remedy("filter and smooth", lambda case: not case.failed, _filtered),
-    Remedy(
-        "a sensor that follows the motion late",
-        lambda case: case.loses_fixes and case.moving,
-        _with_late_sensor,
-    ),
     Remedy("incorrect fixes", lambda case: case.loses_fixes, _without_incorrect_fixes),
     Remedy(
         "incorrect values of further sensors",

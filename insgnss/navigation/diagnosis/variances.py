@@ -244,12 +244,11 @@ class VarianceSearch:
             share, free = first * float(np.sqrt(time_s / first_s)), np.ones(1, bool)
             layout = layout_factory(moved(share, time_s))
             segment = [_linearised(self.part, layout, (CORRELATED,))]
-            # one step of the scoring to the best share
-            score = evaluate(segment, np.zeros(1), free)
-            step = np.clip(-score.gradient / score.information[0], -LARGEST_STEP, LARGEST_STEP)
+            near = evaluate(segment, np.zeros(1), free)  # one step of the scoring to the best share
+            step = np.clip(-near.gradient / near.information[0], -LARGEST_STEP, LARGEST_STEP)
             best = evaluate(segment, step, np.zeros(1, bool)).cost
             share = share * float(np.exp(step[0]))
-            gains[share, time_s] = self.nothing.cost - min(best, score.cost)
+            gains[share, time_s] = self.nothing.cost - min(best, near.cost)
         return moved(*_averaged(gains))
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
