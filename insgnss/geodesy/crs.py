@@ -28,7 +28,7 @@ DATUMS = (
     " (ITRF2020), EPSG:6319 (NAD83(2011)), EPSG:7843 (GDA2020)"
 )
 # decimal years of positions: before GPS there were none, and plates are not extrapolated farther
-EPOCHS = 1980.0, 2100.0
+GNSS_YEARS = 1980.0, 2100.0
 
 
 def source_crs(datum: str | None, epoch: float | None) -> Any:
@@ -50,7 +50,7 @@ def source_crs(datum: str | None, epoch: float | None) -> Any:
     ------
     UsageError
         For one that is unknown or not geographic, one that moves without an epoch, an epoch
-        without a datum, and one that is no year of `EPOCHS`.
+        without a datum, and one that is no year of `GNSS_YEARS`.
     """
     if datum is None:
         if epoch is not None:
@@ -67,10 +67,10 @@ def source_crs(datum: str | None, epoch: float | None) -> Any:
             f"datum {datum!r} is {crs.name}, which moves by centimetres a year against the ground;"
             " give the epoch of the positions too, such as 2024.5"
         )
-    if moves(crs) and epoch is not None and not EPOCHS[0] <= epoch <= EPOCHS[1]:
+    if moves(crs) and epoch is not None and not GNSS_YEARS[0] <= epoch <= GNSS_YEARS[1]:
         raise UsageError(
-            f"epoch {epoch:g} is no decimal year of GNSS positions, {EPOCHS[0]:g} to"
-            f" {EPOCHS[1]:g}; give it such as 2024.5, no day, week or seconds"
+            f"epoch {epoch:g} is no decimal year of GNSS positions, {GNSS_YEARS[0]:g} to"
+            f" {GNSS_YEARS[1]:g}; give it such as 2024.5, no day, week or seconds"
         )
     return crs.to_3d()
 

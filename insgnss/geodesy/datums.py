@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from .crs import EPOCHS, crs_of, moves, source_crs, transformed, transformer_between
+from .crs import GNSS_YEARS, crs_of, moves, source_crs, transformed, transformer_between
 
 Array = NDArray[np.float64]
 
@@ -157,7 +157,7 @@ def at_epoch(datum: str, epoch: float | None) -> tuple[str, float | None]:
     UsageError
         As `source_crs`.
     """
-    return datum, epoch if moves(source_crs(datum, epoch or EPOCHS[0])) else None
+    return datum, epoch if moves(source_crs(datum, epoch or GNSS_YEARS[0])) else None
 
 
 def _plate_of(lat: Array, lon: Array) -> str:

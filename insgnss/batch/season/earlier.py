@@ -22,8 +22,10 @@ from .trends import SLOPE_SIGMAS, TREND_QUANTITIES
 
 SEASON_FILE = "season.csv"
 # times the median of the earlier flights: flights of one kind differ by 1.3 in length and lines
-RATIO = 1.5
-CHANCE = 1e-4  # of a bias that is as usual to be called different: 1 flight in 1600 by six axes
+USUAL_RATIO = 1.5
+CHANCE_OF_DIFFERENCE = (
+    1e-4  # of a bias that is as usual to be called different: 1 flight in 1600 by six axes
+)
 # what matters of a bias: below it, no image changes by a tenth of its sigma, deg/h and mg
 PHYSICAL_BIASES = {"deg_h": 5.0, "mg": 0.5}
 RATIOS = {  # name and unit by column
@@ -112,7 +114,7 @@ def _ratios(this: Row, before: Sequence[Row]) -> list[dict[str, Any]]:
         values = _values(before, column)
         if values.size and is_number(this.get(column)) and np.median(values) > 0.0:
             usual, value = float(np.median(values)), float(this[column])
-            differs = not usual / RATIO < value < usual * RATIO
+            differs = not usual / USUAL_RATIO < value < usual * USUAL_RATIO
             better = "nothing to do" if value < usual else "see the remarks and the GNSS lines"
             out.append(_figure(label, unit, value, usual, differs, better))
     return out
@@ -151,7 +153,11 @@ def _biases(this: Row, before: Sequence[Row]) -> list[dict[str, Any]]:
             continue
         usual = float(np.mean(values))
         n = values.size  # the next of normal values about their mean, which is not known
-        spread = float(np.std(values, ddof=1)) * (1.0 + 1.0 / n) ** 0.5 * t.isf(0.5 * CHANCE, n - 1)
+        spread = (
+            float(np.std(values, ddof=1))
+            * (1.0 + 1.0 / n) ** 0.5
+            * t.isf(0.5 * CHANCE_OF_DIFFERENCE, n - 1)
+        )
         physical = next(x for end, x in PHYSICAL_BIASES.items() if column.endswith(end))
         value = float(this[column])
         differs = abs(value - usual) > max(float(spread), physical)

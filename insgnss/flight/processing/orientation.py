@@ -173,8 +173,8 @@ def strip_covariances(
         alone = eo if eo.rig is None else eo.of_camera(own.camera.name)
         for strip, cov in _of_strips(own, strip_rows(alone, own.segment), segments, plane):
             wanted += 1
-            made = _strip(rows[strip], cov, eo)
-            strips += [] if made is None else [made]
+            strip_covariance = _strip(rows[strip], cov, eo)
+            strips += [] if strip_covariance is None else [strip_covariance]
         for number, segment in enumerate(segments):
             problem, events = segment.solution.problem, segment.solution.event_epochs
             nodes = nodes_of(problem.layout, problem.epochs.time[events])

@@ -106,29 +106,29 @@ def check_exposure_clock(
     for k, (options, exposures) in enumerate(zip(cameras, recording.cameras, strict=False)):
         if options.clock != "auto" or exposures.clock != "imu":
             continue
-        apart, within = [0.0], []
+        apart_m, within = [0.0], []
         for segment in segments:
             solution, instant = segment.solution, segment.exposed[k].instant
             moved = flight.gnss.time_offset_s + segment.time_offset_s + event_delay(solution)
             speed = np.linalg.norm(solution.nav[solution.event_epochs, VEL], axis=1)
-            apart += (np.abs(moved) * speed)[instant].tolist()
+            apart_m += (np.abs(moved) * speed)[instant].tolist()
             stamps = (solution.time[solution.event_epochs] + moved)[instant]
             within += ((stamps >= first) & (stamps <= last)).tolist()
         if np.mean(within or [True]) < LEAST_WITHIN:
             continue  # stamps of the receiver's clock would not be of this flight
-        if max(apart) <= CLOCKS_MATTER_M:
+        if max(apart_m) <= CLOCKS_MATTER_M:
             continue
         sigma = [
             np.sqrt(s.variance(s.event_epochs)[:, POS].max(axis=1))
             for s in (segment.solution for segment in segments)
         ]
         limit = max(CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA * float(np.median(np.concatenate(sigma))))
-        if max(apart) > limit:
+        if max(apart_m) > limit:
             check = Question(
                 "exposure clock", f"either clock gives the same images within {1e3 * limit:.0f} mm"
             ).note(
                 "taken as the IMU's; with the receiver's clock the images would lie up to"
-                f" {max(apart):.2f} m elsewhere, and no data of the flight show which clock is"
+                f" {max(apart_m):.2f} m elsewhere, and no data of the flight show which clock is"
                 " right",
                 Step(
                     'set {} if the receiver stamps the exposures, "imu" if the IMU does',

@@ -27,7 +27,7 @@ from ...io.formats.gnss.nmea import read_headings
 from ...io.formats.gnss.oem_headings import is_oem_log, read_oem_headings
 from ...io.formats.gnss.pos_header import POSITION_COLUMNS, ROOTS
 from ...io.formats.gnss.rtklib_pos import is_rtklib_pos, read_pos_rows
-from ...io.formats.gnss.septentrio import ANGLES, is_sbf_text, read_sbf_attitudes
+from ...io.formats.gnss.septentrio import ANGLE_COLUMNS, is_sbf_text, read_sbf_attitudes
 from ...io.formats.names import TIME, sigma_names, spelled
 from ...io.formats.text.order import Picked, note, refuse_rows
 from ...navigation.prepare.axes import parse_axes
@@ -78,7 +78,7 @@ def _headings_of_receiver(path: Path) -> LogRows | None:
 
 def _attitudes_of_receiver(path: Path) -> LogRows | None:
     """Return the attitudes of a receiver's log, None where the file is a table."""
-    return read_sbf_attitudes(path, *ANGLES[::-1]) if is_sbf_text(head_of(path)) else None
+    return read_sbf_attitudes(path, *ANGLE_COLUMNS[::-1]) if is_sbf_text(head_of(path)) else None
 
 
 def _attitude(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:

@@ -173,7 +173,7 @@ IMU_OPTIONS, GNSS_OPTIONS, EVENT_OPTIONS, BAROMETER_OPTIONS = (
     {form: tuple(reader.options.split()) for form, reader in readers.items()}
     for readers in READERS.values()
 )
-ENTRY_POINTS = "insgnss.formats"
+FORMAT_ENTRY_POINTS = "insgnss.formats"
 """Entry points by which an installed package adds readers."""
 RECORDS: dict[str, type[Any]] = {
     "imu": ImuSamples,
@@ -197,9 +197,9 @@ def readers(kind: str) -> Mapping[str, Reader]:
     mapping of str to Reader
         Those of installed packages first, which are asked first and replace no shipped one.
     """
-    names = (name.partition(".") for name in installed(ENTRY_POINTS))
+    names = (name.partition(".") for name in installed(FORMAT_ENTRY_POINTS))
     added = {
-        form: load_installed(ENTRY_POINTS, f"{kind}.{form}")
+        form: load_installed(FORMAT_ENTRY_POINTS, f"{kind}.{form}")
         for of_kind, _, form in names
         if of_kind == kind and form not in READERS[kind]
     }

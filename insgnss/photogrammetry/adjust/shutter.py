@@ -41,8 +41,8 @@ FEWEST_VELOCITIES = 3  # images whose velocities are known, below which nothing 
 # least share of a^T W a that other unknowns leave: else r is as good as one of them
 SEPARATED = 1e-4
 SIGNIFICANT = 3.0  # sigmas of r from which on gross errors are looked for again
-SETTLED = 0.1  # sigmas that a further step may still move r
-MOST_STEPS = 3  # of them (chosen): the first one finds most of what was rejected
+SETTLED_READOUT = 0.1  # sigmas that a further step may still move r
+MOST_READOUT_STEPS = 3  # of them (chosen): the first one finds most of what was rejected
 
 
 def pixels_by_readout(problem: Problem, values: Unknowns, motion: tuple[Array, Array]) -> Array:
@@ -140,8 +140,8 @@ def readout_gain(
         return None
     readout, sigma, N, moved = change, *_ = first
     every = problem.with_active(np.ones_like(problem.rays.active))
-    for _ in range(MOST_STEPS):
-        small = abs(change) < SETTLED * sigma or abs(readout) < SIGNIFICANT * sigma
+    for _ in range(MOST_READOUT_STEPS):
+        small = abs(change) < SETTLED_READOUT * sigma or abs(readout) < SIGNIFICANT * sigma
         if cleaned is None or small:
             break
         uv = every.rays.uv - readout * pixels_by_readout(every, values, motion)

@@ -43,7 +43,7 @@ STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no 
 
 
 ADJUST_DOCUMENT, ORIENTATION, POINTS = "adjust.json", "eo.json", "points.csv"
-POINT_COLUMNS = TableSpec.exactly(
+COMPARED_POINT_COLUMNS = TableSpec.exactly(
     "point x y z sd_x sd_y sd_z cov_xy cov_xz cov_yz rays role", text=True
 )
 
@@ -239,7 +239,7 @@ def differences_of_adjustments(a: Path, b: Path, one_frame: bool) -> AdjustedDif
 
 
 def _point_differences(a: Path, b: Path) -> tuple[ComponentDifferences, ...]:
-    tables = [POINT_COLUMNS.read(path) for path in (a, b)]
+    tables = [COMPARED_POINT_COLUMNS.read(path) for path in (a, b)]
     names = [table.strings("point") for table in tables]
     rows = [{name: k for k, name in enumerate(each)} for each in names]
     common = [name for name in names[0] if name in rows[1]]

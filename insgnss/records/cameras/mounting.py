@@ -51,7 +51,7 @@ printed.
 ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
 # the same downwards, where nobody states it: a caliper reaches the antenna's reference point, 30 to
 # 60 mm above which drones' antennas have their phase centre
-PHASE_CENTRE_SIGMA_M = 0.02
+UNSTATED_PHASE_CENTRE_SIGMA_M = 0.02
 MAX_LEVER_M = 100.0  # longer ones are in another unit
 LONGEST_DELAY_S = 10.0  # of a camera (s): a longer one is in another unit
 
@@ -73,7 +73,7 @@ def antenna_sigmas(stated_m: float | None) -> tuple[float, float, float]:
         Forward, right, down, m.
     """
     if stated_m is None:
-        return (ANTENNA_SIGMA_M, ANTENNA_SIGMA_M, PHASE_CENTRE_SIGMA_M)
+        return (ANTENNA_SIGMA_M, ANTENNA_SIGMA_M, UNSTATED_PHASE_CENTRE_SIGMA_M)
     return (stated_m,) * 3
 
 

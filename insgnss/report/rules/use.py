@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.wording import some
-from ...records.cameras.mounting import PHASE_CENTRE_SIGMA_M
+from ...records.cameras.mounting import UNSTATED_PHASE_CENTRE_SIGMA_M
 from . import accuracy, fixes, places
 from .wording import Figures, at_time, degrees, millimetres, no_fix, span
 
@@ -199,7 +199,7 @@ def _usual_need(f: Figures, judged: JudgedPlaces) -> tuple[Array, Array]:
     most = 0.5 * f["counts"]["fixes"]
     slow = [np.square(e["sigma_m"]) for e in f["time_correlated_errors"] if e["fixes"] > most]
     unstated = f["flight"].get("mounting", {}).get("antenna_sigma_m") is None
-    slow.append(np.square([0.0, 0.0, PHASE_CENTRE_SIGMA_M * unstated]))
+    slow.append(np.square([0.0, 0.0, UNSTATED_PHASE_CENTRE_SIGMA_M * unstated]))
     north, east, down = np.sqrt(np.square(np.array(predicted) * 1e-3) + sum(slow))
     return NEED_OF_FIX * np.array([east, north, down]), need_deg
 

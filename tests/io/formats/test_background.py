@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation, center_of_mass, label
 
 from insgnss import InputError
 from insgnss.geodesy.frames import LocalFrame
-from insgnss.io.formats.gis.background import HEIGHT_PX, WIDTH_PX, read_background
+from insgnss.io.formats.gis.background import PICTURE_HEIGHT_PX, PICTURE_WIDTH_PX, read_background
 
 LAT, LON, HEIGHT = 46.57, 6.54, 700.0
 FRAME = LocalFrame(np.radians(LAT), np.radians(LON), 400.0)
@@ -124,7 +124,7 @@ def misplaced(path: Path, marks: np.ndarray) -> float:
     assert count == len(PLACES)
     centres = np.array(center_of_mass(weights, labels, range(1, count + 1))) + 0.5
     west, south, east, north = picture.edges
-    scale = np.array([HEIGHT_PX / (north - south), WIDTH_PX / (east - west)])
+    scale = np.array([PICTURE_HEIGHT_PX / (north - south), PICTURE_WIDTH_PX / (east - west)])
     position = FRAME.position_from_geodetic(*np.radians(marks).T, HEIGHT)
     wanted = np.stack([north - position[:, 0], position[:, 1] - west], axis=1) * scale
     return max(min(np.linalg.norm(w - c) for c in centres) for w in wanted)

@@ -33,7 +33,7 @@ OTHER_TIMES = "created modified upload download duration length"
 CLOCK_TEXT = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", re.ASCII)
 LAST_TOW_S = 2.0 * WEEK_S  # largest time of week (s): flights run past the week's end by hours
 LAST_WEEK = 4000  # GPS week, of 2056: later ones are of ticks taken for seconds
-EPOCH_UNITS = ("unix", "unix_ms", "unix_us", "unix_ns")
+EXPOSURE_EPOCH_UNITS = ("unix", "unix_ms", "unix_us", "unix_ns")
 LARGEST_LIST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 characters each
 NAMES_BY_VALUES = "by the values of its columns, and where several could be meant by their names"
 
@@ -68,7 +68,7 @@ def _source(path: Path, columns: dict[str, str] | None) -> InputSource | None:
     """The file as a source, read by its header or by `columns`; None where that gives no names."""
     dated = columns is None or "time" in columns
     events, units = None, None
-    for unit in ("", *(() if dated else EPOCH_UNITS)):
+    for unit in ("", *(() if dated else EXPOSURE_EPOCH_UNITS)):
         units = {"time": unit} if unit else None
         with suppress(InsgnssError):  # dates or numbers of something else
             scale = "utc" if dated else None

@@ -22,21 +22,37 @@ from ....geodesy.frames import LocalFrame
 from ....records import Array
 from ..text.database import is_database, opened_database
 
-WIDTH_PX, HEIGHT_PX = 1600, 840  # of the picture: twice the width that the map has on a screen
-MARGIN = 1.2  # half the picture by half of what the flight covers: the map shows 1 / 0.92 of it
+PICTURE_WIDTH_PX, PICTURE_HEIGHT_PX = (
+    1600,
+    840,
+)  # of the picture: twice the width that the map has on a screen
+PICTURE_MARGIN = (
+    1.2  # half the picture by half of what the flight covers: the map shows 1 / 0.92 of it
+)
 WITHOUT_OUTLIERS = (0.5, 99.5)  # percentiles of the places: a fix may be 50 km off
 LEAST_REACH_M = 50.0  # half of its height where the flight stays at one place
 # side of the net of points that PROJ transforms: between them a map of 20 km bends by 1 mm
-NET = 33
+NET_SIDE = 33
 LARGEST_RASTER_PX = 100_000_000  # pixels of a raster that is unpacked whole: 0.3 GB of RGB
 MOST_TILES = 200  # tiles that are put together: the picture needs 40 of 256 px
 LARGEST_TILE_PX = 1024  # side of a tile: writers make 256 and 512
 MERCATOR_M = 20_037_508.342789244  # half the side of EPSG:3857, m: pi times 6 378 137 m
 # tags of TIFF: sizes of a pixel, a tie point, a matrix, the keys; whether a page is an overview
 SCALE_TAG, TIE_TAG, MATRIX_TAG, KEYS_TAG, REDUCED_TAG = 33550, 33922, 34264, 34735, 254
-RASTER_KEY, POINT = 1025, 2  # key of what a pixel is, and its value for a point
+RASTER_KEY, RASTER_POINT = 1025, 2  # key of what a pixel is, and its value for a point
 CRS_KEYS, USER_DEFINED = (3072, 2048), 32767  # keys of projected and geographic CRS; no code
-BYTES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr")  # 8 bits a band
+EIGHT_BIT_MODES = (
+    "1",
+    "L",
+    "LA",
+    "P",
+    "PA",
+    "RGB",
+    "RGBA",
+    "RGBX",
+    "CMYK",
+    "YCbCr",
+)  # 8 bits a band
 BACKGROUNDS = "GeoTIFF of 8 bits a band with an EPSG code, or MBTiles of pictures"
 REWRITE = "write it anew by gdal_translate or gdalwarp"
 
@@ -98,13 +114,15 @@ def read_background(
     """
     north, east, _ = frame.position_from_geodetic(*places.T).T
     low, high = np.percentile([east, north], WITHOUT_OUTLIERS, axis=1)
-    middle, reach = 0.5 * (low + high), 0.5 * MARGIN * (high - low)
-    half = max(float(reach[1]), float(reach[0]) * HEIGHT_PX / WIDTH_PX, LEAST_REACH_M)
-    wide = half * WIDTH_PX / HEIGHT_PX
+    middle, reach = 0.5 * (low + high), 0.5 * PICTURE_MARGIN * (high - low)
+    half = max(
+        float(reach[1]), float(reach[0]) * PICTURE_HEIGHT_PX / PICTURE_WIDTH_PX, LEAST_REACH_M
+    )
+    wide = half * PICTURE_WIDTH_PX / PICTURE_HEIGHT_PX
     x, y = map(float, middle)
     edges = (x - wide, y - half, x + wide, y + half)
     net_east, net_north = np.meshgrid(
-        np.linspace(edges[0], edges[2], NET), np.linspace(edges[3], edges[1], NET)
+        np.linspace(edges[0], edges[2], NET_SIDE), np.linspace(edges[3], edges[1], NET_SIDE)
     )
     down = frame.height - float(np.median(places[:, 2]))
     level = np.stack([net_north, net_east, np.full(net_east.shape, down)], axis=-1)
@@ -115,7 +133,7 @@ def read_background(
         x, y, z = (a.ravel() for a in (np.degrees(lon), np.degrees(lat), height))
         step = transformer_between(source, crs)
         x, y, _ = transformed(step, f"CRS {crs.name}", x, y, z, epoch=epoch)
-        return x.reshape(NET, NET), y.reshape(NET, NET)
+        return x.reshape(NET_SIDE, NET_SIDE), y.reshape(NET_SIDE, NET_SIDE)
 
     try:
         raster = _tiles(path, net_of) if is_database(path) else _geotiff(path, net_of)
@@ -131,8 +149,8 @@ def _drawn(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
     from scipy.ndimage import map_coordinates
 
     piece, crs = raster
-    across = (np.arange(WIDTH_PX) + 0.5) / WIDTH_PX * (NET - 1)
-    along = (np.arange(HEIGHT_PX) + 0.5) / HEIGHT_PX * (NET - 1)
+    across = (np.arange(PICTURE_WIDTH_PX) + 0.5) / PICTURE_WIDTH_PX * (NET_SIDE - 1)
+    along = (np.arange(PICTURE_HEIGHT_PX) + 0.5) / PICTURE_HEIGHT_PX * (NET_SIDE - 1)
     grid = np.meshgrid(along, across, indexing="ij")
     columns, rows = (map_coordinates(x, grid, order=1) for x in piece.columns_rows(*net_of(crs)))
     h, w = piece.rgba.shape[:2]
@@ -169,10 +187,13 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
                     raise ValueError(f"it is {image.format}")
                 to_pixel, crs = _georeference(path, dict(image.tag_v2))
                 columns, rows = to_pixel(*net_of(crs))
-                finest = max(float(np.ptp(columns)) / WIDTH_PX, float(np.ptp(rows)) / HEIGHT_PX)
+                finest = max(
+                    float(np.ptp(columns)) / PICTURE_WIDTH_PX,
+                    float(np.ptp(rows)) / PICTURE_HEIGHT_PX,
+                )
                 size = image.size
                 _seek_overview(image, finest)
-                if image.mode not in BYTES:
+                if image.mode not in EIGHT_BIT_MODES:
                     raise ValueError(f"its pixels are of mode {image.mode}")
                 if image.width * image.height > LARGEST_RASTER_PX:
                     raise ValueError(
@@ -249,7 +270,9 @@ def _georeference(path: Path, tags: dict[int, Any]) -> tuple[Any, Any]:
             path,
             "names no CRS by its EPSG code; write it anew by gdalwarp -t_srs EPSG:3857",
         )
-    first = 0.5 if keys.get(RASTER_KEY) == POINT else 0.0  # else its corner is at a whole number
+    first = (
+        0.5 if keys.get(RASTER_KEY) == RASTER_POINT else 0.0
+    )  # else its corner is at a whole number
 
     def to_pixel(x: Array, y: Array) -> tuple[Array, Array]:
         dx, dy, det = x - x0, y - y0, a * d - b * c
@@ -283,7 +306,7 @@ def _tiles(path: Path, net_of: Any) -> tuple[_Raster, Any]:
             west, south, east, north = cover(level)
             return (east - west + 1) * (north - south + 1)
 
-        wanted = float(np.ptp(x)) / WIDTH_PX
+        wanted = float(np.ptp(x)) / PICTURE_WIDTH_PX
         fine = [n for n in levels if 2.0 * MERCATOR_M / (256 * 2**n) <= wanted]
         level = min(fine, default=levels[-1])
         while count(level) > MOST_TILES and level > levels[0]:

@@ -20,7 +20,7 @@ from ..text.sentences import SentenceLines
 from ..text.text import FileLine, Source, decoded, numbered_lines
 
 ROW = re.compile(rb"^-[45] +\d{9,10}\.\d+ ", re.MULTILINE)
-ANGLES = ("heading", "pitch", "roll")
+ANGLE_COLUMNS = ("heading", "pitch", "roll")
 DO_NOT_USE = -1e10  # deg: the receiver has -2e10 in place of a value that it does not know
 FIXED_MODES = (2, 4)  # of two and of three antennas: angles of float ambiguities are degrees off
 FIELDS_READ = 8  # of a line: the least, because zeros stand behind the error of its variances
@@ -41,7 +41,7 @@ def read_sbf_attitudes(
     path : path
         The text.
     *angles : str
-        Which of `ANGLES` are wanted.
+        Which of `ANGLE_COLUMNS` are wanted.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def read_sbf_attitudes(
             raise InputError.at_line(path, number, problem)
         rows[fields[0]].append([number, *(line.value(one) for one in fields[1:FIELDS_READ])])
     attitudes, variances = (np.array(rows[tag]).reshape(-1, FIELDS_READ) for tag in ("-4", "-5"))
-    columns = [2 + ANGLES.index(angle) for angle in angles]
+    columns = [2 + ANGLE_COLUMNS.index(angle) for angle in angles]
     modes = FIXED_MODES[1:] if "roll" in angles else FIXED_MODES
     usable = (attitudes[:, 5] == 0.0) & np.isin(attitudes[:, 6], modes)
     usable &= (attitudes[:, columns] > DO_NOT_USE).all(axis=1)
