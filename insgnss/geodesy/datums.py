@@ -23,11 +23,8 @@ OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked 
 AGREEING_M = 1.0
 # degrees up to which numbers are longitude and latitude of a place: as metres they are next to none
 SAME_PLACE_DEG = 0.1
-PLATES = (
-    "EPSG:4937",
-    "EPSG:6319",
-    "EPSG:7843",
-)  # datums fixed to Eurasia, North America, Australia
+# datums fixed to Eurasia, North America, Australia
+PLATES = ("EPSG:4937", "EPSG:6319", "EPSG:7843")
 MOST_CRS = 2  # that are named: more do not fit into a line
 
 

@@ -98,9 +98,8 @@ def fly(
     layout = lay_out(plan)
     pieces = int(np.ceil(layout.duration_s / MOTION_KNOT_S - 1e-6))
     reach = round(SETTLE_S / MOTION_KNOT_S)
-    clock = (
-        np.arange(-reach, pieces + 5 + reach) - 2.0
-    ) * MOTION_KNOT_S  # of the control points and beyond both ends
+    # of the control points and beyond both ends
+    clock = (np.arange(-reach, pieces + 5 + reach) - 2.0) * MOTION_KNOT_S
     control = _control_points(
         layout.path, np.interp(clock + layout.clock_offset_s, layout.time, layout.s), plan, gusts
     )

@@ -208,9 +208,8 @@ def true_eo(flight: FlightMotion, rig: Rig, plane: TangentPlane) -> ExteriorOrie
     motion, n = flight.motion, flight.time.size
     C_ml = plane.C_em.T @ motion.frame.C_el
     C_mb = C_ml @ motion.C_lb(flight.time)
-    origin = C_ml @ motion.frame.position_from_geodetic(
-        plane.lat, plane.lon, plane.height
-    )  # of m from l, in m
+    # of m from l, in m
+    origin = C_ml @ motion.frame.position_from_geodetic(plane.lat, plane.lon, plane.height)
     lever_m = C_mb @ rig.camera_lever_b
     position = motion.position(flight.time) @ C_ml.T - origin + lever_m
     rate = np.einsum("nij,nj->ni", C_mb, motion.omega_lb_b(flight.time))

@@ -54,14 +54,7 @@ if TYPE_CHECKING:
 STRIPS = "eo_covariance.npz"
 REPORT = "report.json"
 # besides those of the images
-PRODUCTS = (
-    "trajectory.sbet",
-    "trajectory.smrmsg",
-    "trajectory.csv",
-    STRIPS,
-    "report.html",
-    REPORT,
-)
+PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", STRIPS, "report.html", REPORT)
 OF_MANY_IMAGES = "eo_images.npz"  # numbers of eo.json, from 10 000 images on
 PPK_PRODUCTS = (SOLUTION_FILE, *ANTENNA_FILES)
 PUBLISHED, PUBLISHED_PPK = "GPS-INS", "GPS-PPK"  # directories of the published tree

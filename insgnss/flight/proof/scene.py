@@ -26,9 +26,8 @@ from ...geodesy.rotation import NED_ENU, rotation_from_opk, rotation_from_rpy
 from ...records import Array, ExteriorOrientation
 
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = 1400.0, 1280, 960  # of a usual lens, and small images (chosen)
-SCENE_CENTRE_PX = np.array(
-    [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX]
-)  # principal point, the middle of the image
+# principal point, the middle of the image
+SCENE_CENTRE_PX = np.array([0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
 PIXEL_UM = 5.5  # size of a pixel (um) for formats in mm (chosen)
 SITE_DEG = (46.57, 6.54)  # latitude and longitude (deg), in Switzerland (chosen)
 GROUND_M = 518.0  # of the origin, above the ellipsoid

@@ -28,10 +28,8 @@ from ..rinex.observations import read_observations
 MODULE = "pyrtklib5"
 MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3", "ULOG": "PX4"}
 BY_HAND = "convert the log to RINEX by hand, and give the RINEX file"
-HEAD_BYTES, LEAST_FRAMES = (
-    1 << 14,
-    3,
-)  # first bytes of a log, and frames that tell its format (chosen)
+# first bytes of a log, and frames that tell its format (chosen)
+HEAD_BYTES, LEAST_FRAMES = (1 << 14, 3)
 CONVERTED_WITHIN_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
 RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
 UBX_SYNC, SBF_SYNC, ULOG = b"\xb5\x62", b"$@", b"ULog\x01\x12\x35"

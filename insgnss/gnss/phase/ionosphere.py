@@ -126,9 +126,8 @@ GRADIENT, LOCAL_GRADIENT, OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M = (
 )
 NUISANCES = np.array([OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M])
 LAYER_CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
-LAYER_UNITS = np.array(
-    [1.0, 1e-6, 1e-6, 1e-6, 1e-6]
-)  # by which columns of V, G and L are of one size
+# by which columns of V, G and L are of one size
+LAYER_UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])
 LAYER_VALUES = LAYER_UNITS.size
 LEAST_EPOCHS, LEAST_FLIGHT_S = 60, 300.0  # of a flight: fewer show less than is expected beforehand
 # of sums of residuals (I.5), and time scale of the reflections at an antenna that stands

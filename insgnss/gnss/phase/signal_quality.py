@@ -33,13 +33,7 @@ from .time_differences import LOCK_LOST, medians
 Index = NDArray[np.int64]
 
 # first, and those that may be second
-BANDS = {
-    "G": ("1", "25"),
-    "J": ("1", "25"),
-    "E": ("1", "57"),
-    "R": ("1", "2"),
-    "C": ("21", "76"),
-}
+BANDS = {"G": ("1", "25"), "J": ("1", "25"), "E": ("1", "57"), "R": ("1", "2"), "C": ("21", "76")}
 # step of (Q.1): a cycle of L1 less one of L2 is 54 mm; and times the usual step, above noise
 STEP_M, STEP_NOISE = 0.05, 10.0
 

@@ -33,13 +33,7 @@ CLOCK_RATE_SIGMA = 1e-4  # s/s, a-priori sigma of the rate of a quartz that noth
 WHITER = 1.6  # factor of the white share, each time that the filter loses fixes with a candidate
 
 # k, c, T (s) from which the search for the time-correlated error starts
-GUESSES = (
-    (0.6, 1.0, 20.0),
-    (1.0, 1.0, 20.0),
-    (1.0, 3.0, 20.0),
-    (0.3, 0.7, 20.0),
-    (0.4, 0.8, 3.0),
-)
+GUESSES = ((0.6, 1.0, 20.0), (1.0, 1.0, 20.0), (1.0, 3.0, 20.0), (0.3, 0.7, 20.0), (0.4, 0.8, 3.0))
 # the same for code solutions, whose sigmas hold errors of minutes
 CODE_GUESSES = ((0.1, 0.2, 10.0),)
 

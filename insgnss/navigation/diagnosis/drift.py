@@ -61,9 +61,8 @@ USUAL_SIGMAS, SHARE_BEYOND_USUAL = 3.0, 0.2
 LARGER_NOISE = ("IMU noise", "GNSS sigmas")  # names of checks
 NED_LETTERS = ("N", "E", "D")
 STATES = ("position", "velocity", "attitude")
-SLOW_BIAS_PRIOR = np.array(
-    [SLOW_BIAS[sensor] for sensor, _ in CHANNELS]
-)  # sigma of a step, by channel
+# sigma of a step, by channel
+SLOW_BIAS_PRIOR = np.array([SLOW_BIAS[sensor] for sensor, _ in CHANNELS])
 # log evidence from which a step is suspected: a recorded walk without one shows 9
 LEAST_STEP_EVIDENCE = 20.0
 AS_MODELLED = "biases that change no more than the noise model says"

@@ -91,10 +91,8 @@ SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
 LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
 
-TURN_ON = {  # a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
-    "gyro": np.radians(100.0) / 3600.0,
-    "accel": 2e-3 * STANDARD_GRAVITY,
-}
+# a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
+TURN_ON = {"gyro": np.radians(100.0) / 3600.0, "accel": 2e-3 * STANDARD_GRAVITY}
 TURN_ON_ADVICE = (
     "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or take"
     " the values measured in its recordings at rest"

@@ -26,10 +26,8 @@ from .likelihood import IMU_PARAMETERS, Evaluated, LinearSegment, evaluate
 RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
 # of a search; its last step and gain; and its longest step, a factor of e (chosen)
 SEARCH_STEPS, LAST_CHANGE, LONGEST_STEP = 40, 1e-4, 1.0
-STEP_BOUNDS = (
-    0.01,
-    1.0,
-)  # of a step, l of (N.1): the shortest that is tried (chosen), and the whole
+# of a step, l of (N.1): the shortest that is tried (chosen), and the whole
+STEP_BOUNDS = (0.01, 1.0)
 HOPE = 10.0  # gains of the last step, as many as a search may still win (chosen)
 # of the information: standard deviations of a logarithm of 1400 and 45 000
 LEAST_INFORMATION, RIDGE = 1e-6, 1e-9

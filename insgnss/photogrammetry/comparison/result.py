@@ -238,10 +238,7 @@ class Comparison(Charted):
         charts : those of `charts`, for the page.
         """
         sizes = ", ".join(f"{c.name} {c.shown('rms')} {c.screen[1]}" for c in self.components)
-        files = [
-            ("a", self.a, self.form_a, self.point_a),
-            ("b", self.b, self.form_b, self.point_b),
-        ]
+        files = [("a", self.a, self.form_a, self.point_a), ("b", self.b, self.form_b, self.point_b)]
         without = f"without partner: {self.left_a} of a, {self.left_b} of b"
         return Document(
             f"{Path(self.a).name} and {Path(self.b).name}: comparison",

@@ -16,17 +16,10 @@ Array = NDArray[np.float64]
 
 BREAK_STEPS = 10.0  # a step of time so many times the usual one breaks the line
 MOST_OWN_DOTS = 400  # values up to which each has its dot; more are a line (chosen)
-LEAST_HALF_HEIGHT = {
-    "mm": 0.1,
-    "m": 1e-4,
-    "deg": 1e-4,
-    "mm/s": 0.1,
-    "m/s": 1e-4,
-}  # half height of a panel in which nothing is to be seen
-FARTHEST_SIGMAS, HISTOGRAM_CLASSES = (
-    5.0,
-    25,
-)  # of a distribution, standard deviations; and its classes
+# half height of a panel in which nothing is to be seen
+LEAST_HALF_HEIGHT = {"mm": 0.1, "m": 1e-4, "deg": 1e-4, "mm/s": 0.1, "m/s": 1e-4}
+# of a distribution, standard deviations; and its classes
+FARTHEST_SIGMAS, HISTOGRAM_CLASSES = (5.0, 25)
 _DIFFERENCES = (
     "Each component of b minus a{shaded}. Differences that are constant, change with the"
     " heading or drift point to a different convention, lever arm or clock."

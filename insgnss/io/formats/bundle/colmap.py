@@ -53,9 +53,8 @@ SHIFTED_FROM_M = 1e5
 LEAST_SHIFT_M = 1e4
 # step of the shift (m): whole kilometres are read and typed without error (chosen)
 SHIFT_STEP_M = 1e3
-POSE_FORMAT = " ".join(
-    ["%.12f"] * 4 + ["%.6f"] * 3
-)  # quaternion to 1e-12, T to 1e-6 m: below any sigma
+# quaternion to 1e-12, T to 1e-6 m: below any sigma
+POSE_FORMAT = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)
 # COLMAP takes a binary model before a text
 MODEL_FILES = ("cameras", "images", "points3D", "frames", "rigs")
 Missing = Literal["refuse", "skip"]

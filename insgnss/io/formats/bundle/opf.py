@@ -47,12 +47,8 @@ SOURCES = {
     "input_cameras": ("camera_list",),
     "projected_input_cameras": ("input_cameras", "scene_reference_frame"),
 }
-OPF_MODELS = (
-    "SIMPLE_PINHOLE",
-    "PINHOLE",
-    "OPENCV",
-    "FULL_OPENCV",
-)  # of COLMAP, that OPF has as well
+# of COLMAP, that OPF has as well
+OPF_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV", "FULL_OPENCV")
 WHITE_LEVELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
 OPF_BANDS = {
     "rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)),

@@ -22,10 +22,8 @@ from ....geodesy.frames import LocalFrame
 from ....records import Array
 from ..text.database import is_database, opened_database
 
-PICTURE_WIDTH_PX, PICTURE_HEIGHT_PX = (
-    1600,
-    840,
-)  # of the picture: twice the width that the map has on a screen
+# of the picture: twice the width that the map has on a screen
+PICTURE_WIDTH_PX, PICTURE_HEIGHT_PX = (1600, 840)
 PICTURE_MARGIN = (
     1.2  # half the picture by half of what the flight covers: the map shows 1 / 0.92 of it
 )
@@ -41,18 +39,8 @@ MERCATOR_M = 20_037_508.342789244  # half the side of EPSG:3857, m: pi times 6 3
 SCALE_TAG, TIE_TAG, MATRIX_TAG, KEYS_TAG, REDUCED_TAG = 33550, 33922, 34264, 34735, 254
 RASTER_KEY, RASTER_POINT = 1025, 2  # key of what a pixel is, and its value for a point
 CRS_KEYS, USER_DEFINED = (3072, 2048), 32767  # keys of projected and geographic CRS; no code
-EIGHT_BIT_MODES = (
-    "1",
-    "L",
-    "LA",
-    "P",
-    "PA",
-    "RGB",
-    "RGBA",
-    "RGBX",
-    "CMYK",
-    "YCbCr",
-)  # 8 bits a band
+# 8 bits a band
+EIGHT_BIT_MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr")
 BACKGROUNDS = "GeoTIFF of 8 bits a band with an EPSG code, or MBTiles of pictures"
 REWRITE = "write it anew by gdal_translate or gdalwarp"
 
@@ -270,9 +258,8 @@ def _georeference(path: Path, tags: dict[int, Any]) -> tuple[Any, Any]:
             path,
             "names no CRS by its EPSG code; write it anew by gdalwarp -t_srs EPSG:3857",
         )
-    first = (
-        0.5 if keys.get(RASTER_KEY) == RASTER_POINT else 0.0
-    )  # else its corner is at a whole number
+    # else its corner is at a whole number
+    first = 0.5 if keys.get(RASTER_KEY) == RASTER_POINT else 0.0
 
     def to_pixel(x: Array, y: Array) -> tuple[Array, Array]:
         dx, dy, det = x - x0, y - y0, a * d - b * c

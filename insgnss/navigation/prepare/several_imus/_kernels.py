@@ -31,9 +31,8 @@ def interpolate(time: Array, value: Array, chord: Array, instants: Array, out: A
             i += 1
         h = time[i + 1] - time[i]
         before, after = max(i - 1, 0), min(i + 1, last)
-        left = h / (
-            h + time[before + 1] - time[before]
-        )  # share of the chord before in the slope at i
+        # share of the chord before in the slope at i
+        left = h / (h + time[before + 1] - time[before])
         right = h / (h + time[after + 1] - time[after])
         u = (t - time[i]) / h
         v = 1.0 - u
