@@ -29,7 +29,7 @@ Where to look
     memory that does not suffice (`refuse_beyond_memory`) and rows of the output grid
         (`output_grid`): `processing/estimation_problem.py`
     the covariance of all images of a flight line joined, and the lever arm's share of errors:
-        `processing/orientation.py`
+        `processing/orientation/`
     in a table without names, which column is which: `inspection/tables/places.py`; gyros and
         accelerometers of two files: `halves.py` there; two axes exchanged: a draft's
         `inspection/exchanged_axes.py`; whose clock stamps exposures: `inspection/event_clock.py`

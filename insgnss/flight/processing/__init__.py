@@ -6,7 +6,7 @@ recording           the observations on one clock, checked
 checks              the checks of a run, and what stops it
 segment             a segment between gaps: prepare -> align -> filter -> smooth
 estimation_problem  the problem that a segment poses: increments, measurements, states
-orientation         the trajectory and the orientation of the images
+orientation/        the trajectory and the orientation of the images
 diagnostics         what the report shows
 history             what was done, in sentences
 result              the record of a run

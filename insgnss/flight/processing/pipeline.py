@@ -30,7 +30,8 @@ from .clocks import on_gpst
 from .diagnostics import constants_of, report_rows, run_diagnostics, tried_antennas
 from .history import run_history
 from .input_files import input_files
-from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
+from .orientation.poses import at_epochs, orient_images, output_trajectory
+from .orientation.strips import strip_covariances
 from .products import (
     ground_below,
     output_directory,

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 from ...base.errors import DataError, InputError, UsageError
 from ...base.memory import GB, available
 from ...flight.config.flight_file import Flight
-from ...flight.processing.orientation import PoseChain, orient_images, pose_chains
+from ...flight.processing.orientation.poses import orient_images
+from ...flight.processing.orientation.strips import PoseChain, pose_chains
 from ...flight.processing.pipeline import ProcessResult, process
 from ...flight.processing.recording import Recording
 from ...flight.processing.segment import Segment

@@ -23,7 +23,7 @@ from insgnss.flight.processing.checks import (
     refuse_unreachable_crs,
 )
 from insgnss.flight.processing.input_files import stationary_fixes
-from insgnss.flight.processing.orientation import _plane
+from insgnss.flight.processing.orientation.poses import tangent_plane
 from insgnss.flight.processing.recording import read_recording
 from insgnss.flight.processing.segment_checks import check_motion
 from insgnss.io.exposures.rig import event_clock
@@ -186,11 +186,11 @@ def test_long_lever_arms_and_large_boresights_are_told(
 def test_origin_of_the_tangent_plane_is_the_first_fix_rounded() -> None:
     """Oracle: a hundredth of a degree and the ellipsoid, by hand; else the flight file's."""
     fixes: Any = SimpleNamespace(lat=np.radians([46.5678, 1.0]), lon=np.radians([-6.5432, 2.0]))
-    plane = _plane(FLIGHT, fixes)
+    plane = tangent_plane(FLIGHT, fixes)
     assert np.allclose(np.degrees([plane.lat, plane.lon]), [46.57, -6.54], rtol=0, atol=1e-12)
     assert plane.height == 0.0
     given: Any = SimpleNamespace(tangent_plane=SimpleNamespace(origin=(0.8, 0.1, 400.0)))
-    plane = _plane(given, fixes)
+    plane = tangent_plane(given, fixes)
     assert (plane.lat, plane.lon, plane.height) == (0.8, 0.1, 400.0)
 
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy.stats import chi2
 import insgnss
 from insgnss.base.errors import InputError
 from insgnss.cli import main
-from insgnss.flight.processing import orientation
+from insgnss.flight.processing.orientation.rig_pairs import RigPairs
 from insgnss.flight.processing.recording import read_recording
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import vector_from_rotation
@@ -173,7 +174,7 @@ def test_two_cameras_of_one_instant_err_as_one_body() -> None:
     )
     first = Mounting(imu_m=[0.1, 0.2, -0.3])
     instants = SimpleNamespace(trajectory=body)
-    images = [
+    images: Any = [
         SimpleNamespace(
             camera=SimpleNamespace(triggered=True),
             mounting=mounting,
@@ -186,7 +187,7 @@ def test_two_cameras_of_one_instant_err_as_one_body() -> None:
         for mounting in (first, MOUNTED.on(first))
     ]
     order, number = merged_order([body.time, body.time])
-    in_time, of_camera = orientation._RigPairs(images, order, number, plane).of_neighbours()
+    in_time, of_camera = RigPairs(images, order, number, plane).of_neighbours()
     eos = [
         exterior_orientation(body, events("x", *body.time), image.mounting, plane)
         for image in images
