@@ -50,9 +50,9 @@ def kills(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int:
         Only its growth means something; 0 where the system does not say.
     """
     counted = []
-    for version, root, own in _own_groups(proc, groups):
+    for version, root, group in _own_groups(proc, groups):
         name = "memory.events" if version == 2 else "memory.oom_control"
-        count = _table(root / str(own).lstrip("/") / name).get("oom_kill")
+        count = _table(root / str(group).lstrip("/") / name).get("oom_kill")
         counted += [] if count is None else [count]
     return max(counted, default=_table(proc / "vmstat").get("oom_kill", 0))
 
@@ -79,10 +79,10 @@ def out_of_memory(error: MemoryError) -> str:
         What Python or numpy raised; numpy's names the size.
     """
     needed = " ".join(str(error).split())
-    left = available()
-    rest = "" if left is None else f", {left / 1e9:.3g} GB are left"
+    free = available()
+    remark = "" if free is None else f", {free / 1e9:.3g} GB are left"
     advice = "take a machine with more memory, raise its limit (ulimit, container), or process less"
-    return f"memory is exhausted{': ' * bool(needed)}{needed}{rest}; {advice} of the recording"
+    return f"memory is exhausted{': ' * bool(needed)}{needed}{remark}; {advice} of the recording"
 
 
 def give_back() -> None:
@@ -107,9 +107,9 @@ def _table(path: Path) -> dict[str, int]:
     """Return the numbers of a file of names and values, those in kB in bytes; empty without it."""
     out = {}
     for line in _text(path).splitlines():
-        name, *rest = line.replace(":", " ").split()
-        if rest and rest[0].isdigit():
-            out[name] = int(rest[0]) * (1024 if rest[1:] == ["kB"] else 1)
+        name, *values = line.replace(":", " ").split()
+        if values and values[0].isdigit():
+            out[name] = int(values[0]) * (1024 if values[1:] == ["kB"] else 1)
     return out
 
 
@@ -132,26 +132,26 @@ def _machine(proc: Path) -> int | None:
 def _own_groups(proc: Path, groups: Path) -> Iterator[tuple[int, Path, PurePosixPath]]:
     """Yield version, root and name of the control groups that count this process's memory."""
     for line in _text(proc / "self" / "cgroup").splitlines():
-        number, controllers, own = (*line.split(":", 2), "", "")[:3]
+        number, controllers, group = (*line.split(":", 2), "", "")[:3]
         if number == "0":
-            yield 2, groups, PurePosixPath(own)
+            yield 2, groups, PurePosixPath(group)
         elif "memory" in controllers.split(","):
-            yield 1, groups / "memory", PurePosixPath(own)
+            yield 1, groups / "memory", PurePosixPath(group)
 
 
 def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
     """Yield what the control groups of this process leave it, of both versions."""
-    for version, root, own in _own_groups(proc, groups):
+    for version, root, path in _own_groups(proc, groups):
         if version == 2:
             limit, used, cached = "memory.max", "memory.current", "inactive_file"
         else:
             limit, used = "memory.limit_in_bytes", "memory.usage_in_bytes"
             cached = "total_inactive_file"
-        for group in (own, *own.parents):
-            here = root / str(group).lstrip("/")
-            most, now = _text(here / limit).strip(), _text(here / used).strip()
+        for group in (path, *path.parents):
+            directory = root / str(group).lstrip("/")
+            most, now = _text(directory / limit).strip(), _text(directory / used).strip()
             if most.isdigit() and now.isdigit() and int(most) < UNLIMITED:
-                yield int(most) - int(now) + _table(here / "memory.stat").get(cached, 0)
+                yield int(most) - int(now) + _table(directory / "memory.stat").get(cached, 0)
 
 
 def _of_process(proc: Path) -> Iterator[int]:

@@ -54,13 +54,13 @@ def made_from(
         Versions, the command, hashes of inputs and products.
     """
     folder = destination(document).absolute().parent
-    made: dict[str, Any] = {
+    record: dict[str, Any] = {
         "versions": versions(),
         "run": {"command": circumstances()["command"]},
         INPUTS_KEY: hashes_of(inputs, start or folder),
         DIGESTS_KEY: hashes_of_products(products, folder),
     }
-    return made if start is None else made | {DIRECTORY_KEY: relative(start, folder)}
+    return record if start is None else record | {DIRECTORY_KEY: relative(start, folder)}
 
 
 def versions() -> dict[str, str]:
@@ -188,12 +188,12 @@ def other_results(
     except (ValueError, KeyError, TypeError):
         return f"{document} exists and does not say from which measurements it was made"
     files = [file for file in measured if file.is_file()]
-    others = [file for file in files if sha256(file) not in hashes]
-    if not others or (one_is_enough and len(others) < len(files)):
+    foreign = [file for file in files if sha256(file) not in hashes]
+    if not foreign or (one_is_enough and len(foreign) < len(files)):
         return None
     return (
         f"{document.parent} holds results of other measurements: {document.name} was not"
-        f" made from {others[0].name}"
+        f" made from {foreign[0].name}"
     )
 
 

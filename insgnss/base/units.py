@@ -239,14 +239,14 @@ def parse_quantity(text: object, dimension: str) -> float:
     match = _NUMBER.match(text)
     if match is None:
         raise InputError(f"{text!r} does not start with a number; {example}")
-    value, rest = float(match.group(1)), _plain(text[match.end() :])
+    value, unit_text = float(match.group(1)), _plain(text[match.end() :])
     if not math.isfinite(value) or (value == 0.0 and not spells_zero(match.group(1))):
         raise InputError(f"{text!r} is beyond the numbers of this machine; {example}")
-    if not rest.strip():
+    if not unit_text.strip():
         if wanted.exponents != UNITS["1"].exponents:
             raise InputError(f"{text!r} has no unit; {example}")
         return value
-    unit = _Parser(rest, text).whole()
+    unit = _Parser(unit_text, text).whole()
     if unit.exponents != wanted.exponents:
         raise InputError(f"{text!r} is of dimension {unit.dimension}; {example}")
     if not (value == 0.0 or SMALLEST_UNIT < abs(value * unit.scale) < LARGEST_UNIT):

@@ -101,9 +101,9 @@ def check_unpacked(
         problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{of})"
         advice = f"where its source is trusted, set {UNPACKED_GB}={enough} in the environment"
         raise InputError.in_file(path, f"{problem}; {advice}")
-    left = available()
-    if left is not None and size > left:
-        problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(left)} left"
+    free = available()
+    if free is not None and size > free:
+        problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(free)} left"
         raise DataError(
             f"{path}: {problem}; take a machine with more memory, or a shorter recording"
         )
@@ -183,10 +183,10 @@ class _Bounded(io.RawIOBase):
     """
 
     def __init__(self, path: object, packed: float, kept: float) -> None:
-        left = available()
+        free = available()
         limit = unpacked_limit(packed)
         self._path, self._packed = path, packed
-        self._limit = limit if left is None else min(limit, left)
+        self._limit = limit if free is None else min(limit, free)
         self._kept, self.size, self.content = kept, 0, bytearray()
 
     def writable(self) -> bool:
@@ -226,13 +226,13 @@ def _inflate(data: bytes, stream: _Bounded) -> None:
         while not member.eof:
             if offset >= len(data):
                 raise EOFError("it ends before its end-of-stream mark")
-            given = data[offset : offset + UNPACKED_AT_A_TIME]
-            offset += len(given)
+            chunk = data[offset : offset + UNPACKED_AT_A_TIME]
+            offset += len(chunk)
             while True:
-                piece = member.decompress(given, LONGEST_PIECE)
+                piece = member.decompress(chunk, LONGEST_PIECE)
                 stream.write(piece)
-                given = getattr(member, "unconsumed_tail", b"")
-                if member.eof or (len(piece) < LONGEST_PIECE and not given):
+                chunk = getattr(member, "unconsumed_tail", b"")
+                if member.eof or (len(piece) < LONGEST_PIECE and not chunk):
                     break
         offset -= len(member.unused_data)
 

@@ -81,14 +81,14 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     UsageError
         Options that do not go together.
     """
-    given = {name: given_of(options, kind, name) for name, (kind,) in BLOCK_TABLES.items()}
+    file_of = {name: given_of(options, kind, name) for name, (kind,) in BLOCK_TABLES.items()}
     if not is_file(options.block) or options.block.suffix.lower() == ".toml":
         file = load_block(options.block)
     else:
-        if "file" in given["images"] or options.plan:
-            given["aerial_control"]["file"] = options.block
+        if "file" in file_of["images"] or options.plan:
+            file_of["aerial_control"]["file"] = options.block
         elif _is_project(options.block):
-            given["images"]["file"] = options.block
+            file_of["images"]["file"] = options.block
         else:
             raise UsageError(
                 "adjust: image observations are missing; give --images, a table or the project of a"
@@ -100,7 +100,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     with spoken_as(names_of(BLOCK_TABLES)):
         changed = {
             name: replace(getattr(file, name), **values)
-            for name, values in given.items()
+            for name, values in file_of.items()
             if name and values
         }
     _refuse_missing(changed, options.block)

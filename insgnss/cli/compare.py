@@ -58,24 +58,24 @@ class Products(Checked):
     )
 
 
-def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
+def compare(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
     """Do what the parsed command line asks for."""
     from ..base.files import atomic_writes
     from ..base.output.staging import together
     from ..photogrammetry.comparison.compare import compare_files
 
     progress("reading and matching")
-    result = compare_files(given.a, given.b, **vars(given.records[ComparisonOptions]))
+    result = compare_files(arguments.a, arguments.b, **vars(arguments.records[ComparisonOptions]))
     files: dict[Path, Content] = {}
-    if given.figure is not None:
-        form = given.figure.suffix.lower().removeprefix(".")
-        files[given.figure] = result.figure(form if form in ("pdf", "svg") else "png")
-    if given.page is not None:
-        files[given.page] = result.document(result.charts()).html()
+    if arguments.figure is not None:
+        form = arguments.figure.suffix.lower().removeprefix(".")
+        files[arguments.figure] = result.figure(form if form in ("pdf", "svg") else "png")
+    if arguments.page is not None:
+        files[arguments.page] = result.document(result.charts()).html()
     with together() as staging:
         atomic_writes(files)
-        for _, goal in () if given.force else staging.changed():
-            if goal != given.page or not _of_same(goal, [given.a, given.b]):
+        for _, goal in () if arguments.force else staging.changed():
+            if goal != arguments.page or not _of_same(goal, [arguments.a, arguments.b]):
                 raise UsageError(
                     f"compare: {goal} exists and was made from other inputs, or not by"
                     " compare; give another file, or --force"

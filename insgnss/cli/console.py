@@ -84,10 +84,10 @@ class Progress:
             return
         if now - began < MEASURED_S:
             return
-        left = (now - began) * (1.0 - done) / (done - before)
-        long = now - began + left > LONG_STEP_S
+        remaining = (now - began) * (1.0 - done) / (done - before)
+        long = now - began + remaining > LONG_STEP_S
         if long and now - self._written >= (RENEWED_S if self._terminal else REPEATED_S):
-            self._write(f"{self._step}: {100.0 * done:.0f} %, {duration(left)} left")
+            self._write(f"{self._step}: {100.0 * done:.0f} %, {duration(remaining)} left")
 
     def _write(self, text: str) -> None:
         self._written = time.monotonic()
@@ -165,15 +165,15 @@ class Parser(argparse.ArgumentParser):
             later(self)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        parsed, left = self.parse_known_args(args, namespace)
-        if left:
+        parsed, unknown = self.parse_known_args(args, namespace)
+        if unknown:
             import difflib
 
             parser = self._of(parsed)
-            word, options = left[0].partition("=")[0], list(parser._option_string_actions)
+            word, options = unknown[0].partition("=")[0], list(parser._option_string_actions)
             close = difflib.get_close_matches(word, options, 1, 0.75) if word[:1] == "-" else []
             hint = f" (is it {close[0]}?)" if close else ""
-            parser.error(f"unrecognized arguments: {' '.join(left)}{hint}")
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return parsed
 
     def _of(self, parsed: Any) -> argparse.ArgumentParser:

@@ -124,7 +124,7 @@ class ExportRequest(Checked):
     )
 
 
-def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
+def noise_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write a noise model as another estimator reads it.
 
     Raises
@@ -137,20 +137,24 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "E
     from ..navigation.noise_model.model import load_noise_model
     from ..noise.processes.consumers import CONSUMER_FORMS, text_for
 
-    if any(x is not None for x in (given.crs, given.geoid, given.frame, given.ground)):
+    if any(
+        x is not None for x in (arguments.crs, arguments.geoid, arguments.frame, arguments.ground)
+    ):
         of_poses = "--crs, --geoid, --frame and --ground"
         raise UsageError(f"export: {of_poses} have no meaning for noise; leave them out")
-    _refuse_camera(given, "for noise")
-    settings = _settings(given.settings)
-    if odd := [key for key in settings if key not in NOISE_SETTINGS]:
-        raise UsageError(f"export: {given.format} takes no {odd[0]}; it takes rate, cluster, topic")
+    _refuse_camera(arguments, "for noise")
+    settings = _settings(arguments.settings)
+    if unknown := [key for key in settings if key not in NOISE_SETTINGS]:
+        raise UsageError(
+            f"export: {arguments.format} takes no {unknown[0]}; it takes rate, cluster, topic"
+        )
     options: dict[str, Any] = {}
     for key, name in NOISE_SETTINGS.items():
         if key in settings:
             options[name] = settings[key] if key == "topic" else _positive(key, settings[key])
-    model = load_noise_model(str(given.eo))
-    beside = given.eo.parent if given.eo.is_file() else Path()
-    text = text_for(given.format, model, **options)
+    model = load_noise_model(str(arguments.eo))
+    beside = arguments.eo.parent if arguments.eo.is_file() else Path()
+    text = text_for(arguments.format, model, **options)
 
     kept = options.get("cluster_s", 10.0)
     note = (
@@ -160,13 +164,13 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "E
 
     def write(out: Path) -> Exported:
         atomic_write(out, text)
-        return Exported(out, "", (note,), format=given.format)
+        return Exported(out, "", (note,), format=arguments.format)
 
-    return _written(given, beside / CONSUMER_FORMS[given.format][0], write, progress)
+    return _written(arguments, beside / CONSUMER_FORMS[arguments.format][0], write, progress)
 
 
 def _written(
-    given: argparse.Namespace,
+    arguments: argparse.Namespace,
     product: Path,
     write: "Callable[[Path], Exported]",
     progress: Callable[[str], None],
@@ -174,8 +178,8 @@ def _written(
     """Write to --out, by default to `product`, unless that replaces what it must not."""
     from ..flight.exporting.replacing import refuse_replacing
 
-    out = given.out or product
-    if out.resolve() == given.eo.resolve():
+    out = arguments.out or product
+    if out.resolve() == arguments.eo.resolve():
         raise UsageError(
             f"export: {out} is the orientation itself, which must stay; give another"
             " file with --out"
@@ -183,14 +187,14 @@ def _written(
     progress(f"writing {out}")
     with together() as staging:
         done = write(out)
-        if not given.force:
-            refuse_replacing(staging, out, given.out is not None, done.frame)
+        if not arguments.force:
+            refuse_replacing(staging, out, arguments.out is not None, done.frame)
     return done
 
 
-def _refuse_camera(given: argparse.Namespace, where: str) -> None:
+def _refuse_camera(arguments: argparse.Namespace, where: str) -> None:
     """Refuse to choose a camera where there is none."""
-    if given.camera is not None:
+    if arguments.camera is not None:
         raise UsageError(f"export: --camera has no meaning {where}; leave it out")
 
 
@@ -205,39 +209,39 @@ def _positive(key: str, text: str) -> float:
     return value
 
 
-def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
+def export_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Do what the parsed command line asks for."""
     from ..noise.processes.consumers import CONSUMER_FORMS
 
-    if given.format in CONSUMER_FORMS:
-        return noise_verb(given, progress)
-    if given.eo.is_dir():
-        given.eo = _master_of(given.eo)
-    if given.eo.suffix.lower() != ".json":
-        return _positions_verb(given, progress)
-    _refuse_of_positions(given)
+    if arguments.format in CONSUMER_FORMS:
+        return noise_verb(arguments, progress)
+    if arguments.eo.is_dir():
+        arguments.eo = _master_of(arguments.eo)
+    if arguments.eo.suffix.lower() != ".json":
+        return _positions_verb(arguments, progress)
+    _refuse_of_positions(arguments)
     from ..flight.exporting.export import ExportFrame, export, known_format
     from ..flight.exporting.options import typed_options
 
-    form = known_format(given.format)
-    options = typed_options(given.format, form, _settings(given.settings))
-    target = ExportFrame(given.crs, given.geoid, given.frame, given.ground)
+    form = known_format(arguments.format)
+    options = typed_options(arguments.format, form, _settings(arguments.settings))
+    target = ExportFrame(arguments.crs, arguments.geoid, arguments.frame, arguments.ground)
     from ..io.formats.orientation.eo_json import read_eo_json
 
-    product = given.eo.parent / form.product
-    if given.camera is not None:
-        product = product.with_name(f"{product.stem}_{given.camera}{product.suffix}")
-    eo = read_eo_json(given.eo)
-    _warn_of_changed_inputs(given.eo)
-    if given.camera is not None:
-        eo = eo.of_camera(given.camera)
-    moved = _moved_base(given)
+    product = arguments.eo.parent / form.product
+    if arguments.camera is not None:
+        product = product.with_name(f"{product.stem}_{arguments.camera}{product.suffix}")
+    eo = read_eo_json(arguments.eo)
+    _warn_of_changed_inputs(arguments.eo)
+    if arguments.camera is not None:
+        eo = eo.of_camera(arguments.camera)
+    moved = _moved_base(arguments)
     eo = eo if moved is None else moved.orientation(eo)
 
     def write(out: Path) -> "Exported":
-        return export(eo, given.format, out, target, given.rename, **options)
+        return export(eo, arguments.format, out, target, arguments.rename, **options)
 
-    done = _written(given, product, write, progress)
+    done = _written(arguments, product, write, progress)
     return done if moved is None else replace(done, notes=(*done.notes, moved.sentence))
 
 
@@ -315,25 +319,25 @@ def _read_positions(request: argparse.Namespace) -> tuple[Any, tuple[str, ...]]:
     return positions, (*poses.notes, *notes)
 
 
-def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
+def _positions_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write camera positions without an IMU in a format that takes them without angles."""
     from ..flight.exporting.export import ExportFrame
     from ..flight.exporting.positions import export_positions, position_format
 
-    form = position_format(given.format)
-    _refuse_camera(given, "for camera positions")
-    if given.settings:
+    form = position_format(arguments.format)
+    _refuse_camera(arguments, "for camera positions")
+    if arguments.settings:
         raise UsageError("export: camera positions take no --set; leave it out")
-    target = ExportFrame(given.crs, given.geoid, given.frame, given.ground)
+    target = ExportFrame(arguments.crs, arguments.geoid, arguments.frame, arguments.ground)
     with spoken_as(names_of()):
-        positions, notes = _read_positions(given)
-    if (moved := _moved_base(given)) is not None:
+        positions, notes = _read_positions(arguments)
+    if (moved := _moved_base(arguments)) is not None:
         positions, notes = moved.positions(positions), (*notes, moved.sentence)
 
     def write(out: Path) -> "Exported":
-        return export_positions(positions, given.format, out, target)
+        return export_positions(positions, arguments.format, out, target)
 
-    done = _written(given, given.eo.parent / form.product, write, progress)
+    done = _written(arguments, arguments.eo.parent / form.product, write, progress)
     return replace(done, notes=(*done.notes, *notes))
 
 
@@ -348,7 +352,7 @@ def _settings(texts: Sequence[str]) -> dict[str, str]:
     return settings
 
 
-def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
+def proof_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "Exported":
     """Write the synthetic scene of `--proof`, whose positional arguments are FORMAT and DIR.
 
     Raises
@@ -359,16 +363,18 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> "E
     from ..flight.exporting.export import Exported, known_format
     from ..flight.proof.write import write_proof
 
-    name, directory = str(given.eo), Path(given.format)
+    name, directory = str(arguments.eo), Path(arguments.format)
     known_format(name)
-    _refuse_camera(given, "with --proof")
-    if given.out or given.settings or given.rename:
+    _refuse_camera(arguments, "with --proof")
+    if arguments.out or arguments.settings or arguments.rename:
         raise UsageError(
             "export: with --proof --out, --set and --rename have no meaning; the scene goes into"
             " DIR"
         )
     progress("writing the scene")
-    files = write_proof(name, directory, given.crs, given.geoid, given.frame, given.ground)
+    files = write_proof(
+        name, directory, arguments.crs, arguments.geoid, arguments.frame, arguments.ground
+    )
     return Exported(files[0], "", (), tuple(files), format=name)
 
 

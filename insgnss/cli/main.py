@@ -59,12 +59,12 @@ def run() -> NoReturn:
     sys.exit(code)
 
 
-def expanded(words: Sequence[str]) -> list[str]:
+def expanded(arguments: Sequence[str]) -> list[str]:
     """Return the words of a command with patterns of files (flight*.csv) replaced by the files.
 
     The shells of Windows leave that to the program. A pattern that fits nothing stays.
     """
-    files = ((word, [] if word.startswith("-") else sorted(glob(word))) for word in words)
+    files = ((word, [] if word.startswith("-") else sorted(glob(word))) for word in arguments)
     return [each for word, match in files for each in (match if "*" in word and match else [word])]
 
 
@@ -126,10 +126,10 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     if isinstance(error, KeyboardInterrupt):
         return INTERRUPTED, "error: interrupted"
     frames = traceback.extract_tb(error.__traceback__)
-    own = [
+    package_frames = [
         frame for frame in frames if Path(__file__).parents[1] in Path(frame.filename).parents
     ] or frames
-    location = f"{own[-1].filename}:{own[-1].lineno}"
+    location = f"{package_frames[-1].filename}:{package_frames[-1].lineno}"
     return (
         InsgnssError.exit_code,
         (
@@ -162,8 +162,8 @@ def _complete() -> None:
     """Answer a shell that asks, in its environment, how the words before the cursor go on."""
     import argcomplete
 
-    words = os.environ.get("COMP_LINE", "").split()
-    parser = build_parser(words[1] if len(words) > 1 else "")
+    line = os.environ.get("COMP_LINE", "").split()
+    parser = build_parser(line[1] if len(line) > 1 else "")
     todo: list[argparse.ArgumentParser] = [parser]
     while todo:  # a verb's arguments are added when it is first used
         each = todo.pop()

@@ -135,7 +135,7 @@ class PpkRun:
         }
 
 
-def ppk(given: argparse.Namespace, progress: Progress) -> PpkRun:
+def ppk(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
     """Do what the parsed command line asks for.
 
     Raises
@@ -145,18 +145,20 @@ def ppk(given: argparse.Namespace, progress: Progress) -> PpkRun:
     """
     with spoken_as(names_of()):
         try:
-            return _solved(given, progress)
+            return _solved(arguments, progress)
         except OptionError as error:
             raise UsageError(f"ppk: {error}") from error
 
 
-def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
+def _solved(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
     inputs, origin = (
-        input_of(given),
-        None if given.origin is None else geodetic_position(given.origin, "tangent_plane.origin"),
+        input_of(arguments),
+        None
+        if arguments.origin is None
+        else geodetic_position(arguments.origin, "tangent_plane.origin"),
     )
-    _refuse_absent(given)
-    files_to = made_of(Files, given)
+    _refuse_absent(arguments)
+    files_to = made_of(Files, arguments)
     if files_to.out.exists() and not files_to.out.is_dir():
         raise UsageError(f"ppk: --out {files_to.out} is a file; give a directory, which is made")
     from ..gnss.antenna_files import SOLUTION_FILE, positions_of_others, write_antenna_files
@@ -185,7 +187,7 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
         beside = tuple(into / name for name in (FIGURE, PPK_DOCUMENT, PPK_PAGE))
         files = (*written, *result.files.values(), *beside)
         run = PpkRun(result, inputs, tuple(map(staging.destination, files)))
-        settings = () if given.covariance is None else (given.covariance,)
+        settings = () if arguments.covariance is None else (arguments.covariance,)
         run = _with_report(run, (*paths_named_by(inputs), *settings), *beside)
     return run
 
@@ -206,16 +208,16 @@ def _with_report(
     return run
 
 
-def _refuse_absent(given: argparse.Namespace) -> None:
+def _refuse_absent(arguments: argparse.Namespace) -> None:
     """InputError with the option of the first file that is not there."""
     named = [
-        *(("ROVER", file) for file in all_of(one_or_several(given.rover))),
-        *(("--base", file) for file in all_of(one_or_several(given.base))),
-        *(("--navigation", file) for file in given.navigation),
+        *(("ROVER", file) for file in all_of(one_or_several(arguments.rover))),
+        *(("--base", file) for file in all_of(one_or_several(arguments.base))),
+        *(("--navigation", file) for file in arguments.navigation),
     ]
     named += [
         (option, file)
-        for option, file in (("--antex", given.antex), ("--events", given.events))
+        for option, file in (("--antex", arguments.antex), ("--events", arguments.events))
         if file is not None and not (option == "--events" and file.is_dir())
     ]
     for option, file in named:
@@ -228,7 +230,7 @@ def _refuse_absent(given: argparse.Namespace) -> None:
             raise InputError(f"ppk: {option} {file} {problem}")
 
 
-def input_of(given: argparse.Namespace) -> "PpkInput":
+def input_of(arguments: argparse.Namespace) -> "PpkInput":
     """The input that a command line describes.
 
     OptionError and UsageError for what it cannot ask for.
@@ -237,8 +239,8 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     from ..gnss.covariance_model import MODEL
     from ..gnss.from_flight_file import ppk_input
 
-    raw, air = given_of(given, RawGnss), given_of(given, Air)
-    _refuse_contradictions(given, raw)
+    raw, air = given_of(arguments, RawGnss), given_of(arguments, Air)
+    _refuse_contradictions(arguments, raw)
     if "systems" in raw:
         raw["systems"] = raw["systems"].upper()
     if "rtklib_options" in raw:
@@ -246,27 +248,27 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     raw |= {name: one_or_several(raw[name]) for name in ("rover", "base")}
     return replace(
         ppk_input(RawGnss(**raw, atmosphere=air or None)),
-        covariance=MODEL if given.covariance is None else read_covariance(given.covariance),
-        events=given.events,
-        rover_events=RoverEvents(**given_of(given, RoverEvents)),
-        match=ImageMatch(**given_of(given, ImageMatch)),
-        camera_delay_s=given.time_offset_s or 0.0,
-        time_scale=given.time_scale,
-        base_point_chosen=given.base_position is None or given.base_point is not None,
+        covariance=MODEL if arguments.covariance is None else read_covariance(arguments.covariance),
+        events=arguments.events,
+        rover_events=RoverEvents(**given_of(arguments, RoverEvents)),
+        match=ImageMatch(**given_of(arguments, ImageMatch)),
+        camera_delay_s=arguments.time_offset_s or 0.0,
+        time_scale=arguments.time_scale,
+        base_point_chosen=arguments.base_position is None or arguments.base_point is not None,
     )
 
 
-def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) -> None:
+def _refuse_contradictions(arguments: argparse.Namespace, raw: Mapping[str, Any]) -> None:
     """UsageError for options that do not go together."""
-    if given.base_position is None and given.base_point is not None:
+    if arguments.base_position is None and arguments.base_point is not None:
         raise UsageError("ppk: --base-point belongs to --base-position; give the coordinates")
-    if given.events is not None and (given.events_containing or given.invalid_events):
-        option = "--events-containing" if given.events_containing else "--invalid-events"
+    if arguments.events is not None and (arguments.events_containing or arguments.invalid_events):
+        option = "--events-containing" if arguments.events_containing else "--invalid-events"
         raise UsageError(
             f"ppk: {option} selects among the events of the rover's file, but --events gives"
             " another file; keep one"
         )
-    if given_of(given, Air) and not (raw.get("wet_delay", True) or raw.get("ionosphere", True)):
+    if given_of(arguments, Air) and not (raw.get("wet_delay", True) or raw.get("ionosphere", True)):
         raise UsageError(
             "ppk: --pressure, --temperature and --humidity have no effect with --no-wet-delay"
             " and --no-ionosphere; keep one"
@@ -279,16 +281,16 @@ def one_or_several(paths: Sequence[Path]) -> Path | tuple[Path, ...]:
     return files[0] if len(files) == 1 else files
 
 
-def _named_values(words: Sequence[str]) -> dict[str, str]:
+def _named_values(pairs: Sequence[str]) -> dict[str, str]:
     """Options of RTKLIB by name of words NAME=VALUE.
 
     OptionError for a word that is none, or one option twice.
     """
     key = "gnss.rtklib_options"
-    split = {word: word.partition("=") for word in words}
-    if odd := [word for word, (name, sign, _) in split.items() if not (name and sign)]:
-        raise OptionError(key, f"{odd[0]!r} is no NAME=VALUE, such as pos2-arminfix=10")
-    names = [word.partition("=")[0] for word in words]
+    split = {word: word.partition("=") for word in pairs}
+    if malformed := [word for word, (name, sign, _) in split.items() if not (name and sign)]:
+        raise OptionError(key, f"{malformed[0]!r} is no NAME=VALUE, such as pos2-arminfix=10")
+    names = [word.partition("=")[0] for word in pairs]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise OptionError(key, f"gives {twice} {names.count(twice)} times; keep one")
     return {name: value for name, _, value in split.values()}

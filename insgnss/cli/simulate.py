@@ -138,8 +138,8 @@ def _published(options: argparse.Namespace, progress: Progress) -> Message:
 
     progress(f"simulating {options.flight}")
     turn = options.unknown_boresight or 0.0
-    made = simulate_survey(options.flight, options.seed, boresight_deg=turn)
-    write_survey(options.directory, made)
+    survey = simulate_survey(options.flight, options.seed, boresight_deg=turn)
+    write_survey(options.directory, survey)
     block = options.directory / "block.toml"
     message = f"{block}\nnext: insgnss adjust {block}"
     return Message(message, {"block": block})

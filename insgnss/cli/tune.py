@@ -54,32 +54,32 @@ class TuneRequest:
 
 
 def tune(
-    given: argparse.Namespace, progress: Callable[[str], None]
+    arguments: argparse.Namespace, progress: Callable[[str], None]
 ) -> "TuneResult | FlightTuning | SeveralTuned":
     """Do what the parsed command line asks for. Raises UsageError for what does not go together."""
-    if given.flight is not None and given.static:
+    if arguments.flight is not None and arguments.static:
         raise UsageError(
-            f"tune: both static recordings ({given.static[0]}) and --flight are given; choose one"
-            " of them"
+            f"tune: both static recordings ({arguments.static[0]}) and --flight are given; choose"
+            " one of them"
         )
-    if given.flight is None and not given.static:
+    if arguments.flight is None and not arguments.static:
         raise UsageError(
             "tune: give static recordings, or --flight FLIGHT; see insgnss tune --help"
         )
-    options = made_of(TuneOptions, given)
-    if given.only is not None:
+    options = made_of(TuneOptions, arguments)
+    if arguments.only is not None:
         from ..noise.tuning.some_channels import chosen_channels
 
-        chosen_channels(given.only)
-    if given.flight is None:
-        if given.parameters:
+        chosen_channels(arguments.only)
+    if arguments.flight is None:
+        if arguments.parameters:
             raise UsageError(
                 "tune: --parameters belongs to --flight; --model names the processes of static"
                 " recordings"
             )
         from ..noise.tuning.static import tune_static
 
-        return tune_static(given.static, options, given.out, given.force, progress)
+        return tune_static(arguments.static, options, arguments.out, arguments.force, progress)
     if options != TuneOptions():
         raise UsageError(
             "tune: with --flight only --parameters, --out and --force have a meaning; the flight"
@@ -88,8 +88,10 @@ def tune(
     from ..flight.config.load import load_flight
     from ..noise.tuning.several import tune_each
 
-    names = [name.strip() for name in given.parameters.split(",")] if given.parameters else None
-    return tune_each(load_flight(given.flight), given.out, names, progress, given.force)
+    names = (
+        [name.strip() for name in arguments.parameters.split(",")] if arguments.parameters else None
+    )
+    return tune_each(load_flight(arguments.flight), arguments.out, names, progress, arguments.force)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -111,10 +113,10 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
                 joined[-1] = f"--columns={text}"
             else:
                 joined.append(text)
-        parsed, left = plain(joined, namespace)
-        if left and not any(text.startswith("-") for text in left):
-            parsed.static, left = [*parsed.static, *map(Path, left)], []
-        return parsed, left
+        parsed, positional = plain(joined, namespace)
+        if positional and not any(text.startswith("-") for text in positional):
+            parsed.static, positional = [*parsed.static, *map(Path, positional)], []
+        return parsed, positional
 
     setattr(parser, "rearranged", parse)  # noqa: B010
 

@@ -35,10 +35,10 @@ def positions_of_others(directory: Path) -> str | None:
 
     It lies in a directory without a solution of ours (`SOLUTION_FILE`); None where there is none.
     """
-    there = next(
+    present = next(
         (name for name in (SOLUTION_FILE, *ANTENNA_FILES) if (directory / name).exists()), None
     )
-    return None if (directory / SOLUTION_FILE).is_file() else there
+    return None if (directory / SOLUTION_FILE).is_file() else present
 
 
 def write_antenna_files(
@@ -82,7 +82,9 @@ def write_antenna_files(
             f" {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
         )
     names = tuple(
-        name for name, there in zip(events.images, covered.tolist(), strict=True) if there
+        name
+        for name, has_position in zip(events.images, covered.tolist(), strict=True)
+        if has_position
     )
     lat0, lon0, h0 = (fixes.lat[0], fixes.lon[0], 0.0) if origin is None else origin
     plane = TangentPlane(float(lat0), float(lon0), float(h0)).position_from_geodetic(
@@ -171,7 +173,9 @@ def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Findi
     if covered.all():
         return None
     missing = [
-        name for name, there in zip(events.images, covered.tolist(), strict=True) if not there
+        name
+        for name, has_position in zip(events.images, covered.tolist(), strict=True)
+        if not has_position
     ]
     finding = (
         f"{len(missing)} of {covered.size} images have no fixes around them: {some(missing, 5)}"

@@ -118,8 +118,10 @@ class CovarianceModel(CalibrationNumbers):
             For a field or a value that cannot be.
         """
         field_names = {f.name for f in fields(self)}
-        if odd := set(changes) - field_names:
-            problem = f"{sorted(odd)[0]!r} is unknown; known are {', '.join(sorted(field_names))}"
+        if unknown := set(changes) - field_names:
+            problem = (
+                f"{sorted(unknown)[0]!r} is unknown; known are {', '.join(sorted(field_names))}"
+            )
             raise OptionError(COVARIANCE_TABLE, problem)
         tables = {
             key: {**getattr(self, key), **changes[key]}

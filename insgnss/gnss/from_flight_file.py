@@ -41,14 +41,14 @@ def solve_raw_gnss(
     InputError, UsageError, DataError
         As `ppk.solve_ppk` raises them.
     """
-    given = replace(
+    inputs = replace(
         ppk_input(raw),
         covariance=covariance,
         events=exposures if exposures is None else bool(exposures),
     )
     if isinstance(exposures, tuple):
-        given = replace(given, rover_events=exposures[0], match=exposures[1])
-    result = solve_ppk(given)
+        inputs = replace(inputs, rover_events=exposures[0], match=exposures[1])
+    result = solve_ppk(inputs)
     event_notes = () if result.events is None else result.events.notes
     return replace(
         result, checks=tuple(check for check in result.checks if check not in event_notes)

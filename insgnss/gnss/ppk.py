@@ -169,13 +169,13 @@ class PpkResult:
 
 
 def solve_ppk(
-    given: PpkInput, directory: Path | None = None, progress: Progress | None = None
+    ppk_input: PpkInput, directory: Path | None = None, progress: Progress | None = None
 ) -> PpkResult:
     """Solve a rover against a base.
 
     Parameters
     ----------
-    given : PpkInput
+    ppk_input : PpkInput
         Files and options.
     directory : Path, optional
         Gets the `.pos` of the engine with their options, their combination, and `ppk.pos`, the
@@ -188,17 +188,17 @@ def solve_ppk(
     InputError, UsageError, DataError
         Of the steps, each in one line.
     """
-    observed = (*all_of(given.rover), *all_of(given.base))
+    observed = (*all_of(ppk_input.rover), *all_of(ppk_input.base))
     if len(observed) > 2 or any(map(log_format, observed)):
-        return _solve_joined(given, directory, progress)
-    assert isinstance(given.rover, Path)
-    assert isinstance(given.base, Path)
+        return _solve_joined(ppk_input, directory, progress)
+    assert isinstance(ppk_input.rover, Path)
+    assert isinstance(ppk_input.base, Path)
     if directory is None:
         with scratch_directory(Path(gettempdir())) as scratch:
-            return replace(_solved_in(given, scratch, progress or _quiet), files={})
+            return replace(_solved_in(ppk_input, scratch, progress or _quiet), files={})
     with together() as staging:
         into = staging.tree(directory)
-        result = _solved_in(given, into, progress or _quiet)
+        result = _solved_in(ppk_input, into, progress or _quiet)
         files = {name: directory / path.relative_to(into) for name, path in result.files.items()}
         return replace(result, files=files)
 
@@ -207,51 +207,58 @@ def _quiet(_: str) -> None:
     pass
 
 
-def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
+def _solved_in(ppk_input: PpkInput, directory: Path, say: Progress) -> PpkResult:
     """Solve, and write the files into `directory`."""
     say("reading observations")
-    (of_rover,), (of_base,) = all_of(given.rover), all_of(given.base)  # joined, where several
+    (of_rover,), (of_base,) = (
+        all_of(ppk_input.rover),
+        all_of(ppk_input.base),
+    )  # joined, where several
     rover, base = read_observations(of_rover), read_observations(of_base)
-    if given.navigation:
-        navigation = read_navigation(given.navigation)
+    if ppk_input.navigation:
+        navigation = read_navigation(ppk_input.navigation)
         rover, base = (within_navigation(observed, navigation) for observed in (rover, base))
-    events, unasked = _events(given, rover)
+    events, unasked = _events(ppk_input, rover)
     say("engine: forward and backward solutions")
-    run = solve(of_rover, of_base, given.navigation, given.options, directory, say, (rover, base))
+    run = solve(
+        of_rover, of_base, ppk_input.navigation, ppk_input.options, directory, say, (rover, base)
+    )
     say("covariance and quality")
-    position, _ = base_position(given.options, base.header)
-    solved = _Solved.of(run, np.array(position), given.covariance)
-    base_point_check = check_base_point(given.options, base.header, given.base_point_chosen)
+    position, _ = base_position(ppk_input.options, base.header)
+    solved = _Solved.of(run, np.array(position), ppk_input.covariance)
+    base_point_check = check_base_point(ppk_input.options, base.header, ppk_input.base_point_chosen)
     fixes, checks = solved.fixes, [*rover.notes, *base.notes, base_point_check, _codes(run)]
-    checks += [*check_rover_antenna(given.options, rover.header), *run.checks, *fixes.notes]
+    checks += [*check_rover_antenna(ppk_input.options, rover.header), *run.checks, *fixes.notes]
     if events is not None:
-        checks += _checks_of(events, given, rover, fixes)
-        events = _at_exposures(events, given, rover, fixes)
+        checks += _checks_of(events, ppk_input, rover, fixes)
+        events = _at_exposures(events, ppk_input, rover, fixes)
     sky = None
-    if given.wet_delay or given.ionosphere:
-        sky = common_sky(rover, base, navigation, fixes, given.options)
-    if sky is not None and given.wet_delay:
+    if ppk_input.wet_delay or ppk_input.ionosphere:
+        sky = common_sky(rover, base, navigation, fixes, ppk_input.options)
+    if sky is not None and ppk_input.wet_delay:
         say("wet delay")
-        fixes, check = without_wet_delay(fixes, sky, np.array(position), given.atmosphere)
+        fixes, check = without_wet_delay(fixes, sky, np.array(position), ppk_input.atmosphere)
         checks.append(check)
-    if sky is not None and given.ionosphere:
+    if sky is not None and ppk_input.ionosphere:
         say("ionosphere")
         fixes, check = without_ionosphere(
             *(fixes, (rover, base), navigation, sky, np.array(position)),
-            *(given.options, given.atmosphere),
+            *(ppk_input.options, ppk_input.atmosphere),
         )
         checks.append(check)
-    if given.velocity:
+    if ppk_input.velocity:
         say("velocity")
         fixes, check = with_velocity(fixes, rover, navigation)
         checks.append(check)
     signals = signals_of(rover)
-    numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
+    numbers = solved.numbers(ppk_input.covariance.gate, rover) | {
+        "signals": signal_numbers(signals)
+    }
     numbers["grade"] = grade(numbers, checks)
     summary, causes = verdict(numbers, checks)
     if MIXED_CODES in "".join(run.codes):
         summary += f"; codes of the rover {run.codes[0]}, of the base {run.codes[1]}"
-    fixes = replace(fixes, source=str(given.rover), notes=())
+    fixes = replace(fixes, source=str(ppk_input.rover), notes=())
     files = picked(run, "combined", "forward", "backward") | {"solution": directory / SOLUTION_FILE}
     files |= {f"options of {direction}": path for direction, path in run.option_files.items()}
     series = solution_series(
@@ -275,19 +282,23 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     return result
 
 
-def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | None) -> PpkResult:
+def _solve_joined(
+    ppk_input: PpkInput, directory: Path | None, progress: Progress | None
+) -> PpkResult:
     """Solve receivers of which several files are given, joined to one each, or their own logs."""
     logs: list[Finding] = []
     with scratch_directory(Path(gettempdir())) as scratch:
         one_each = []
-        for files, name in ((given.rover, "rover"), (given.base, "base")):
+        for files, name in ((ppk_input.rover, "rover"), (ppk_input.base, "base")):
             folder = scratch / name
-            rinex = [converted(file, folder, given.navigation) for file in all_of(files)]
+            rinex = [converted(file, folder, ppk_input.navigation) for file in all_of(files)]
             logs += [check for one in rinex for check in one.checks]
             one_each.append(joined([one.path for one in rinex], folder / "joined"))
         rover, base = one_each
-        result = solve_ppk(replace(given, rover=rover.path, base=base.path), directory, progress)
-    source = str(all_of(given.rover)[0])
+        result = solve_ppk(
+            replace(ppk_input, rover=rover.path, base=base.path), directory, progress
+        )
+    source = str(all_of(ppk_input.rover)[0])
     checks = (*logs, *rover.checks, *base.checks)
     events = result.events
     if events is not None and events.source == str(rover.path):
@@ -358,48 +369,48 @@ class _Solved:
 
 
 def _events(
-    given: PpkInput, rover: Observations
+    ppk_input: PpkInput, rover: Observations
 ) -> tuple[CameraEvents | None, tuple[Finding, ...]]:
     """Camera events of the rover's file, by its clock, or of one of their own, and a note where
     there are only such as nobody asks for.
 
     Raises InputError where they are asked for and there is none.
     """
-    check_delay(given.camera_delay_s)
-    if given.events is False:
+    check_delay(ppk_input.camera_delay_s)
+    if ppk_input.events is False:
         return None, ()
-    options = given.rover_events, given.match, given.camera_delay_s
+    options = ppk_input.rover_events, ppk_input.match, ppk_input.camera_delay_s
     plain = options == (RoverEvents(), ImageMatch(), 0.0)
-    if isinstance(given.events, Path):
-        stamps = {"gps_week": rover.gps_week, "time_scale": given.time_scale}
-        events = events_of(given.events, given.match.image_ending, **stamps)
-        return named(events, given.match), ()
-    if given.events is None and plain:
+    if isinstance(ppk_input.events, Path):
+        stamps = {"gps_week": rover.gps_week, "time_scale": ppk_input.time_scale}
+        events = events_of(ppk_input.events, ppk_input.match.image_ending, **stamps)
+        return named(events, ppk_input.match), ()
+    if ppk_input.events is None and plain:
         return unasked_events(rover)
-    return named(camera_events(rover, given.rover_events), given.match), ()
+    return named(camera_events(rover, ppk_input.rover_events), ppk_input.match), ()
 
 
 def _checks_of(
-    events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
+    events: CameraEvents, ppk_input: PpkInput, rover: Observations, fixes: GnssFixes
 ) -> list[Finding]:
     """Checks of events before their delay: whether a file's are the rover's, and the delay."""
-    checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
-    if isinstance(given.events, Path) and rover.events.size:
+    checks = [check_camera_delay(ppk_input.camera_delay_s)] if ppk_input.camera_delay_s else []
+    if isinstance(ppk_input.events, Path) and rover.events.size:
         stamps = np.unique(rover.events)
         names = tuple(map(str, range(stamps.size)))
-        own = CameraEvents(names, stamps, rover.gps_week, str(given.rover))
-        beside = check_beside(events, to_gpst(own, rover, fixes), rover.gps_week)
+        all_events = CameraEvents(names, stamps, rover.gps_week, str(ppk_input.rover))
+        beside = check_beside(events, to_gpst(all_events, rover, fixes), rover.gps_week)
         checks += [] if beside is None else [beside]
     return checks
 
 
 def _at_exposures(
-    events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
+    events: CameraEvents, ppk_input: PpkInput, rover: Observations, fixes: GnssFixes
 ) -> CameraEvents:
     """Events at the middles of their exposures, GPST: the clock is that of the stamps, so that it
     is taken off before the delay comes.
     """
     return delayed(
-        events if isinstance(given.events, Path) else to_gpst(events, rover, fixes),
-        given.camera_delay_s,
+        events if isinstance(ppk_input.events, Path) else to_gpst(events, rover, fixes),
+        ppk_input.camera_delay_s,
     )

@@ -31,10 +31,10 @@ def float_array(who: str, value: Any, finest: float = FINEST_DIGIT) -> Array:
     """
     value = value.as_matrix() if hasattr(value, "as_matrix") else value
     try:
-        given = value if hasattr(value, "dtype") else np.asarray(value)
-        _refuse_times(who, given)
-        _refuse_masked(who, given)
-        _refuse_coarse(who, given, finest)
+        array = value if hasattr(value, "dtype") else np.asarray(value)
+        _refuse_times(who, array)
+        _refuse_masked(who, array)
+        _refuse_coarse(who, array, finest)
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         shown = " ".join(f"{value!r}".split())[:60]
@@ -132,10 +132,10 @@ def _where(record: Any, values: Array, row: int, column: list[int]) -> str:
     """Column and time of a value of a record, and what to do about it."""
     time = np.asarray(getattr(record, "time", ()), dtype=np.float64)
     of_rows = time.ndim == 1 and time.size == values.shape[0]
-    words = [f"column {', '.join(map(str, column))} (from 0)"] if column else []
-    words += [f"time {time[row]:.6f} s"] if of_rows and np.isfinite(time[row]) else []
+    parts = [f"column {', '.join(map(str, column))} (from 0)"] if column else []
+    parts += [f"time {time[row]:.6f} s"] if of_rows and np.isfinite(time[row]) else []
     advice = "leave the row out (a missing row of IMU samples is a gap, which is bridged)"
-    return "".join([*(f", {word}" for word in words), f"; {advice}" if of_rows else ""])
+    return "".join([*(f", {word}" for word in parts), f"; {advice}" if of_rows else ""])
 
 
 def increasing(record: Any, time: Array) -> None:

@@ -222,16 +222,16 @@ def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeigh
     return BarometerHeights(time, height, _week(given, gps_week), "barometer")
 
 
-def _columns_of(given: Any) -> dict[str, Any] | None:
+def _columns_of(table: Any) -> dict[str, Any] | None:
     """Return the columns of a mapping or a table, its named index among them; None for others.
 
     Capitals of names do not matter, unless another column has the name without.
     """
-    if isinstance(given, Mapping):
-        columns = dict(given)
-    elif hasattr(given, "columns") and hasattr(given, "index"):
-        index = {} if given.index.name is None else {given.index.name: given.index.to_numpy()}
-        columns = index | {name: given[name].to_numpy() for name in given.columns}
+    if isinstance(table, Mapping):
+        columns = dict(table)
+    elif hasattr(table, "columns") and hasattr(table, "index"):
+        index = {} if table.index.name is None else {table.index.name: table.index.to_numpy()}
+        columns = index | {name: table[name].to_numpy() for name in table.columns}
     else:
         return None
     names = {str(name) for name in columns}
@@ -241,9 +241,9 @@ def _columns_of(given: Any) -> dict[str, Any] | None:
     }
 
 
-def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:
+def _columns_of_fixes(table: ArrayLike) -> dict[str, Any]:
     """Columns of a plain array of fixes, whose angles are degrees."""
-    values = float_array("gnss", given, FINEST_DEG)
+    values = float_array("gnss", table, FINEST_DEG)
     if values.ndim != 2 or values.shape[1] not in GNSS_COLUMNS:
         raise InputError(
             f"gnss: an array of shape {values.shape}, expected (m, 4) or (m, 7): time s, latitude"
@@ -254,9 +254,9 @@ def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:
     return dict(zip(names, values.T, strict=False))
 
 
-def _week(given: Any, gps_week: int | None) -> int | None:
+def _week(table: Any, gps_week: int | None) -> int | None:
     """The week, of a table that `to_pandas` made the one that it carries."""
-    attributes = getattr(given, "attrs", {})
+    attributes = getattr(table, "attrs", {})
     return gps_week if gps_week is not None else attributes.get("gps_week")
 
 
@@ -266,8 +266,8 @@ def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array
             finest = FINEST_DEG if name.startswith(("lat", "lon")) else FINEST_DIGIT
             values = float_array(f"{who}: column {name}", columns[name], finest)
             return values
-    there = ", ".join(map(str, columns)) or "none"
-    raise InputError(f"{who}: no column {names[0]}; the table has {there}")
+    present = ", ".join(map(str, columns)) or "none"
+    raise InputError(f"{who}: no column {names[0]}; the table has {present}")
 
 
 def _of_week(who: str, time: Array, week: int | None) -> int | None:

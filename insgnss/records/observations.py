@@ -452,16 +452,16 @@ def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) 
 
 def _diagonal(source: str, name: str, sigma: ArrayLike | None, count: int) -> Array:
     """(n, 3, 3) covariances of standard deviations (3,) or (n, 3)."""
-    given = float_array(source, [] if sigma is None else sigma)
-    if given.shape not in ((3,), (count, 3)):
+    values = float_array(source, [] if sigma is None else sigma)
+    if values.shape not in ((3,), (count, 3)):
         raise InputError(
-            f"{source}: {name} of shape {given.shape}; give (3,) or ({count}, 3), north east down"
+            f"{source}: {name} of shape {values.shape}; give (3,) or ({count}, 3), north east down"
         )
-    if not (np.isfinite(given) & (given > 0.0)).all():
+    if not (np.isfinite(values) & (values > 0.0)).all():
         raise InputError(
-            f"{source}: {name} holds {given.min():g}; standard deviations must be positive"
+            f"{source}: {name} holds {values.min():g}; standard deviations must be positive"
         )
-    return np.asarray(np.broadcast_to(given**2, (count, 3))[:, :, None] * np.eye(3))
+    return np.asarray(np.broadcast_to(values**2, (count, 3))[:, :, None] * np.eye(3))
 
 
 def _rate(time: Array) -> str:

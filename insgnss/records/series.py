@@ -132,8 +132,8 @@ class ConstantSeries:
         sizes : sequence of int
             Number of epochs of each segment.
         """
-        given = [segment for segment in segments if segment is not None]
-        states = tuple(dict.fromkeys(state for segment in given for state in segment.states))
+        present = [segment for segment in segments if segment is not None]
+        states = tuple(dict.fromkeys(state for segment in present for state in segment.states))
         if not states:
             return None
         pieces = [np.full((3, size, len(states)), np.nan) for size in sizes]

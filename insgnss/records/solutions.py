@@ -137,7 +137,7 @@ class Trajectory(Rows):
                 rows[name] = np.concatenate(pieces)
         crosses = [segment.cross for segment in filled if segment.cross is not None]
         if len(crosses) == len(filled):
-            between = [x for own in crosses for x in (own, np.zeros((1, 9, 9)))]
+            between = [x for cross in crosses for x in (cross, np.zeros((1, 9, 9)))]
             rows["cross"] = np.concatenate(between[:-1])
         return cls(gps_week=segments[0].gps_week, **rows)
 
@@ -426,11 +426,11 @@ class Diagnostics:
         longest = max(segments, key=lambda segment: segment.time.size)
         values: dict[str, Any] = {}
         for f in fields(cls):
-            given = [getattr(segment, f.name) for segment in segments]
+            pieces = [getattr(segment, f.name) for segment in segments]
             if f.name in ("gaps", "checks", "segments", "residuals"):
-                values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
-            elif any(isinstance(x, np.ndarray) for x in given):
-                values[f.name] = np.concatenate([x for x in given if x is not None])
+                values[f.name] = tuple(dict.fromkeys(item for items in pieces for item in items))
+            elif any(isinstance(x, np.ndarray) for x in pieces):
+                values[f.name] = np.concatenate([x for x in pieces if x is not None])
             else:
                 values[f.name] = getattr(longest, f.name)
         offset = np.cumsum([0, *(segment.time.size for segment in segments[:-1])])

@@ -71,10 +71,10 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
 
 def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
     """Course over each row's neighbourhood, rad, and whether it is straight there."""
-    here = d.position[:, :2]
+    position = d.position[:, :2]
     shifted = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
-    before, after = (columns_at(time, d.time, here) for time in shifted)
-    a, b = here - before, after - here
+    before, after = (columns_at(time, d.time, position) for time in shifted)
+    a, b = position - before, after - position
     speed = np.hypot(d.velocity[:, 0], d.velocity[:, 1])
     least = max(SLOWEST_MS, SLOWEST * float(np.quantile(speed, 0.9)))
     turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))

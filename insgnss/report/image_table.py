@@ -138,9 +138,9 @@ def _beyond(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
     """Return which instants have no used fix before or none behind them within their segment."""
     out = np.zeros(time.size, dtype=np.bool_)
     for start, end in spans:
-        own = fixes[(fixes >= start) & (fixes <= end)]
+        of_span = fixes[(fixes >= start) & (fixes <= end)]
         inside = (time >= start) & (time <= end)
-        out |= inside & ((time < own[0]) | (time > own[-1]) if own.size else True)
+        out |= inside & ((time < of_span[0]) | (time > of_span[-1]) if of_span.size else True)
     return out
 
 
@@ -152,9 +152,9 @@ def _is_largest(x: Array) -> NDArray[np.bool_]:
 def shortened(names: tuple[str, ...]) -> tuple[str, str, list[str]]:
     """Return what all names begin and end with, and what stands between."""
     prefix = _common(names) if len(names) > 1 else ""
-    rest = [name[len(prefix) :] for name in names]
-    suffix = _common([name[::-1] for name in rest])[::-1] if len(names) > 1 else ""
-    return prefix, suffix, [name[: len(name) - len(suffix)] for name in rest]
+    tails = [name[len(prefix) :] for name in names]
+    suffix = _common([name[::-1] for name in tails])[::-1] if len(names) > 1 else ""
+    return prefix, suffix, [name[: len(name) - len(suffix)] for name in tails]
 
 
 def _common(names: Sequence[str]) -> str:

@@ -45,8 +45,8 @@ def limits(s: Summary) -> Section:
     usable = s["use"]["verdict"] == USE
     first = [Marked(NO_MATTER, "soft")] if usable and listed else []
     matter = [] if usable else [x for x in listed if x.rank >= 1.0][:MOST_SENTENCES]
-    others = limited(x for x in listed if x not in matter)
-    return Section("Remarks", [*first, *limited(matter)], more=others, brief=True)
+    unimportant = limited(x for x in listed if x not in matter)
+    return Section("Remarks", [*first, *limited(matter)], more=unimportant, brief=True)
 
 
 def hidden(s: Summary) -> Section:
@@ -255,8 +255,8 @@ def key_numbers(s: Summary) -> Section:
         ("gyro", "Gyro", "deg_h", "z.1f"),
         ("accel", "Accelerometer", "mg", "z.2f"),
     ):
-        own = zip(biases[f"{sensor}_{unit}"], biases[f"{sensor}_sigma_{unit}"], strict=True)
-        text = " / ".join(f"{value:{form}} ± {sigma:{form}}" for value, sigma in own)
+        values = zip(biases[f"{sensor}_{unit}"], biases[f"{sensor}_sigma_{unit}"], strict=True)
+        text = " / ".join(f"{value:{form}} ± {sigma:{form}}" for value, sigma in values)
         label = f"{name} bias at the end, {unit.replace('_', '/')}"
         rows.append((label, f"{text} (forward / right / down)"))
     return Section("Key numbers", [_sigma_table(s), Table(rows)], "page")
@@ -272,8 +272,11 @@ def _agreement(s: Summary) -> Iterator[tuple[str, str]]:
         if c is not None:
             yield f"NIS of {quantity} per degree of freedom", _nis(c)
     ratios = s["separation"]["normalised_rms"]
-    both = (f"{name} {three(ratios[name], '.2f')}" for name in ("position", "attitude"))
-    yield "Forward/backward separation over its sigma", f"{', '.join(both)} (N / E / D; 1 expected)"
+    listed = (f"{name} {three(ratios[name], '.2f')}" for name in ("position", "attitude"))
+    yield (
+        "Forward/backward separation over its sigma",
+        f"{', '.join(listed)} (N / E / D; 1 expected)",
+    )
 
 
 def _nis(c: Mapping[str, Any]) -> str:

@@ -58,8 +58,8 @@ def worst_of(good: str, doubtful: Sequence[str] = (), bad: Sequence[str] = ()) -
 def run_verdict(summary: Mapping[str, Any]) -> Verdict:
     """Return the verdict on the run of a flight, by its `use` (`rules.use`)."""
     judged = summary["use"]
-    words: dict[str, Word] = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
-    return Verdict(words[judged["verdict"]], _why(judged), judged["sentence"])
+    mood_of: dict[str, Word] = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
+    return Verdict(mood_of[judged["verdict"]], _why(judged), judged["sentence"])
 
 
 def _why(judged: Mapping[str, Any]) -> str:

@@ -44,8 +44,8 @@ def _makers_unread() -> Iterator[None]:
     rebuild = environment._rebuild_env
 
     def rebuild_bare(module: str, constants: Any, name: str) -> Any:
-        there = module in sys.modules or not module.startswith("numba.")
-        if there or environment.lookup_environment(name) is not None:
+        loaded = module in sys.modules or not module.startswith("numba.")
+        if loaded or environment.lookup_environment(name) is not None:
             return rebuild(module, constants, name)
         bare = environment.Environment({"__name__": module})
         bare.consts[:] = constants

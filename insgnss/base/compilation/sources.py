@@ -21,14 +21,14 @@ def digest(source: Path) -> str:
 
 def closure(source: Path) -> set[Path]:
     """Return a source file and those of the package that it imports, directly or through others."""
-    seen: set[Path] = set()
+    visited: set[Path] = set()
     todo = [source]
     while todo:
         path = todo.pop()
-        if path not in seen:
-            seen.add(path)
+        if path not in visited:
+            visited.add(path)
             todo += imported(path)
-    return seen
+    return visited
 
 
 @cache

@@ -79,28 +79,28 @@ class Staging:
                 )
             above = next(d for d in (target, *target.absolute().parents) if d.exists())
             with writing(target, OTHER_DIRECTORY):
-                own = self._within(above) / f"new{len(self._trees)}"
-                own.mkdir()
-            self._trees[target] = own
+                new = self._within(above) / f"new{len(self._trees)}"
+                new.mkdir()
+            self._trees[target] = new
         return self._trees[target]
 
     def holds(self, path: Path) -> bool:
         """Tell whether a path is within a directory that `tree` returned, or is it."""
-        return any(path == own or own in path.parents for own in self._trees.values())
+        return any(path == tree or tree in path.parents for tree in self._trees.values())
 
     def destination(self, path: Path) -> Path:
         """Return where `path`, within a directory of `tree`, goes to; others stay."""
-        for target, own in self._trees.items():
-            if path == own or own in path.parents:
-                return target / path.relative_to(own)
+        for target, tree in self._trees.items():
+            if path == tree or tree in path.parents:
+                return target / path.relative_to(tree)
         return path
 
     def written(self, goal: Path) -> Path:
         """Return where the content of `goal` stands before it is moved; others stay."""
         if goal in self._files:
             return self._files[goal]
-        for target, own in self._trees.items():
-            if target in goal.parents and (path := own / goal.relative_to(target)).exists():
+        for target, tree in self._trees.items():
+            if target in goal.parents and (path := tree / goal.relative_to(target)).exists():
                 return path
         return goal
 
@@ -119,9 +119,9 @@ class Staging:
     def goals(self) -> tuple[Path, ...]:
         """Return the places of all files, those of directories in order of their names."""
         of_trees = (
-            target / file.relative_to(own)
-            for target, own in self._trees.items()
-            for file in sorted(own.rglob("*"))
+            target / file.relative_to(tree)
+            for target, tree in self._trees.items()
+            for file in sorted(tree.rglob("*"))
             if file.is_file()
         )
         return (*of_trees, *self._files)
@@ -133,12 +133,12 @@ class Staging:
 
     def moves(self) -> tuple[list[Path], list[Move]]:
         """Return the directories to be made, in order, and what goes where."""
-        made: list[Path] = []
+        new_directories: list[Path] = []
         moves: list[Move] = []
-        for target, own in self._trees.items():
+        for target, tree in self._trees.items():
             missing = [d for d in (target, *target.parents) if not d.exists()]
-            made += [d for d in reversed(missing[1:]) if d not in made]
-            moves += _merged(own, target)
+            new_directories += [d for d in reversed(missing[1:]) if d not in new_directories]
+            moves += _merged(tree, target)
         moves += [(file, goal) for goal, file in self._files.items() if file.exists()]
         again = {goal for _, goal in moves}
         moves += [(None, goal) for goal in self._stale if goal not in again]
@@ -154,7 +154,7 @@ class Staging:
                 raise UsageError(
                     f"{goal}: is {kind} where a directory must be written; {OTHER_DIRECTORY}"
                 )
-        return made, moves
+        return new_directories, moves
 
     def changed(self) -> list[tuple[Path, Path]]:
         """Return where it is written and where it goes, of each file that replaces another one.
@@ -176,7 +176,7 @@ class Staging:
             Where something cannot be moved.
         """
         with deferred():
-            made, moves = self.moves()
+            new_directories, moves = self.moves()
             names: dict[Path, set[str]] = {}  # of what changes, by the directory that is there
             for _, goal in moves:
                 if goal.parent.is_dir():
@@ -187,8 +187,8 @@ class Staging:
                 try:
                     _flush([source for source, _ in moves if source is not None])
                     marked_before = any(os.path.lexists(d / UNFINISHED_MARK) for d in names)
-                    if len(moves) > 1 or made or marked_before:
-                        self._move(made, moves, names, before, undo)
+                    if len(moves) > 1 or new_directories or marked_before:
+                        self._move(new_directories, moves, names, before, undo)
                     elif moves:
                         _done(*moves[0])
                     for directory, new in names.items():  # from here on the new files stand
@@ -201,7 +201,7 @@ class Staging:
 
     def _move(
         self,
-        made: list[Path],
+        new_directories: list[Path],
         moves: list[Move],
         names: dict[Path, set[str]],
         before: dict[Path, set[str]],
@@ -212,7 +212,7 @@ class Staging:
             self._mark(directory, before[directory] | new)
             undo.append(partial(self._mark, directory, before[directory]))
         replaced = {goal for _, goal in moves if os.path.lexists(goal)}
-        for directory in made:  # one of them may be a goal, of a move that comes later
+        for directory in new_directories:  # one of them may be a goal, of a move that comes later
             directory.mkdir()
             undo.append(partial(_remove_empty, directory))
         for i, (source, goal) in enumerate(moves):
@@ -376,8 +376,8 @@ def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path for a library that writes a file itself; what it wrote there goes to `path`."""
     with together() as staging:
         with writing(path, "does the directory exist?"):
-            own = staging.file(Path(path))
-        yield own
+            temporary = staging.file(Path(path))
+        yield temporary
 
 
 def destination(path: Path) -> Path:

@@ -58,12 +58,12 @@ def mark(directory: Path, names: Iterable[str], scratch: Path) -> None:
         A directory on the same file system, in which the mark is written first.
     """
     goal = directory / UNFINISHED_MARK
-    if not (left := sorted(names)):
+    if not (remaining := sorted(names)):
         goal.unlink(missing_ok=True)
         return
     draft = scratch / UNFINISHED_MARK
     with draft.open("w", encoding="ascii") as stream:
-        json.dump(left, stream)
+        json.dump(remaining, stream)
         stream.flush()
         os.fsync(stream.fileno())
     os.replace(draft, goal)

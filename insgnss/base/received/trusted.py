@@ -52,7 +52,7 @@ def trusting(paths: Iterable[Named]) -> Iterator[None]:
             homes.append(Path(os.path.realpath(path)))
         elif os.path.exists(path):
             above = os.path.dirname(os.path.abspath(path))
-            homes += [Path(os.path.realpath(own)) for own in (above, path)]
+            homes += [Path(os.path.realpath(home)) for home in (above, path)]
     token = _HOMES.set(tuple(dict.fromkeys(homes)))
     try:
         yield
@@ -60,9 +60,9 @@ def trusting(paths: Iterable[Named]) -> Iterator[None]:
         _HOMES.reset(token)
 
 
-def words_as_paths(words: Iterable[str]) -> list[str]:
+def words_as_paths(arguments: Iterable[str]) -> list[str]:
     """Return what of the words of a command may be paths, also behind the = of an option."""
-    return [path for word in words for path in (word, word.partition("=")[2]) if path]
+    return [path for word in arguments for path in (word, word.partition("=")[2]) if path]
 
 
 def at_home(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

@@ -114,9 +114,9 @@ def package_findings(package: str = "insgnss") -> list[Finding]:
     ]
     optional = []
     for extra in sorted({r.extra for r in needed} - {""}):
-        own = {r: states[r] for r in needed if r.extra == extra}
-        wrong = any(bad for _, bad in own.values())
-        value = ", ".join(f"{r.name} {state}" for r, (state, _) in own.items())
+        of_extra = {r: states[r] for r in needed if r.extra == extra}
+        wrong = any(bad for _, bad in of_extra.values())
+        value = ", ".join(f"{r.name} {state}" for r, (state, _) in of_extra.items())
         advice = f"pip install '{package}[{extra}]' where it is needed"
         optional.append(Question(extra, topic="extras").note(value, advice, when=wrong))
     return necessary + optional
@@ -160,12 +160,12 @@ def import_failures(modules: list[str]) -> dict[str, str]:
         The reason by the name of the module, of those that fail, or end the process.
     """
     failures: dict[str, str] = {}
-    rest = list(dict.fromkeys(modules))
-    while rest:
+    remaining = list(dict.fromkeys(modules))
+    while remaining:
         ending = ""
         try:
             done = subprocess.run(
-                [sys.executable, "-c", _IMPORTS, *rest],
+                [sys.executable, "-c", _IMPORTS, *remaining],
                 capture_output=True,
                 stdin=subprocess.DEVNULL,
                 timeout=IMPORT_S,
@@ -177,9 +177,9 @@ def import_failures(modules: list[str]) -> dict[str, str]:
         rows = [line.split(" ", 2) for line in output.decode("utf-8", "replace").splitlines()]
         failures |= {row[1]: row[2] for row in rows if row[0] == "fails" and len(row) == 3}
         ended = {row[1] for row in rows if row[0] in ("fails", "imports") and len(row) > 1}
-        rest = [module for module in rest if module not in ended]
-        if rest:  # the first of them ended the process
-            failures[rest.pop(0)] = ending
+        remaining = [module for module in remaining if module not in ended]
+        if remaining:  # the first of them ended the process
+            failures[remaining.pop(0)] = ending
     return failures
 
 

@@ -79,8 +79,8 @@ def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
 
 def _cache_finding(kernel: Any) -> Finding:
     """Return where compiled kernels are kept."""
-    cache, given = Question("cache", topic="kernels"), os.environ.get(KERNELS_AT)
-    origin = f" ({KERNELS_AT})" if given else ""
+    cache, directory = Question("cache", topic="kernels"), os.environ.get(KERNELS_AT)
+    origin = f" ({KERNELS_AT})" if directory else ""
     path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
     if path is None:
         advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS_AT} to a directory that you can write"
@@ -104,8 +104,8 @@ def grid_findings() -> list[Finding]:
     from pyproj.datadir import get_data_dir, get_user_data_dir
     from pyproj.network import is_network_enabled
 
-    own, user = get_data_dir(), get_user_data_dir()
-    directories = dict.fromkeys(Path(name) for name in (user, *own.split(os.pathsep)))
+    shipped, user = get_data_dir(), get_user_data_dir()
+    directories = dict.fromkeys(Path(name) for name in (user, *shipped.split(os.pathsep)))
     counts = {directory: sum(1 for _ in _grids(directory)) for directory in directories}
     held = ", ".join(f"{count} in {directory}" for directory, count in counts.items())
     get = (
@@ -121,7 +121,7 @@ def grid_findings() -> list[Finding]:
     )
     verdict: Verdict = "ok" if any(counts.values()) else "note"
     return [
-        Question("PROJ", topic="grids").ok(f"{proj_version_str}, data in {own}"),
+        Question("PROJ", topic="grids").ok(f"{proj_version_str}, data in {shipped}"),
         Finding("geoids and datum shifts", held, "", verdict, get, topic="grids"),
         Question("network", topic="grids").ok(network),
     ]
@@ -178,10 +178,10 @@ def _processor(cpuinfo: Path) -> str:
 
 
 def _memory() -> Finding:
-    memory, left = _machine("memory"), available()
-    if left is None:
+    memory, free = _machine("memory"), available()
+    if free is None:
         return memory.answer("unknown: the system does not say", "unknown")
-    return memory.ok(f"{left / 1e9:.3g} GB available")
+    return memory.ok(f"{free / 1e9:.3g} GB available")
 
 
 def _machine(name: str) -> Question:

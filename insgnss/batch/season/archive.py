@@ -176,10 +176,10 @@ def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
     above: list[Path] = []  # directories of runs that leave such products
     for folder, inner, names in os.walk(directory):
         inner[:] = sorted(name for name in inner if not name.startswith("."))
-        own = [Path(folder) / name for name in sorted(names) if name.endswith(".json")]
-        own = [path for path in own if _is_document(path)]
-        documents += own
-        above += [path.parent for path in own if _may_leave_orphans(path)]
+        paths = [Path(folder) / name for name in sorted(names) if name.endswith(".json")]
+        paths = [path for path in paths if _is_document(path)]
+        documents += paths
+        above += [path.parent for path in paths if _may_leave_orphans(path)]
         if "mounting.toml" not in names:
             of_run = any(path in (Path(folder), *Path(folder).parents) for path in above)
             beside = (Path(folder).parent / PUBLISHED / REPORT).is_file()
@@ -250,8 +250,8 @@ def changed_since(document: Path) -> tuple[str, ...]:
     hashes = content.get(INPUTS_KEY)
     if not hashes:
         return ()
-    base, made = _base_of(document, content), document.stat().st_mtime
-    later = [n for n in hashes if (base / n).is_file() and (base / n).stat().st_mtime > made]
+    base, written_s = _base_of(document, content), document.stat().st_mtime
+    later = [n for n in hashes if (base / n).is_file() and (base / n).stat().st_mtime > written_s]
     return tuple(name for name in later if sha256(base / name) != hashes[name])
 
 
@@ -305,12 +305,12 @@ def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]
         return [f"the flight file cannot be read: {error}"]
     now = json_ready(flight.resolved())
     then = content["flight"]
-    other = sorted(key for key in {*now, *then} if now.get(key) != then.get(key))
-    if not other:
+    differing = sorted(key for key in {*now, *then} if now.get(key) != then.get(key))
+    if not differing:
         return []
     command = (content.get("run") or {}).get("command", "another command")
     return [
-        f"without further options the flight file gives other values of {', '.join(other)}; the"
+        f"without further options the flight file gives other values of {', '.join(differing)}; the"
         f" result was made by {command}"
     ]
 

@@ -135,12 +135,12 @@ def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[S
     first = next((k for k, row in enumerate(rows) if row), 0)  # comments became empty rows
     head = [word.strip() for word in rows[first]] if rows else []
     if "flight" not in head:
-        given = ", ".join(head) or "none"
+        columns = ", ".join(head) or "none"
         names = ", ".join(TABLE_COLUMNS)
-        problem = f"has no column flight (columns: {given}); a table of flights has {names}"
+        problem = f"has no column flight (columns: {columns}); a table of flights has {names}"
         raise InputError.at_line(path, first + 1, problem)
-    if odd := [word for word in head if word not in TABLE_COLUMNS]:
-        problem = f"column {odd[0]!r} is unknown; known are {', '.join(TABLE_COLUMNS)}"
+    if unknown := [word for word in head if word not in TABLE_COLUMNS]:
+        problem = f"column {unknown[0]!r} is unknown; known are {', '.join(TABLE_COLUMNS)}"
         raise InputError.at_line(path, first + 1, problem)
     flights = []
     for number, row in enumerate(rows[first + 1 :], first + 2):
@@ -182,10 +182,10 @@ def _with_names(flights: list[SeasonFlight]) -> list[SeasonFlight]:
     named = []
     taken: dict[str, Path] = {}
     for flight, folder in zip(flights, folders, strict=True):
-        own = folder.relative_to(common).as_posix() if folder != common else folder.name
+        label = folder.relative_to(common).as_posix() if folder != common else folder.name
         if flight.file.name != FLIGHT_FILE:
-            own = f"{own}/{flight.file.stem}" if own != "." else flight.file.stem
-        name = flight.name or own
+            label = f"{label}/{flight.file.stem}" if label != "." else flight.file.stem
+        name = flight.name or label
         if name in taken:
             raise UsageError(
                 f"two flights are called {name!r}: {taken[name]} and {flight.file}; give names in a"

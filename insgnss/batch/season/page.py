@@ -91,14 +91,16 @@ def _verdict(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Verdict:
             ("judgement", "doubtful"),
         )
     }
-    odd = [f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in trends if t.odd]
+    contradicting = [
+        f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in trends if t.odd
+    ]
     bad = {
         f"{len(names[FAILED])} of {len(rows)} flights have no result": names[FAILED],
         "the reports of these flights contradict their results": names["bad"],
     }
     doubtful = {
         f"{len(names[WAITING])} of {len(rows)} flights were not reached": names[WAITING],
-        "these constants of the equipment drift or scatter": odd,
+        "these constants of the equipment drift or scatter": contradicting,
         "some figures of these flights are worse than those of a good flight": names["doubtful"],
     }
     return worst_of(
@@ -151,15 +153,15 @@ def charts(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Iterator[Chart
     groups: dict[tuple[str, str], list[SeasonTrend]] = {}
     for trend in trends:
         groups.setdefault((trend.equipment, trend.quantity.state.group), []).append(trend)
-    for number, ((equipment, kind), own) in enumerate(groups.items(), 1):
+    for number, ((equipment, kind), members) in enumerate(groups.items(), 1):
         panels = [
             Panel(f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
-            for t, ink in zip(own, TREND_INKS, strict=False)
+            for t, ink in zip(members, TREND_INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""
         # mounting.antenna_m counts from the camera, in its axes
-        seen = " from the IMU, body axes," if kind == LEVER_ARM else ""
-        title = f"{kind[0].upper()}{kind[1:]}{of}{seen} over the season"
+        source = " from the IMU, body axes," if kind == LEVER_ARM else ""
+        title = f"{kind[0].upper()}{kind[1:]}{of}{source} over the season"
         yield Chart(
             f"constants-{number}", title, TREND_CAPTION, panels, "days since the first flight"
         )
@@ -195,18 +197,18 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
     number = np.arange(1.0, len(rows) + 1.0)
     names = [str(row["name"]) for row in rows]
     panels = []
-    for label, columns, words in (
+    for label, columns, description in (
         ("sigma of position, mm", [f"sigma_{a}_mm" for a in "enu"], ("east", "north", "up")),
         ("of attitude, deg", [f"sigma_att_{a}_deg" for a in "enu"], ("about E", "about N", "up")),
     ):
         layers = []
-        for column, word, ink in zip(columns, words, TREND_INKS, strict=True):
+        for column, word, ink in zip(columns, description, TREND_INKS, strict=True):
             y = np.array([r[column] if is_number(r.get(column)) else np.nan for r in rows])
-            there = np.isfinite(y)
-            texts = [name for name, finite in zip(names, there, strict=True) if finite]
-            if there.any():
+            plotted = np.isfinite(y)
+            texts = [name for name, finite in zip(names, plotted, strict=True) if finite]
+            if plotted.any():
                 layers.append(
-                    Layer("points", number[there], y[there], word, ink, texts=texts, width=5.0)
+                    Layer("points", number[plotted], y[plotted], word, ink, texts=texts, width=5.0)
                 )
         if layers:
             panels.append(Panel(label, layers))

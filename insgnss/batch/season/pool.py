@@ -91,8 +91,8 @@ def next_flight(
     """
     if not running or room is None:
         return next(iter(waiting), None)
-    left = USABLE * room - sum(task.forecast_bytes for task in running)
-    return next((task for task in waiting if task.forecast_bytes <= left), None)
+    free = USABLE * room - sum(task.forecast_bytes for task in running)
+    return next((task for task in waiting if task.forecast_bytes <= free), None)
 
 
 class _Worker:

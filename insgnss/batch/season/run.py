@@ -102,14 +102,14 @@ def headline(outcomes: Sequence[Outcome]) -> str:
         s: sum(one.status == s for one in outcomes) for s in (JOB_DONE, JOB_KEPT, FAILED, WAITING)
     }
     images = sum(int(one.row.get("images") or 0) for one in outcomes)
-    words = [f"{count[JOB_DONE]} processed"]
+    parts = [f"{count[JOB_DONE]} processed"]
     if count[JOB_KEPT]:
-        words.append(f"{count[JOB_KEPT]} kept, whose inputs, options and version are the same")
+        parts.append(f"{count[JOB_KEPT]} kept, whose inputs, options and version are the same")
     if count[FAILED]:
-        words.append(f"{count[FAILED]} failed")
+        parts.append(f"{count[FAILED]} failed")
     if count[WAITING]:
-        words.append(f"{count[WAITING]} not reached")
-    return f"{len(outcomes)} flights: {', '.join(words)}; {images} images"
+        parts.append(f"{count[WAITING]} not reached")
+    return f"{len(outcomes)} flights: {', '.join(parts)}; {images} images"
 
 
 def line_of(outcome: Outcome) -> str:
@@ -125,14 +125,14 @@ def line_of(outcome: Outcome) -> str:
     if outcome.status == FAILED:
         return f"{outcome.name}: failed: {outcome.reason} ({seconds})"
     sigmas = [row.get(f"sigma_{axis}_mm") for axis in "enu"]
-    words = [f"{row['images']} images"]
+    parts = [f"{row['images']} images"]
     if None not in sigmas:
-        words.append(f"{' / '.join(f'{s:.1f}' for s in sigmas)} mm (E, N, U)")
+        parts.append(f"{' / '.join(f'{s:.1f}' for s in sigmas)} mm (E, N, U)")
     if row.get("sigma_att_u_deg") is not None:
-        words.append(f"heading {row['sigma_att_u_deg']:.3f} deg")
+        parts.append(f"heading {row['sigma_att_u_deg']:.3f} deg")
     why = row.get("reason") or row.get("limits")
-    words.append(str(row["judgement"]) + (f": {why}" if why else ""))
-    return f"{outcome.name}: {outcome.status}, {', '.join(words)} ({seconds})"
+    parts.append(str(row["judgement"]) + (f": {why}" if why else ""))
+    return f"{outcome.name}: {outcome.status}, {', '.join(parts)} ({seconds})"
 
 
 def run_season(

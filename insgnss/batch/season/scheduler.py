@@ -78,9 +78,9 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
         raise UsageError(
             f"--scheduler {scheduler}: a worker cannot load insgnss ({error}); install it there"
         ) from None
-    odd = {address: v for address, v in versions.items() if v != __version__}
-    if odd:
-        address, version = next(iter(odd.items()))
+    differing = {address: v for address, v in versions.items() if v != __version__}
+    if differing:
+        address, version = next(iter(differing.items()))
         raise UsageError(
             f"--scheduler {scheduler}: worker {address} has insgnss {version}, here it is"
             f" {__version__}; install the same version on both"
@@ -155,16 +155,16 @@ def _arriving(
         )
         futures[future] = task
     arriving = as_completed(list(futures))
-    seen = time.monotonic()
-    while left := arriving.count():
+    last_seen = time.monotonic()
+    while remaining := arriving.count():
         if not arriving.has_ready():
             tick()
             now = time.monotonic()
-            seen = now if client.scheduler_info(n_workers=1)["workers"] else seen
-            if now - seen > ALONE_S:
+            last_seen = now if client.scheduler_info(n_workers=1)["workers"] else last_seen
+            if now - last_seen > ALONE_S:
                 raise DataError(
-                    f"--scheduler {scheduler}: no worker for {ALONE_S:.0f} s, {left} flights are"
-                    " left; start workers and give the same command again: what is done stays"
+                    f"--scheduler {scheduler}: no worker for {ALONE_S:.0f} s, {remaining} flights"
+                    " are left; start workers and give the same command again: what is done stays"
                 )
             time.sleep(WORKER_POLL_S)
             continue
@@ -176,9 +176,9 @@ def _arriving(
                 is_lost = True
             if is_lost:
                 raise DataError(
-                    f"--scheduler {scheduler}: the scheduler ended or is no longer reached, {left}"
-                    " of the flights are left; start it and its workers and give the same command"
-                    " again: what is done stays"
+                    f"--scheduler {scheduler}: the scheduler ended or is no longer reached,"
+                    f" {remaining} of the flights are left; start it and its workers and give"
+                    " the same command again: what is done stays"
                 )
             yield futures[future], outcome
             future.release()

@@ -199,12 +199,12 @@ def judged(
     """
     from scipy.stats import chi2
 
-    given = (equipment, quantity, days, value, sigma, tuple(names))
+    values = (equipment, quantity, days, value, sigma, tuple(names))
     if days.size < FEWEST_FLIGHTS:
-        return SeasonTrend(*given, "too few")
+        return SeasonTrend(*values, "too few")
     span = float(np.ptp(days))
     if span * DAY_S < 1.0:
-        return SeasonTrend(*given, "one time")
+        return SeasonTrend(*values, "one time")
     slope, slope_sigma, level, x = fit(days, value, sigma)
     finding: Finding = "steady"
     residual = value - level - slope * days
@@ -213,7 +213,7 @@ def judged(
         finding = "drift"
     elif x > limit and float(np.abs(residual).max()) > quantity.physical:
         finding = "scatter"
-    return SeasonTrend(*given, finding, slope, slope_sigma, level, x)
+    return SeasonTrend(*values, finding, slope, slope_sigma, level, x)
 
 
 def trends(rows: Iterable[Row]) -> list[SeasonTrend]:
@@ -237,9 +237,11 @@ def trends(rows: Iterable[Row]) -> list[SeasonTrend]:
     first = min(_days(row) for row in usable)
     out = []
     for equipment in dict.fromkeys(str(row.get("equipment") or "") for row in usable):
-        own = [row for row in usable if str(row.get("equipment") or "") == equipment]
+        of_equipment = [row for row in usable if str(row.get("equipment") or "") == equipment]
         for q in TREND_QUANTITIES:
-            with_it = [r for r in own if is_number(r.get(q.column)) and is_number(r.get(q.sigma))]
+            with_it = [
+                r for r in of_equipment if is_number(r.get(q.column)) and is_number(r.get(q.sigma))
+            ]
             with_it = _calibrations(with_it, q) if q.state.group == BORESIGHT else with_it
             if not with_it:
                 continue

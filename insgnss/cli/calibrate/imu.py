@@ -98,8 +98,8 @@ def _refuse_others(out: Path, imu: Path) -> None:
 
 def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
     """How to read the IMU file: of a flight file, of the options beside it."""
-    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
-    units = {sensor: unit for sensor, unit in given.items() if unit}
+    unit_of = {"gyro": options.gyro_unit, "accel": options.accel_unit}
+    units = {sensor: unit for sensor, unit in unit_of.items() if unit}
     spec = {"columns": options.columns, "units": units or None, "quantity": options.quantity}
     if options.flight is None:
         return spec

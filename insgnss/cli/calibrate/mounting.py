@@ -155,8 +155,8 @@ def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
 
     flight = load_flight(options.flight)
     result = calibrate_mounting(flight, options.poses, options.records[Assumptions], progress)
-    made = calibrated(result, flight, options.photo, options.date)
-    return _finished(options, progress, made, flight.path, options.poses)
+    calibration = calibrated(result, flight, options.photo, options.date)
+    return _finished(options, progress, calibration, flight.path, options.poses)
 
 
 MOUNTING_VERBS = (

@@ -62,8 +62,8 @@ class _ProgressLines:
         if not self._progress.renews and seconds - self._last < SELDOM_S:
             return
         self._last = seconds
-        left = f", some {duration((count - done) * seconds / worked)} left" if worked else ""
-        self._progress(f"{done} of {count} flights{left}")
+        remaining = f", some {duration((count - done) * seconds / worked)} left" if worked else ""
+        self._progress(f"{done} of {count} flights{remaining}")
 
 
 VERB = Verb(

@@ -134,39 +134,40 @@ def check_base_place(
         where they say.
     """
     location = whereabouts(base)
-    given = np.array(base_position(options, base.header)[0])
-    off = float(np.linalg.norm(location.middle - given))
+    stated = np.array(base_position(options, base.header)[0])
+    distance = float(np.linalg.norm(location.middle - stated))
     if motion := location.motion():
         raise InputError.in_file(
             base.header.path, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
         )
     if options.base_position_m is not None:
-        if _is_header_of_rover(given, base.header, rover.header):
+        if _is_header_of_rover(stated, base.header, rover.header):
             message = (
                 f"the base coordinates are those in the header of the rover {rover.header.path},"
                 " not those in the base's own; are rover and base swapped?"
             )
             raise InputError.in_file(base.header.path, message)
-        if off > MEASURED_PLACE_M and _stands_at(given, off, rover, whereabouts):
+        if distance > MEASURED_PLACE_M and _stands_at(stated, distance, rover, whereabouts):
             message = (
-                f"stands {off:.0f} m from the base coordinates, but the rover {rover.header.path}"
-                " stands at them: rover and base are swapped; exchange the two files"
+                f"stands {distance:.0f} m from the base coordinates, but the rover"
+                f" {rover.header.path} stands at them: rover and base are swapped; exchange the two"
+                " files"
             )
             raise InputError.in_file(base.header.path, message)
-    if off > OTHER_PLACE_M:
+    if distance > OTHER_PLACE_M:
         whose = (
             "the base coordinates"
             if options.base_position_m is not None
             else "APPROX POSITION XYZ of its header"
         )
         message = (
-            f"stands {off:.0f} m from {whose} (limit {OTHER_PLACE_M:.0f} m), by codes at"
+            f"stands {distance:.0f} m from {whose} (limit {OTHER_PLACE_M:.0f} m), by codes at"
             f" {in_degrees(location.middle)}"
         )
         raise InputError.in_file(
-            base.header.path, f"{message}; {_mistaken(given, location.middle, options)}"
+            base.header.path, f"{message}; {_mistaken(stated, location.middle, options)}"
         )
-    return _coordinate_notes(options, base.header, off)
+    return _coordinate_notes(options, base.header, distance)
 
 
 def in_degrees(ecef: Array) -> str:
@@ -178,15 +179,15 @@ def in_degrees(ecef: Array) -> str:
     return f"{np.degrees(lat):.6f},{np.degrees(lon):.6f},{height:.1f}"
 
 
-def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str:
+def _mistaken(stated: Array, code_position: Array, options: EngineOptions) -> str:
     """The mistake that makes coordinates (3,) of the position by codes (3,), else what to try."""
-    lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
+    lat, lon, height = (float(x) for x in ecef_to_geodetic(stated))
     if options.base_position_m is None:
         return f"give {_coordinates()}"
 
     def agree(lat: float, lon: float, height: float) -> bool:
-        apart = np.linalg.norm(geodetic_to_ecef(lat, lon, height) - code_position)
-        return bool(abs(lat) <= np.pi / 2.0 and apart < MEASURED_PLACE_M)
+        distance = np.linalg.norm(geodetic_to_ecef(lat, lon, height) - code_position)
+        return bool(abs(lat) <= np.pi / 2.0 and distance < MEASURED_PLACE_M)
 
     mistakes = {
         "latitude and longitude exchanged": (lon, lat, height),
@@ -225,8 +226,8 @@ def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Wherea
 
 
 def _stands_at(
-    given: Array,
-    off: float,
+    stated: Array,
+    distance: float,
     rover: Observations,
     whereabouts: Callable[[Observations], Whereabouts],
 ) -> bool:
@@ -235,20 +236,22 @@ def _stands_at(
         location = whereabouts(rover)
     except DataError:
         return False
-    return not location.motion() and float(np.linalg.norm(location.middle - given)) < off / 3.0
+    return (
+        not location.motion() and float(np.linalg.norm(location.middle - stated)) < distance / 3.0
+    )
 
 
-def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> bool:
+def _is_header_of_rover(stated: Array, base: RinexHeader, rover: RinexHeader) -> bool:
     """Whether the base's coordinates are those of the rover's header, and not near those of its
     own.
     """
     if (
         rover.approx_position_m is None
-        or np.linalg.norm(rover.approx_position_m - given) > SAME_COORDINATES_M
+        or np.linalg.norm(rover.approx_position_m - stated) > SAME_COORDINATES_M
     ):
         return False
     return base.approx_position_m is None or bool(
-        np.linalg.norm(base.approx_position_m - given) > OTHER_COORDINATES_M
+        np.linalg.norm(base.approx_position_m - stated) > OTHER_COORDINATES_M
     )
 
 
@@ -275,7 +278,9 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
     return ask.note(f"{finding}, as nothing says", advice)
 
 
-def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Finding, ...]:
+def _coordinate_notes(
+    options: EngineOptions, base: RinexHeader, distance: float
+) -> tuple[Finding, ...]:
     """Notes on coordinates of the header or far from the codes, and on a phase centre that is not
     applied.
     """
@@ -283,14 +288,14 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
     _, point = base_position(options, base)
     if options.base_position_m is None:
         finding = (
-            f"APPROX POSITION XYZ of {base.path}, {off:.1f} m from its position by codes; taken as"
-            f" {point}"
+            f"APPROX POSITION XYZ of {base.path}, {distance:.1f} m from its position by codes;"
+            f" taken as {point}"
         )
         advice = f"give {_coordinates()}; every position has the error of these coordinates"
         ask = Question("base coordinates", "coordinates that are known")
         checks.append(ask.note(finding, advice))
-    elif off > MEASURED_PLACE_M:
-        finding = f"{off:.1f} m from the position of {base.path} by codes"
+    elif distance > MEASURED_PLACE_M:
+        finding = f"{distance:.1f} m from the position of {base.path} by codes"
         advice = (
             "check the base coordinates, their datum and height (ellipsoidal); every position has"
             " their error"

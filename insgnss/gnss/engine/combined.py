@@ -79,13 +79,13 @@ def combined(forward: Path, backward: Path, path: Path, kinematic: bool = True) 
     """
     f, b = _Run.read(forward), _Run.read(backward)
     near = np.minimum(np.searchsorted(b.time, f.time - SAME_S), b.time.size - 1)
-    both = np.abs(b.time[near] - f.time) <= SAME_S
-    i, j = np.flatnonzero(both), near[both]
+    simultaneous = np.abs(b.time[near] - f.time) <= SAME_S
+    i, j = np.flatnonzero(simultaneous), near[simultaneous]
     order = PRIORITY[f.quality[i]] - PRIORITY[b.quality[j]]
     order = np.where(order == 0, b.sound[j].astype(int) - f.sound[i].astype(int), order)
     merged = (order == 0) & f.sound[i]
     of_backward = np.concatenate([np.setdiff1d(np.arange(b.time.size), j), j[order > 0]])
-    of_forward = np.concatenate([np.flatnonzero(~both), i[(order <= 0) & ~merged]])
+    of_forward = np.concatenate([np.flatnonzero(~simultaneous), i[(order <= 0) & ~merged]])
     i, j = i[merged], j[merged]
     together = _merged(f, b, i, j, kinematic)
     values = [f.values[of_forward], b.values[of_backward], together]
@@ -147,13 +147,13 @@ class _Run:
 
 def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
     """Numbers of the epochs i of one run and j of the other, by (C.1) and (C.2)."""
-    apart, total = b.position[j] - f.position[i], f.cov[i] + b.cov[j]
+    separation, total = b.position[j] - f.position[i], f.cov[i] + b.cov[j]
     # P P_b^-1 = P_f (P_f + P_b)^-1, without an inverse of either
     gain = np.linalg.solve(total, f.cov[i]).swapaxes(1, 2)
-    position = f.position[i] + np.einsum("nij,nj->ni", gain, apart)
+    position = f.position[i] + np.einsum("nij,nj->ni", gain, separation)
     cov = f.cov[i] - gain @ f.cov[i]
     limit = AGREEING_SIGMAS**2 * np.diagonal(total, axis1=1, axis2=2)
-    doubtful = (f.quality[i] == FIXED_EPOCH) & (apart**2 > limit).any(axis=1) & kinematic
+    doubtful = (f.quality[i] == FIXED_EPOCH) & (separation**2 > limit).any(axis=1) & kinematic
     quality = np.where(doubtful, FLOAT_EPOCH, f.quality[i])
     lat, lon, height = ecef_to_geodetic(position)
     C = (rotation_en(lat, lon) @ NED_NEU).swapaxes(1, 2)

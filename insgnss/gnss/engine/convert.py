@@ -98,15 +98,15 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Rine
     if form == "ULOG":
         return _of_autopilot(path, directory, navigation)
     observations = directory / f"{path.stem}.obs"
-    words = [form, str(path.absolute()), str(observations), str(directory / f"{path.stem}.nav")]
+    command = [form, str(path.absolute()), str(observations), str(directory / f"{path.stem}.nav")]
     week = ""
     if form == "RTCM3":
         messages = read_navigation(navigation)
         middle = float(np.median(messages.table[:, TOE]))
         when = calendar_from_gps(messages.gps_week, middle, "gpst")
-        words.append(f"{when:%Y,%m,%d,%H,%M,%S}")
+        command.append(f"{when:%Y,%m,%d,%H,%M,%S}")
         week = ", its week by the navigation files"
-    _run([sys.executable, "-m", "insgnss.gnss.engine.convert_worker", *words], path)
+    _run([sys.executable, "-m", "insgnss.gnss.engine.convert_worker", *command], path)
     if not observations.is_file():
         raise DataError(
             f"{path}: {MAKERS[form]}: the converter found no raw observations in it; let the"

@@ -234,14 +234,14 @@ def check_navigation(
         )
         raise InputError(f"{navigation.source}: {message}; give the navigation of that day")
     have = set(navigation.satellite[current].astype("U1"))
-    seen = set(rover.satellite.astype("U1")) & set(options.systems)
-    if not seen & have:
+    observed = set(rover.satellite.astype("U1")) & set(options.systems)
+    if not observed & have:
         message = (
             f"ephemerides of {' '.join(sorted(have))}, but the rover {rover.header.path} observes"
-            f" {' '.join(sorted(seen))}"
+            f" {' '.join(sorted(observed))}"
         )
         raise InputError(f"{navigation.source}: {message}; give the navigation of these systems")
-    missing = sorted(seen - have)
+    missing = sorted(observed - have)
     mended = ", ".join(f"{count} {kind}" for kind, count in navigation.mended)
     advice = (
         "the file was read nevertheless; fetch it from another source if a satellite system is"
@@ -251,10 +251,10 @@ def check_navigation(
     checks = (note,) if mended else ()
     if not missing:
         return checks
-    other = {letter: toe[navigation.satellite.astype("U1") == letter] for letter in missing}
-    given = "; ".join(
+    toe_of = {letter: toe[navigation.satellite.astype("U1") == letter] for letter in missing}
+    navigation_systems = "; ".join(
         f"those of {letter} are of {_date(of.min())} to {_date(of.max())}"
-        for letter, of in other.items()
+        for letter, of in toe_of.items()
         if of.size
     )
     if "G" in missing:
@@ -263,17 +263,19 @@ def check_navigation(
             " observes"
         )
         advice = (
-            f"{given}; give the navigation of that day"
-            if other["G"].size
+            f"{navigation_systems}; give the navigation of that day"
+            if toe_of["G"].size
             else "add its navigation file"
         )
         raise InputError(
             f"{navigation.source}: {message}; {advice}, or leave G out of {named('gnss.systems')}"
         )
     finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}: these systems are left out" + (
-        f"; {given}" if given else ""
+        f"; {navigation_systems}" if navigation_systems else ""
     )
-    advice = "give the navigation of that day" if given else "add their navigation file"
+    advice = (
+        "give the navigation of that day" if navigation_systems else "add their navigation file"
+    )
     ask = Question("navigation", "ephemerides of every system observed")
     return (*checks, ask.note(finding, advice))
 

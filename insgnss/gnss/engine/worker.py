@@ -65,9 +65,11 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
     It is "" where none is like it.
     """
-    own = [other for other in candidates if other.partition("-")[0] == name.partition("-")[0]]
+    same_family = [
+        other for other in candidates if other.partition("-")[0] == name.partition("-")[0]
+    ]
     close = [
-        *difflib.get_close_matches(name, own, n=1),
+        *difflib.get_close_matches(name, same_family, n=1),
         *difflib.get_close_matches(name, list(candidates), n=1),
     ]
     return f"; did you mean {close[0]}?" if close else ""

@@ -79,10 +79,10 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
     steps = time[0] - theirs
     for constant in (*likely, *steps[np.argsort(np.abs(steps))].tolist()):
         shifted = theirs + constant
-        rest = time - shifted[np.searchsorted(0.5 * (shifted[1:] + shifted[:-1]), time)]
-        rest = rest[np.abs(rest) <= SAME_PULSE_S]
-        if rest.size >= most:
-            return constant + float(np.mean(rest)), rest.size
+        residual = time - shifted[np.searchsorted(0.5 * (shifted[1:] + shifted[:-1]), time)]
+        residual = residual[np.abs(residual) <= SAME_PULSE_S]
+        if residual.size >= most:
+            return constant + float(np.mean(residual)), residual.size
     return match.offset_s, most
 
 

@@ -171,11 +171,11 @@ def _spread(
     g[:] = 0.0
     for i in range(first, last):
         if weight[i] > 0.0:
-            own = weight[i] ** 2 * (sigma[i] ** 2 - common[i] ** 2)
+            independent = weight[i] ** 2 * (sigma[i] ** 2 - common[i] ** 2)
             for j in range(4):
                 g[j] += weight[i] * common[i] * A[i, j]
                 for k in range(4):
-                    M[j, k] += own * A[i, j] * A[i, k]
+                    M[j, k] += independent * A[i, j] * A[i, k]
         if i + 1 == last or satellite[i + 1] != satellite[i]:
             for j in range(4):
                 for k in range(4):

@@ -122,24 +122,29 @@ def double_differences(
     bands, hertz = _two_bands(rover, base, mine, theirs)
     antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch[rows]]
     navigation = navigation.of_week(rover.gps_week)
-    apart = _geometry(rover, mine, navigation, antenna, 0.0)
-    apart -= _geometry(
+    range_difference = _geometry(rover, mine, navigation, antenna, 0.0)
+    range_difference -= _geometry(
         base, theirs, navigation, np.broadcast_to(base_ecef, antenna.shape), _weeks(rover, base)
     )
     rise = fixes.height[satellites.epoch[rows]] - float(ecef_to_geodetic(base_ecef)[2])
-    apart += _other_air(air, rise, base_ecef) * mapping(satellites.elevation[rows])
+    range_difference += _other_air(air, rise, base_ecef) * mapping(satellites.elevation[rows])
     length = LIGHT / hertz
-    d = _phases(rover, mine, bands) - _phases(base, theirs, bands) - apart[:, None] / length
-    there = np.flatnonzero(np.isfinite(d).all(axis=1))
-    if there.size == 0:
+    d = (
+        _phases(rover, mine, bands)
+        - _phases(base, theirs, bands)
+        - range_difference[:, None] / length
+    )
+    complete = np.flatnonzero(np.isfinite(d).all(axis=1))
+    if complete.size == 0:
         return _no_differences()
     group = np.unique(
-        satellites.epoch[rows[there]] * 100 + satellites.system[rows[there]], return_inverse=True
+        satellites.epoch[rows[complete]] * 100 + satellites.system[rows[complete]],
+        return_inverse=True,
     )[1]
-    fraction = _without_integers(d[there], group, satellites.elevation[rows[there]])
+    fraction = _without_integers(d[complete], group, satellites.elevation[rows[complete]])
     whole = (np.abs(fraction) < LARGEST_PART).all(axis=1)
     many = whole & (np.bincount(group, whole)[group] >= LEAST_SATELLITES)
-    kept, fraction, length = rows[there[many]], fraction[many], length[there[many]]
+    kept, fraction, length = rows[complete[many]], fraction[many], length[complete[many]]
     _, epoch = np.unique(satellites.epoch[kept], return_inverse=True)
     _, satellite = unique_satellites(rover.satellite[satellites.row[kept]])
     kappa = (HERTZ["G"]["1"] * length / LIGHT) ** 2
@@ -153,7 +158,7 @@ def double_differences(
         design=design[kept],
         azimuth=satellites.azimuth[kept],
         elevation=satellites.elevation[kept],
-        rise=rise[there[many]],
+        rise=rise[complete[many]],
     )
 
 
@@ -200,13 +205,13 @@ def _usable(
     """Rows of `satellites` at measurable positions and epochs of the base, of systems with two
     bands, of at most `MOST_EPOCHS` epochs.
     """
-    apart = (
+    separated = (
         base.time[base.epoch[theirs]]
         + _weeks(rover, base)
         - rover.time[rover.epoch[satellites.row]]
     )
     shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SHARED_CARRIERS))
-    good = (theirs >= 0) & (np.abs(apart) <= LARGEST_OFFSET_S) & shared
+    good = (theirs >= 0) & (np.abs(separated) <= LARGEST_OFFSET_S) & shared
     rows = np.flatnonzero(good & measurable(fixes, base_ecef)[satellites.epoch])
     epochs = np.unique(satellites.epoch[rows])
     return rows[np.isin(satellites.epoch[rows], epochs[:: max(1, -(-epochs.size // MOST_EPOCHS))])]
@@ -221,11 +226,11 @@ def _two_bands(
     bands, hertz = np.full((mine.size, 2), "", dtype="U1"), np.full((mine.size, 2), np.nan)
     for letter, of in rows_of_systems(rover.satellite[mine]).items():
         first, *further = _bands(letter)
-        both = {
+        observed_share = {
             b: np.isfinite(_phase(rover, mine[of], b) + _phase(base, theirs[of], b)).mean()
             for b in further
         }
-        for k, band in enumerate((first, max(further, key=lambda b: both[b]))):
+        for k, band in enumerate((first, max(further, key=lambda b: observed_share[b]))):
             bands[of, k], hertz[of, k] = band, HERTZ[letter][band]
     return bands, hertz
 
@@ -270,5 +275,5 @@ def _without_integers(d: Array, group: Index, elevation: Array) -> Array:
     """What (P.1) leaves (m, 2), cycles, against the highest satellite of each group."""
     order = np.lexsort((-elevation, group))
     first = order[np.diff(group[order], prepend=-1) > 0]
-    apart = d - d[first[group]]
-    return np.asarray(apart - np.round(apart))
+    to_first = d - d[first[group]]
+    return np.asarray(to_first - np.round(to_first))

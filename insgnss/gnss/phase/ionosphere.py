@@ -382,8 +382,8 @@ class _Kind:
         sine = np.sin(d.elevation)
         weight, all_of_it = sine**2, np.column_stack([self.X, self.y])
         for _ in range(WEIGHTED_SOLUTIONS):
-            left, redundancy = _eliminated(all_of_it, self.A, self.group, weight)
-            X, y, root = left[:, :-1], left[:, -1], np.sqrt(weight)
+            reduced, redundancy = _eliminated(all_of_it, self.A, self.group, weight)
+            X, y, root = reduced[:, :-1], reduced[:, -1], np.sqrt(weight)
             x, _, rank, _ = np.linalg.lstsq(root[:, None] * X, root * y, rcond=1e-9)
             residual, tells = y - X @ x, redundancy > LEAST_REDUNDANCY
             size = np.abs(residual) * sine

@@ -25,13 +25,15 @@ def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
     lat, lon, _ = ecef_to_geodetic(base)
     axes = rotation_en(lat, lon)
     centre = base + RADIUS_M * axes[:, 2]
-    other = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
-    other /= np.linalg.norm(other, axis=1)[:, None]
-    here, there = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
-    ours, theirs = (_pierced(*of, axes, base - centre) for of in ((here, sight), (there, other)))
+    far = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
+    far /= np.linalg.norm(far, axis=1)[:, None]
+    to_antenna, to_base = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
+    ours, theirs = (
+        _pierced(*of, axes, base - centre) for of in ((to_antenna, sight), (to_base, far))
+    )
     slant = 0.5 * (ours[:, :1] + theirs[:, :1])
-    apart = ours[:, 1:] / ours[:, :1] - theirs[:, 1:] / theirs[:, :1]
-    return np.column_stack([ours - theirs, slant * apart])
+    obliquity_difference = ours[:, 1:] / ours[:, :1] - theirs[:, 1:] / theirs[:, :1]
+    return np.column_stack([ours - theirs, slant * obliquity_difference])
 
 
 def _reach(origin: Array, sight: Array, radius: float) -> Array:

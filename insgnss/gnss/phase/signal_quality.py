@@ -161,17 +161,17 @@ class _Arcs:
             [o.values[rows, k] if k is not None else np.full(rows.size, np.nan) for k in codes]
         )
         time, track = o.time[o.epoch[rows]], tracks[rows]
-        there = np.isfinite(o.values[rows, one])
-        before = np.roll(there, 1)
+        observed = np.isfinite(o.values[rows, one])
+        before = np.roll(observed, 1)
         begins = (
             (track != np.roll(track, 1))
             | (time - np.roll(time, 1) > LEAST_GAP_INTERVALS * interval)
             | ~before
         )
         begins[0] = True
-        flagged = ((o.loss_of_lock[rows][:, columns] & LOCK_LOST) > 0).any(axis=1) & there
+        flagged = ((o.loss_of_lock[rows][:, columns] & LOCK_LOST) > 0).any(axis=1) & observed
         names = tuple(f"{system} {o.signals[k]}" if k is not None else "" for k in codes)
-        return cls(names, phase, code, flagged, length, track, begins, int(there.sum()))
+        return cls(names, phase, code, flagged, length, track, begins, int(observed.sum()))
 
     @property
     def slip(self) -> NDArray[np.bool_]:
@@ -197,8 +197,10 @@ class _Arcs:
             if good.sum() < 2:
                 continue
             count = np.maximum(np.bincount(arc), 1)
-            rest = mp[good] - (np.bincount(arc, mp[good]) / count)[arc]
-            out[name] = float(np.sqrt(np.sum(rest**2) / max(rest.size - np.unique(arc).size, 1)))
+            residual = mp[good] - (np.bincount(arc, mp[good]) / count)[arc]
+            out[name] = float(
+                np.sqrt(np.sum(residual**2) / max(residual.size - np.unique(arc).size, 1))
+            )
         return out
 
 

@@ -153,29 +153,32 @@ def antenna_states(
     """Return the antenna at each epoch, and the satellites of each row at emission."""
     stamp, epoch = observations.time, observations.epoch
     week = observations.gps_week if positions.gps_week is None else positions.gps_week
-    given = positions.time + (week - observations.gps_week) * WEEK_S
+    position_time = positions.time + (week - observations.gps_week) * WEEK_S
     fixed = geodetic_to_ecef(positions.lat, positions.lon, positions.height)
     states = emission_states(navigation, observations.satellite, stamp[epoch], code)
-    position = _interpolate(stamp, given, fixed)
+    position = _interpolate(stamp, position_time, fixed)
     rho, _ = ranges(states.position, position[epoch])
     clock = medians((code - rho) / LIGHT + states.clock_s, epoch, stamp.size)
     time = stamp - clock
-    position = _interpolate(time, given, fixed)
-    after = np.clip(np.searchsorted(given, time), 1, max(given.size - 1, 1))
-    since, until = time - given[after - 1], given[np.minimum(after, given.size - 1)] - time
+    position = _interpolate(time, position_time, fixed)
+    after = np.clip(np.searchsorted(position_time, time), 1, max(position_time.size - 1, 1))
+    since, until = (
+        time - position_time[after - 1],
+        position_time[np.minimum(after, position_time.size - 1)] - time,
+    )
     bend = 0.5 * ACCELERATION * np.maximum(since, 0.0) * np.maximum(until, 0.0)
     variance = np.trace(positions.cov_ned, axis1=1, axis2=2)
-    sd = np.sqrt(np.interp(time, given, variance)) + bend
+    sd = np.sqrt(np.interp(time, position_time, variance)) + bend
     inside = (
-        (time >= given[0] - options.reach_s)
-        & (time <= given[-1] + options.reach_s)
+        (time >= position_time[0] - options.reach_s)
+        & (time <= position_time[-1] + options.reach_s)
         & (sd <= options.position_sd)
     )
     return AntennaPath(time, np.where(inside[:, None], position, np.nan), sd, clock), states
 
 
-def _interpolate(time: Array, given: Array, values: Array) -> Array:
-    return np.column_stack([np.interp(time, given, values[:, axis]) for axis in range(3)])
+def _interpolate(time: Array, position_time: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(time, position_time, values[:, axis]) for axis in range(3)])
 
 
 def medians(values: Array, group: Index, n: int) -> Array:
@@ -186,9 +189,9 @@ def medians(values: Array, group: Index, n: int) -> Array:
     count = np.bincount(group, minlength=n)
     start = np.concatenate([[0], np.cumsum(count)[:-1]])
     out = np.full(n, np.nan)
-    there = count > 0
-    low, high = start[there] + (count[there] - 1) // 2, start[there] + count[there] // 2
-    out[there] = 0.5 * (values[low] + values[high])
+    filled = count > 0
+    low, high = start[filled] + (count[filled] - 1) // 2, start[filled] + count[filled] // 2
+    out[filled] = 0.5 * (values[low] + values[high])
     return out
 
 
@@ -201,11 +204,13 @@ def neighbours(
     order = np.lexsort((epoch, satellite))
     first, second = order[:-1], order[1:]
     length = np.diff(observations.time, prepend=-np.inf)
-    apart = (satellite[first] == satellite[second]) & (epoch[second] == epoch[first] + 1)
-    apart &= (length[epoch[second]] <= options.longest_s) & (observations.flag[epoch[second]] == 0)
+    consecutive = (satellite[first] == satellite[second]) & (epoch[second] == epoch[first] + 1)
+    consecutive &= (length[epoch[second]] <= options.longest_s) & (
+        observations.flag[epoch[second]] == 0
+    )
     has_position = np.isfinite(antenna.position[:, 0])
-    apart &= has_position[epoch[first]] & has_position[epoch[second]]
-    first, second = first[apart], second[apart]
+    consecutive &= has_position[epoch[first]] & has_position[epoch[second]]
+    first, second = first[consecutive], second[consecutive]
     order = np.lexsort((satellite[second], epoch[second]))
     return first[order], second[order]
 
@@ -245,16 +250,16 @@ def modelled_pairs(
     """Model the pairs of rows by the ephemerides and the positions."""
     message = states.message[second]
     position, clock = states.position[first], states.clock_s[first]
-    other = np.flatnonzero(states.message[first] != message)
-    again = first[other]
+    changed = np.flatnonzero(states.message[first] != message)
+    again = first[changed]
     kept = emission_states(
         navigation,
         observations.satellite[again],
         observations.time[observations.epoch[again]],
         code[again],
-        message[other],
+        message[changed],
     )
-    position[other], clock[other] = kept.position, kept.clock_s
+    position[changed], clock[changed] = kept.position, kept.clock_s
     before, sight_before, _ = _range(antenna, observations.epoch[first], position, clock)
     after, sight_after, elevation = _range(
         antenna, observations.epoch[second], states.position[second], states.clock_s[second]
@@ -295,9 +300,9 @@ def phase_pairs(
         flags, before = observations.loss_of_lock[second, k], observations.loss_of_lock[first, k]
         kept = ((flags & LOCK_LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
         change = observations.values[second, k] - observations.values[first, k]
-        here = free[:, column] & np.isfinite(change)
-        phase[here & kept, column] = change[here & kept]
-        free[here, column] = False
+        usable = free[:, column] & np.isfinite(change)
+        phase[usable & kept, column] = change[usable & kept]
+        free[usable, column] = False
     high = np.isfinite(modelled.change) & (modelled.elevation >= np.radians(options.mask_deg))
     y = phase * LIGHT / hertz - np.where(high, modelled.change, np.nan)[:, None]
     length = (
@@ -333,10 +338,10 @@ def _ionosphere_rate(y: Array, kappa: Array, satellite: Index, time: Array, leng
     """Rate of the ionospheric delay on GPS L1, m/s, of each pair (m,) (P.1); NaN where two bands do
     not show it.
     """
-    there = np.isfinite(y)
-    count = np.maximum(there.sum(axis=1, keepdims=True), 1)
-    y, kappa = np.where(there, y, 0.0), np.where(there, kappa, 0.0)
-    centred = np.where(there, kappa - kappa.sum(axis=1, keepdims=True) / count, 0.0)
+    finite = np.isfinite(y)
+    count = np.maximum(finite.sum(axis=1, keepdims=True), 1)
+    y, kappa = np.where(finite, y, 0.0), np.where(finite, kappa, 0.0)
+    centred = np.where(finite, kappa - kappa.sum(axis=1, keepdims=True) / count, 0.0)
     spread = (centred**2).sum(axis=1)
     two = spread > 1e-3
     change = -(centred * y).sum(axis=1) / np.where(two, spread, 1.0)
@@ -345,8 +350,8 @@ def _ionosphere_rate(y: Array, kappa: Array, satellite: Index, time: Array, leng
         rows = np.flatnonzero((satellite == k) & two)
         if rows.size == 0:
             continue
-        off = np.abs(change[rows] - np.median(change[rows]))
-        rows = rows[off <= OUTLIER_SIGMAS * MAD_TO_SIGMA * np.median(off)]
+        deviation = np.abs(change[rows] - np.median(change[rows]))
+        rows = rows[deviation <= OUTLIER_SIGMAS * MAD_TO_SIGMA * np.median(deviation)]
         sums = np.concatenate(
             [np.zeros((1, 2)), np.cumsum(np.column_stack([change[rows], length[rows]]), axis=0)]
         )

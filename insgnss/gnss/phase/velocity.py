@@ -300,8 +300,8 @@ def _growth(
 
     every = size(used)
     counts = np.bincount(group[used], minlength=groups)
-    own = np.array([size(used & (group == k)) for k in range(groups)])
-    return np.sqrt((counts * own**2 + POOLED_ROWS * every**2) / (counts + POOLED_ROWS))
+    size_of_group = np.array([size(used & (group == k)) for k in range(groups)])
+    return np.sqrt((counts * size_of_group**2 + POOLED_ROWS * every**2) / (counts + POOLED_ROWS))
 
 
 def at_stamps(velocity: AntennaVelocity, time: ArrayLike) -> StampedVelocity:
@@ -330,10 +330,10 @@ def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
     T = velocity.interval_s
     out, cov = np.empty((joined.size, 3)), np.empty((joined.size, 3, 3))
     widest = max(round(JERK_S / float(np.median(T))), 2)
-    left = np.ones(joined.size, dtype=np.bool_)
+    remaining = np.ones(joined.size, dtype=np.bool_)
     for half in dict.fromkeys((widest, 2, 0)):
-        these = np.flatnonzero(left & _even(velocity, joined, half))
-        left[these] = False
+        these = np.flatnonzero(remaining & _even(velocity, joined, half))
+        remaining[these] = False
         k = joined[these]
         weights = np.zeros((these.size, max(2 * half, 2)))
         middle = weights.shape[1] // 2

@@ -90,10 +90,10 @@ def solution_of(rows: PosRows) -> EngineSolution:
             rows.table.path,
             f"the header does not name {missing[0]}; is it a solution of an engine?",
         )
-    odd = _without_covariance(np.column_stack([columns[name] for name in roots]))
-    fixes = _without_roots(rows, odd) if odd.any() else fixes_of_rows(rows)
+    incomplete = _without_covariance(np.column_stack([columns[name] for name in roots]))
+    fixes = _without_roots(rows, incomplete) if incomplete.any() else fixes_of_rows(rows)
     if fixes.quality is not None:
-        fixes = replace(fixes, quality=np.where(odd, Quality.SINGLE, fixes.quality))
+        fixes = replace(fixes, quality=np.where(incomplete, Quality.SINGLE, fixes.quality))
     return EngineSolution(fixes, *(columns[name] for name in BESIDE))
 
 
@@ -105,15 +105,17 @@ def _without_covariance(roots: Array) -> NDArray[np.bool_]:
     return np.asarray(bad | without_inverse(P))
 
 
-def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
-    """The fixes of the rows, the six roots of the rows `odd` (n,) zero: unknown."""
-    zeroed = {name: np.where(odd, 0.0, rows.columns[name]) for name in ROOTS[rows.header.kind]}
+def _without_roots(rows: PosRows, incomplete: NDArray[np.bool_]) -> GnssFixes:
+    """The fixes of the rows, the six roots of the rows `incomplete` (n,) zero: unknown."""
+    zeroed = {
+        name: np.where(incomplete, 0.0, rows.columns[name]) for name in ROOTS[rows.header.kind]
+    }
     fixes = fixes_of_rows(
         replace(rows, columns=rows.columns | zeroed), ReadOptions(sigma_m=UNKNOWN_SIGMA_M)
     )
     finding = (
-        f"{int(odd.sum())} epochs have no covariance: standard deviations of zero, or correlations"
-        " beyond one"
+        f"{int(incomplete.sum())} epochs have no covariance: standard deviations of zero, or"
+        " correlations beyond one"
     )
     size = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
     advice = (
@@ -121,8 +123,8 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         " engine's dynamics model needs an epoch about every second"
     )
     note = Question("GNSS covariance", "a covariance each").note(finding, advice)
-    others = tuple(check for check in fixes.notes if check.topic != SIGMAS_ASSUMED)
-    return replace(fixes, notes=(*others, note))
+    other_notes = tuple(check for check in fixes.notes if check.topic != SIGMAS_ASSUMED)
+    return replace(fixes, notes=(*other_notes, note))
 
 
 def solution_series(
@@ -243,13 +245,17 @@ def coverage_numbers(
 
 def _separation_numbers(separation: Separation, gate: float) -> dict[str, Any]:
     finite = np.isfinite(separation.ned).all(axis=1)
-    apart = separation.ned[separation.fixed]
+    separation_ned = separation.ned[separation.fixed]
     return {
         "epochs": int(finite.sum()),
         "both_fixed": int(separation.fixed.sum()),
         "contradicting": int(separation.beyond(gate).sum()),
-        "fixed_rms_m": np.sqrt(np.mean(apart**2, axis=0)).tolist() if apart.size else None,
-        "fixed_largest_m": np.abs(apart).max(axis=0).tolist() if apart.size else None,
+        "fixed_rms_m": np.sqrt(np.mean(separation_ned**2, axis=0)).tolist()
+        if separation_ned.size
+        else None,
+        "fixed_largest_m": np.abs(separation_ned).max(axis=0).tolist()
+        if separation_ned.size
+        else None,
     }
 
 
@@ -304,12 +310,12 @@ def verdict(
     sigma = numbers["sigma_m"]["fixed_median"]
     if sigma and None not in sigma:
         summary += f", standard deviations north, east, down {_in_mm(sigma)}"
-    others = [
+    remaining = [
         c.name.removeprefix("GNSS ")
         for c in (*doubts, *checks)
         if c.verdict != "ok" and c.name != "GNSS fix rate"
     ]
-    summary += f"; look at {', '.join(dict.fromkeys(others))}" if others else ""
+    summary += f"; look at {', '.join(dict.fromkeys(remaining))}" if remaining else ""
     return summary, tuple(checks)
 
 

@@ -48,17 +48,17 @@ def _whole(buf, a, b, end):
     """Whole number without sign in columns a to b of a text that ends at `end`; _NO_NUMBER, or
     _BAD.
     """
-    n, seen, ended = 0, False, False
+    n, digit_seen, ended = 0, False, False
     for i in range(a, min(b, end)):
         c = np.int64(buf[i])
         if c == _SPACE:
-            ended = seen
+            ended = digit_seen
         elif _ZERO <= c <= _ZERO + 9 and not ended:
             n = 10 * n + c - _ZERO
-            seen = True
+            digit_seen = True
         else:
             return _BAD
-    return n if seen else _NO_NUMBER
+    return n if digit_seen else _NO_NUMBER
 
 
 @njit(cache=True)
@@ -396,10 +396,10 @@ def parse(
         ticks[n], flags[n], lines[n], clock[n] = state[TICKS], state[FLAG], line, np.nan
         first = offset + (41 if three else 68)
         if end > first:
-            given, x = _number(buf, first, min(first + (15 if three else 12), end))
-            if given < 0:
+            is_number, x = _number(buf, first, min(first + (15 if three else 12), end))
+            if is_number < 0:
                 return _fault(state, BAD_NUMBER, offset, line)
-            if given == 1:
+            if is_number == 1:
                 clock[n] = x
         if three:
             offset, line = stop + 1, line + 1

@@ -51,9 +51,11 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
     path = observations.header.path
     records, left_out_notes = _taken(observations, wanted)
     time = np.array([record.time for record in records], dtype=np.float64)
-    rows, odd = put_in_order(_EventLines(path, records), time, lambda i, k: True, "camera events")
+    rows, findings = put_in_order(
+        _EventLines(path, records), time, lambda i, k: True, "camera events"
+    )
     time = time if rows is None else time[rows]
-    notes = (*left_out_notes, *odd)
+    notes = (*left_out_notes, *findings)
     span = observations.time
     if outside := int(np.sum((time < span[0]) | (time > span[-1]))):
         finding = f"{outside} of {time.size} lie outside of the epochs"

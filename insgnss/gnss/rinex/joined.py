@@ -52,14 +52,14 @@ def joined(paths: Sequence[Path], directory: Path) -> RinexFile:
     if len(paths) == 1:
         return RinexFile(paths[0])
     read = sorted((read_observations(path) for path in paths), key=_first)
-    for one, other in pairwise(read):
-        _check_alike(read[0].header, other.header)
-        if _first(other) < _last(one) - SAME_EPOCH_S:
+    for one, following in pairwise(read):
+        _check_alike(read[0].header, following.header)
+        if _first(following) < _last(one) - SAME_EPOCH_S:
             message = (
-                f"begins {_last(one) - _first(other):.3f} s before {one.header.path} ends; give"
+                f"begins {_last(one) - _first(following):.3f} s before {one.header.path} ends; give"
                 " files that follow each other, each once"
             )
-            raise InputError.in_file(other.header.path, message)
+            raise InputError.in_file(following.header.path, message)
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / f"{Path(read[0].header.path).name} and {len(read) - 1} more"
     with path.open("wb") as file:
@@ -85,15 +85,17 @@ def _last(observations: Observations) -> float:
     return float(observations.gps_week * WEEK_S + observations.time[-1])
 
 
-def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
+def _check_alike(first: RinexHeader, following: RinexHeader) -> None:
     """InputError where the first header would be wrong for the other file's observations."""
     pairs = {
-        "the RINEX version": (first.version, other.version),
-        "the kinds of observations": (first.types, other.types),
-        "the antenna": (first.antenna, other.antenna),
-        "the antenna's height": tuple(header.antenna_delta_m.tolist() for header in (first, other)),
-        "the time system": (first.clock, other.clock),
-        "scale factors": (first.scale, other.scale),
+        "the RINEX version": (first.version, following.version),
+        "the kinds of observations": (first.types, following.types),
+        "the antenna": (first.antenna, following.antenna),
+        "the antenna's height": tuple(
+            header.antenna_delta_m.tolist() for header in (first, following)
+        ),
+        "the time system": (first.clock, following.clock),
+        "scale factors": (first.scale, following.scale),
     }
     for name, (one, another) in pairs.items():
         if one != another:
@@ -102,13 +104,13 @@ def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
                 " only files of one receiver and setting can be joined: convert all with the same"
                 " options"
             )
-            raise InputError.in_file(other.path, message)
-    if first.approx_position_m is None or other.approx_position_m is None:
+            raise InputError.in_file(following.path, message)
+    if first.approx_position_m is None or following.approx_position_m is None:
         return
-    apart = float(np.linalg.norm(first.approx_position_m - other.approx_position_m))
-    if first.marker != other.marker and apart > SAME_PLACE_M:
+    distance = float(np.linalg.norm(first.approx_position_m - following.approx_position_m))
+    if first.marker != following.marker and distance > SAME_PLACE_M:
         message = (
-            f"is of {other.marker or 'another marker'}, {apart:.0f} m from {first.marker} of"
+            f"is of {following.marker or 'another marker'}, {distance:.0f} m from {first.marker} of"
             f" {first.path}; join files of one station"
         )
-        raise InputError.in_file(other.path, message)
+        raise InputError.in_file(following.path, message)

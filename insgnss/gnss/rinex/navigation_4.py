@@ -53,15 +53,15 @@ def as_rinex_3(path: str | Path, lines: list[str], start: int) -> tuple[list[str
     for k in range(start, len(lines)):
         line = lines[k]
         if line.startswith(">"):
-            words = line[1:].split()
-            if len(words) < 3:
+            fields = line[1:].split()
+            if len(fields) < 3:
                 raise InputError.at_line(
                     path,
                     k + 1,
                     f"{line[:40]!r} is no record of RINEX 4, such as '> EPH G01 LNAV'; fetch the"
                     " file again",
                 )
-            kind, satellite, message = words[:3]
+            kind, satellite, message = fields[:3]
             taken = kind == "EPH" and satellite[:1] in OF_RINEX_3.get(message, "")
             if not taken:
                 left_out[f"{kind} {message}"] += 1

@@ -292,7 +292,7 @@ class _Reading(AtLines):
             if state[k.MARK] < self.buf.size
             else ("", self.buf.size)
         )
-        seen = shown(text.strip())
+        field = shown(text.strip())
         if status == k.CUT or (behind >= self.buf.size and not self.complete):
             start, _ = line_at(self.buf, int(state[k.OFFSET]))
             epoch = f"the epoch of line {state[k.LINE]} ({start[:32].strip(' >')})"
@@ -306,20 +306,20 @@ class _Reading(AtLines):
                 " gfzrnx or teqc"
             )
         if status == k.BAD_EPOCH:
-            return f"{seen} where an epoch must begin; {COPY_AGAIN}"
+            return f"{field} where an epoch must begin; {COPY_AGAIN}"
         if status == k.BAD_SATELLITE:
-            return f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {COPY_AGAIN}"
+            return f"{field} names no satellite of the epoch in line {state[k.LINE]}; {COPY_AGAIN}"
         if status == k.NEW_SYSTEM:
             name = SYSTEM_NAMES[SYSTEM_LETTERS[int(state[k.SYSTEM])]]
             return (
-                f"{seen}: the header lists no types of observation of {name}; complete the header"
+                f"{field}: the header lists no types of observation of {name}; complete the header"
             )
         if status == k.TWICE:
             twice = f"this satellite stands twice in the epoch of line {state[k.LINE]}"
-            return f"{seen}: {twice}; {COPY_AGAIN}"
+            return f"{field}: {twice}; {COPY_AGAIN}"
         return (
             "a field of 14 columns is no number with a decimal point, or there is text behind the"
-            f" last type of observation: {seen}; {COPY_AGAIN}"
+            f" last type of observation: {field}; {COPY_AGAIN}"
         )
 
     def refuse_cut_line(self) -> None:

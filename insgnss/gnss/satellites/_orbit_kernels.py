@@ -137,9 +137,9 @@ def _glonass(p: Array, t: float, out: Array, work: Array) -> None:
     y, z, k, total = work[0], work[1], work[2], work[3]
     for j in range(6):
         y[j] = p[STATE + j]
-    left = t - p[TOE]
-    steps = max(1, int(np.ceil(abs(left) / GLONASS_STEP_S)))
-    h = left / steps
+    remaining = t - p[TOE]
+    steps = max(1, int(np.ceil(abs(remaining) / GLONASS_STEP_S)))
+    h = remaining / steps
     for _ in range(steps):
         for j in range(6):
             z[j], total[j] = y[j], 0.0

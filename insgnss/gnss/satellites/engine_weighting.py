@@ -47,8 +47,8 @@ def carrying_systems(options: EngineOptions) -> str:
     mode = more.get(ARMODE, "1")
     real = {
         system
-        for system, (name, usual, left) in UNRESOLVED.items()
-        if more.get(name, usual) in left
+        for system, (name, usual, unresolved) in UNRESOLVED.items()
+        if more.get(name, usual) in unresolved
     }
     if mode in FIX_AND_HOLD and more.get("pos2-gloarmode", "3") in FIX_AND_HOLD:
         real.discard("R")  # a hold has calibrated its receivers' biases

@@ -55,7 +55,7 @@ def kappa(system: str, band: str) -> float:
 def engine_phases(observations: "Observations", frequencies: int) -> NDArray[np.bool_]:
     """Return whether each row has a phase in the engine's frequencies (m, frequencies)."""
     out = np.zeros((observations.satellite.size, frequencies), dtype=np.bool_)
-    there = np.isfinite(observations.values) & (observations.values != 0.0)
+    observed = np.isfinite(observations.values) & (observations.values != 0.0)
     for letter, of in rows_of_systems(observations.satellite).items():
         for k, bands in enumerate(ENGINE_BANDS.get(letter, ())[:frequencies]):
             columns = [
@@ -63,7 +63,7 @@ def engine_phases(observations: "Observations", frequencies: int) -> NDArray[np.
                 for j, signal in enumerate(observations.signals)
                 if signal[0] == "L" and signal[1] in bands
             ]
-            out[of, k] = there[of][:, columns].any(axis=1)
+            out[of, k] = observed[of][:, columns].any(axis=1)
     return out
 
 

@@ -188,15 +188,15 @@ def ranges(satellite: Array, receiver: Array) -> tuple[Array, Array]:
     receiver : ndarray, shape (3,) or (m, 3)
         m, ECEF at reception.
     """
-    apart = satellite - receiver
-    distance = np.sqrt(np.einsum("mi,mi->m", apart, apart))
+    to_satellite = satellite - receiver
+    distance = np.sqrt(np.einsum("mi,mi->m", to_satellite, to_satellite))
     receiver = np.broadcast_to(receiver, satellite.shape)
     sagnac = (
         GPS_EARTH_RATE
         / LIGHT
         * (satellite[:, 0] * receiver[:, 1] - satellite[:, 1] * receiver[:, 0])
     )
-    return distance + sagnac, apart / distance[:, None]
+    return distance + sagnac, to_satellite / distance[:, None]
 
 
 def sky(line_of_sight: Array, receiver: Array) -> tuple[Array, Array]:

@@ -92,11 +92,11 @@ def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
     """
     shift = (fixes.gps_week - rover.gps_week) * WEEK_S if fixes.gps_week is not None else 0.0
     index = _nearest(rover.time, fixes.time + shift)
-    if (off := np.abs(rover.time[index] - fixes.time - shift) > LARGEST_OFFSET_S).any():
-        first = fixes.time[int(np.argmax(off))]
+    if (beyond := np.abs(rover.time[index] - fixes.time - shift) > LARGEST_OFFSET_S).any():
+        first = fixes.time[int(np.argmax(beyond))]
         message = (
-            f"{int(off.sum())} of {off.size} positions, the first at {first:.3f} s, are not at"
-            " epochs of the rover"
+            f"{int(beyond.sum())} of {beyond.size} positions, the first at {first:.3f} s, are not"
+            " at epochs of the rover"
         )
         raise InputError(
             f"{fixes.source or 'positions'}: {message} (limit {LARGEST_OFFSET_S:g} s); are they of"

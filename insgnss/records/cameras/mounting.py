@@ -293,11 +293,11 @@ def _as_rotation(name: str, value: ArrayLike) -> Array:
             " wrong sign",
         )
     C = nearest_rotation(M)
-    off = float(np.abs(M - C).max())
-    if off > ROTATION_TOLERANCE:
+    deviation = float(np.abs(M - C).max())
+    if deviation > ROTATION_TOLERANCE:
         raise InputError.of_value(
             name,
-            f"no rotation matrix, an entry differs by {off:.2g} from the nearest one (limit"
+            f"no rotation matrix, an entry differs by {deviation:.2g} from the nearest one (limit"
             f" {ROTATION_TOLERANCE:g}); check the digits",
         )
     return C

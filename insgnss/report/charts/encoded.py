@@ -188,11 +188,11 @@ def _short(x: Array) -> dict[str, Any] | None:
     return {"low": float(low), "step": step, "steps": packed_steps}
 
 
-def _unpacked(given: str | Mapping[str, Any]) -> Array:
-    if isinstance(given, str):
-        return np.frombuffer(base64.b64decode(given), dtype="<f4").astype(np.float64)
-    steps = np.frombuffer(base64.b64decode(given["steps"]), dtype="<u2")
-    values = given["low"] + given["step"] * steps.astype(np.float64)
+def _unpacked(packed: str | Mapping[str, Any]) -> Array:
+    if isinstance(packed, str):
+        return np.frombuffer(base64.b64decode(packed), dtype="<f4").astype(np.float64)
+    steps = np.frombuffer(base64.b64decode(packed["steps"]), dtype="<u2")
+    values = packed["low"] + packed["step"] * steps.astype(np.float64)
     return np.where(steps == NOT_FINITE, np.nan, values)
 
 
@@ -223,7 +223,7 @@ def _builtin(value: Any) -> Any:
 
 
 def _charts(whole: Mapping[str, Any]) -> tuple[Chart, ...]:
-    arrays = [_unpacked(given) for given in whole["arrays"]]
+    arrays = [_unpacked(packed) for packed in whole["arrays"]]
     texts = [tuple(listed) for listed in whole["texts"]]
 
     def layer(of: Mapping[str, Any]) -> Layer:

@@ -106,10 +106,10 @@ def figure_files(
 def _refuse_present(folder: Path, files: Sequence[Path], force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"figures: --out {folder} is a file, a directory is expected")
-    there = [file.name for file in files if file.exists()]
-    if there and not force:
+    present = [file.name for file in files if file.exists()]
+    if present and not force:
         raise UsageError(
-            f"figures: {folder} already holds {', '.join(there)}; nothing written; give another"
+            f"figures: {folder} already holds {', '.join(present)}; nothing written; give another"
             " directory with --out, or overwrite with --force"
         )
 
@@ -183,8 +183,8 @@ def _of_panel(panel: Panel) -> str:
 
 def _of_layer(layer: Layer) -> str:
     """Return what is wrong with a layer."""
-    for word, words in ((layer.kind, Kind), (layer.ink, Ink), (layer.mark, Mark)):
-        if word not in get_args(words):
+    for word, allowed in ((layer.kind, Kind), (layer.ink, Ink), (layer.mark, Mark)):
+        if word not in get_args(allowed):
             return f"{word!r} is unknown"
     if layer.kind == "rules":
         return ""
@@ -192,8 +192,8 @@ def _of_layer(layer: Layer) -> str:
     if any(getattr(layer, name) is None for name in needed):
         return f"a layer of {layer.kind} lacks {' or '.join(needed)}"
     n = layer.x.size - (layer.kind == "steps")
-    own = [layer.y, layer.y2, layer.x2, layer.value]
-    sizes = {np.size(values) for values in own if values is not None}
+    arrays = [layer.y, layer.y2, layer.x2, layer.value]
+    sizes = {np.size(values) for values in arrays if values is not None}
     if layer.texts or layer.kind == "labels":
         sizes.add(len(layer.texts))
     return "" if sizes == {n} else f"arrays of a layer of {layer.kind} have different lengths"

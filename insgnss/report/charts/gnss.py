@@ -118,11 +118,11 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
     statements = {**_STATEMENTS, "separation_m": _SEPARATION_OF_PPK}
     reading = " ".join(text for name, text in statements.items() if name in series)
     reading = reading or "The satellites of each epoch."
-    both = (
+    curves = (
         ("gnss-solution", "How the antenna positions were solved", reading, _solution),
         ("gnss-signals", "What the receiver observed", _SIGNALS, _signals),
     )
-    for name, title, text, panels in both:
+    for name, title, text, panels in curves:
         drawn = list(panels(series, minutes))
         if drawn:
             yield Chart(
@@ -193,10 +193,10 @@ def _rate(t: Array, kind: NDArray[np.int64]) -> Array:
 
 
 def _separation(t: Array, series: Series) -> Panel:
-    apart, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
-    finite = np.isfinite(apart).all(axis=1)
+    separation, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
+    finite = np.isfinite(separation).all(axis=1)
     typical = float(np.median(sigma[finite])) if finite.any() else 1.0
-    far = 1.2 * float(np.quantile(np.abs(apart[finite]), 0.99)) if finite.any() else 0.0
+    far = 1.2 * float(np.quantile(np.abs(separation[finite]), 0.99)) if finite.any() else 0.0
     reach = max(4.0 * typical, far)
     factor, unit = length_unit(reach / 4.0)
     layers = []
@@ -204,7 +204,7 @@ def _separation(t: Array, series: Series) -> Panel:
         zero = np.zeros(int(finite.sum()))
         layers.append(band(t[finite], zero, 3.0 * factor * sigma[finite, k], ink=AXES_INKS[k]))
     layers += [
-        line(t, factor * apart[:, k], NED_NAMES[k], AXES_INKS[k], width=1.0) for k in range(3)
+        line(t, factor * separation[:, k], NED_NAMES[k], AXES_INKS[k], width=1.0) for k in range(3)
     ]
     limits = (-1.05 * reach * factor, 1.05 * reach * factor)
     return Panel(f"backward - forward, {unit}", layers, limits=limits)
@@ -233,6 +233,6 @@ def _signals(series: Series, minutes: Minutes) -> Iterator[Panel]:
         t = minutes(series["time"])
         step = -(-len(row) // MOST_SATELLITES)
         names, rows = [*row][::step], np.arange(0.0, len(row), step)
-        left = np.full(rows.size, t[0] + 0.02 * (t[-1] - t[0]))
-        labels = Layer("labels", left, rows, ink="faint", texts=names)
+        label_time = np.full(rows.size, t[0] + 0.02 * (t[-1] - t[0]))
+        labels = Layer("labels", label_time, rows, ink="faint", texts=names)
         yield Panel("satellite", (layer, labels), limits=(-1.0, float(len(row))))

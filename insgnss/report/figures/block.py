@@ -87,9 +87,11 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
     """Images, flight lines, control and check points with their residuals."""
     X = ground.position
     names = [image["image"] for image in figures["images"]]
-    seen = ground.point[ground.around(ground.point)]
-    seen = seen[:: max(1, -(-len(seen) // MOST_MARKS))]
-    layers = [Layer("points", seen[:, 0], seen[:, 1], ink="faint", width=1.5, faint=True)]
+    tie_points = ground.point[ground.around(ground.point)]
+    tie_points = tie_points[:: max(1, -(-len(tie_points) // MOST_MARKS))]
+    layers = [
+        Layer("points", tie_points[:, 0], tie_points[:, 1], ink="faint", width=1.5, faint=True)
+    ]
     lines = [rows for rows in ground.lines if len(rows) > 1]
     numbers = [str(k + 1) for k, rows in enumerate(ground.lines) if len(rows) > 1]
     layers += [Layer("line", X[rows, 0], X[rows, 1], ink="faint", width=1.1) for rows in lines]
@@ -148,8 +150,10 @@ def _surveyed(figures: Mapping[str, Any]) -> Iterator[_SurveyedPoints]:
     )
     for kind, group, key, ink, mark in kinds:
         if points := [p for p in figures[group] if key in p]:
-            position, off = (np.array([p[name] for p in points]) for name in ("position_m", key))
-            yield _SurveyedPoints(kind, [p["point"] for p in points], position, off, ink, mark)
+            position, residual = (
+                np.array([p[name] for p in points]) for name in ("position_m", key)
+            )
+            yield _SurveyedPoints(kind, [p["point"] for p in points], position, residual, ink, mark)
 
 
 def precision_map(
@@ -189,8 +193,8 @@ def precision_map(
         )
     if proposed is not None:
         x, y = np.asarray(proposed[:1]), np.asarray(proposed[1:2])
-        words = "one more would help here"
-        layers.append(Layer("points", x, y, words, "warn", mark="ring", width=10.0, texts=[words]))
+        label = "one more would help here"
+        layers.append(Layer("points", x, y, label, "warn", mark="ring", width=10.0, texts=[label]))
     reading = (
         "Each dot is an object point; its colour is the standard deviation of its height. Points of"
         " two images, at the rim, are worse than those of many; colours that change over the whole"

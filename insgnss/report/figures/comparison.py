@@ -66,10 +66,10 @@ def comparison_charts(
     names : of the pairs, such as images; may be empty.
     """
     charts = [_over_time("differences", [(p.name, p.difference) for p in panels], times[0], names)]
-    left = [(p.name, p.remaining) for p in panels if p.remaining is not None]
-    if left:
-        own = names if left[0][1].values.size == len(names) else ()
-        charts.append(_over_time("remaining", left, times[1], own))
+    remaining = [(p.name, p.remaining) for p in panels if p.remaining is not None]
+    if remaining:
+        own = names if remaining[0][1].values.size == len(names) else ()
+        charts.append(_over_time("remaining", remaining, times[1], own))
     return (*charts, _distribution(panels))
 
 

@@ -62,18 +62,18 @@ def scattered(
     Chart
         Three panels, one an axis of the camera.
     """
-    off = data.each - data.mean
-    factor, unit = length_unit(float(np.abs(off).max()) + float(data.sigma.max()))
+    deviation = data.each - data.mean
+    factor, unit = length_unit(float(np.abs(deviation).max()) + float(data.sigma.max()))
     panels = []
     for k, name in enumerate(axis_names):
-        words = ""
+        mean_label = ""
         if data.mean_sigma[k] > 0.0:
-            words = f"mean {data.mean[k]:+.4f} ± {data.mean_sigma[k]:.4f} m"
-        layers = _scatter_layers(data, k, factor, words)
+            mean_label = f"mean {data.mean[k]:+.4f} ± {data.mean_sigma[k]:.4f} m"
+        layers = _scatter_layers(data, k, factor, mean_label)
         panels.append(Panel(f"{name}: {unit}", layers))
     names, number = data.names, np.arange(1.0, len(data.names) + 1.0)
     if len(names) <= MOST_NAMES and not all(name.isdigit() for name in names):
-        low, high = off[:, 2] - data.sigma[:, 2], off[:, 2] + data.sigma[:, 2]
+        low, high = deviation[:, 2] - data.sigma[:, 2], deviation[:, 2] + data.sigma[:, 2]
         below = float(low.min()) - 0.15 * max(float(high.max() - low.min()), 1e-9)
         height = np.full(number.size, factor * below)
         last = panels[-1]
@@ -92,14 +92,14 @@ def scattered(
     return Chart(f"scatter-{kind}", title, reading, panels, label, limits=ends)
 
 
-def _scatter_layers(data: Scatter, k: int, factor: float, words: str) -> list[Layer]:
+def _scatter_layers(data: Scatter, k: int, factor: float, label: str) -> list[Layer]:
     """Band of the mean, bars and dots of one axis."""
     number = np.arange(1.0, len(data.names) + 1.0)
-    off, sigma = factor * (data.each[:, k] - data.mean[k]), factor * data.sigma[:, k]
+    deviation, sigma = factor * (data.each[:, k] - data.mean[k]), factor * data.sigma[:, k]
     ends, half = np.array([0.5, number.size + 0.5]), np.full(2, factor * data.mean_sigma[k])
     layers = [ZERO]
-    if words:
-        layers.append(Layer("band", ends, -half, words, AXES_INKS[k], y2=half))
+    if label:
+        layers.append(Layer("band", ends, -half, label, AXES_INKS[k], y2=half))
     kinds: tuple[tuple[NDArray[np.bool_], Ink, str], ...] = (
         (~data.left_out, AXES_INKS[k], ""),
         (data.left_out, "warn", "left out"),
@@ -107,12 +107,12 @@ def _scatter_layers(data: Scatter, k: int, factor: float, words: str) -> list[La
     for chosen, ink, name in kinds:
         if not chosen.any():
             continue
-        x, y, s = number[chosen], off[chosen], sigma[chosen]
+        x, y, s = number[chosen], deviation[chosen], sigma[chosen]
         if s.any():
             bars = _upright(x, y - s, y + s)
             layers.append(Layer("line", *bars, ink=ink))
-        own = [n for n, taken in zip(data.names, chosen, strict=True) if taken]
-        layers.append(Layer("points", x, y, name, ink, texts=own, width=7.0))
+        names = [n for n, taken in zip(data.names, chosen, strict=True) if taken]
+        layers.append(Layer("points", x, y, name, ink, texts=names, width=7.0))
     return layers
 
 
@@ -195,11 +195,11 @@ def _numbered(rows: NDArray[np.bool_]) -> list[str]:
 
 
 def _map(data: Residuals) -> Chart:
-    plan, off = data.position[:, :2], data.residual[:, :2]
-    usual = float(np.quantile(np.linalg.norm(off, axis=1), 0.9))
+    plan, residual = data.position[:, :2], data.residual[:, :2]
+    usual = float(np.quantile(np.linalg.norm(residual, axis=1), 0.9))
     size = float(np.ptp(plan, axis=0).max())
     scale = 0.06 * size / max(usual, 1e-9)
-    (x, y), (east, north) = plan.T, scale * off.T
+    (x, y), (east, north) = plan.T, scale * residual.T
     texts = _numbered(np.ones(len(plan), dtype=np.bool_))
     layers = [
         Layer("points", x, y, "image", texts=texts, width=4.0),

@@ -161,7 +161,7 @@ def noise_chart(sensor: Sensor, panels: Sequence[NoisePanel]) -> Chart:
 
 def _clock(tau: tuple[float, float], limits: tuple[float, float]) -> Iterator[Layer]:
     """Yield minutes and hours in words along the top."""
-    shown = {seconds: words for seconds, words in TIMES.items() if tau[0] < seconds < tau[1]}
+    shown = {seconds: label for seconds, label in TIMES.items() if tau[0] < seconds < tau[1]}
     if shown:
         height = np.full(len(shown), limits[1] / (limits[1] / limits[0]) ** 0.12)
         yield Layer("labels", np.array([*shown]), height, ink="faint", texts=[*shown.values()])
@@ -177,15 +177,15 @@ def spectrum_charts(panels: Sequence[SpectrumPanel]) -> tuple[Chart, ...]:
     charts = []
     for sensor in dict.fromkeys(panel.sensor for panel in panels):
         unit = _pretty(f"{AXIS_UNITS[sensor]}/sqrt(Hz)")
-        own = [panel for panel in panels if panel.sensor == sensor]
-        inside = own[0].frequency_hz > 0.0
-        f = own[0].frequency_hz[inside]
+        of_sensor = [panel for panel in panels if panel.sensor == sensor]
+        inside = of_sensor[0].frequency_hz > 0.0
+        f = of_sensor[0].frequency_hz[inside]
         charts.append(
             Chart(
                 f"spectrum-{sensor}",
                 f"{SENSOR_NAMES[sensor]}: spectrum in straight flight",
                 _SPECTRUM,
-                [_spectrum(panel, unit) for panel in own],
+                [_spectrum(panel, unit) for panel in of_sensor],
                 "frequency, Hz",
                 "log",
                 limits=(float(f[0]), float(f[-1])),
@@ -198,8 +198,8 @@ def _noise_layers(panel: NoisePanel, factor: float) -> Iterator[Layer]:
     """Yield curves, model and processes of one panel."""
     several = len(panel.curves) > 1
     for k, (curve, label) in enumerate(zip(panel.curves, panel.labels, strict=True)):
-        words = f"{len(panel.curves)} recordings" if several else label
-        yield from _curve(panel, curve, factor, label, words if k == 0 else "")
+        curve_label = f"{len(panel.curves)} recordings" if several else label
+        yield from _curve(panel, curve, factor, label, curve_label if k == 0 else "")
     for name, variance in panel.parts.items():
         yield Layer(
             "line",
@@ -210,9 +210,9 @@ def _noise_layers(panel: NoisePanel, factor: float) -> Iterator[Layer]:
             dashed=True,
         )
     if panel.modelled.size:
-        words = f"fitted sum, {panel.words}" if panel.words else "fitted sum"
+        curve_label = f"fitted sum, {panel.words}" if panel.words else "fitted sum"
         modelled = factor * _deviation(panel.modelled)
-        yield Layer("line", panel.tau_s, modelled, words, "ink", width=2.0)
+        yield Layer("line", panel.tau_s, modelled, curve_label, "ink", width=2.0)
 
 
 def _curve(
@@ -268,13 +268,13 @@ def _spectrum(panel: SpectrumPanel, unit: str) -> Panel:
     factor = 1.0 / parse_unit(AXIS_UNITS[panel.sensor]).scale
     inside = panel.frequency_hz > 0.0
     f, density = panel.frequency_hz[inside], factor * panel.density[inside]
-    models = [(words, factor * model[inside]) for words, model in panel.models]
+    models = [(label, factor * model[inside]) for label, model in panel.models]
     shown = np.concatenate([density, *(model for _, model in models)])
     top = 1.8 * float(shown.max())
     layers = [Layer("line", f, density, "in straight flight", "first", width=1.1)]
     layers += [
-        Layer("line", f, model, words, ink, width=2.0)
-        for (words, model), ink in zip(models, MODEL_INKS, strict=False)
+        Layer("line", f, model, label, ink, width=2.0)
+        for (label, model), ink in zip(models, MODEL_INKS, strict=False)
     ]
     lines = np.array(sorted(panel.lines_hz))
     if lines.size:
@@ -282,8 +282,8 @@ def _spectrum(panel: SpectrumPanel, unit: str) -> Panel:
         layers.append(
             Layer("rules", lines, nothing, "lines (propellers)", "warn", width=1.0, dashed=True)
         )
-        apart = [k for k in range(lines.size) if k == 0 or lines[k] > 1.25 * lines[k - 1]]
-        labelled = lines[apart]
+        distinct = [k for k in range(lines.size) if k == 0 or lines[k] > 1.25 * lines[k - 1]]
+        labelled = lines[distinct]
         texts = [f"{frequency:.3g} Hz" for frequency in labelled]
         layers.append(
             Layer("labels", labelled, np.full(labelled.size, 0.8 * top), ink="warn", texts=texts)

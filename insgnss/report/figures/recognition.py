@@ -86,8 +86,8 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     if time[-1] - time[0] <= length:
         return np.ones(time.size, dtype=bool)
     moved = np.linalg.norm(force - np.median(force, axis=0), axis=1)
-    odd = moved > 3.0 * np.percentile(moved, 90)  # no motion but an outlier of GNSS
-    lively = np.concatenate([[0.0], np.cumsum(np.where(odd, -10.0 * np.median(moved), moved))])
+    outlier = moved > 3.0 * np.percentile(moved, 90)  # no motion but an outlier of GNSS
+    lively = np.concatenate([[0.0], np.cumsum(np.where(outlier, -10.0 * np.median(moved), moved))])
     end = np.searchsorted(time, time + length)
     first = int(np.argmax(lively[end] - lively[:-1]))
     return np.asarray((time >= time[first]) & (time < time[first] + length))
@@ -110,32 +110,32 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
     gyro, gnss = (np.degrees(curves[name][window]) for name in ("turn_gyro", "turn_gnss"))
     slow = "" if np.isfinite(gnss).any() else " It moved too slowly for GNSS to have a course."
 
-    def panel(label: str, felt: Array, seen: Array, k: int) -> Panel:
+    def panel(label: str, felt: Array, of_gnss: Array, k: int) -> Panel:
         layers = [
             Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
-            Layer("points", x, seen, "seen by GNSS", "ink", width=3.5),
+            Layer("points", x, of_gnss, "seen by GNSS", "ink", width=3.5),
         ]
-        return Panel(label, layers, limits=_reach(felt, seen))
+        return Panel(label, layers, limits=_reach(felt, of_gnss))
 
     panels = [panel("turn rate about the vertical, deg/s", gyro, gnss, 0)]
     for k, name in enumerate(BODY):
-        felt, seen = (curves[of][window, k] for of in ("force_imu", "force_gnss"))
-        panels.append(panel(f"specific force {name}, m/s\N{SUPERSCRIPT TWO}", felt, seen, k))
+        felt, of_gnss = (curves[of][window, k] for of in ("force_imu", "force_gnss"))
+        panels.append(panel(f"specific force {name}, m/s\N{SUPERSCRIPT TWO}", felt, of_gnss, k))
     label = f"s after {time[0]:.1f} s"
     return Chart(
         "motion", "What the IMU felt and what GNSS saw", _MOTION_OF_RECORDING + slow, panels, label
     )
 
 
-def _orientations(score: Array, words: Sequence[str], certain: bool) -> Chart:
+def _orientations(score: Array, names: Sequence[str], certain: bool) -> Chart:
     """The best of the 24 scores, highest on top, and marked where it is `certain` to be right."""
     order = np.argsort(score)[-BEST:]
-    rank, own = np.arange(1.0, order.size + 1.0), score[order]
-    texts = [words[k] for k in order]
-    best = Layer("points", own[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
+    rank, ordered = np.arange(1.0, order.size + 1.0), score[order]
+    texts = [names[k] for k in order]
+    best = Layer("points", ordered[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
     layers = [
         Layer("rules", np.zeros(1), np.zeros(0), ink="faint", width=1.0),
-        Layer("points", own, rank, ink="faint", texts=texts, width=7.0),
+        Layer("points", ordered, rank, ink="faint", texts=texts, width=7.0),
         *([best] if certain else []),
         Layer("labels", np.full(rank.size, WORDS_AT), rank, ink="ink", texts=texts),
     ]

@@ -232,9 +232,9 @@ def lever_arm(f: Figures) -> Iterator[Finding]:
     if not beyond or max(beyond) <= SIGNIFICANT:
         return
     value = [arm[s.axis]["value"] if s.axis in arm else 0.0 for s in OF_LEVER_ARM]
-    off = _in_camera(mounting, value)
-    antenna = _millimetre_list(mounting["antenna_m"], off, 1.0)
-    imu = _millimetre_list(mounting["imu_m"], off, -1.0)
+    difference = _in_camera(mounting, value)
+    antenna = _millimetre_list(mounting["antenna_m"], difference, 1.0)
+    imu = _millimetre_list(mounting["imu_m"], difference, -1.0)
     text = (
         f"{EITHER_WRONG}: the lever arm from the IMU to the antenna came out"
         f" {math.hypot(*value):.3f} m = {max(beyond):.0f} sigma from what the mounting states, and"
@@ -248,9 +248,11 @@ def lever_arm(f: Figures) -> Iterator[Finding]:
     yield ranked("lever arm", max(beyond) / SIGNIFICANT + 1.0, text, help_)
 
 
-def _millimetre_list(position: Sequence[float], off: Sequence[float], sign: float) -> str:
-    """Return a position of the mounting moved by `off`, as a flight file has it, to the mm."""
-    return f"[{', '.join(f'{x + sign * d:.3f}' for x, d in zip(position, off, strict=True))}]"
+def _millimetre_list(position: Sequence[float], difference: Sequence[float], sign: float) -> str:
+    """Return a position moved by `difference`, to the mm, as a flight file has it."""
+    return (
+        f"[{', '.join(f'{x + sign * d:.3f}' for x, d in zip(position, difference, strict=True))}]"
+    )
 
 
 def _in_camera(mounting: Figures, vector: Sequence[float]) -> list[float]:

@@ -315,10 +315,10 @@ def time_correlated(f: Figures) -> Iterator[Finding]:
         )
         text = f"{whose} are taken as time-correlated over {seconds} s, {size}"
         if near is not None:
-            own = f["exposures"]["position_mm"]["median"]
+            median_mm = f["exposures"]["position_mm"]["median"]
             text += (
                 f": neighbouring images share them, and are known to {lengths(near['position_mm'])}"
-                f" relative to each other, to {lengths(own)} absolutely (E / N / U)"
+                f" relative to each other, to {lengths(median_mm)} absolutely (E / N / U)"
             )
         yield ranked(
             "time-correlated errors",

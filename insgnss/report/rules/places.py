@@ -46,14 +46,14 @@ def _weakest(f: Figures, key: str) -> Figures | None:
 
 def _ratio(f: Figures, line: Figures, key: str) -> float:
     """Sigma of a line over the median of all lines and LINE_RATIO."""
-    median = statistics.median(other[key] for other in f["lines"])
+    median = statistics.median(each[key] for each in f["lines"])
     return float(line[key]) / median / LINE_RATIO if median > 0.0 else 0.0
 
 
 def _on_line(
     f: Figures, line: Figures, name: str, key: str, form: Callable[[float], str]
 ) -> Iterator[Finding]:
-    median = statistics.median(other[key] for other in f["lines"])
+    median = statistics.median(each[key] for each in f["lines"])
     images = f", {image_range(line)}" if line["images"] else ""
     where = f"line {line['line']} ({span(f, line['start_s'], line['end_s'])}{images})"
     reason, help_ = why(f, line)
@@ -162,8 +162,8 @@ def outage(f: Figures) -> Iterator[Finding]:
         text += f" ({worst['rejected']} were rejected)"
     if worst["images"]:
         text += f", {image_range(worst)} in it"
-    others = len(f["outages"]) - 1
-    more = f"; {others} more such {'time' if others == 1 else 'times'}" if others else ""
+    further = len(f["outages"]) - 1
+    more = f"; {further} more such {'time' if further == 1 else 'times'}" if further else ""
     rank = max(1.0, worst["horizontal_mm"] / 2**0.5 / median / OUTAGE_RATIO)
     help_ = "turn on both sides of an outage" if worst["length_s"] > 10.0 else ""
     yield ranked("outage", rank, f"{text}: {grown}{more}", help_)

@@ -257,15 +257,15 @@ def _reasons_of_wide_sigmas(f: Figures) -> Iterator[Inflation]:
     r = f["residuals"]
     for piece in r["pieces"] if r is not None else ():
         mean, sigma = np.array(piece["mean_mm"]), np.array(piece["sigma_mm"])
-        off = np.where(np.abs(mean) > r["limit"] * sigma, np.abs(mean), 0.0)
-        if off.any():
+        beyond = np.where(np.abs(mean) > r["limit"] * sigma, np.abs(mean), 0.0)
+        if beyond.any():
             yield Inflation(
                 "the trajectory differs from its own GNSS positions by"
-                f" {millimetres(off.max())} in the mean of"
+                f" {millimetres(beyond.max())} in the mean of"
                 f" {span(f, piece['begin_s'], piece['end_s'])}",
                 "find the cause before these images are used",
                 "residuals",
-                moves_m=1e-3 * off[[1, 0, 2]],
+                moves_m=1e-3 * beyond[[1, 0, 2]],
                 span=(piece["begin_s"], piece["end_s"]),
             )
     for time in f["covariance_resets_s"]:
@@ -327,14 +327,14 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
     if i["rms_mm"] is None:
         return
     mean, rms = np.abs(i["mean_mm"]), np.array(i["rms_mm"])
-    off = np.where(mean > max(fixes.MEAN_MATTERS, i["lag1_bound_99"]) * rms, mean, 0.0)
-    if off.any():
+    beyond = np.where(mean > max(fixes.MEAN_MATTERS, i["lag1_bound_99"]) * rms, mean, 0.0)
+    if beyond.any():
         yield Inflation(
-            f"the GNSS positions differ from their prediction by {millimetres(off.max())} in"
+            f"the GNSS positions differ from their prediction by {millimetres(beyond.max())} in"
             " the mean of the whole flight",
             "look for an error of lever arm, clock or datum",
             "mean",
-            moves_m=1e-3 * off[[1, 0, 2]],
+            moves_m=1e-3 * beyond[[1, 0, 2]],
         )
     lags = np.array([lag or 0.0 for lag in i["lag1"]])
     lags[lags <= max(fixes.LAG_ONE_MATTERS, i["lag1_bound_99"])] = 0.0
