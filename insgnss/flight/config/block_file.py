@@ -290,10 +290,10 @@ class BlockFile(Checked):
                 )
             lines = {control.control, *control.of_lines.values()}
             usable = ("Ap/Aa", "Ap/Ra", "Rp/Ra") if mode == "fast_at" else ("Ap/Aa",)
-            if odd := lines.difference(usable):
+            if unusable := lines.difference(usable):
                 raise OptionError(
                     "aerial_control.control",
-                    f'"{min(odd)}" does not orient images in mode "{mode}"; it takes'
+                    f'"{min(unusable)}" does not orient images in mode "{mode}"; it takes'
                     f" {', '.join(usable)}",
                 )
 
@@ -351,6 +351,6 @@ def load_block(path: str | Path) -> BlockFile:
     output = tables["output"]
     directory = directory_of(root.table("output"), output.directory)
     tables["output"] = replace(output, directory=directory)
-    own = take(root, BlockFile)
-    own["name"] = own["name"] or path.absolute().parent.name
-    return BlockFile(path=path, **own, **tables)
+    options = take(root, BlockFile)
+    options["name"] = options["name"] or path.absolute().parent.name
+    return BlockFile(path=path, **options, **tables)

@@ -28,9 +28,9 @@ def with_changes(record: Record, changes: dict[str, Any], keywords: Iterable[str
     ------
     UsageError : there is no such field; the message names the nearest.
     """
-    own = {key: value for key, value in changes.items() if "__" not in key}
+    top = {key: value for key, value in changes.items() if "__" not in key}
     inner = {key: value for key, value in changes.items() if "__" in key}
-    for some in (own, inner):  # a table that is given may be changed at once
+    for some in (top, inner):  # a table that is given may be changed at once
         known_names = list(_names(record))
         for key in some:
             if key not in known_names:
@@ -83,12 +83,12 @@ def _dotted(key: str) -> str:
 
 def _changed(record: Any, changes: dict[str, Any]) -> Any:
     tables: dict[str, dict[str, Any]] = {}
-    own: dict[str, Any] = {}
+    changed: dict[str, Any] = {}
     for key, value in changes.items():
-        name, _, rest = key.partition("__")
-        if rest:
-            tables.setdefault(name, {})[rest] = value
+        name, _, key_within = key.partition("__")
+        if key_within:
+            tables.setdefault(name, {})[key_within] = value
         else:
-            own[name] = value
+            changed[name] = value
     deeper = {name: _changed(getattr(record, name), inner) for name, inner in tables.items()}
-    return replace(record, **own, **deeper)
+    return replace(record, **changed, **deeper)

@@ -139,12 +139,12 @@ def _metavar(item: Declared) -> str:
 def _help(item: Declared, required: bool) -> str:
     """Meaning, unit, range and default."""
     stated = item.option
-    words = [stated.cli_meaning or stated.meaning]
+    meanings = [stated.cli_meaning or stated.meaning]
     if stated.unit and not stated.cli_meaning:
-        words.append(stated.unit)
+        meanings.append(stated.unit)
     if item.kind in ("number", "whole") and not item.choices:
-        words.append(range_words(item))
-    text = ", ".join(filter(None, words))
+        meanings.append(range_words(item))
+    text = ", ".join(filter(None, meanings))
     usual = stated.cli_default or stated.usual or default_words(item.default)
     if not (required or item.kind in ("flag", "covariance") or not usual):
         text = f"{text} (default: {usual})"

@@ -228,7 +228,7 @@ class GnssInput(Checked, table="gnss"):
         take_record(self, "file", "gnss_fixes", *sigmas)
         if self.file is None or isinstance(self.file, Path):
             return
-        others = (name for name in ("raw", "stationary") if getattr(self, name) is not None)
-        if other := next(others, ""):
-            conflict = f"gnss.{other} as well; set gnss__{other}=None"
+        stated = (name for name in ("raw", "stationary") if getattr(self, name) is not None)
+        if second := next(stated, ""):
+            conflict = f"gnss.{second} as well; set gnss__{second}=None"
             raise InputError(f"gnss.file is given as an object, and {conflict}")

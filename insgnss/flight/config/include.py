@@ -58,7 +58,7 @@ def with_included(
     data, sources = dict(root.data), dict(root.sources)
     while INCLUDE in last.data:
         path = last.file(INCLUDE)
-        if any(os.path.samefile(path, other) for other in chain):
+        if any(os.path.samefile(path, earlier) for earlier in chain):
             names = " -> ".join(file.name for file in (*chain, path))
             raise last.error(INCLUDE, f"a circle of files, {names}; take one of them out")
         if len(chain) > MOST_INCLUDED_FILES:
@@ -78,28 +78,28 @@ def with_included(
 
 
 def _take_over(
-    own: dict[str, Any],
-    other: OptionTable,
+    data: dict[str, Any],
+    included: OptionTable,
     table: str,
     source: KeySource,
     sources: dict[str, KeySource],
 ) -> None:
-    """Add the keys of a table that `own` has not; a table within it key by key as well."""
-    present = set(own)
-    given = other.data
-    for key, value in given.items():
+    """Add the keys of a table that `data` has not; a table within it key by key as well."""
+    present = set(data)
+    values = included.data
+    for key, value in values.items():
         name = f"{table}.{key}" if table else key
         if key == INCLUDE and not table:
             continue
         if name in FLIGHT_TABLES and isinstance(value, dict):
-            inner = own.get(key, {})
+            inner = data.get(key, {})
             if not isinstance(inner, dict):
                 continue  # what is no table is refused where the file is read
-            own[key] = dict(inner)
-            below = OptionTable(other.path, other.lines, other.keys, name, value)
-            _take_over(own[key], below, name, source, sources)
+            data[key] = dict(inner)
+            below = OptionTable(included.path, included.lines, included.keys, name, value)
+            _take_over(data[key], below, name, source, sources)
             continue
         group = next((g for g in ALTERNATIVES.get(table, ()) if key in g), (key,))
         if not present.intersection(group):
-            own[key] = value
+            data[key] = value
             sources[name] = source

@@ -109,8 +109,8 @@ def read_covariance(path: Path) -> CovarianceModel:
         raise InputError.in_file(path, problem)
     start = "gnss.covariance"
     keys = {
-        name.removeprefix(start).removeprefix("."): words
-        for name, words in known_keys(FLIGHT_TABLES).items()
+        name.removeprefix(start).removeprefix("."): key_names
+        for name, key_names in known_keys(FLIGHT_TABLES).items()
         if name.startswith(start)
     }
     root = read_toml(path, keys)
@@ -125,7 +125,7 @@ def read_covariance(path: Path) -> CovarianceModel:
 
 
 def _imu(table: OptionTable) -> ImuInput:
-    further = tuple(record_of(other, ImuInput) for other in table.tables("further"))
+    further = tuple(record_of(imu_table, ImuInput) for imu_table in table.tables("further"))
     return record_of(table, ImuInput, ["further"], further=further)
 
 
@@ -160,18 +160,18 @@ def _gnss(table: OptionTable) -> GnssInput:
 def _raw(table: OptionTable) -> RawGnss | None:
     """The raw observations of a table [gnss], None where none are given."""
     raw_options, needed = declared(RawGnss), ("rover", "base", "navigation")
-    given = [name for name in raw_options if name in table.data]
-    if not given:
+    raw_keys = [name for name in raw_options if name in table.data]
+    if not raw_keys:
         return None
-    for other in ("file", "stationary"):
-        if other in table.data:
-            raise table.error(given[0], f"gnss.{other} is given as well; keep one of them")
+    for alternative in ("file", "stationary"):
+        if alternative in table.data:
+            raise table.error(raw_keys[0], f"gnss.{alternative} is given as well; keep one of them")
     if missing := [key for key in needed if key not in table.data]:
         problem = f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together"
-        raise table.error(given[0], problem)
-    if odd := [key for key in OF_POSITIONS if key in table.data]:
+        raise table.error(raw_keys[0], problem)
+    if superfluous := [key for key in OF_POSITIONS if key in table.data]:
         problem = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
-        raise table.error(odd[0], problem)
+        raise table.error(superfluous[0], problem)
     values = take(table, RawGnss)
     if values["base_position"] is not None and values["base_point"] is None:
         problem = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
@@ -186,31 +186,31 @@ def _camera(table: OptionTable, raw: bool) -> CameraInput:
     """The exposures; raw : whether there is a rover's RINEX, which may hold the events."""
     of_rover = [name for name in declared(RoverEvents) if name in table.data]
     if of_rover and (not raw or "events" in table.data):
-        other = "gnss.rover is missing, give camera.events"
+        message = "gnss.rover is missing, give camera.events"
         if "events" in table.data:
-            other = "camera.events is given as well, keep one"
-        problem = f"looks at the record lines of the rover's RINEX; {other}"
+            message = "camera.events is given as well, keep one"
+        problem = f"looks at the record lines of the rover's RINEX; {message}"
         raise table.error(of_rover[0], problem)
-    own = "events" in table.data or not raw
-    if "columns" in table.data and not own:
+    has_events = "events" in table.data or not raw
+    if "columns" in table.data and not has_events:
         problem = (
             "is of camera.events, which is missing; events of the rover's RINEX have no columns"
         )
         raise table.error("columns", problem)
-    further = tuple(_further_camera(other) for other in table.tables("further"))
+    further = tuple(_further_camera(message) for message in table.tables("further"))
     match, rover_events = record_of(table, ImageMatch), record_of(table, RoverEvents)
-    more = {"further": further} | ({} if own else {"events": None})
+    more = {"further": further} | ({} if has_events else {"events": None})
     return record_of(table, CameraInput, more, match=match, rover_events=rover_events, **more)
 
 
 def _further_camera(table: OptionTable) -> CameraInput:
     """A further camera of a rig; without events of its own it has the trigger of the first one."""
-    own = "events" in table.data
-    for key in () if own else ("columns", "units", "time_scale"):
+    has_events = "events" in table.data
+    for key in () if has_events else ("columns", "units", "time_scale"):
         if key in table.data:
             problem = "is of camera.further.events, which is missing: the trigger of the first"
             raise table.error(key, f"{problem} camera exposes this one")
-    absent = {} if own else {"events": None}
+    absent = {} if has_events else {"events": None}
     match = record_of(table, ImageMatch)
     return record_of(table, CameraInput, absent, match=match, **absent)
 
@@ -218,18 +218,18 @@ def _further_camera(table: OptionTable) -> CameraInput:
 def mounting_of(table: OptionTable) -> Mounting:
     """The mounting of a table [mounting]."""
     of_file = ("file", "max_age_days")
-    given = take(table, MountingTable, without=of_file)
-    given = {key: value for key, value in given.items() if value is not None}
+    values = take(table, MountingTable, without=of_file)
+    values = {key: value for key, value in values.items() if value is not None}
     for key in ("camera_from_body", "boresight"):
-        if key in given:
-            given[key] = np.array(given[key])
-    angles = given.pop("boresight_deg", None)
+        if key in values:
+            values[key] = np.array(values[key])
+    angles = values.pop("boresight_deg", None)
     try:
         if angles:
-            turn = given.get("camera_from_body", PAPER_CAMERA_FROM_BODY)
+            turn = values.get("camera_from_body", PAPER_CAMERA_FROM_BODY)
             angle_set, degrees = angles
-            given["boresight"] = boresight_from_angles(angle_set, degrees, turn)
-        return Mounting(**given)
+            values["boresight"] = boresight_from_angles(angle_set, degrees, turn)
+        return Mounting(**values)
     except InputError as refusal:
         raise table.error(refusal.key, refusal.problem) from None
 
@@ -278,15 +278,17 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
         The file is missing or no TOML, a key or a value in it is wrong, or its bore-sight was found
         with another `camera_from_body` than the flight file's.
     """
-    made, root = read_mounting_file(path, flight.mounting.camera_from_body)
-    values = made.values()
+    file_mounting, root = read_mounting_file(path, flight.mounting.camera_from_body)
+    values = file_mounting.values()
     delay = values.pop(DELAY, None)
-    turn, own = made.camera_from_body, flight.mounting.camera_from_body
-    assumed = own if turn is None or made.set_in_body or "boresight" not in values else turn
-    if (apart := float(np.abs(assumed - own).max())) > ROTATION_TOLERANCE:
+    turn, stated = file_mounting.camera_from_body, flight.mounting.camera_from_body
+    assumed = (
+        stated if turn is None or file_mounting.set_in_body or "boresight" not in values else turn
+    )
+    if (difference := float(np.abs(assumed - stated).max())) > ROTATION_TOLERANCE:
         problem = (
             "the bore-sight was calibrated with this rotation, and mounting.camera_from_body of"
-            f" the flight file differs by {apart:.2g} (limit {ROTATION_TOLERANCE:g}): give the"
+            f" the flight file differs by {difference:.2g} (limit {ROTATION_TOLERANCE:g}): give the"
             " same one"
         )
         raise root.table("calibration").error("camera_from_body", problem)
@@ -301,7 +303,10 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
         flight,
         mounting=replace(flight.mounting, **values),
         camera=camera,
-        mounting_files=(*flight.mounting_files, MountingSource(path, keys, max_age_days, made)),
+        mounting_files=(
+            *flight.mounting_files,
+            MountingSource(path, keys, max_age_days, file_mounting),
+        ),
     )
 
 
@@ -344,19 +349,19 @@ def _calibrated(flight: Flight, root: OptionTable) -> Flight:
         return flight
     files = [flight.path, *flight.included]
 
-    def nearer(one: OptionTable, key: str, other: OptionTable, name: str) -> bool:
-        return files.index(one.source(key).path) < files.index(other.source(name).path)
+    def nearer(one: OptionTable, key: str, second: OptionTable, name: str) -> bool:
+        return files.index(one.source(key).path) < files.index(second.source(name).path)
 
     new = remounted(flight, path, values["max_age_days"])
     source = new.mounting_files[-1]
     for key in source.keys:
-        here = root.table("camera") if key == DELAY else table
+        holder = root.table("camera") if key == DELAY else table
         for name in (key, "boresight_deg") if key == "boresight" else (key,):
             # a file that a flight names itself goes before what it includes
-            if name in here.data and not nearer(table, "file", here, name):
+            if name in holder.data and not nearer(table, "file", holder, name):
                 problem = (
                     f"{source.file.name} (mounting.file) gives {key} as well; delete this line to "
                     "take the calibrated value, or the one there to keep this"
                 )
-                raise here.error(name, problem)
+                raise holder.error(name, problem)
     return new

@@ -226,13 +226,13 @@ def _export(
         )
     framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
     if form.relative:
-        own = form.write(_relative(name, framed, eo, options), path)
+        exported = form.write(_relative(name, framed, eo, options), path)
     else:
-        own = form.write(framed, path, **options)
+        exported = form.write(framed, path, **options)
     beside = form.helpers(framed, path)
     if beside:
         atomic_writes(beside)
-    notes += own or ()
+    notes += exported or ()
     notes += _notes(form, projection, framed, eo, target, "length_unit" in options)
     return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside), format=name)
 
@@ -287,14 +287,14 @@ def relative_of(
     most = max(map(len, wandering))
     figures = gyro_figures(
         np.array([axis.white_noise for axis in model.gyro]),
-        np.array([own + [0.0] * (most - len(own)) for own in wandering]),
+        np.array([row + [0.0] * (most - len(row)) for row in wandering]),
     )
     return relative_control(framed, figures, **how)
 
 
 def _kind(name: str, form: Export, target: ExportFrame) -> str:
-    own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED)
-    kind = PROJECTED if target.crs is not None else target.frame or own
+    usual = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED)
+    kind = PROJECTED if target.crs is not None else target.frame or usual
     if kind not in FRAME_KINDS:
         raise UsageError(
             f"export: frame {kind!r} is unknown; it is one of {', '.join(FRAME_KINDS)}"

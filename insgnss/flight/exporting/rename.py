@@ -101,10 +101,10 @@ def _names_of(rule: str | Path, images: list[str]) -> Callable[[str], str]:
     if "=" not in text:
         raise UsageError(f"rename: {text!r} is no file, not OLD=NEW and none of {', '.join(RULES)}")
     cuts = [k for k, sign in enumerate(text) if sign == "="]  # names may have one too
-    own = [(text[:k], text[k + 1 :]) for k in cuts if text[:k] in images and text[k + 1 :]]
-    if not own:
+    pairs = [(text[:k], text[k + 1 :]) for k in cuts if text[:k] in images and text[k + 1 :]]
+    if not pairs:
         raise UsageError(f"rename: {text!r}: there is no such image; {images[0]!r} is one")
-    return lambda name: own[0][1] if name == own[0][0] else name
+    return lambda name: pairs[0][1] if name == pairs[0][0] else name
 
 
 def read_names(path: Path) -> dict[str, str]:

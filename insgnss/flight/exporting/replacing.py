@@ -37,8 +37,8 @@ def remove_stale(path: Path, staging: Staging) -> None:
         beside = goal.with_name(f"{goal.stem}{end}")
         if beside.is_file():
             with beside.open("rb") as stream:
-                own = mark in stream.read(OWN_MARK_BYTES)
-            if own:
+                ours = mark in stream.read(OWN_MARK_BYTES)
+            if ours:
                 staging.remove(beside)
 
 
@@ -69,10 +69,10 @@ def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> No
     before = frame_of_run(out)
     if before is not None and before != frame:
         code = re.sub(r"[^A-Za-z0-9+]+", "", frame.split()[0])
-        other = out.with_name(f"{out.stem}_{code}{out.suffix}")
+        renamed = out.with_name(f"{out.stem}_{code}{out.suffix}")
         raise UsageError(
             f"export: {out} was written by the run itself, in {before}, and this export is in"
-            f" {frame}; give --out {other}, or --force"
+            f" {frame}; give --out {renamed}, or --force"
         )
     if named:
         raise UsageError(

@@ -82,8 +82,10 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
 
 def residual(scene: Scene, C_mc: Array, centre: Array) -> float:
     """Median residual, px, of the points in the images, of cameras that stand otherwise."""
-    off = np.linalg.norm(project(C_mc, centre, scene.points) - scene.pixels, axis=2)[scene.seen]
-    return float(np.median(np.where(np.isnan(off), np.inf, off)))
+    distance = np.linalg.norm(project(C_mc, centre, scene.points) - scene.pixels, axis=2)[
+        scene.seen
+    ]
+    return float(np.median(np.where(np.isnan(distance), np.inf, distance)))
 
 
 def of_the_grid(scene: Scene, projection: MapProjection, ground_m: float | None) -> float:
@@ -92,5 +94,7 @@ def of_the_grid(scene: Scene, projection: MapProjection, ground_m: float | None)
     It arises because the tool takes the coordinates of the grid for Cartesian ones.
     """
     eo = in_frame(scene.eo, "projected", projection, ground_m)
-    off = project(eo.C_fc, eo.coordinates, projection.forward(*scene.geodetic.T)) - scene.pixels
-    return float(np.linalg.norm(off, axis=2)[scene.seen].max())
+    residual = (
+        project(eo.C_fc, eo.coordinates, projection.forward(*scene.geodetic.T)) - scene.pixels
+    )
+    return float(np.linalg.norm(residual, axis=2)[scene.seen].max())

@@ -34,8 +34,8 @@ def write_pictures(scene: Scene, directory: Path) -> list[Path]:
     files = []
     for k, name in enumerate(scene.eo.images):
         picture = _ground(scene.eo.C_mc[k], scene.eo.position_m[k], spots)
-        for point, (x, y), seen in zip(scene.names, scene.pixels[k], scene.seen[k], strict=True):
-            if seen:
+        for point, (x, y), visible in zip(scene.names, scene.pixels[k], scene.seen[k], strict=True):
+            if visible:
                 _cross(picture, x, y)
                 _write(picture, point, int(x) + ARM_PX + 4, int(y) + 5, POINT_LETTERS_PX)
         _write(picture, name.upper(), 20, 20, NAME_LETTERS_PX)
@@ -91,9 +91,9 @@ def _mottled(values: Array, u: Array, v: Array) -> Array:
 
 def _cross(picture: Picture, x: float, y: float) -> None:
     """White arms with black edges, the middle at x, y."""
-    left, top = max(int(x) - ARM_PX, 0), max(int(y) - ARM_PX, 0)
-    window = picture[top : int(y) + ARM_PX + 1, left : int(x) + ARM_PX + 1]
-    dx = np.abs(left + np.arange(window.shape[1]) + 0.5 - x)
+    x_first, top = max(int(x) - ARM_PX, 0), max(int(y) - ARM_PX, 0)
+    window = picture[top : int(y) + ARM_PX + 1, x_first : int(x) + ARM_PX + 1]
+    dx = np.abs(x_first + np.arange(window.shape[1]) + 0.5 - x)
     dy = np.abs(top + np.arange(window.shape[0]) + 0.5 - y)
     for half, grey in ((HALF_PX + 1.5, 0.0), (HALF_PX, 255.0)):
         across, along = (np.clip(half + 0.5 - d, 0.0, 1.0) for d in (dx, dy))
@@ -106,9 +106,9 @@ def _write(picture: Picture, text: str, x: int, y: int, height: int) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(height)
-    left, top, right, bottom = font.getbbox(text)
+    x_first, top, right, bottom = font.getbbox(text)
     edge = height // 4
-    field = Image.new("L", (round(right - left) + 2 * edge, round(bottom - top) + 2 * edge), 255)
-    ImageDraw.Draw(field).text((edge - left, edge - top), text, fill=0, font=font)
+    field = Image.new("L", (round(right - x_first) + 2 * edge, round(bottom - top) + 2 * edge), 255)
+    ImageDraw.Draw(field).text((edge - x_first, edge - top), text, fill=0, font=font)
     window = picture[y : y + field.height, x : x + field.width]
     window[:] = np.asarray(field)[: window.shape[0], : window.shape[1]]

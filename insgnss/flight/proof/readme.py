@@ -123,9 +123,9 @@ def readme(
     return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
 
 
-def _of(words: dict[str, str], name: str) -> str:
+def _of(names: dict[str, str], name: str) -> str:
     """What belongs to the key that the name begins with, or nothing."""
-    return next((text for key, text in words.items() if name.startswith(key)), "")
+    return next((text for key, text in names.items() if name.startswith(key)), "")
 
 
 def _files(name: str, file: str) -> str:

@@ -127,8 +127,8 @@ def make_scene(projection: MapProjection | None = None) -> Scene:
     plan = np.array(POINTS_M)
     points = np.column_stack([plan + FIELD_M, terrain(*plan.T)])
     pixels = project(eo.C_mc, eo.position_m, points)
-    seen = np.all((pixels > 0.0) & (pixels < (WIDTH_PX, HEIGHT_PX)), axis=2)
-    return Scene(eo, tuple(f"P{k + 1}" for k in range(len(points))), points, pixels, seen)
+    visible = np.all((pixels > 0.0) & (pixels < (WIDTH_PX, HEIGHT_PX)), axis=2)
+    return Scene(eo, tuple(f"P{k + 1}" for k in range(len(points))), points, pixels, visible)
 
 
 def _site(projection: MapProjection) -> Array:

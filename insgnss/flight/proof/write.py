@@ -75,14 +75,14 @@ def write_proof(
     form, directory = known_format(name), Path(directory)
     if not is_vacant(directory):
         raise UsageError(f"{directory}: is not an empty directory; give a new one for the proof")
-    own = next(
+    usual_frame = next(
         (kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT
     )
-    if crs is None and (frame or own) == PROJECTED:
+    if crs is None and (frame or usual_frame) == PROJECTED:
         crs = f"EPSG:{32601 + int((SITE_DEG[1] + 180.0) // 6.0)}"
     target = ExportFrame(crs, geoid, frame, ground_m)
     projection = None if crs is None else MapProjection(crs, geoid)
-    kind = PROJECTED if projection is not None else target.frame or own
+    kind = PROJECTED if projection is not None else target.frame or usual_frame
     scene = make_scene(projection)
     with together() as staging:
         work = staging.tree(directory)
@@ -94,11 +94,11 @@ def write_proof(
             PROJECTED: projection.heights if projection is not None else "",
             GEOGRAPHIC: "above the ellipsoid of WGS84",
         }.get(kind)
-        words, up = _tangent(scene, form) if kind == TANGENT else (done.frame, 0.0)
-        words = f"{words}, heights {heights}" if heights else words
+        frame_text, up = _tangent(scene, form) if kind == TANGENT else (done.frame, 0.0)
+        frame_text = f"{frame_text}, heights {heights}" if heights else frame_text
         side = {
-            "README.txt": readme(scene, name, form, done, words, projection, ground_m),
-            **_beside(scene, kind, projection, words, up),
+            "README.txt": readme(scene, name, form, done, frame_text, projection, ground_m),
+            **_beside(scene, kind, projection, frame_text, up),
         }
         for file, text in side.items():
             atomic_write(work / file, text)
@@ -132,12 +132,12 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
 def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
     """The tangent plane of a format in words, and how far, m, its origin lies below the scene's."""
     eo = in_frame(scene.eo, TANGENT)
-    own = form.in_own_frame(eo)
-    return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
+    framed = form.in_own_frame(eo)
+    return framed.frame.name, eo.frame.origin[2] - framed.frame.origin[2]
 
 
 def _beside(
-    scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float
+    scene: Scene, kind: str, projection: MapProjection | None, frame: str, up: float
 ) -> dict[str, str]:
     """Points in the frame of the export and on the globe, their pixels, the camera, by file name.
 
@@ -157,9 +157,9 @@ def _beside(
         )
     pixels = "".join(
         f"{image},{point},{x:.4f},{y:.4f}\n"
-        for image, row, seen in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)
-        for point, (x, y), there in zip(scene.names, row, seen, strict=True)
-        if there
+        for image, row, visible in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)
+        for point, (x, y), in_image in zip(scene.names, row, visible, strict=True)
+        if in_image
     )
     calibration = [
         f"width_px {WIDTH_PX}",
@@ -171,7 +171,7 @@ def _beside(
         f"colmap {CAMERA_LINE}",
     ]
     return {
-        "points.csv": _points(scene, x, HEADERS_OF_FRAME[kind], words),
+        "points.csv": _points(scene, x, HEADERS_OF_FRAME[kind], frame),
         "points_geographic.csv": _points(
             scene, globe, HEADERS_OF_FRAME[GEOGRAPHIC], "WGS84, heights above the ellipsoid"
         ),
@@ -186,10 +186,10 @@ def _beside(
     }
 
 
-def _points(scene: Scene, x: Array, axes: tuple[str, ...], words: str) -> str:
+def _points(scene: Scene, x: Array, axes: tuple[str, ...], frame: str) -> str:
     forms = ["%.10f" if axis.endswith("_deg") else "%.4f" for axis in axes]
     rows = "".join(
         f"{name},{','.join(forms) % tuple(row)}\n"
         for name, row in zip(scene.names, x.tolist(), strict=True)
     )
-    return f"# {words}\n#point,{','.join(axes)}\n{rows}"
+    return f"# {frame}\n#point,{','.join(axes)}\n{rows}"

@@ -148,17 +148,17 @@ def solve_window(problem: EstimationProblem, epochs: np.ndarray) -> CoarseAttitu
     g = _gravity(problem, ep.position[thin[thin.size // 2]])
     weight = 1.0 / np.sqrt(np.trace(ep.position_cov[thin], axis1=1, axis2=2) / 3.0)
     rows = [np.column_stack([np.ones(tau.size), tau]) * weight[:, None]]
-    left = [(ep.position[thin] - 0.5 * tau[:, None] ** 2 * g) * weight[:, None]]
+    columns = [(ep.position[thin] - 0.5 * tau[:, None] ** 2 * g) * weight[:, None]]
     right = [(moved[:, 3:6] + C_b0b @ problem.antenna_lever_b) * weight[:, None]]
     if ep.has_velocity[thin].all():
         weight = 1.0 / np.sqrt(np.trace(ep.velocity_cov[thin], axis1=1, axis2=2) / 3.0)
         rows.append(np.column_stack([np.zeros(tau.size), np.ones(tau.size)]) * weight[:, None])
-        left.append((ep.velocity[thin] - tau[:, None] * g) * weight[:, None])
+        columns.append((ep.velocity[thin] - tau[:, None] * g) * weight[:, None])
         turn = np.cross(ep.rate[thin], problem.antenna_lever_b)
         right.append((moved[:, :3] + np.einsum("nij,nj->ni", C_b0b, turn)) * weight[:, None])
-    design, z, a = np.vstack(rows), np.vstack(left), np.vstack(right)
-    C, v0, seen, misfit = _robust_wahba(design, z, a)
-    cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
+    design, z, a = np.vstack(rows), np.vstack(columns), np.vstack(right)
+    C, v0, directions, misfit = _robust_wahba(design, z, a)
+    cov = _attitude_cov(problem, directions, misfit, tau[-1], weight)
     return CoarseAttitude(int(epochs[0]), int(epochs[-1]), C, v0, cov)
 
 
@@ -185,19 +185,19 @@ def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Arra
 
 
 def _attitude_cov(
-    problem: EstimationProblem, seen: Array, misfit: float, length: float, weight: Array
+    problem: EstimationProblem, directions: Array, misfit: float, length: float, weight: Array
 ) -> Array:
     """Return the covariance (3, 3) of psi, rad^2.
 
     It sums noise (A.2), gyro bias over the window and accelerometer bias against the manoeuvre.
     """
-    information = np.sum(seen**2) * np.eye(3) - seen.T @ seen
+    information = np.sum(directions**2) * np.eye(3) - directions.T @ directions
     noise = np.linalg.pinv(information, rcond=1e-12) * max(misfit, 1.0) ** 2
     M = np.abs(problem.layout.channel_sum())
     bias = np.sqrt(M @ problem.layout.sigma0**2)
     gyro, accel = bias[:3].max(), bias[3:].max()
     tilt = (accel / 9.8) ** 2 + (gyro * length / 2.0) ** 2
-    horizontal = np.sqrt(np.mean(seen[:, :2] ** 2)) / np.median(weight)
+    horizontal = np.sqrt(np.mean(directions[:, :2] ** 2)) / np.median(weight)
     acceleration = horizontal * 12.0 / length**2
     heading = (accel / max(acceleration, 1e-9)) ** 2 + (gyro * length / 2.0) ** 2
     return np.asarray(noise + np.diag([tilt, tilt, heading]), dtype=np.float64)

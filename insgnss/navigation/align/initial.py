@@ -309,8 +309,8 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
     # nothing is asked of the camera's events, whose covariances would be carried along
     no_event = np.full(epochs.size, ABSENT)
     of_interval = {"gap": gap, "bias_step": step, "event": no_event}
-    other = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, **of_interval}
-    return replace(back, backward=True, epochs=ep._replace(**other))
+    reversed_arrays = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, **of_interval}
+    return replace(back, backward=True, epochs=ep._replace(**reversed_arrays))
 
 
 def _run_back(

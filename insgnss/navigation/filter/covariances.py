@@ -85,8 +85,8 @@ class SmoothedCovariances:
         epochs = np.arange(len(self.nav))[index]
         out = np.empty((epochs.size, N_NAV, N_NAV))
         for begin in range(0, epochs.size, COVARIANCES_AT_A_TIME):
-            own = slice(begin, begin + COVARIANCES_AT_A_TIME)
-            out[own] = unpacked(self.nav[epochs[own]])
+            rows = slice(begin, begin + COVARIANCES_AT_A_TIME)
+            out[rows] = unpacked(self.nav[epochs[rows]])
         self._add_shared(out, epochs)
         return out
 
@@ -193,10 +193,10 @@ class SmoothedCovariances:
         SmoothedCovariances
             The same otherwise.
         """
-        here = self.states
-        if here is None:
-            here = np.arange(self.size)
-        return replace(self, states=np.delete(here, states))
+        chosen = self.states
+        if chosen is None:
+            chosen = np.arange(self.size)
+        return replace(self, states=np.delete(chosen, states))
 
     def enlarged(self, shared: tuple[SharedError, ...]) -> "SmoothedCovariances":
         """Return those of epochs that share further errors.
@@ -221,18 +221,18 @@ class SmoothedCovariances:
         """Return lower triangles, (k, n (n + 1) / 2), kept or worked out again."""
         wanted = epochs + self.first
         slot = np.searchsorted(self.rows, wanted)
-        there = np.zeros(wanted.size, dtype=np.bool_)
+        kept = np.zeros(wanted.size, dtype=np.bool_)
         inside = slot < self.rows.size
-        there[inside] = self.rows[slot[inside]] == wanted[inside]
-        if there.all():
+        kept[inside] = self.rows[slot[inside]] == wanted[inside]
+        if kept.all():
             return self.kept[slot]
         if self.again is None:
             raise ValueError(
                 "the increments were not kept: covariances exist only at Solution.rows"
             )
         out = np.empty((wanted.size, self.kept.shape[1]))
-        out[there] = self.kept[slot[there]]
-        out[~there] = self.again.triangles(wanted[~there])
+        out[kept] = self.kept[slot[kept]]
+        out[~kept] = self.again.triangles(wanted[~kept])
         return out
 
     def _add_shared(self, cov: Array, epochs: np.ndarray) -> None:

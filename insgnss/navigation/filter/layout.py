@@ -208,8 +208,8 @@ class StateLayout:
     def read_of_events(self) -> np.ndarray:
         """Rows, among all states, that poses of events depend on: navigation, lever arm, clock."""
         lever = range(self.lever, self.lever + 3) if self.lever >= 0 else ()
-        others = [*lever, *(s for s in (self.offset, self.rate) if s >= 0)]
-        return np.concatenate([np.arange(N_NAV), N_NAV + np.array(others, dtype=np.int64)])
+        further = [*lever, *(s for s in (self.offset, self.rate) if s >= 0)]
+        return np.concatenate([np.arange(N_NAV), N_NAV + np.array(further, dtype=np.int64)])
 
     @property
     def gm(self) -> int:

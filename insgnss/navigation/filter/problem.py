@@ -200,8 +200,8 @@ def with_epochs(
         The problem of the k epochs, whose measurements stay as they are linearised.
     """
     ep = problem.epochs
-    own = ("stop", "time", "rate", "event")
-    taken = {name: getattr(ep, name)[index] for name in ep._fields if name not in own}
+    names = ("stop", "time", "rate", "event")
+    taken = {name: getattr(ep, name)[index] for name in ep._fields if name not in names}
     event = np.full(index.size, ABSENT, dtype=np.int64)
     epochs = ep._replace(
         stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken

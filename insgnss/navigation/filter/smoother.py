@@ -302,12 +302,12 @@ class Smoothed(NamedTuple):
         Smoothed
             Views; what is neither by epochs nor by events is the whole.
         """
-        own, begin = slice(first, last), self.read.begin
+        rows, begin = slice(first, last), self.read.begin
         return self._replace(
-            delta=self.delta[own],
-            nav_cov=self.nav_cov[own],
-            slot=self.slot[own],
-            keep=self.keep[own],
+            delta=self.delta[rows],
+            nav_cov=self.nav_cov[rows],
+            slot=self.slot[rows],
+            keep=self.keep[rows],
             event_cross=self.event_cross[events],
             read=self.read._replace(begin=begin[events.start : events.stop + 1]),
         )

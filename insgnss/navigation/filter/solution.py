@@ -369,9 +369,9 @@ def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> Non
     DataError
         With the first instant.
     """
-    odd = ~(diagonal(nav_cov) >= 0.0).all(axis=1)
-    if odd.any():
-        first = float(np.abs(problem.inc.marks[int(np.argmax(odd))]))
+    negative = ~(diagonal(nav_cov) >= 0.0).all(axis=1)
+    if negative.any():
+        first = float(np.abs(problem.inc.marks[int(np.argmax(negative))]))
         raise DataError(
             f"the smoothed covariance has negative variances from {first:.1f} s on: the filter's"
             " covariance is so large there that rounding errors exceed the smoothed covariance;"

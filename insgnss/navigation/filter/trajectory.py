@@ -154,9 +154,9 @@ def turn_own(C: Array, cov: Array) -> None:
         (n, 3k, 3k) covariances in blocks of three.
     """
     for begin in range(0, len(cov), COVARIANCES_AT_A_TIME):
-        own = slice(begin, begin + COVARIANCES_AT_A_TIME)
-        turned = rotate_blocks(C[own], cov[own], C[own])
-        cov[own] = 0.5 * (turned + np.swapaxes(turned, -1, -2))
+        rows = slice(begin, begin + COVARIANCES_AT_A_TIME)
+        turned = rotate_blocks(C[rows], cov[rows], C[rows])
+        cov[rows] = 0.5 * (turned + np.swapaxes(turned, -1, -2))
 
 
 def dense_trajectory(solution: Solution, gps_week: int, hz: float | None = None) -> Trajectory:
@@ -210,8 +210,8 @@ def _between(
     time[stop[1:] - 1] = marks[1:]
     rows: np.ndarray | slice = slice(None)
     if wanted is not None:
-        here = wanted[(wanted > marks[0]) & (wanted <= marks[-1])]
-        rows = np.unique(np.searchsorted(time, here))
+        inside = wanted[(wanted > marks[0]) & (wanted <= marks[-1])]
+        rows = np.unique(np.searchsorted(time, inside))
     nav, interval, share = nav[rows], interval[rows], share[rows]
     P = solution.nav_covariance(epochs)
     cov = P[interval] + share[:, None, None] * (P[interval + 1] - P[interval])

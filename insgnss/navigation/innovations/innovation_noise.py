@@ -197,7 +197,7 @@ class InFlightNoise:
     def off_claim(self) -> tuple[str, ...]:
         """Scales of the fixes' errors that are not one, by so much that it matters."""
         far = self._far & (np.abs(self.factor - 1.0) > OFF_CLAIM)
-        return tuple(name for name, off in zip(self.names, far, strict=True) if off)
+        return tuple(name for name, differs in zip(self.names, far, strict=True) if differs)
 
     @property
     def _far(self) -> np.ndarray:

@@ -120,39 +120,42 @@ class Search:
         with within(STARTED, 1.0):
             return self._climb(min(first, key=lambda m: m.evaluated.cost), free, to_beat)
 
-    def _climb(self, here: Maximum, free: np.ndarray, to_beat: float) -> Maximum:
+    def _climb(self, maximum: Maximum, free: np.ndarray, to_beat: float) -> Maximum:
         """Climb to the maximum by (N.1)."""
         low, high = np.log(
             [RANGE if name in IMU_PARAMETERS else self.range_of_fixes for name in self.names]
         ).T
         length, longest = 1.0, 0.0
         for _ in range(SEARCH_STEPS):
-            theta, g = here.theta, here.evaluated.gradient
+            theta, g = maximum.theta, maximum.evaluated.gradient
             active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
             if not active.any():
                 break
-            A = here.evaluated.information[np.ix_(active, active)]
+            A = maximum.evaluated.information[np.ix_(active, active)]
             moved = theta.copy()
             moved[active] += np.clip(length * _step(A, g[active]), -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
-            there = Maximum(moved, evaluate(self.segments, moved, free))
+            moved_maximum = Maximum(moved, evaluate(self.segments, moved, free))
             size = float(np.abs(moved - theta).max())
             longest = max(longest, size)
             share(converged(size, longest, LAST_CHANGE))
-            gain, step = here.evaluated.cost - there.evaluated.cost, (moved - theta)[active]
+            gain, step = (
+                maximum.evaluated.cost - moved_maximum.evaluated.cost,
+                (moved - theta)[active],
+            )
             if gain >= 0.0:
-                here = there
+                maximum = moved_maximum
             if (
                 size < LAST_CHANGE
                 or 0.0 <= gain < self.gain
                 or (gain < 0.0 and length == STEP_BOUNDS[0])
             ):
                 break
-            if here.evaluated.cost - HOPE * abs(gain) > to_beat:
+            if maximum.evaluated.cost - HOPE * abs(gain) > to_beat:
                 break
             curvature = 2.0 * float(-step @ g[active] - gain) / max(float(step @ A @ step), 1e-300)
             length = float(np.clip(1.0 / max(curvature, 1e-3), *STEP_BOUNDS))
-        return here
+        return maximum
 
 
 def _step(A: Array, g: Array) -> Array:

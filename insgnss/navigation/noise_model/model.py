@@ -334,8 +334,8 @@ def _sensor_lines(sensor: str, axes: tuple[AxisNoise, ...]) -> list[str]:
     }
     lines = _table_lines(sensor, sensor, axes[0], [name for name in names if name in shared])
     for letter, axis in zip(_AXES, axes, strict=True):
-        if own := [name for name in names if name not in shared]:
-            lines += _table_lines(sensor, f"{sensor}.{letter}", axis, own)
+        if single := [name for name in names if name not in shared]:
+            lines += _table_lines(sensor, f"{sensor}.{letter}", axis, single)
     return lines
 
 

@@ -225,15 +225,15 @@ class NoiseModel:
         object.__setattr__(self, "recordings", tuple(self.recordings))
         object.__setattr__(self, "misfit", tuple(self.misfit))
         for sensor in ("gyro", "accel"):
-            given = getattr(self, sensor)
-            axes = tuple(given) if isinstance(given, list | tuple) else (given,)
+            axis_noise = getattr(self, sensor)
+            axes = tuple(axis_noise) if isinstance(axis_noise, list | tuple) else (axis_noise,)
             if len(axes) != 3:
                 raise InputError(
                     f"noise model {self.name!r}: {len(axes)} {sensor} axes, expected 3"
                 )
-            if odd := [axis for axis in axes if not isinstance(axis, AxisNoise)]:
+            if wrong := [axis for axis in axes if not isinstance(axis, AxisNoise)]:
                 raise UsageError(
-                    f"noise model {self.name!r}: {odd[0]!r} stands for {sensor} noise; give an"
+                    f"noise model {self.name!r}: {wrong[0]!r} stands for {sensor} noise; give an"
                     " AxisNoise, such as AxisNoise(white_noise=5e-5, turn_on_bias=5e-4)"
                 )
             object.__setattr__(self, sensor, axes)
@@ -264,11 +264,11 @@ class NoiseModel:
 
 def _processes(axes: tuple[AxisNoise, ...]) -> str:
     """Short names of the processes that any of the axes has."""
-    words = (
+    parts = (
         *(("quantization", "QN"), ("white_noise", "WN"), ("random_walk", "RW"), ("drift", "DR")),
         ("turn_on_bias", "bias"),
     )
-    named = [word for name, word in words if any(getattr(axis, name) > 0.0 for axis in axes)]
+    named = [word for name, word in parts if any(getattr(axis, name) > 0.0 for axis in axes)]
     count = max(len(axis.gauss_markov) for axis in axes)
     gauss_markov = [f"{count}GM" if count > 1 else "GM"] if count else []
     return "+".join([*named, *gauss_markov]) or "none"

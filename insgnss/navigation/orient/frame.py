@@ -182,13 +182,13 @@ def _axes(
     datum, code = datum_words(globe, eo.epoch), code_of(globe)
     if kind == TANGENT:
         lat_d, lon_d = np.degrees(eo.origin[:2])
-        words = (
+        axis_names = (
             f"tangent plane of {'WGS84' if eo.datum is None else datum} at latitude"
             f" {lat_d:.10f} deg, longitude {lon_d:.10f} deg, {plane.height:.4f} m"
         )
         frame = MapFrame(
             kind,
-            words,
+            axis_names,
             "along the vertical of the origin",
             origin=tuple(eo.origin.tolist()),
         )

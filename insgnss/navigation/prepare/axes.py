@@ -28,12 +28,12 @@ DIRECTIONS: dict[str, tuple[int, int]] = {
 _LINES = ("forward or backward", "right or left", "down or up")
 
 
-def parse_axes(words: str) -> Array:
+def parse_axes(text: str) -> Array:
     """Return the matrix that takes components in IMU axes into body forward-right-down.
 
     Parameters
     ----------
-    words : str
+    text : str
         The body directions of the IMU's x, y and z, such as ``"right backward down"``, with blanks
         or commas between.
 
@@ -48,15 +48,15 @@ def parse_axes(words: str) -> Array:
         Where a word is unknown, there are not three words, two of them lie along one line, or the
         triple is left-handed (the message gives the right-handed one).
     """
-    named = words.lower().replace(",", " ").split()
+    named = text.lower().replace(",", " ").split()
     for word in named:
         if word not in DIRECTIONS:
             raise InputError.of_value(
-                f"axes {words!r}", f"{word!r} is no direction; {near(word, DIRECTIONS)}"
+                f"axes {text!r}", f"{word!r} is no direction; {near(word, DIRECTIONS)}"
             )
     if len(named) != 3:
         raise InputError.of_value(
-            f"axes {words!r}",
+            f"axes {text!r}",
             f"{len(named)} directions, expected 3 (of the IMU's x, y and z), e.g."
             " 'forward right down'",
         )
@@ -67,14 +67,14 @@ def parse_axes(words: str) -> Array:
     missing = [_LINES[line] for line in range(3) if not C_b_imu[line].any()]
     if missing:
         raise InputError.of_value(
-            f"axes {words!r}",
+            f"axes {text!r}",
             f"two directions lie along one line and {' and '.join(missing)} is missing",
         )
     if np.linalg.det(C_b_imu) < 0:
         x, y, _ = named
         right_handed = f"{x} {y} {_word(np.cross(C_b_imu[:, 0], C_b_imu[:, 1]))}"
         raise InputError.of_value(
-            f"axes {words!r}",
+            f"axes {text!r}",
             f"left-handed (determinant -1); with x {x} and y {y} it would be {right_handed!r}",
         )
     return C_b_imu

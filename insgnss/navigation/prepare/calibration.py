@@ -201,7 +201,7 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
 def _triad(table: OptionTable, sensor: str) -> TriadCalibration:
     bias = _quantities(table, "bias", BIAS_UNIT[sensor], (3,))
     scale = _quantities(table, "scale_factor", "ppm", (3,))
-    off = _quantities(table, "misalignment", "mrad", (3, 6))
+    off_diagonal = _quantities(table, "misalignment", "mrad", (3, 6))
     sigma = [
         _quantities(table, f"{key}_sigma", unit, (3,))
         for key, unit in (("bias", BIAS_UNIT[sensor]), ("scale_factor", "ppm"))
@@ -217,7 +217,7 @@ def _triad(table: OptionTable, sensor: str) -> TriadCalibration:
             raise table.error("matrix", fault)
         response = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     else:
-        response = np.eye(3) + _assembled(scale, off)
+        response = np.eye(3) + _assembled(scale, off_diagonal)
     response_sigma = (
         None if sigma[1] is None and off_sigma is None else _assembled(sigma[1], off_sigma)
     )
@@ -242,11 +242,13 @@ def _quantities(table: OptionTable, key: str, unit: str, sizes: tuple[int, ...])
         raise table.error(key, str(error)) from None
 
 
-def _assembled(diagonal: Array | None, off: Array | None) -> Array:
+def _assembled(diagonal: Array | None, off_diagonal: Array | None) -> Array:
     """Assemble a (3, 3) matrix of its diagonal and the three or six values beside it."""
     out = np.diag(np.zeros(3) if diagonal is None else diagonal)
-    if off is not None:
-        for cell, value in zip(LOWER if off.size == 3 else OFF_DIAGONAL, off, strict=True):
+    if off_diagonal is not None:
+        for cell, value in zip(
+            LOWER if off_diagonal.size == 3 else OFF_DIAGONAL, off_diagonal, strict=True
+        ):
             out[cell] = value
     return out
 
@@ -283,10 +285,10 @@ def write_calibration(
 def _response_lines(values: Array, suffix: str) -> list[str]:
     above = any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
     cells = OFF_DIAGONAL if above else LOWER
-    off = np.array([values[cell] for cell in cells])
+    values_off = np.array([values[cell] for cell in cells])
     return [
         _line(f"scale_factor{suffix}", np.diag(values), "ppm"),
-        _line(f"misalignment{suffix}", off, "mrad"),
+        _line(f"misalignment{suffix}", values_off, "mrad"),
     ]
 
 

@@ -75,9 +75,9 @@ def common_span(
     for key, value in (("start_tow", start), ("end_tow", end)):
         spans += "" if value is None else f", {key} = {value:.1f} s"
     if gnss.time[-1] < lo or gnss.time[0] > hi:
-        apart = float(gnss.time[0] + gnss.time[-1] - imu.time[0] - imu.time[-1]) / 2.0
+        distance = float(gnss.time[0] + gnss.time[-1] - imu.time[0] - imu.time[-1]) / 2.0
         slack = float(gnss.time[-1] - gnss.time[0] + imu.time[-1] - imu.time[0]) / 2.0
-        if slack < LEAST_WEEKS_APART_S and (weeks := weeks_apart(apart, slack)):
+        if slack < LEAST_WEEKS_APART_S and (weeks := weeks_apart(distance, slack)):
             raise InputError(f"{spans}: they are {weeks} apart; give all times as of one week")
         raise InputError(
             f"{spans}: they do not overlap; check gps_week, the day, start_tow and end_tow,"

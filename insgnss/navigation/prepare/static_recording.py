@@ -174,8 +174,8 @@ def static_span(
     checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
     named = [
         (name, column)
-        for name, column, there in zip(CHANNEL_NAMES, [*gyro.T, *accel.T], channels, strict=True)
-        if there
+        for name, column, alive in zip(CHANNEL_NAMES, [*gyro.T, *accel.T], channels, strict=True)
+        if alive
     ]
     checks += _channels(named, rate)
     checks.append(_units(gyro, accel, all(channels[3:])))

@@ -88,10 +88,10 @@ def bending(arm: Array) -> Array:
     """
     x, y = arm[:, :2].T / max(float(np.abs(arm[:, :2]).max()), 1e-9)
     second = np.stack([x * x, x * y, y * y], axis=1)
-    both = np.concatenate([np.stack([x, y], axis=1), second], axis=1)
+    design = np.concatenate([np.stack([x, y], axis=1), second], axis=1)
     H = np.zeros((len(arm), 6, BENDS))
     H[:, :3, :9] = np.einsum("nk,ij->nikj", second, np.eye(3)).reshape(-1, 3, 9)
-    H[:, 3:, 9:] = np.einsum("nk,ij->nikj", both, np.eye(3)).reshape(-1, 3, 15)
+    H[:, 3:, 9:] = np.einsum("nk,ij->nikj", design, np.eye(3)).reshape(-1, 3, 15)
     return H
 
 

@@ -22,12 +22,12 @@ SAME_PLANE_M = 2.0e3  # of the mean position from the flight's: coordinates of i
 RELATIVE_EXTENTS = 0.5, 2.0  # extent over that of the flight
 
 
-def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
+def block_poses(poses_read: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
     """Return the poses of an adjusted block beside those of a flight.
 
     Parameters
     ----------
-    given : CameraPoses
+    poses_read : CameraPoses
         As `read_camera_poses` returns them.
     eo : ExteriorOrientation
         Whose tangent plane has the axes of what is georeferenced.
@@ -42,12 +42,12 @@ def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
     InputError
         With file and line.
     """
-    path, notes = Path(given.source), given.notes
+    path, notes = Path(poses_read.source), poses_read.notes
     plane = TangentPlane(*(float(x) for x in eo.origin))
-    if given.frame != "own":
-        given = given.in_plane(plane)
-    elif _near(given.position, eo):
-        given = replace(given, frame="plane", plane=plane)
+    if poses_read.frame != "own":
+        poses_read = poses_read.in_plane(plane)
+    elif _near(poses_read.position, eo):
+        poses_read = replace(poses_read, frame="plane", plane=plane)
         notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
     if _with_aerial_control(path):
         notes += (
@@ -57,9 +57,11 @@ def block_poses(given: CameraPoses, eo: ExteriorOrientation) -> CameraPoses:
         )
     whole = path.parent / POSES_COVARIANCE_FILE
     if path.is_file() and whole.is_file():
-        given = replace(given, cov=read_pose_covariance(whole, given.images, given.cov))
+        poses_read = replace(
+            poses_read, cov=read_pose_covariance(whole, poses_read.images, poses_read.cov)
+        )
         notes += (f"covariance of all poses together from {whole.name}",)
-    return replace(given, notes=notes)
+    return replace(poses_read, notes=notes)
 
 
 def _with_aerial_control(path: Path) -> bool:
@@ -79,10 +81,12 @@ def _with_aerial_control(path: Path) -> bool:
 
 def _near(X: Array, eo: ExteriorOrientation) -> bool:
     """Tell whether coordinates look like those of the flight's tangent plane."""
-    apart = X.mean(axis=0) - eo.position_m.mean(axis=0)
-    size, own = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
+    distance = X.mean(axis=0) - eo.position_m.mean(axis=0)
+    size, size_of_eo = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
     low, high = RELATIVE_EXTENTS
-    return bool(np.linalg.norm(apart) < SAME_PLANE_M and low < size / max(own, 1e-9) < high)
+    return bool(
+        np.linalg.norm(distance) < SAME_PLANE_M and low < size / max(size_of_eo, 1e-9) < high
+    )
 
 
 def common_images(block: CameraPoses, eo: ExteriorOrientation) -> tuple[CameraPoses, Rows]:
@@ -108,12 +112,12 @@ def common_images(block: CameraPoses, eo: ExteriorOrientation) -> tuple[CameraPo
         None is common.
     """
     row = matched(block.images, eo.images)
-    own = np.flatnonzero(row >= 0)
-    if not own.size:
+    common = np.flatnonzero(row >= 0)
+    if not common.size:
         raise InputError(
             f"{block.source}: none of its {len(block.images)} images ({block.images[0]}, ...) is of"
             f" this flight ({eo.images[0]}, ...); names are compared without directory, ending and"
             " case"
         )
-    own = own[np.argsort(row[own])]
-    return block.taken(own), row[own]
+    common = common[np.argsort(row[common])]
+    return block.taken(common), row[common]

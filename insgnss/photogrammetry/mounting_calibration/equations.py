@@ -207,21 +207,21 @@ class Model:
 
     def _prior(self) -> tuple[Equations, Equations]:
         """Return what is known before of the unknowns, and that segments have one lever arm."""
-        assumed, sigma, off = self.assumptions, np.ones(self.size), -self.common
+        assumed, sigma, from_prior = self.assumptions, np.ones(self.size), -self.common
         for name, value in UNINFORMED.items():
             sigma[self.place[name]] = value
         sigma[self.place[CAMERA_LEVER_ARM]] = assumed.imu_sigma_m
         for name in (CAMERA_LEVER_ARM, EXPOSURE_DELAY, BENDING, CAMERA_FIXED):
             if name in self.values:
-                off[self.place[name]] = -self.values[name]
+                from_prior[self.place[name]] = -self.values[name]
         if self.block.georeferenced:
             if assumed.shift_sigma_m is not None:
                 sigma[self.place[TRANSLATION]] = max(assumed.shift_sigma_m, 1e-6)
-                off[self.place[TRANSLATION]] = self.origin - self.values[TRANSLATION]
+                from_prior[self.place[TRANSLATION]] = self.origin - self.values[TRANSLATION]
             if assumed.frame == "shift":
                 sigma[self.place[BLOCK_TURN]] = sigma[self.place[BLOCK_SCALE]] = HELD_SIGMA
-                off[self.place[BLOCK_TURN]] = -vector_from_rotation(self.values[BLOCK_TURN])
-                off[self.place[BLOCK_SCALE]] = -np.log(self.values[BLOCK_SCALE])
+                from_prior[self.place[BLOCK_TURN]] = -vector_from_rotation(self.values[BLOCK_TURN])
+                from_prior[self.place[BLOCK_SCALE]] = -np.log(self.values[BLOCK_SCALE])
         if self.bends:
             of = np.repeat([BEND_POSITION_M, BEND_ATTITUDE], [9, BENDS - 9])
             sigma[self.place[BENDING]] = of
@@ -230,19 +230,21 @@ class Model:
             cov[self.place[CAMERA_FIXED], self.place[CAMERA_FIXED]] = self.S
         arms, eta = self.arms
         same = Equations.prior(eta - arms @ self.common, SAME_LEVER_ARM**2 * np.eye(len(eta)), arms)
-        return Equations.prior(off, cov), same
+        return Equations.prior(from_prior, cov), same
 
     def _same_arms(self) -> tuple[Array, Array]:
         """Return the condition that all segments have one lever arm, m."""
-        own, given = self.flight.common.lever_arm, self.flight.common.lever_arm_m
-        others = self.segments[1:]
-        if own is None or given is None or not others.size:
+        estimated, stated = self.flight.common.lever_arm, self.flight.common.lever_arm_m
+        further = self.segments[1:]
+        if estimated is None or stated is None or not further.size:
             return np.zeros((0, self.size)), np.zeros(0)
-        first, rows = self.segments[0], np.zeros((3 * others.size, self.size))
-        eta = np.concatenate([given[k] - given[first] for k in others])
-        for i, k in enumerate(others):
-            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {first}"]] = own[first]
-            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {k}"]] = -own[k]
+        first, rows = self.segments[0], np.zeros((3 * further.size, self.size))
+        eta = np.concatenate([stated[k] - stated[first] for k in further])
+        for i, k in enumerate(further):
+            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {first}"]] = estimated[
+                first
+            ]
+            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {k}"]] = -estimated[k]
         return rows, eta
 
     def linearised(self) -> tuple[Equations, ...]:
@@ -273,8 +275,8 @@ class Model:
         first = self.place[TRANSLATION].start
         pieces: list[_Piece] = []
         for rows, P in self.pieces:
-            own = [self.where[int(row)] for row in rows]
-            m, k = len(own), int(flight.common.segment[rows[0]])
+            columns = [self.where[int(row)] for row in rows]
+            m, k = len(columns), int(flight.common.segment[rows[0]])
             blocks = {
                 (name, 0): values[name] for name in (CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY)
             }
@@ -292,10 +294,10 @@ class Model:
                 common=flight.common.factor[rows],
             )
             none = np.zeros((0, 11)), np.zeros((0, 3))
-            e, J = control.linearised(Unknowns(X[own], C[own], *none, blocks))
+            e, J = control.linearised(Unknowns(X[columns], C[columns], *none, blocks))
             D = J[:, : 6 * m].reshape(m, 6, m, 6)[np.arange(m), :, np.arange(m)]
             A = np.zeros((6 * m, self.size))
-            A[:, first : first + of_block.shape[2]] = (D @ of_block[own]).reshape(6 * m, -1)
+            A[:, first : first + of_block.shape[2]] = (D @ of_block[columns]).reshape(6 * m, -1)
             column = 6 * m
             for name in (
                 CAMERA_LEVER_ARM,
@@ -321,10 +323,10 @@ class Model:
         """Return the shares of the covariance (6 m, 6 m) of the block's poses of some images."""
         from scipy.linalg import block_diag
 
-        own = np.array([self.where[int(row)] for row in rows])
+        columns = np.array([self.where[int(row)] for row in rows])
         if not self.whole:
-            return {name: block_diag(*share[own]) for name, share in self.Q.items()}
-        return {name: covariance_of_rows(share, own) for name, share in self.Q.items()}
+            return {name: block_diag(*share[columns]) for name, share in self.Q.items()}
+        return {name: covariance_of_rows(share, columns) for name, share in self.Q.items()}
 
     def move(self, dx: Array) -> None:
         """Move the values by a step."""

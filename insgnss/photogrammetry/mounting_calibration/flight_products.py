@@ -87,37 +87,37 @@ def mounting_file(result: MountingResult, flight: Flight, origin: dict[str, Any]
     solved = result.solved
     names, J, _, _ = linear_functions(solved, result.stated)
     V = J @ solved.cov @ J.T
-    given: dict[str, Any] = {}
+    table: dict[str, Any] = {}
     missing: dict[str, str] = {}
     remarks: list[str] = []
     for group, key in KEYS_OF_GROUPS.items():
-        own = [c for c in result.components if c.group == group]
-        undetermined = [c for c in own if not c.determined]
-        if len(undetermined) == len(own) or not all(c.held for c in undetermined):
-            missing[key] = "; ".join(c.sentence for c in own)
+        of_group = [c for c in result.components if c.group == group]
+        undetermined = [c for c in of_group if not c.determined]
+        if len(undetermined) == len(of_group) or not all(c.held for c in undetermined):
+            missing[key] = "; ".join(c.sentence for c in of_group)
             continue
         for c in undetermined:
             remarks.append(f"{key}: the flight file's value about this axis: {c.sentence}")
         rows = [k for k, name in enumerate(names) if name[0] == group]
         cov = V[np.ix_(rows, rows)]
         if group == "delay":
-            given |= {DELAY: result.delay_s, "time_offset_sigma_s": float(np.sqrt(cov[0, 0]))}
+            table |= {DELAY: result.delay_s, "time_offset_sigma_s": float(np.sqrt(cov[0, 0]))}
         elif group == "boresight":
             T = result.mounting.camera_from_body
-            given |= {"boresight": result.mounting.boresight, "camera_from_body": T}
-            given["boresight_cov"] = 0.5 * (cov + cov.T)
+            table |= {"boresight": result.mounting.boresight, "camera_from_body": T}
+            table["boresight_cov"] = 0.5 * (cov + cov.T)
         else:
-            given[key] = getattr(result.mounting, key)
-            given[f"{key.removesuffix('_m')}_cov"] = 0.5 * (cov + cov.T)
-    given |= origin
+            table[key] = getattr(result.mounting, key)
+            table[f"{key.removesuffix('_m')}_cov"] = 0.5 * (cov + cov.T)
+    table |= origin
     if not origin["camera"] and (tags := camera_of(flight)) is not None:
-        given |= {"camera": tags.model, "image_size": tags.image_size, "focal_px": tags.focal_px}
+        table |= {"camera": tags.model, "image_size": tags.image_size, "focal_px": tags.focal_px}
     return MountingFile(
         verb="calibrate mounting",
         verdict=tuple(c.sentence for c in result.components),
         not_determined=missing,
         remarks=tuple(remarks),
-        **given,
+        **table,
     )
 
 

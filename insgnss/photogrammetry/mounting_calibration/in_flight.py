@@ -94,20 +94,20 @@ class MountingResult:
         """What is to be known first."""
         judged = self.components
         determined = [c for c in judged if c.determined]
-        words = f"{len(determined)} of {len(judged)} components determined by"
-        words += f" {self.solved.rows.size} images"
+        summary = f"{len(determined)} of {len(judged)} components determined by"
+        summary += f" {self.solved.rows.size} images"
         against = list(
             dict.fromkeys(NAMES_OF_GROUPS.get(c.group, c.name) for c in judged if c.against)
         )
         if against:
             verb = "contradicts" if len(against) == 1 else "contradict"
-            words = f"the flight file's {_listed(against)} {verb} the poses; {words}"
+            summary = f"the flight file's {_listed(against)} {verb} the poses; {summary}"
         if (times := self.solved.enlarged) > 1.0:
-            words = (
+            summary = (
                 f"the flight's errors are {times:.1f} times as large as its covariances say, by"
-                f" which all standard deviations are multiplied; {words}"
+                f" which all standard deviations are multiplied; {summary}"
             )
-        return words
+        return summary
 
 
 def _listed(names: list[str]) -> str:
@@ -156,17 +156,17 @@ def calibrate_mounting(
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
-    given: CameraPoses | None = None
+    placed: CameraPoses | None = None
     for number in range(MOST_RUNS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
-        if given is None:
-            given = block_poses(read, flight_poses.eo)
-        if assumptions.frame == "shift" and not given.georeferenced:
+        if placed is None:
+            placed = block_poses(read, flight_poses.eo)
+        if assumptions.frame == "shift" and not placed.georeferenced:
             raise UsageError(
-                f"--frame shift: {given.source} stands in axes of its own, with a scale and a turn"
-                " that are not known; leave the option out"
+                f"--frame shift: {placed.source} stands in axes of its own, with a scale and a"
+                " turn that are not known; leave the option out"
             )
-        block, rows = common_images(given, flight_poses.eo)
+        block, rows = common_images(placed, flight_poses.eo)
         if number == 0:
             progress("are these poses of this flight")
             _refuse_other_poses(block, hints, flight_poses, rows, result, flight)
@@ -183,19 +183,19 @@ def calibrate_mounting(
         mounting, delay = new, new_delay
         if corrections[-1] < SETTLED_CORRECTIONS:
             break
-    assert given is not None
-    left = len(given.images) - block.position.shape[0] - len(gross)
+    assert placed is not None
+    failing = len(placed.images) - block.position.shape[0] - len(gross)
     notes = [*gross, *block.notes]
-    if left:
+    if failing:
         notes.append(
-            f"{left} of {len(given.images)} poses belong to images that are not in the flight"
+            f"{failing} of {len(placed.images)} poses belong to images that are not in the flight"
         )
     if (missing := len(flight_poses.eo) - block.position.shape[0] - len(gross)) > 0:
         notes.append(
             f"{missing} of {len(flight_poses.eo)} images of the flight have no pose in the block"
         )
-    if (words := misread_boresight(stated, judged, mounting.boresight)) is not None:
-        notes.insert(0, words)
+    if (advice := misread_boresight(stated, judged, mounting.boresight)) is not None:
+        notes.insert(0, advice)
     if any(c.held for c in judged):
         notes.append(
             "components that are not determined keep the flight file's value; the others are"
@@ -369,15 +369,16 @@ def _largest(
 
 def _statistics(solved: AdjustedMounting) -> str:
     """Say how the covariances of both sides agree with the residuals."""
-    own = [float(np.sqrt(x)) for x in solved.factors.values()]
+    factors = [float(np.sqrt(x)) for x in solved.factors.values()]
     if solved.block.cov is not None:
         return (
-            f"by the residuals, standard deviations of the block's poses are {own[0]:.2f}"
+            f"by the residuals, standard deviations of the block's poses are {factors[0]:.2f}"
             " times the stated ones, which are multiplied by this factor"
         )
     return (
         "the block's poses have no covariances; their residuals give"
-        f" {1e3 * own[0] * FIRST_POSITION:.0f} mm and {np.degrees(own[1] * FIRST_ATTITUDE):.4f} deg"
+        f" {1e3 * factors[0] * FIRST_POSITION:.0f} mm and"
+        f" {np.degrees(factors[1] * FIRST_ATTITUDE):.4f} deg"
     )
 
 

@@ -73,19 +73,21 @@ def intersected(
     InputError
         Its rays do not meet before the cameras.
     """
-    seen = block.measured.observations
+    observed = block.measured.observations
     row_by_image = {image: k for k, image in enumerate(poses.images)}
-    pose = np.array([row_by_image.get(image, -1) for image in block.measured.images])[seen.image]
-    use = (seen.point == block.measured.points.index(name)) & (pose >= 0)
+    pose = np.array([row_by_image.get(image, -1) for image in block.measured.images])[
+        observed.image
+    ]
+    use = (observed.point == block.measured.points.index(name)) & (pose >= 0)
     if use.sum() < 2:
         return None
-    camera = cameras[int(block.camera[seen.image[use][0]]) if len(cameras) > 1 else 0]
-    sigma_px, k = float(np.median(seen.sigma_px[use])), pose[use]
+    camera = cameras[int(block.camera[observed.image[use][0]]) if len(cameras) > 1 else 0]
+    sigma_px, k = float(np.median(observed.sigma_px[use])), pose[use]
     try:
         P, cov, factor = intersected_target(
             poses.position[k],
             poses.C_rc[k],
-            rays_of(camera, seen.uv[use]),
+            rays_of(camera, observed.uv[use]),
             sigma_px / camera.of("f"),
         )
     except DataError as refusal:

@@ -113,10 +113,10 @@ class MountingComponent:
         factor, unit, digits = UNITS_OF_GROUPS.get(self.group, AS_MILLIMETRES)
         sigma = shown(self.group, self.sigma)
         if not self.determined:
-            own = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
-            whose = "mounting.antenna_sigma_m" if own else "limit"
-            words = f"sigma {sigma} ({whose} {factor * self.limit:g} {unit})"
-            return "; ".join([words, self.why, *self.remedies])
+            required = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
+            whose = "mounting.antenna_sigma_m" if required else "limit"
+            description = f"sigma {sigma} ({whose} {factor * self.limit:g} {unit})"
+            return "; ".join([description, self.why, *self.remedies])
         value = f"{factor * self.value:+.{digits}f} +- {sigma}"
         return f"{value}; {self.why}" if self.why else value
 
@@ -165,11 +165,11 @@ def facts_of(solved: AdjustedMounting) -> Facts:
     nose = C_mb[:, :2, 0]
     nose = nose / np.maximum(np.linalg.norm(nose, axis=1, keepdims=True), 1e-9)
     down = -C_mb[:, 2]  # the vertical in body axes
-    off = down - down.mean(axis=0)
+    deviation = down - down.mean(axis=0)
     return Facts(
         (float(low), float(high)),
         float(np.linalg.norm(nose.mean(axis=0))),
-        float(np.degrees(np.sqrt((off**2).sum(axis=1).mean()))),
+        float(np.degrees(np.sqrt((deviation**2).sum(axis=1).mean()))),
     )
 
 
@@ -197,20 +197,26 @@ def components(solved: AdjustedMounting, stated: Stated) -> tuple[MountingCompon
     for k, (group, axis, name) in enumerate(names):
         if group not in USEFUL:
             continue
-        own = _stated_sigma(group, stated)
+        stated_sigma = _stated_sigma(group, stated)
         limit = USEFUL[group]
         if group == "antenna_m" and stated.antenna_sigma_m is not None:
             limit = min(limit, max(stated.antenna_sigma_m, LEAST_LIMIT_M))
         verdict, why = (DETERMINED, "") if sigma[k] <= limit else (UNDETERMINED, "")
-        off = 0.0 if own is None else float(abs(values[k] - before[k]) / np.hypot(sigma[k], own))
+        normalised = (
+            0.0
+            if stated_sigma is None
+            else float(abs(values[k] - before[k]) / np.hypot(sigma[k], stated_sigma))
+        )
         in_file = shown(group, before[k])
         if verdict == UNDETERMINED:
             undetermined.append(len(out))
             why = _why(names, V, k, facts)
-            if off > DOUBTFUL_SIGMAS:
-                why += f"; the flight file's {in_file} lies {off:.1f} sigma from what was found"
-        elif off > CONTRADICTS:
-            verdict, why = CONTRADICTING, f"{in_file} there, {off:.0f} sigma"
+            if normalised > DOUBTFUL_SIGMAS:
+                why += (
+                    f"; the flight file's {in_file} lies {normalised:.1f} sigma from what was found"
+                )
+        elif normalised > CONTRADICTS:
+            verdict, why = CONTRADICTING, f"{in_file} there, {normalised:.0f} sigma"
         out.append(
             MountingComponent(
                 group,
@@ -222,8 +228,10 @@ def components(solved: AdjustedMounting, stated: Stated) -> tuple[MountingCompon
                 float(limit),
                 verdict,
                 why,
-                against=off > CONTRADICTS,
-                held=verdict == UNDETERMINED and own is not None and off <= DOUBTFUL_SIGMAS,
+                against=normalised > CONTRADICTS,
+                held=verdict == UNDETERMINED
+                and stated_sigma is not None
+                and normalised <= DOUBTFUL_SIGMAS,
             )
         )
     if undetermined:
@@ -236,9 +244,9 @@ def _stated_sigma(group: str, stated: Stated) -> float | None:
     """Return how well the flight file knows a component; None where it says nothing of it."""
     if group not in stated.keys:
         return None
-    own = stated.antenna_sigma_m
+    stated_sigma = stated.antenna_sigma_m
     return {
-        "antenna_m": ANTENNA_SIGMA_M if own is None else own,
+        "antenna_m": ANTENNA_SIGMA_M if stated_sigma is None else stated_sigma,
         "imu_m": ANTENNA_SIGMA_M,
         "boresight": STATED_BORESIGHT,
         "delay": STATED_DELAY_S,
@@ -295,10 +303,14 @@ def linear_functions(
     ]
     if CAMERA_FIXED in columns:
         axes = [*"xyz", *(f"turn about {axis}" for axis in "xyz")]
-        words = [f"{axis} by the block's camera" for axis in axes]
-        groups.append(("camera", unknowns[columns[CAMERA_FIXED]], np.zeros(6), 0.0, words))
+        axis_names = [f"{axis} by the block's camera" for axis in axes]
+        groups.append(("camera", unknowns[columns[CAMERA_FIXED]], np.zeros(6), 0.0, axis_names))
     return (
-        [(group, axis, name) for group, *_, words in groups for axis, name in enumerate(words)],
+        [
+            (group, axis, name)
+            for group, *_, axis_names in groups
+            for axis, name in enumerate(axis_names)
+        ],
         np.vstack([J for _, J, *_ in groups]),
         np.hstack([values for _, _, values, *_ in groups]),
         np.hstack([np.full(len(values), before) for _, _, values, before, _ in groups]),
@@ -319,14 +331,18 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
     """
     twin = {"antenna_m": "imu_m", "imu_m": "antenna_m"}.get(names[k][0])
     first = float(np.sqrt(V[k, k]))
-    others: tuple[int, ...] = ()
+    partners: tuple[int, ...] = ()
     for free in (
         [j for j, name in enumerate(names) if j != k and name[0] != twin],
         [j for j in range(len(names)) if j != k],
     ):
-        conditions = [(_left(V, k, own), own) for n in (1, 2) for own in combinations(free, n)]
+        conditions = [
+            (_left(V, k, conditioned), conditioned)
+            for n in (1, 2)
+            for conditioned in combinations(free, n)
+        ]
         alone = min(item for item in conditions if len(item[1]) == 1)
-        left, others = alone if alone[0] < HELPS * first else min(conditions)
+        left, partners = alone if alone[0] < HELPS * first else min(conditions)
         if left < HELPS * first:
             break
     else:
@@ -336,29 +352,29 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
                 " latter on the aircraft"
             )
         return "the poses are not precise enough"
-    words = f"cannot be separated from {' and '.join(names[j][2] for j in others)}"
-    words += f" (were {'they' if len(others) > 1 else 'it'} known, {shown(names[k][0], left)}"
-    words += f" instead of {shown(names[k][0], first).partition(' ')[0]})"
-    groups = {names[k][0], *(names[j][0] for j in others)}
-    vertical = any(w in names[i][2] for i in (k, *others) for w in ("up", "down"))
+    reason = f"cannot be separated from {' and '.join(names[j][2] for j in partners)}"
+    reason += f" (were {'they' if len(partners) > 1 else 'it'} known, {shown(names[k][0], left)}"
+    reason += f" instead of {shown(names[k][0], first).partition(' ')[0]})"
+    groups = {names[k][0], *(names[j][0] for j in partners)}
+    vertical = any(w in names[i][2] for i in (k, *partners) for w in ("up", "down"))
     if groups == {names[k][0], "camera"}:
-        words += ": its principal point and camera constant move all poses alike"
+        reason += ": its principal point and camera constant move all poses alike"
     elif "delay" in groups:
         low, high = facts.speed
-        words += f": speed was {low:.1f} to {high:.1f} m/s throughout"
+        reason += f": speed was {low:.1f} to {high:.1f} m/s throughout"
     elif not vertical and facts.headings > ONE_HEADING:
-        words += ": one heading"
+        reason += ": one heading"
     elif groups & {"shift", "translation", "antenna_m", "imu_m"}:
-        words += f": tilts of {facts.tilt_deg:.1f} deg rms"
-    return words
+        reason += f": tilts of {facts.tilt_deg:.1f} deg rms"
+    return reason
 
 
 def _left(V: Array, k: int, conditions: tuple[int, ...]) -> float:
     """Return the sigma of component k if others were known."""
-    own = list(conditions)
-    sigma = np.sqrt(np.diagonal(V)[own])
-    R = V[np.ix_(own, own)] / np.outer(sigma, sigma) + 1e-12 * np.eye(len(own))
-    c = V[k, own] / sigma
+    columns = list(conditions)
+    sigma = np.sqrt(np.diagonal(V)[columns])
+    R = V[np.ix_(columns, columns)] / np.outer(sigma, sigma) + 1e-12 * np.eye(len(columns))
+    c = V[k, columns] / sigma
     return float(np.sqrt(max(V[k, k] - c @ np.linalg.solve(R, c), 0.0)))
 
 
@@ -386,29 +402,29 @@ def _advise(
     hypothetical = [(v.name, solved.with_line(v)) for v in _variants()]
     none = np.zeros(3)
     if CAMERA_FIXED in solved.place:
-        words = (
+        advice = (
             "poses with the covariance of their whole block (adjust --pose-covariance), or a camera"
             " known to move them by 5 mm and 0.002 deg alike (--pose-sigma 0.005,0.002)"
         )
         alike = np.eye(len(solved.cov))[solved.place[CAMERA_FIXED]]
         alike[3:] *= ALIKE_M / ALIKE_RAD
-        hypothetical.append((words, solved.conditioned(alike, np.zeros(6), ALIKE_M)[1]))
+        hypothetical.append((advice, solved.conditioned(alike, np.zeros(6), ALIKE_M)[1]))
     if solved.block.georeferenced and solved.assumptions.shift_sigma_m is None:
-        words = "ground control in the datum of the fixes to 1 cm (--shift-sigma 0.01)"
+        advice = "ground control in the datum of the fixes to 1 cm (--shift-sigma 0.01)"
         frame = np.eye(len(solved.cov))[solved.place[TRANSLATION]]
-        hypothetical.append((words, solved.conditioned(frame, none, 0.01)[1]))
-    words = "an antenna lever arm measured to 5 mm from the projection centre"
-    hypothetical.append((words, solved.conditioned(antenna, none, 0.005)[1]))
+        hypothetical.append((advice, solved.conditioned(frame, none, 0.01)[1]))
+    advice = "an antenna lever arm measured to 5 mm from the projection centre"
+    hypothetical.append((advice, solved.conditioned(antenna, none, 0.005)[1]))
     for k in undetermined:
         c, row = out[k], J[k]
-        others = [t for t in hypothetical if not (c.group == "antenna_m" and "antenna" in t[0])]
-        given = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in others]
-        good = [i for i in range(len(others)) if given[i] <= c.limit]
-        good = ([i for i in good if given[i] <= 0.7 * c.limit] or good)[:2]
-        best = int(np.argmin(given))
-        if not good and given[best] < 0.5 * c.sigma:
+        useful = [t for t in hypothetical if not (c.group == "antenna_m" and "antenna" in t[0])]
+        sigmas = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in useful]
+        good = [i for i in range(len(useful)) if sigmas[i] <= c.limit]
+        good = ([i for i in good if sigmas[i] <= 0.7 * c.limit] or good)[:2]
+        best = int(np.argmin(sigmas))
+        if not good and sigmas[best] < 0.5 * c.sigma:
             good = [best]
-        remedies = tuple(f"{others[i][0]} would give {shown(c.group, given[i])}" for i in good)
+        remedies = tuple(f"{useful[i][0]} would give {shown(c.group, sigmas[i])}" for i in good)
         out[k] = replace(c, remedies=remedies)
 
 
@@ -431,20 +447,20 @@ def misread_boresight(stated: Stated, judged: Sequence[MountingComponent], B: Ar
     str or None
         A sentence; None where the bore-sight does not contradict, or nothing explains it.
     """
-    own = [c for c in judged if c.group == "boresight"]
-    if not any(c.verdict == CONTRADICTING for c in own):
+    components = [c for c in judged if c.group == "boresight"]
+    if not any(c.verdict == CONTRADICTING for c in components):
         return None
     B0 = stated.mounting.boresight
-    limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in own)))
+    limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in components)))
     opk = opk_from_rotation(B0)[None]
-    others = {"body and camera exchanged (transposed)": B0.T}
+    readings = {"body and camera exchanged (transposed)": B0.T}
     for one in angles(CAMERA_SETS["opk"], {}, units=()):
-        others[one.words] = one.change(opk)[0]
+        readings[one.words] = one.change(opk)[0]
 
     def apart(A: Array) -> float:
         return float(np.linalg.norm(vector_from_rotation(A @ B.T)))
 
-    explanation = explain(B0, readings_of(others), apart, limit)
+    explanation = explain(B0, readings_of(readings), apart, limit)
     if explanation is None:
         return None
     return (

@@ -68,13 +68,18 @@ def calibrate_materialise(
     _refuse_twice(
         [path for path in (mounted, *options.receiver, options.after) if path is not None]
     )
-    own, sessions = _points(camera), [_session(path, options) for path in options.receiver]
+    camera_points, sessions = (
+        _points(camera),
+        [_session(path, options) for path in options.receiver],
+    )
     if not sessions:
         raise UsageError("calibrate materialise: --receiver needs one file for each session")
     on_receiver = _common(sessions, options.antenna_name)
     receiver = _receiver(sessions, on_receiver, options)
     blocks = [_points(path) for path in (mounted, *([options.after] if options.after else []))]
-    on_camera = [name for name in own.names if all(name in block.names for block in blocks)]
+    on_camera = [
+        name for name in camera_points.names if all(name in block.names for block in blocks)
+    ]
     on_camera = [name for name in on_camera if name not in on_receiver]
     for block in blocks:
         for kind, count in (
@@ -88,15 +93,17 @@ def calibrate_materialise(
                     " ...); a frame needs 3 that stand on no line",
                 )
     used = [name for name in on_receiver if all(name in block.names for block in blocks)]
-    pose, pose_cov = _own_pose(own, camera, options)
-    targets = camera_targets(_targets(own, on_camera, options.target_sigma_m), *pose, pose_cov)
+    pose, pose_cov = _own_pose(camera_points, camera, options)
+    targets = camera_targets(
+        _targets(camera_points, on_camera, options.target_sigma_m), *pose, pose_cov
+    )
     rows = [on_receiver.index(name) for name in used]
     on_both = Targets(receiver.targets.position[rows], receiver.targets.cov[rows])
     receiver = replace(receiver, targets=on_both)
     results = [_estimated(targets, receiver, block, on_camera, used, options) for block in blocks]
     inputs = [camera, mounted, *options.receiver]
     inputs += [path for path in (options.pose, options.after) if path is not None]
-    cameras = () if own.poses is None else own.poses.cameras
+    cameras = () if camera_points.poses is None else camera_points.poses.cameras
     origin = provenance(inputs, cameras, options.photo, options.date)
     difference, moved = _between(results)
     notes = (receiver.summary(), *difference)
@@ -154,11 +161,11 @@ def _targets(points: Positions, names: Sequence[str], sigma_m: float) -> Targets
 
 def _refuse_large(path: Path, table: NamedPositions) -> None:
     """Refuse targets in millimetres, where the table says metres by its standard deviations."""
-    apart = float(np.ptp(table.position, axis=0).max())
-    if table.cov is not None and apart > 1e5 * float(np.sqrt(table.cov.max())):
+    extent = float(np.ptp(table.position, axis=0).max())
+    if table.cov is not None and extent > 1e5 * float(np.sqrt(table.cov.max())):
         raise InputError.in_file(
             path,
-            f"targets are up to {apart:g} apart with standard deviations of"
+            f"targets are up to {extent:g} apart with standard deviations of"
             f" {np.sqrt(table.cov.max()):g}: both in one unit",
         )
 
@@ -171,15 +178,15 @@ def _session(path: Path, options: MaterialiseOptions) -> Positions:
             f"no row {options.antenna_name!r} with the phase centre by GNSS;"
             f" {near(options.antenna_name, points.names)}; name it by --antenna-name",
         )
-    apart = float(np.ptp(points.position, axis=0).max())
-    if apart > LARGEST_SENSOR_M:
-        words = ""
-        if apart * 1e-3 < 1.0:
-            words = "; in millimetres?"
+    extent = float(np.ptp(points.position, axis=0).max())
+    if extent > LARGEST_SENSOR_M:
+        question = ""
+        if extent * 1e-3 < 1.0:
+            question = "; in millimetres?"
         raise InputError.in_file(
             path,
-            f"targets and phase centre are {apart:.3g} m apart (limit {LARGEST_SENSOR_M:g} m on a"
-            f" receiver){words}",
+            f"targets and phase centre are {extent:.3g} m apart (limit {LARGEST_SENSOR_M:g} m on a"
+            f" receiver){question}",
         )
     return points
 
@@ -201,24 +208,24 @@ def _common(sessions: Sequence[Positions], antenna: str) -> list[str]:
 def _receiver(
     sessions: Sequence[Positions], names: Sequence[str], options: MaterialiseOptions
 ) -> ReceiverTargets:
-    made = []
+    receivers = []
     for points in sessions:
         row = points.names.index(options.antenna_name)
         cov = points.with_sigma(PHASE_CENTRE_SIGMA_M)[row]
         targets = _targets(points, names, options.target_sigma_m)
-        made.append(ReceiverSession(targets, points.position[row], cov))
+        receivers.append(ReceiverSession(targets, points.position[row], cov))
     try:
-        return receiver_targets(*made)
+        return receiver_targets(*receivers)
     except DataError as refusal:
         files = ", ".join(str(points.path) for points in sessions)
         raise InputError(f"{files}: {refusal}") from None
 
 
 def _own_pose(
-    own: Positions, camera: Path, options: MaterialiseOptions
+    camera_points: Positions, camera: Path, options: MaterialiseOptions
 ) -> tuple[tuple[Array, Array], Array]:
     """Return pose and covariance of the image that the camera itself took."""
-    poses = own.poses
+    poses = camera_points.poses
     if options.pose is not None:
         poses = read_camera_poses(options.pose)
     if poses is None:
@@ -272,8 +279,8 @@ def _estimated(
         candidates = suspected(
             block.path.name, of_positions(units=False), lambda X, change: change(X)
         )
-        other = advice(explain(whole, candidates, misfit, CLOSE_M))
-        raise InputError(f"{block.path}: {refusal}{other}") from None
+        readings = advice(explain(whole, candidates, misfit, CLOSE_M))
+        raise InputError(f"{block.path}: {refusal}{readings}") from None
 
 
 def _between(results: Sequence[MaterialisedLeverArm]) -> tuple[tuple[str, ...], bool]:
@@ -285,8 +292,8 @@ def _between(results: Sequence[MaterialisedLeverArm]) -> tuple[tuple[str, ...], 
     if len(results) < 2:
         return (), False
     before, after = results
-    both = before.block_cov, after.block_cov
-    difference = lever_arm_difference(before.lever_arm_m, both[0], after.lever_arm_m, both[1])
+    covs = before.block_cov, after.block_cov
+    difference = lever_arm_difference(before.lever_arm_m, covs[0], after.lever_arm_m, covs[1])
     moved = not difference.agrees and difference.length_m > ANTENNA_SIGMA_M
     return (f"before and after the flight: {difference.summary()}; their mean is taken",), moved
 

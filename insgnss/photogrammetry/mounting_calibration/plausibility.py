@@ -121,8 +121,8 @@ def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> PoseMisfit:
     d = X_o - fitted.points(X)
     each = np.einsum("nji,njk->nik", C_o, fitted.rotation @ C)
     E = nearest_rotation(each.sum(axis=0))
-    off = vector_from_rotation(each @ E.T)
-    return PoseMisfit(*(float(np.sqrt((e**2).sum(axis=1).mean())) for e in (d, off)))
+    turn = vector_from_rotation(each @ E.T)
+    return PoseMisfit(*(float(np.sqrt((e**2).sum(axis=1).mean())) for e in (d, turn)))
 
 
 def refuse_implausible(
@@ -159,29 +159,31 @@ def refuse_implausible(
             " are needed, and a good calibration needs two lines of ten images each or more"
         )
     eo = flight.eo
-    given = misfit(block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
-    if given.position_m < OWN_M and given.attitude_rad < OWN_RAD:
+    as_read = misfit(block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
+    if as_read.position_m < OWN_M and as_read.attitude_rad < OWN_RAD:
         raise InputError(
             f"{block.source}: its poses are those of the flight itself"
-            f" ({1e3 * given.position_m:.2f} mm rms beside them), {NOT_OF_MOUNTING}"
+            f" ({1e3 * as_read.position_m:.2f} mm rms beside them), {NOT_OF_MOUNTING}"
         )
-    if given.size < 1.0:
+    if as_read.size < 1.0:
         return
     pairs = (block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
     candidates = list(_readings(rows.size))
     if path is not None:
         candidates += _other_times(pairs, eo.time[rows], path)
     explanation = explain(pairs, candidates, lambda each: misfit(*each).size)
-    apart = f"{block.source}: its poses and those of the flight differ by {given.words} (rms)"
+    difference = (
+        f"{block.source}: its poses and those of the flight differ by {as_read.words} (rms)"
+    )
     if explanation is not None:
-        left = misfit(*explanation.data)
-        raise InputError(f"{apart}, but by {left.words} where {explanation.clauses()}")
+        explained = misfit(*explanation.data)
+        raise InputError(f"{difference}, but by {explained.words} where {explanation.clauses()}")
     sigma = np.sqrt(np.median(np.diagonal(eo.cov[rows], axis1=1, axis2=2), axis=0))
     limit_m = max(HOPELESS_M, HOPELESS_SIGMAS * float(sigma[:3].max()))
     limit_rad = max(HOPELESS_RAD, HOPELESS_SIGMAS * float(sigma[3:].max()))
-    if given.position_m > limit_m or given.attitude_rad > limit_rad:
+    if as_read.position_m > limit_m or as_read.attitude_rad > limit_rad:
         raise InputError(
-            f"{apart} after a similarity and a bore-sight; {limit_m:.0f} m and"
+            f"{difference} after a similarity and a bore-sight; {limit_m:.0f} m and"
             f" {np.degrees(limit_rad):.0f} deg are the most that a mounting explains, and no other"
             " order, clock or axes do: "
             + (compared() or "are these the poses of another flight, or an adjustment that failed?")
@@ -190,16 +192,16 @@ def refuse_implausible(
 
 def _readings(n: int) -> Iterator[Candidate[Pairs]]:
     """Return how poses of n images may have been joined and written."""
-    for k, one, other in orders(n):
+    for k, one, counterpart in orders(n):
         if one.size < FEWEST_POSES:
             continue
-        words = "it has the reversed order of images: check how names and poses were joined"
+        statement = "it has the reversed order of images: check how names and poses were joined"
         if k is not None:
-            words = (
+            statement = (
                 f"each image has the pose {abs(k)} {'behind' if k > 0 else 'before'} it in the"
                 " order of exposure: check how names and events were joined"
             )
-        yield Candidate(words, _joined(one, other), same=_joined(one, one))
+        yield Candidate(statement, _joined(one, counterpart), same=_joined(one, one))
 
     def of_block(data: Pairs, change: Change) -> Pairs:
         return change(data[0]), *data[1:]
@@ -211,8 +213,8 @@ def _readings(n: int) -> Iterator[Candidate[Pairs]]:
     yield from suspected("it", of_attitudes(), of_cameras)
 
 
-def _joined(one: Rows, other: Rows) -> Callable[[Pairs], Pairs]:
-    return lambda d: (d[0][one], d[1][one], d[2][other], d[3][other])
+def _joined(one: Rows, counterpart: Rows) -> Callable[[Pairs], Pairs]:
+    return lambda d: (d[0][one], d[1][one], d[2][counterpart], d[3][counterpart])
 
 
 def _other_times(pairs: Pairs, time: Array, path: FlightPath) -> Iterator[Candidate[Pairs]]:
@@ -249,22 +251,22 @@ def gross_errors(solved: AdjustedMounting) -> tuple[NDArray[np.bool_], tuple[str
     -------
     good : ndarray of bool, (n,)
         The images that stay: all, where more than a twentieth stand apart.
-    words : tuple of str
+    sentences : tuple of str
         Which do not, and by how much.
     """
     e = solved.residuals
-    apart = [np.linalg.norm(triple, axis=1) for triple in (e[:, :3], e[:, 3:])]
+    distances = [np.linalg.norm(triple, axis=1) for triple in (e[:, :3], e[:, 3:])]
     bad = np.zeros(len(e), dtype=bool)
-    for size, least in zip(apart, (GROSS_M, GROSS_RAD), strict=True):
+    for size, least in zip(distances, (GROSS_M, GROSS_RAD), strict=True):
         bad |= size > max(GROSS * float(np.median(size)), least)
     if not bad.any() or bad.sum() > GROSS_SHARE * len(e):
         return np.ones(len(e), dtype=bool), ()
-    words = tuple(
-        f"{solved.block.images[k]} is left out: its pose is {apart[0][k]:.2f} m and"
-        f" {np.degrees(apart[1][k]):.2f} deg from where all others put it"
+    sentences = tuple(
+        f"{solved.block.images[k]} is left out: its pose is {distances[0][k]:.2f} m and"
+        f" {np.degrees(distances[1][k]):.2f} deg from where all others put it"
         for k in np.flatnonzero(bad)
     )
-    return ~bad, words
+    return ~bad, sentences
 
 
 def refuse_frame(solved: AdjustedMounting) -> None:
@@ -291,7 +293,7 @@ def refuse_frame(solved: AdjustedMounting) -> None:
     if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > LARGEST_BORESIGHT:
         near = np.round(E)
         T = near.T @ solved.flight.eo.camera_from_body
-        words = (
+        sentence = (
             f"{source}: its camera axes are turned by {np.degrees(angle):.0f} deg against those of"
             " the flight, which is no bore-sight"
         )
@@ -299,16 +301,16 @@ def refuse_frame(solved: AdjustedMounting) -> None:
         if whole and near[2, 2] == 1.0:  # about the viewing direction: the camera sits otherwise
             remaining_deg = np.degrees(np.linalg.norm(vector_from_rotation(E @ near.T)))
             raise InputError(
-                f"{words}: mounting.camera_from_body is wrong; with {T.astype(int).tolist()}"
+                f"{sentence}: mounting.camera_from_body is wrong; with {T.astype(int).tolist()}"
                 f" {remaining_deg:.1f} deg remain"
             )
         if whole and near[2, 2] == -1.0:  # it would look at the sky
             raise InputError(
-                f"{words}: attitudes are those of a camera with other axes, such as right, up,"
+                f"{sentence}: attitudes are those of a camera with other axes, such as right, up,"
                 " back; give them with x image right, y image down, z viewing direction, or as"
                 " omega phi kappa of the usual right, up, back"
             )
-        raise InputError(f"{words}: check camera axes and mounting.camera_from_body")
+        raise InputError(f"{sentence}: check camera axes and mounting.camera_from_body")
     if not solved.block.georeferenced or solved.assumptions.frame == "similarity":
         return
     s, sigma = float(solved.values[BLOCK_SCALE][0]), float(solved.sigma(BLOCK_SCALE)[0])

@@ -158,28 +158,30 @@ def date_of(eo: ExteriorOrientation) -> str:
 
 def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
     """Return the poses of a file of another program; in their own axes without a frame."""
-    given = read_returned_poses(path, form)
-    if given.C is None:
+    returned = read_returned_poses(path, form)
+    if returned.C is None:
         raise InputError.in_file(
             path, "has positions and no attitudes; give poses of an adjustment"
         )
-    framed = framed_coordinates(given, hints, path)
+    framed = framed_coordinates(returned, hints, path)
 
     def block() -> MeasuredBlock:
         return read_measured_block(path)
 
     if framed.frame is not None and framed.frame.kind != GEOCENTRIC:
         try:
-            poses = placed_poses(given, framed, path, form)
+            poses = placed_poses(returned, framed, path, form)
         except FarError:
-            if only or given.kind or hints.shift is not None:
+            if only or returned.kind or hints.shift is not None:
                 raise
             return _returned(path, form, replace(hints, crs=None), only)
         return replace(_on_the_earth(path, poses), load=block)
-    cov = _joint_cov(given.cov_position, given.cov_attitude)
+    cov = _joint_cov(returned.cov_position, returned.cov_attitude)
     frame = "own" if framed.frame is None else "geocentric"
-    notes = (*given.notes, framed.note) if framed.note else given.notes
-    return CameraPoses(given.images, framed.x, given.C, cov, frame, str(path), notes, load=block)
+    notes = (*returned.notes, framed.note) if framed.note else returned.notes
+    return CameraPoses(
+        returned.images, framed.x, returned.C, cov, frame, str(path), notes, load=block
+    )
 
 
 def _joint_cov(position: Array | None, attitude: Array | None) -> Array | None:
@@ -418,16 +420,18 @@ def joined(
         Too few pairs.
     """
     rows = matched(images, names)
-    both = np.flatnonzero(rows >= 0), rows[rows >= 0]
-    if both[0].size < fewest:
+    pairs = np.flatnonzero(rows >= 0), rows[rows >= 0]
+    if pairs[0].size < fewest:
         raise InputError(
-            f"{second}: {both[0].size} of its {len(names)} names, such as {shown(names[0])}, are"
+            f"{second}: {pairs[0].size} of its {len(names)} names, such as {shown(names[0])}, are"
             f" among the {len(images)} of {first}, such as {shown(images[0])} ({fewest} are"
             " needed); are the files of one flight, and are images named alike?"
         )
     notes = []
-    for path, own, taken in zip((first, second), (images, names), both, strict=True):
-        if missing := [own[k] for k in np.setdiff1d(np.arange(len(own)), taken)]:
+    for path, names_of_file, taken in zip((first, second), (images, names), pairs, strict=True):
+        if missing := [
+            names_of_file[k] for k in np.setdiff1d(np.arange(len(names_of_file)), taken)
+        ]:
             named = f"in {path.name} without partner: {some(missing)}"
-            notes.append(f"{len(missing)} of {len(own)} {named}")
-    return *both, tuple(notes)
+            notes.append(f"{len(missing)} of {len(names_of_file)} {named}")
+    return *pairs, tuple(notes)

@@ -66,7 +66,7 @@ def provenance(
         The image is not there or is damaged.
     """
     files = [path for path in dict.fromkeys(inputs) if path.is_file()]
-    given: dict[str, Any] = {
+    record: dict[str, Any] = {
         "camera": "",
         "image_size": None,
         "focal_px": None,
@@ -76,9 +76,9 @@ def provenance(
     if len(cameras) == 1:
         (camera,) = cameras
         size = (camera.width, camera.height)
-        given |= {"camera": camera.name, "image_size": size, "focal_px": camera.of("f")}
+        record |= {"camera": camera.name, "image_size": size, "focal_px": camera.of("f")}
     if photo is None:
-        return given
+        return record
     if not is_file(photo):
         raise InputError.in_file(photo, "does not exist; give an image of the camera")
     with opened(photo) as stream:
@@ -87,10 +87,10 @@ def provenance(
             day = time_taken(stream, photo.name).date().isoformat()
         except ValueError:
             day = ""
-    return given | {
-        "camera": tags.model or given["camera"],
-        "image_size": given["image_size"] or tags.image_size,
-        "focal_px": given["focal_px"] or tags.focal_px,
+    return record | {
+        "camera": tags.model or record["camera"],
+        "image_size": record["image_size"] or tags.image_size,
+        "focal_px": record["focal_px"] or tags.focal_px,
         "date": date or day,
     }
 
@@ -243,22 +243,22 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
         A file would overwrite an input, or a mounting of other inputs.
     """
     page, document = out.with_suffix(".html"), out.with_suffix(".json")
-    given = [Path(path) for path in result.document.get("inputs", ())]
-    refuse_overwriting((out, document, page), given, "another --out FILE")
+    inputs = [Path(path) for path in result.document.get("inputs", ())]
+    refuse_overwriting((out, document, page), inputs, "another --out FILE")
     if not force and out.is_file():
-        own = {digest for _, digest in result.mounting.inputs}
-        others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
-        if own != others and not own & others:
+        hashes = {digest for _, digest in result.mounting.inputs}
+        hashes_present = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
+        if hashes != hashes_present and not hashes & hashes_present:
             raise UsageError(
                 f"{out} exists and was made from other inputs; give another file with --out,"
                 " or --force"
             )
-    if not force and (reason := other_results(document, given, one_is_enough=True)):
+    if not force and (reason := other_results(document, inputs, one_is_enough=True)):
         raise UsageError(f"{reason}; give another file with --out, or --force")
     result = replace(result, files=(out, document, page))
     with together():
         write_mounting_file(result.mounting, out)
-        files = [file for path in given for file in files_of(path)]
+        files = [file for path in inputs for file in files_of(path)]
         numbers = result.as_dict() | made_from(files, document, [out])
         write_with_page(document_of(result, result.charts()), numbers, document, page)
     return result
@@ -305,8 +305,8 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
         "difference_agrees": difference.agrees,
         "inputs": (*result.document.get("inputs", ()), other),
     }
-    made = replace(mounting, verdict=(*mounting.verdict, line))
-    return replace(result, mounting=made, details=(line, *result.details), document=document)
+    judged = replace(mounting, verdict=(*mounting.verdict, line))
+    return replace(result, mounting=judged, details=(line, *result.details), document=document)
 
 
 def document_of(result: CalibratedMounting, charts: Sequence[Chart] = ()) -> Document:

@@ -244,11 +244,11 @@ class CovariantPoses:
         wanted[rows] = True
         pieces: list[tuple[Rows, Array]] = []
         for line in self.lines:
-            own = np.flatnonzero(wanted[line.rows])
+            chosen = np.flatnonzero(wanted[line.rows])
             wanted[line.rows] = False
-            if own.size:
-                cov = covariance_of_rows(line.cov, own)
-                pieces.append((line.rows[own], self.common.rest(line.rows[own], cov)))
+            if chosen.size:
+                cov = covariance_of_rows(line.cov, chosen)
+                pieces.append((line.rows[chosen], self.common.rest(line.rows[chosen], cov)))
         for row in np.flatnonzero(wanted):
             alone = np.array([row])
             pieces.append((alone, self.common.rest(alone, self.eo.cov[row])))

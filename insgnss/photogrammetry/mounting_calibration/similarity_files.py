@@ -99,9 +99,9 @@ def calibrate_similarity(
     camera = read_camera_poses(cameras, hints, only=False)
     plane = camera.plane
     fixes = read_positions(antenna, options, plane)
-    rows, own, notes = joined(camera.images, fixes.names, cameras, antenna, 1)
+    rows, antenna_rows, notes = joined(camera.images, fixes.names, cameras, antenna, 1)
     notes = (*camera.notes, *notes)
-    camera, order = camera.taken(rows), own
+    camera, order = camera.taken(rows), antenna_rows
     position = fixes.position[order]
     antenna_cov, more = _antenna_cov(fixes, options)
     notes += more
@@ -205,8 +205,8 @@ def _estimated(
         return similarity_lever_arm(poses, ground)
     except DataError as refusal:
         names = (cameras.name, antenna.name)
-        other = _other_readings(poses, ground, camera, *names) if len(poses.position) > 3 else ""
-        raise InputError(f"{cameras}, {antenna}: {refusal}{other}") from None
+        readings = _other_readings(poses, ground, camera, *names) if len(poses.position) > 3 else ""
+        raise InputError(f"{cameras}, {antenna}: {refusal}{readings}") from None
 
 
 def _other_readings(
@@ -367,14 +367,17 @@ def _as_they_stand(
     """Say how far poses with a place on the Earth are from the antenna positions."""
     if plane is None or camera.frame == "own":
         return ()
-    off = camera.in_plane(plane).position - position
-    words = ", ".join(
+    difference = camera.in_plane(plane).position - position
+    text = ", ".join(
         f"{name} {m:+.2f} +- {s:.2f}"
         for name, m, s in zip(
-            ("east", "north", "up"), off.mean(axis=0), off.std(axis=0, ddof=1), strict=True
+            ("east", "north", "up"),
+            difference.mean(axis=0),
+            difference.std(axis=0, ddof=1),
+            strict=True,
         )
     )
-    return (f"adjusted centres minus antenna positions, as they stand: {words} m",)
+    return (f"adjusted centres minus antenna positions, as they stand: {text} m",)
 
 
 def _components(

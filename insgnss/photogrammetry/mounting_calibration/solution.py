@@ -166,17 +166,17 @@ class AdjustedMounting:
         where = self.place[f"{COMMON_OF_TRAJECTORY} {k}"]
         if common.lever_arm is None or common.lever_arm_m is None:
             return np.zeros(3), np.zeros((3, where.stop - where.start)), where
-        own = common.lever_arm[k]
-        return common.lever_arm_m[k] + own @ self.common[where], own, where
+        arm = common.lever_arm[k]
+        return common.lever_arm_m[k] + arm @ self.common[where], arm, where
 
-    def conditioned(self, J: Array, off: Array, sigma: float) -> tuple[Array, Array]:
+    def conditioned(self, J: Array, misclosure: Array, sigma: float) -> tuple[Array, Array]:
         """Return what one more observation of linear functions of the unknowns would change.
 
         Parameters
         ----------
         J : ndarray, (d, u)
             Derivatives of the functions.
-        off : ndarray, (d,)
+        misclosure : ndarray, (d,)
             Observed value - present value.
         sigma : float
             Standard deviation of each.
@@ -188,7 +188,7 @@ class AdjustedMounting:
         cov : ndarray, (u, u)
             Covariance of the unknowns.
         """
-        return conditioned(self.cov, J, off, sigma**2 * np.eye(len(J)))
+        return conditioned(self.cov, J, misclosure, sigma**2 * np.eye(len(J)))
 
     def with_line(self, variant: Variant) -> Array:
         """Return the covariance of the unknowns with the longest line flown once more.
@@ -227,15 +227,15 @@ class AdjustedMounting:
         """
         flight = self.flight
         k = int(flight.common.segment[line.rows[0]])
-        where, own = self.place[f"{COMMON_OF_TRAJECTORY} {k}"], flight.common.lever_arm
+        where, lever_arm = self.place[f"{COMMON_OF_TRAJECTORY} {k}"], flight.common.lever_arm
         of_line = line.A.reshape(line.rows.size, 6, -1)[:, :3, where]
         C_mb = flight.eo.C_mc[line.rows] @ flight.mounting.C_cb
-        arm = np.zeros_like(of_line) if own is None else C_mb @ own[k]
+        arm = np.zeros_like(of_line) if lever_arm is None else C_mb @ lever_arm[k]
         A.reshape(line.rows.size, 6, -1)[:, :3, where] = of_line - arm + turn @ arm
 
     def _longest(self) -> Line:
         """Return the longest flight line, by itself."""
-        rows = max((own for own, _ in self.flight.pieces(self.rows)), key=len)
+        rows = max((piece for piece, _ in self.flight.pieces(self.rows)), key=len)
         for line in self.lines:
             index = np.searchsorted(line.rows, rows)
             if index[-1] >= line.rows.size or not np.array_equal(line.rows[index], rows):

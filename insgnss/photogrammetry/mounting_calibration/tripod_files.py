@@ -113,28 +113,30 @@ def _estimated(setups: PosedAntennas, poses: Path, pins: Path, opk: Array | None
     bad = scatter > MISFIT_M and result.variance_factor > MISFIT_FACTOR  # NaN of one setup
     if far.max() <= LONGEST_LEVER_ARM_M and not bad:
         return result
-    words = _other_readings(setups, opk, poses.name, pins.name)
+    readings = _other_readings(setups, opk, poses.name, pins.name)
     if far.max() > LONGEST_LEVER_ARM_M:
         row = int(np.argmax(far))
         raise InputError(
             f"{pins}: the pin of setup {row + 1} is {far[row]:.2f} m from the camera of"
             f" {poses.name} (limit {LONGEST_LEVER_ARM_M:g} m): another unit, or other axes than"
             f" those of the"
-            f" poses{words}"
+            f" poses{readings}"
         )
     raise InputError(
         f"{poses}, {pins}: lever arms of {len(far)} setups scatter by {1e3 * scatter:.0f} mm (limit"
         f" {1e3 * MISFIT_M:g} mm), {np.sqrt(result.variance_factor):.0f} times what their standard"
-        f" deviations say: poses and pins are not of the same setups, axes and scale{words}"
+        f" deviations say: poses and pins are not of the same setups, axes and scale{readings}"
     )
 
 
 def _scatter(setups: PosedAntennas) -> float:
     """Return the rms distance of the setups' lever arms from their median, m."""
     each = np.einsum("nji,nj->ni", setups.C_rc, setups.antenna_m - setups.position)
-    off = np.linalg.norm(each - np.median(each, axis=0), axis=1)
+    deviation = np.linalg.norm(each - np.median(each, axis=0), axis=1)
     # with one setup nothing scatters: a lever arm that is too long then stands for it
-    return float(np.sqrt((off**2).mean())) if len(each) > 1 else float(np.linalg.norm(each[0]))
+    return (
+        float(np.sqrt((deviation**2).mean())) if len(each) > 1 else float(np.linalg.norm(each[0]))
+    )
 
 
 def _other_readings(setups: PosedAntennas, opk: Array | None, poses: str, pins: str) -> str:

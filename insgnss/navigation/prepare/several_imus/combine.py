@@ -114,17 +114,17 @@ def combine(
         for imu, C in zip(imus, C_b_imu, strict=True)
     ]
     stack = np.empty((len(imus), base.time.size, 6))
-    there = np.ones(stack.shape[:2], dtype=bool)
+    present = np.ones(stack.shape[:2], dtype=bool)
     stack[0] = _body_rates(base, np.asarray(C_b_imu[0], dtype=np.float64))
     checks, angles = [], tracks[0].angles()
     for j in range(1, len(imus)):
         noise = max(sigma[0][0], sigma[j][0])
         offset, check = _offset(angles, tracks[j].angles(), noise, names[j])
         checks.append(check)
-        stack[j], there[j] = tracks[j].over(base, offset)
-        if not there[j].all():
+        stack[j], present[j] = tracks[j].over(base, offset)
+        if not present[j].all():
             finding = (
-                f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; only the others are"
+                f"{names[j]} lacks {np.mean(~present[j]):.1%} of the samples; only the others are"
                 " used there"
             )
             advice = (
@@ -132,14 +132,14 @@ def combine(
                 " end_tow"
             )
             overlap = Question("IMU overlap", "all IMUs over the whole recording")
-            checks.append(overlap.against(finding, advice, np.mean(~there[j]) >= MOST_LACKING))
+            checks.append(overlap.against(finding, advice, np.mean(~present[j]) >= MOST_LACKING))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
     sigmas = np.array(sigma, dtype=np.float64)
-    checks.append(parity_check(stack, there, base.time, sigmas, imus, names))
+    checks.append(parity_check(stack, present, base.time, sigmas, imus, names))
     weight = 1.0 / np.square(sigmas)
     gyro, accel = (
-        _weighted(stack[:, :, axes], there, weight[:, k])
+        _weighted(stack[:, :, axes], present, weight[:, k])
         for k, axes in enumerate((slice(0, 3), slice(3, 6)))
     )
     quantity: Quantity = "instant_rate" if base.quantity == "instant_rate" else "mean_rate"
@@ -268,16 +268,16 @@ class _Track:
         return rates, inside & (breaks[hi] == breaks[lo])
 
 
-def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, Finding]:
-    """Time offset to add to the stamps of `other`, 0 where the rates show none; the check (K.3).
+def _offset(first: _Track, second: _Track, noise: float, name: str) -> tuple[float, Finding]:
+    """Time offset to add to the stamps of `second`, 0 where the rates show none; the check (K.3).
 
-    first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both.
+    first, second : running angles. noise : rad/s/sqrt(Hz), the larger of both.
     """
     ask = Question("IMU clocks", "stamps of one clock, to 1 ms")
     grid = np.arange(
-        max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
+        max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1]), COARSE_S
     )
-    a, b = _grid_rates(first, grid), _grid_rates(other, grid)
+    a, b = _grid_rates(first, grid), _grid_rates(second, grid)
     if min(np.mean(a**2), np.mean(b**2)) < max(
         LEAST_RMS_RATE**2, 10.0 * noise**2 / SMOOTHED_RATES_S
     ):
@@ -293,7 +293,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
     edge = abs(tau) + SMOOTHED_RATES_S
     inside = slice(*np.searchsorted(grid, [grid[0] + edge, grid[-1] - edge]))
     for _ in range(OFFSET_ITERATIONS):
-        d, s = (a - _grid_rates(other, grid - tau))[inside], slope[inside]
+        d, s = (a - _grid_rates(second, grid - tau))[inside], slope[inside]
         d, s = d - d.mean(axis=0), s - s.mean(axis=0)
         power = float(np.sum(s * s))
         change = -float(np.sum(s * d)) / power
@@ -352,9 +352,9 @@ def _slope(rate: Array, time: Array) -> Array:
     return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
 
 
-def _weighted(stack: Array, there: NDArray[np.bool_], weight: Array) -> Array:
+def _weighted(stack: Array, present: NDArray[np.bool_], weight: Array) -> Array:
     """(n, 3) weighted mean of (m, n, 3) over those that are there; the first where none is."""
-    w = weight[:, None] * there
+    w = weight[:, None] * present
     total = w.sum(axis=0)
     mean = np.einsum("mn,mnc->nc", w, stack) / np.where(total > 0.0, total, 1.0)[:, None]
     return np.where((total > 0.0)[:, None], mean, stack[0])

@@ -58,7 +58,7 @@ PARITY = Question("IMU parity", "all pairs agree within their noise")
 
 def parity_check(
     stack: Array,
-    there: NDArray[np.bool_],
+    present: NDArray[np.bool_],
     time: Array,
     sigma: Array,
     imus: Sequence[ImuSamples],
@@ -69,7 +69,7 @@ def parity_check(
     Parameters
     ----------
     stack : ndarray, shape (m, n, 6)
-    there : ndarray of bool, shape (m, n)
+    present : ndarray of bool, shape (m, n)
         Which samples each IMU has.
     time : ndarray, shape (n,), s
     sigma : ndarray, shape (m, 2)
@@ -93,7 +93,7 @@ def parity_check(
         np.stack([np.add.reduceat(bell[:, None] * x, starts, axis=0) for x in stack])
         / total[:, None]
     )
-    full = np.stack([np.add.reduceat((~x).astype(np.int64), starts) == 0 for x in there])
+    full = np.stack([np.add.reduceat((~x).astype(np.int64), starts) == 0 for x in present])
     # of a plain mean as noisy
     duration = total**2 / np.add.reduceat(bell**2, starts) * nominal
     pairs = tuple(combinations(range(m), 2))
@@ -145,8 +145,8 @@ def _pair(
     if full.sum() < 2 * WINDOW_BLOCKS:
         return ratio, matrix
     for k, axes in enumerate((slice(0, 3), slice(3, 6))):
-        one, other = mean[i, full, axes], mean[j, full, axes]
-        d, signal = other - one, 0.5 * (other + one)
+        one, second = mean[i, full, axes], mean[j, full, axes]
+        d, signal = second - one, 0.5 * (second + one)
         d, signal = d - _slow(d), signal - _slow(signal)
         noise = np.asarray((sigma[i, k] ** 2 + sigma[j, k] ** 2) / duration[full], dtype=np.float64)
         matrix[k] = _robust_matrix(d, signal, noise)
