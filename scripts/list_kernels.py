@@ -24,7 +24,7 @@ from insgnss.batch.installation.self_test import self_test
 
 def described(kind: Any) -> str | list[Any]:
     """Return a type of numba as `insgnss.base.ahead` describes it."""
-    if isinstance(kind, types.NamedTuple):
+    if isinstance(kind, types.NamedTuple | types.NamedUniTuple):
         name = f"{kind.instance_class.__module__}.{kind.instance_class.__name__}"
         return [name.removeprefix("insgnss."), *map(described, kind.types)]
     if isinstance(kind, types.Array):

@@ -7,6 +7,7 @@ import numpy as np
 from insgnss.navigation.filter.codes import IMU_STATES, N_NAV, NAV
 from insgnss.navigation.filter.kernels.error_model import linearise
 from insgnss.navigation.filter.kernels.records import (
+    BiasCourse,
     Earth,
     IntegrationIntervals,
     StateModel,
@@ -72,9 +73,10 @@ def linearise_interval(
     ns = model.channel.size
     n = N_NAV + ns
     nav, x = nav.copy(), x.copy()
+    course = BiasCourse(elapsed)
     F, D, W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((1, N_NAV, n)), np.zeros((1, ns))
     linearise(
-        intervals, first, last, elapsed, nav, x, model, earth, F, D, W, Qbb, make_interval_work(ns)
+        intervals, first, last, course, nav, x, model, earth, F, D, W, Qbb, make_interval_work(ns)
     )
     Phi, Q = np.zeros((n, n)), np.zeros((n, n))
     Phi[NAV] = F

@@ -53,7 +53,7 @@ def imu_samples(
     ----------
     given : `ImuSamples`, which are taken as they are; (n, 7) array of time s, gyro rad/s, specific
         force m/s^2; or a table with columns tow, gx, gy, gz, ax, ay, az, of which `gyro` and
-        `accel` (n, 3) may stand for three each.
+        `accel` (n, 3) may stand for three each, and a `temperature` where it is known.
     quantity : what a sample is; of a record its own.
     gps_week : of the times; of a record its own.
 
@@ -77,7 +77,8 @@ def imu_samples(
     accel = columns["accel"] if "accel" in columns else _block("imu", columns, ACCEL)
     time = _one_of("imu", columns, TIME_HEADERS)
     week = _of_week("imu", time, _week(given, gps_week))
-    return ImuSamples(time, gyro, accel, quantity, week, "imu")
+    temperature = columns.get("temperature")
+    return ImuSamples(time, gyro, accel, quantity, week, "imu", temperature=temperature)
 
 
 def gnss_fixes(

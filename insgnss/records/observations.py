@@ -40,6 +40,8 @@ class ImuSamples(Rows):
     notes : what the reader found odd and did about it (rows left out or put in order, with counts).
     units : units that the numbers of the file were taken to be in, of "gyro" and "accel"; empty
         where the file's format fixes them.
+    temperature : (n,) of the sensor, deg C or of any other thermometer that is linear in it, or
+        None.
 
     Raises
     ------
@@ -57,7 +59,7 @@ class ImuSamples(Rows):
     <ImuSamples 101 samples, TOW 1.0 to 2.0 s, 100 Hz, mean_rate>
     """
 
-    _ROWS: ClassVar[RowShapes] = {"time": (), "gyro": (3,), "accel": (3,)}
+    _ROWS: ClassVar[RowShapes] = {"time": (), "gyro": (3,), "accel": (3,), "temperature": ()}
     _NOUN: ClassVar[str] = "samples"
 
     time: Array
@@ -68,6 +70,7 @@ class ImuSamples(Rows):
     source: str = ""
     notes: tuple[Finding, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    temperature: Array | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,7 +114,8 @@ class ImuSamples(Rows):
         triads = zip(
             ("gx", "gy", "gz", "ax", "ay", "az"), (*self.gyro.T, *self.accel.T), strict=True
         )
-        return {"tow": self.time, **dict(triads)}
+        columns = {"tow": self.time, **dict(triads)}
+        return columns if self.temperature is None else columns | {"temperature": self.temperature}
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,6 +123,7 @@ def prepare_segment(
     factory = layout_factory(flight, recording.noise, measurements)
     layout = factory(requested)
     epochs = make_epochs(increments, at_fix, fixes, exposed, frame)
+    epochs = epochs._replace(temperature=recording.prepared.temperature(increments.marks))
     if len(recording.stationary):
         epochs = with_zupt(epochs, increments, recording.stationary.time, layout)
     if flight.filter.non_holonomic:

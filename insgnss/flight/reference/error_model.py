@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geodesy.rotation import skew
-from ...navigation.filter.codes import BIAS, DRIFT_CODE, POS, PSI, VEL
+from ...navigation.filter.codes import BIAS, DRIFT_CODE, POS, PSI, TEMPERATURE_CODE, VEL
 from ...navigation.filter.layout import StateLayout
 from ...navigation.filter.problem import EstimationProblem
 from ...records import Array
@@ -69,17 +69,19 @@ def earth_rate(problem: EstimationProblem) -> Array:
     return -problem.frame.earth_rate_l if problem.backward else problem.frame.earth_rate_l
 
 
-def influence(layout: StateLayout, elapsed: float, rates: Array) -> Array:
+def influence(layout: StateLayout, elapsed: float, temperature: float, rates: Array) -> Array:
     """Return U (6, ns), what one unit of each state adds to the measured rate of its channel.
 
     Parameters
     ----------
     layout : the states.
     elapsed : time since the problem's start, s.
+    temperature : of the IMU above its mean, in its range.
     rates : (6,) measured rates of the channels, rad/s and m/s^2.
     """
-    of_factor = np.zeros(9)  # the last, by AIDING_ERROR, stays zero
+    of_factor = np.zeros(10)  # that of AIDING_ERROR stays zero
     of_factor[:6], of_factor[BIAS], of_factor[DRIFT_CODE] = rates, 1.0, elapsed
+    of_factor[TEMPERATURE_CODE] = temperature
     U = np.zeros((6, layout.size - 9))
     U[layout.channel, np.arange(layout.size - 9)] = of_factor[layout.factor]
     return U
@@ -133,12 +135,14 @@ def propagate(problem: EstimationProblem, epoch: int, state: NominalState) -> Re
     identity = np.eye(layout.size)
     Phi, Q, M = identity, np.zeros((layout.size,) * 2), np.zeros((layout.size, 6))
     elapsed = float(epochs.time[epoch - 1])
+    last_two = epochs.time[epoch - 1 : epoch + 1], epochs.temperature[epoch - 1 : epoch + 1]
     for i in range(epochs.stop[epoch - 1], epochs.stop[epoch]):
         pieces = max(1, int(np.ceil(inc.dt[i] / LONGEST_SAMPLE_S - 1e-6)))
         h, rates = inc.dt[i] / pieces, np.concatenate([inc.dtheta[i], inc.dvel[i]]) / inc.dt[i]
         for _ in range(pieces):
             half_decay = np.exp(-0.5 * h * layout.beta)
-            U = influence(layout, elapsed + 0.5 * h, rates)
+            middle = elapsed + 0.5 * h
+            U = influence(layout, middle, float(np.interp(middle, *last_two)), rates)
             corrected = rates - U @ (half_decay * state.x)
             g = g0 + GRAVITY_GRADIENT @ (state.p - start)
             after = advance(

@@ -210,7 +210,9 @@ def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Resid
     measured : (3,) rad/s, of the gyros.
     """
     rates = np.concatenate([measured, np.zeros(3)])
-    U = influence(problem.layout, float(problem.epochs.time[epoch]), rates)[GYRO_CHANNELS]
+    epochs = problem.epochs
+    elapsed, temperature = float(epochs.time[epoch]), float(epochs.temperature[epoch])
+    U = influence(problem.layout, elapsed, temperature, rates)[GYRO_CHANNELS]
     Omega = earth_rate(problem)
     return lambda state: measured - U @ state.x - state.C_lb.T @ Omega
 

@@ -56,6 +56,7 @@ IMU: Names = {
     **{f"a{axis}": spelled(ACCEL_STEMS, axis) for axis in "xyz"},
     **FINE,
     "counter": "packetcounter packet_counter packet_count",
+    "temperature": "temperature temp",
 }
 GNSS: Names = {
     **TIME,

@@ -48,6 +48,7 @@ from ..filter.codes import (
     PSI,
     PSI0,
     QUAT,
+    TEMPERATURE_CODE,
     VEL,
 )
 from ..filter.filter import make_history, run_filter
@@ -323,7 +324,8 @@ def _run_back(
     gyro = layout.channel < ACCEL0
     # a drift counts time, which turns too
     sign[IMU_STATES][
-        (gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT_CODE))
+        (gyro & np.isin(layout.factor, (BIAS, TEMPERATURE_CODE)))
+        | (~gyro & (layout.factor == DRIFT_CODE))
     ] = -1.0
     if layout.offset >= 0:
         sign[IMU0 + layout.offset] = -1.0

@@ -2,11 +2,11 @@
 
 Slow biases: an IMU warms up after it was switched on, or its temperature drifts.
 
-Every channel has a bias a exp(-t/T), or one that grows linearly, with `SLOW_BIAS` as a-priori sigma
-of a: states without driving noise (`navigation.filter.layout`). T is looked for on the grid
-`TIMES_S` by the likelihood of the innovations, and competes with larger noise by its evidence
-(V.2). A random walk that is as large all the flight long cannot hold an error that is large in the
-first minute alone.
+Every channel has a bias a exp(-t/T), one that grows linearly, or one that follows the temperature
+which the IMU logs, with `SLOW_BIAS` as a-priori sigma of a: states without driving noise
+(`navigation.filter.layout`). T is looked for on the grid `TIMES_S` by the likelihood of the
+innovations, and competes with larger noise by its evidence (V.2). A random walk that is as large
+all the flight long cannot hold an error that is large in the first minute alone.
 
 The alignment is part of the hypothesis: that of the other model has levelled by biases which this
 one denies. Whoever adopts it aligns anew.
@@ -50,7 +50,7 @@ from .constants import TAKEN_EVIDENCE
 from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
 
-TIMES_S = (30.0, 90.0, 300.0, np.inf)  # T of the course
+TIMES_S = (30.0, 90.0, 300.0)  # T of a decay
 FINER = (3.0**0.5, 3.0**0.25)  # of T about the best, which leaves it 14 % off at most
 SLOW_PARAMETERS = 1  # T, which the evidence is charged for
 SETTLED_TIMES = 3.0  # times T, after which 5 % of a warm-up are left
@@ -167,8 +167,7 @@ class SlowBiasCandidate:
         ]
         slow = self.model.imu.slow
         assert slow is not None
-        warms_up = np.isfinite(slow.time_s)
-        factor = 1.0 if warms_up else slow.duration_s
+        factor = slow.time_s if slow.course == "drift" else 1.0
         value = factor * solution.x[0, states]
         sigma = factor * np.sqrt(solution.variance(np.array([0]))[0, IMU0 + np.array(states)])
         gyro, accel = (
@@ -178,12 +177,15 @@ class SlowBiasCandidate:
                 (3 + int(np.argmax(np.abs(value[3:]))), MILLI_G, 1, "mg"),
             )
         )
-        course = f"warms up over about {slow.time_s:.0f} s: its biases change"
-        minutes = SETTLED_TIMES * slow.time_s / 60.0
-        remedy = f"switch the IMU on {minutes:.1f} minutes or more before take-off"
-        if not warms_up:
+        remedy = "let the IMU warm up before take-off, and keep sun and wind off it"
+        if slow.course == "decay":
+            course = f"warms up over about {slow.time_s:.0f} s: its biases change"
+            minutes = SETTLED_TIMES * slow.time_s / 60.0
+            remedy = f"switch the IMU on {minutes:.1f} minutes or more before take-off"
+        elif slow.course == "drift":
             course = "changes its temperature: its biases drift linearly"
-            remedy = "let the IMU warm up before take-off, and keep sun and wind off it"
+        else:
+            course = "is not compensated for its temperature: its biases follow that"
         return Question("IMU warm-up", AS_MODELLED).note(
             f"the IMU {course} by up to {gyro} and {accel} in the flight, log evidence"
             f" {self.evidence:.0f}; estimated, and the sigmas of the images allow for it",
@@ -218,28 +220,34 @@ def slow_bias_candidate(
     if model.imu.slow is not None:
         return None
     search.progress("biases that warm up or drift")
-    evidence: dict[float, float] = {}
+    evidence: dict[SlowBias, float] = {}
 
-    def best_of(times_s: Sequence[float]) -> float:
-        for time_s in times_s:
-            layout = search.layout(_with_slow_bias(model, problem, time_s))
-            evidence[time_s] = variances.evidence_of(layout, SLOW_PARAMETERS)
-        return max(evidence, key=lambda time_s: evidence[time_s])
+    def best_of(biases: Sequence[SlowBias]) -> SlowBias:
+        for slow in biases:
+            layout = search.layout(_with_slow_bias(model, slow))
+            evidence[slow] = variances.evidence_of(layout, SLOW_PARAMETERS)
+        return max(evidence, key=lambda slow: evidence[slow])
 
-    time_s = best_of(TIMES_S)
-    for factor in FINER if np.isfinite(time_s) else ():
-        time_s = best_of((time_s / factor, time_s * factor))
-    if evidence[time_s] < TAKEN_EVIDENCE:
+    slow = best_of(_courses(problem))
+    for factor in FINER if slow.course == "decay" else ():
+        slow = best_of([replace(slow, time_s=slow.time_s * f) for f in (1.0 / factor, factor)])
+    if evidence[slow] < TAKEN_EVIDENCE:
         return None
-    best = _with_slow_bias(model, problem, time_s)
+    best = _with_slow_bias(model, slow)
     posed = replace(problem, layout=search.layout(best))
-    return SlowBiasCandidate(evidence[time_s], best, posed)
+    return SlowBiasCandidate(evidence[slow], best, posed)
 
 
-def _with_slow_bias(model: ErrorModel, problem: EstimationProblem, time_s: float) -> ErrorModel:
-    """Return an error model with slow biases of a time constant."""
-    duration_s = float(problem.epochs.time[-1] - problem.epochs.time[0])
-    return replace(model, imu=replace(model.imu, slow=SlowBias(time_s, duration_s)))
+def _courses(problem: EstimationProblem) -> list[SlowBias]:
+    """Return the slow biases to try: decays, a drift, and one by the temperature if it is known."""
+    length_s = float(problem.epochs.time[-1] - problem.epochs.time[0])
+    biases = [*(SlowBias("decay", time_s) for time_s in TIMES_S), SlowBias("drift", length_s)]
+    return [*biases, SlowBias("temperature")] if problem.epochs.temperature.any() else biases
+
+
+def _with_slow_bias(model: ErrorModel, slow: SlowBias) -> ErrorModel:
+    """Return an error model with a slow bias."""
+    return replace(model, imu=replace(model.imu, slow=slow))
 
 
 @dataclass(frozen=True)
@@ -308,11 +316,11 @@ def courses_beside(
     Returns
     -------
     list of SlowBiasCandidate
-        One a course of `TIMES_S`; none where a slow bias is among the states already.
+        One a course; none where a slow bias is among the states already.
     """
     if model.imu.slow is not None:
         return []
-    models = [_with_slow_bias(model, problem, time_s) for time_s in TIMES_S]
+    models = [_with_slow_bias(model, slow) for slow in _courses(problem)]
     return [
         SlowBiasCandidate(step.evidence, one, replace(problem, layout=search.layout(one)))
         for one in models

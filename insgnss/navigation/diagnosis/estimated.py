@@ -19,6 +19,7 @@ from ..filter.codes import (
     NOT_MEASURED,
     POSITION_ROW,
     REJECTED,
+    TEMPERATURE_CODE,
     VEL,
 )
 from ..filter.solution import Solution
@@ -68,7 +69,7 @@ def constant_states(
         for s, state in enumerate(layout.states)
         if layout.beta[s] == 0.0
         and layout.drive[s] == 0.0
-        and layout.factor[s] not in (BIAS, DRIFT_CODE)
+        and layout.factor[s] not in (BIAS, DRIFT_CODE, TEMPERATURE_CODE)
         and layout.sigma0[s] > stated.get(state.group, -np.inf)
     ]
 

@@ -26,6 +26,7 @@ N_CHANNELS = 6  # number of channels
 BIAS = -1  # one
 DRIFT_CODE = -2  # seconds since the start
 AIDING_ERROR = -3  # nothing: an error of the fixes or of a barometer, in their measurement alone
+TEMPERATURE_CODE = -4  # the temperature of the IMU above its mean, in its range over the recording
 ABSENT = -1  # instead of the number of a state (or of a row, an event) that there is not
 
 # Groups of fixes with error models of their own.

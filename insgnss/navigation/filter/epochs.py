@@ -97,6 +97,7 @@ def make_epochs(
         velocity=velocity,
         velocity_cov=velocity_cov,
         rate=inc.rate,
+        temperature=np.zeros(m),
         event=event,
         sigma=_error_unit(cov, group),
         group=group,

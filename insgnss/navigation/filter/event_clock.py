@@ -38,6 +38,7 @@ from ...geodesy.rotation import (
 )
 from ...records import Array, Trajectory
 from .codes import N_NAV, POS, PSI, QUAT, VEL
+from .problem import channel_biases
 from .solution import Solution
 from .trajectory import local_trajectory, trajectory
 
@@ -228,7 +229,7 @@ def _means(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Arra
     mean = np.hstack(
         [np.einsum("kw,kwi->ki", share, values[near]) for values in (inc.dtheta, inc.dvel)]
     )
-    mean -= solution.x[index] @ solution.problem.layout.channel_sum().T
+    mean -= channel_biases(solution.problem, solution.x[index], index)
     return mean[:, :3], mean[:, 3:]
 
 

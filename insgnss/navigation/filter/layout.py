@@ -3,16 +3,17 @@
 The first nine states are the navigation errors (position, velocity, psi in the axes of l). Then,
 one after the other, the IMU error states. Each adds ``x_s u_s`` to the measured rate of one of six
 channels (gyro x y z, accelerometer x y z in body axes): u_s is one for a bias, the time since the
-start for a drift, the measured rate of a channel for a scale factor or a misalignment. Each obeys
-``dx/dt = -beta x + sqrt(drive) w``:
+start for a drift, the temperature of the IMU for a bias that follows it, the measured rate of a
+channel for a scale factor or a misalignment. Each obeys ``dx/dt = -beta x + sqrt(drive) w``:
 
     turn-on bias, scale factor, misalignment, drift    beta = 0, drive = 0    a constant with an
                                                                               a-priori sigma
     random walk                                        beta = 0, drive > 0
     Gauss-Markov                                       beta = 1/T, drive > 0  started in its
                                                                               stationary state
-    slow bias                                          beta = 1/T, drive = 0  a exp(-t/T); of
-                                                                              infinite T a drift
+    slow bias                                          beta = 1/T, drive = 0  a exp(-t/T); else a
+                                                                              drift, or with the
+                                                                              temperature
 
 A turn-on bias stays a state of its own. Folded into the longest Gauss-Markov process its fed-back
 estimate would decay with that process's correlation time, and the filter would take for certain a
@@ -27,6 +28,7 @@ barometer, its bias, a random walk, and its scale factor, a constant.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -48,7 +50,15 @@ from ...records.states import (
     State,
 )
 from ..noise_model.model import AxisNoise, NoiseModel
-from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT_CODE, N_CHANNELS, N_NAV
+from .codes import (
+    ABSENT,
+    AIDING_ERROR,
+    BIAS,
+    DRIFT_CODE,
+    N_CHANNELS,
+    N_NAV,
+    TEMPERATURE_CODE,
+)
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
@@ -116,14 +126,15 @@ class SlowBias:
 
     Parameters
     ----------
+    course : str
+        A decay exp(-t/T), a drift with time, or one with the temperature that the IMU logs.
     time_s : float
-        T of its course exp(-t/T), s; infinite for one that grows linearly with time.
-    duration_s : float
-        Length of the flight, s, over which the latter grows to `SLOW_BIAS`.
+        Of a decay T, s; of a drift the length of the flight, over which it grows to `SLOW_BIAS`; of
+        one with the temperature, which does so over the range of that, not used.
     """
 
-    time_s: float
-    duration_s: float
+    course: Literal["decay", "drift", "temperature"]
+    time_s: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -272,12 +283,22 @@ class StateLayout:
         """Whether errors of the fixes are among the states."""
         return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != ABSENT
 
-    def channel_sum(self) -> Array:
-        """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
+    def channel_sum(self, factor: int = BIAS) -> Array:
+        """Return the (6, ns) matrix that adds states up channel by channel.
+
+        Parameters
+        ----------
+        factor : int
+            Those of which factor: BIAS, DRIFT_CODE or TEMPERATURE_CODE.
+
+        Returns
+        -------
+        Array
+            Ones and zeros.
+        """
+        of_factor = np.flatnonzero(self.factor == factor)
         M = np.zeros((N_CHANNELS, len(self.states)))
-        for s, (c, f) in enumerate(zip(self.channel, self.factor, strict=True)):
-            if f == BIAS:
-                M[c, s] = 1.0
+        M[self.channel[of_factor], of_factor] = 1.0
         return M
 
 
@@ -415,11 +436,13 @@ def _gauss_markov(group: str, sigma: tuple[float, ...], time_s: float) -> list[R
 def _slow_state(c: int, slow: SlowBias) -> Row:
     """Return the slow bias of channel c."""
     sensor, letter = CHANNELS[c]
-    if np.isfinite(slow.time_s):
-        state = State(SLOW_STATE, letter, UNIT_OF_SENSOR[sensor], sensor)
+    state = State(SLOW_STATE, letter, UNIT_OF_SENSOR[sensor], sensor)
+    if slow.course == "decay":
         return state, c, BIAS, 1.0 / slow.time_s, 0.0, SLOW_BIAS[sensor]
+    if slow.course == "temperature":
+        return state, c, TEMPERATURE_CODE, 0.0, 0.0, SLOW_BIAS[sensor]
     state = State(SLOW_STATE, letter, f"{UNIT_OF_SENSOR[sensor]}/s", sensor)
-    return state, c, DRIFT_CODE, 0.0, 0.0, SLOW_BIAS[sensor] / slow.duration_s
+    return state, c, DRIFT_CODE, 0.0, 0.0, SLOW_BIAS[sensor] / slow.time_s
 
 
 def _axis_states(c: int, axis: AxisNoise) -> list[Row]:

@@ -22,8 +22,6 @@ from .codes import (
     ABOUT_BIAS,
     ABOUT_STATES,
     ACCEL0,
-    AIDING_ERROR,
-    DRIFT_CODE,
     OF_BIAS,
     OF_STATES,
     POS,
@@ -33,7 +31,7 @@ from .codes import (
 )
 from .filter import gate_from_sigma
 from .kernels.records import Epochs
-from .problem import EstimationProblem, MeasuredRows
+from .problem import EstimationProblem, MeasuredRows, channel_biases
 from .strapdown import nav_difference
 
 # standard deviations that another linearisation may move a prediction by (chosen)
@@ -243,12 +241,10 @@ def _moved(
 
 def _gyro_bias(problem: EstimationProblem, x: Array) -> Array:
     """Return what the states add to the rates of the gyros, (m, 3) rad/s."""
-    layout, out = problem.layout, np.zeros((x.shape[0], 3))
+    layout, out = problem.layout, channel_biases(problem, x, slice(None))[:, :3]
     for s, (channel, factor) in enumerate(zip(layout.channel, layout.factor, strict=True)):
-        if channel >= ACCEL0 or factor == AIDING_ERROR:
-            continue
-        of = problem.epochs.rate[:, factor] if factor >= 0 else 1.0
-        out[:, channel] += x[:, s] * (problem.epochs.time if factor == DRIFT_CODE else of)
+        if channel < ACCEL0 and factor >= 0:
+            out[:, channel] += x[:, s] * problem.epochs.rate[:, factor]
     return out
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ...geodesy.frames import LocalFrame
 from ...records import Array, Increments
 from ...records.measurements import Measurement
-from .codes import ABSENT, N_KINDS
+from .codes import ABSENT, DRIFT_CODE, N_KINDS, TEMPERATURE_CODE
 from .kernels.records import Epochs
 from .layout import StateLayout
 
@@ -149,6 +149,47 @@ class InitialState:
     x: Array
     mean: Array
     P: Array
+
+
+def channel_biases(problem: EstimationProblem, x: Array, index: np.ndarray | slice) -> Array:
+    """Return what the bias-like states make of the channels' biases at some epochs.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    x : ndarray
+        (k, ns) values of the states behind those of navigation.
+    index : ndarray or slice
+        The k epochs.
+
+    Returns
+    -------
+    Array
+        (k, 6) rad/s and m/s^2 in body axes.
+    """
+    M = problem.layout.channel_sum
+    biases = x @ M().T
+    for factor, course in bias_courses(problem).items():
+        biases += course[index, None] * (x @ M(factor).T)
+    return np.ascontiguousarray(biases)
+
+
+def bias_courses(problem: EstimationProblem) -> dict[int, Array]:
+    """Return what the states that follow a course are multiplied with.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+
+    Returns
+    -------
+    dict of int to Array
+        (m,) of each such factor of its states.
+    """
+    courses = {DRIFT_CODE: problem.epochs.time, TEMPERATURE_CODE: problem.epochs.temperature}
+    return {factor: x for factor, x in courses.items() if (problem.layout.factor == factor).any()}
 
 
 def sub_problem(problem: EstimationProblem, first: int, last: int) -> EstimationProblem:

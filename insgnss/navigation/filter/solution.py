@@ -30,12 +30,27 @@ from .blocks import (
     Follower,
     keeps_events,
 )
-from .codes import AX, AY, AZ, IMU_STATES, N_NAV, PSI, PSI0, QUAT, QW, QX, QY, QZ
+from .codes import (
+    AX,
+    AY,
+    AZ,
+    BIAS,
+    IMU_STATES,
+    N_CHANNELS,
+    N_NAV,
+    PSI,
+    PSI0,
+    QUAT,
+    QW,
+    QX,
+    QY,
+    QZ,
+)
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain, SharedError, events_of
 from .filter import FEEDBACK_RAD
 from .linearised import LINEAR_SIGMAS, linearised_about
-from .problem import EstimationProblem, InitialState
+from .problem import EstimationProblem, InitialState, bias_courses, channel_biases
 from .smoother import Smoothed, diagonal
 
 LATEST_FEEDBACK = (
@@ -226,10 +241,25 @@ class Solution:
         bias, sigma : Array
             (k, 6) rad/s and m/s^2 in body axes, and its standard deviation.
         """
-        M = self.problem.layout.channel_sum()
-        A = np.concatenate([np.zeros((len(M), N_NAV)), M], axis=1)
-        spread = self.covariances.variance_of(index, A)
-        return self.x[index] @ M.T, np.sqrt(np.maximum(spread, 0.0))
+        layout = self.problem.layout
+
+        def variance(*factors: int) -> Array:
+            M = sum(layout.channel_sum(factor) for factor in factors)
+            A = np.concatenate([np.zeros((N_CHANNELS, N_NAV)), M], axis=1)
+            return self.covariances.variance_of(index, A)
+
+        # var(a + c b) of a course c, by var(a), var(b) and var(a + b)
+        terms = {BIAS: np.ones(len(index))}
+        spread = variance(BIAS)
+        for factor, course in bias_courses(self.problem).items():
+            c = course[index, None]
+            spread = spread + c**2 * variance(factor)
+            for before, d in terms.items():
+                twice_cov = variance(before, factor) - variance(before) - variance(factor)
+                spread = spread + c * d[:, None] * twice_cov
+            terms[factor] = course[index]
+        biases = channel_biases(self.problem, self.x[index], index)
+        return biases, np.sqrt(np.maximum(spread, 0.0))
 
 
 def solve(

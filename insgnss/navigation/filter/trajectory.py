@@ -19,6 +19,7 @@ from .codes import N_NOMINAL, POS, QUAT, VEL
 from .covariances import COVARIANCES_AT_A_TIME
 from .epochs import EPOCH_ROUNDING_S
 from .kernels.strapdown import run_between
+from .problem import channel_biases
 from .solution import Solution, move
 from .strapdown import kernel_earth, kernel_intervals, nav_difference
 
@@ -114,9 +115,9 @@ def _in_level_axes(
 
 def _body_rate(solution: Solution, index: np.ndarray, C_lb: Array) -> Array:
     """Return the rate of the body against the Earth, (k, 3) rad/s in body axes, without bias."""
-    M = solution.problem.layout.channel_sum()[:3]
+    bias = channel_biases(solution.problem, solution.x[index], index)[:, :3]
     earth = np.einsum("nij,i->nj", C_lb, solution.problem.frame.earth_rate_l)
-    return solution.problem.inc.rate[index] - solution.x[index] @ M.T - earth
+    return solution.problem.inc.rate[index] - bias - earth
 
 
 def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
@@ -195,7 +196,7 @@ def _between(
     inc, frame = solution.problem.inc, solution.problem.frame
     epochs, marks = slice(begin, end + 1), inc.marks[begin : end + 1]
     stop, states = inc.stop[epochs], solution.nav[epochs]
-    bias = np.ascontiguousarray(solution.x[epochs] @ solution.problem.layout.channel_sum().T)
+    bias = channel_biases(solution.problem, solution.x[epochs], epochs)
     nav = np.empty((int(stop[-1] - stop[0]), N_NOMINAL))
     run_between(kernel_intervals(inc), stop, states, bias, kernel_earth(frame), nav)
     stop = stop - stop[0]

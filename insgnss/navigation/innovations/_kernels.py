@@ -27,6 +27,7 @@ from ..filter.kernels.copies import copy_matrix, copy_vector
 from ..filter.kernels.error_model import (
     add_bias_step,
     add_gap_noise,
+    course_from,
     linearise,
 )
 from ..filter.kernels.measurements import measured_triple
@@ -154,11 +155,11 @@ def linearise_segment(intervals, ep, imu, earth, lever, nav, x, out):
     nav_e, x_e = np.zeros(N_NOMINAL), np.zeros(ns)
     for e in range(ep.stop.size):
         if e > 0:
-            first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
             copy_vector(nav[e - 1], nav_e)
             copy_vector(x[e - 1], x_e)
             F, D = out.F[e], out.D[e]
-            linearise(intervals, first, last, begin, nav_e, x_e, imu, earth, F, D, W, Qbb, work)
+            first, last, course = ep.stop[e - 1], ep.stop[e], course_from(ep, e - 1)
+            linearise(intervals, first, last, course, nav_e, x_e, imu, earth, F, D, W, Qbb, work)
             if ep.gap[e, 0] > 0.0:
                 add_gap_noise(W[0], work.column, work.last_block[0], ep.gap[e])
             if ep.bias_step[e, 0] > 0.0:

@@ -21,6 +21,9 @@ from .several_imus.combine import combine
 from .stationarity import StationaryPeriods, stationary_periods
 from .stuck_channels import STUCK_S, without_stuck_channels
 
+THERMOMETER_S = 10.0  # of the means of temperatures (s): an IMU does not follow faster (chosen)
+LEAST_RANGE = 10.0  # sigmas of these means, of which a temperature that matters has a wider range
+
 
 @dataclass(frozen=True, eq=False)
 class Device:
@@ -148,6 +151,33 @@ class PreparedImu:
         """
         marks, (*rows, _) = merge_marks(*times, edges(self.samples.time, lo, hi))
         return body_increments(self.samples, self.C_b_imu, marks), rows
+
+    def temperature(self, times: Array) -> Array:
+        """Return the temperature of the sensor above its mean, in its range over the recording.
+
+        Parameters
+        ----------
+        times : ndarray, shape (m,), s
+            Instants.
+
+        Returns
+        -------
+        Array
+            (m,), of means over `THERMOMETER_S`, since thermometers are coarse and noisy; zeros
+            where there is none, or where its range is less than `LEAST_RANGE` of their noise.
+        """
+        if self.samples.temperature is None:
+            return np.zeros(times.size)
+        from scipy.ndimage import uniform_filter1d
+
+        time, value = self.samples.time, self.samples.temperature
+        width = max(int(THERMOMETER_S / float(np.median(np.diff(time)))), 1)
+        smooth = uniform_filter1d(value, width, mode="nearest")
+        noise = float(np.std(value - smooth)) / np.sqrt(width)
+        span = float(np.ptp(smooth))
+        if span <= LEAST_RANGE * noise:
+            return np.zeros(times.size)
+        return (np.interp(times, time, smooth) - float(smooth.mean())) / span
 
     def without_samples(self) -> "PreparedImu":
         """Return the same with the first and the last sample alone."""

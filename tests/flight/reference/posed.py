@@ -125,6 +125,7 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
     if pose.bias_step is not None:
         step[pose.bias_step] = [4e-5] * 3 + [4e-3] * 3  # of 0.36 deg/s and 6 mg
     return ep._replace(
+        temperature=0.5 * np.sin(2.0 * ep.time),
         has_velocity=has_velocity,
         bias_step=step,
         constraint=motion,

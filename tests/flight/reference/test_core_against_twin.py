@@ -22,7 +22,7 @@ from insgnss.navigation.filter.codes import (
     VELOCITY_CONSTRAINT,
 )
 from insgnss.navigation.filter.filter import gate_from_sigma
-from insgnss.navigation.filter.layout import BarometerErrors, FixErrors
+from insgnss.navigation.filter.layout import BarometerErrors, FixErrors, SlowBias
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov
 
@@ -89,6 +89,9 @@ CASES = {
         USUAL,
     ),
     "drift": Case(Pose(replace(G, drift=1e-3), replace(A, drift=2e-2), motion=ALL), "drift", USUAL),
+    "bias by temperature": Case(
+        Pose(layout={"slow": SlowBias("temperature")}, motion=ALL), "slow", USUAL
+    ),
     "Gauss-Markov": Case(
         Pose(
             replace(G, gauss_markov=(GaussMarkov(1.0, 5e-3),)),

@@ -108,7 +108,7 @@ def test_transition_and_noise_of_one_sample_are_van_loans():
     state = NominalState.from_arrays(start.nav, start.x)
     got = propagate(one, 1, state)
     rates = np.concatenate([inc.dtheta[0], inc.dvel[0]]) / inc.dt[0]
-    U = influence(layout, 0.5 * inc.dt[0], rates)
+    U = influence(layout, 0.5 * inc.dt[0], 0.0, rates)
     C = 0.5 * (state.C_lb + got.state.C_lb)
     A, W, _ = continuous(layout, C, rates[3:], U, earth_rate(problem), layout.white)
     w, V = np.linalg.eigh(W)

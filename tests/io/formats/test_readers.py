@@ -132,6 +132,27 @@ def test_imu_wrong_use(
         read_imu(write(tmp_path, imu_text("")), **spec)
 
 
+def test_imu_temperatures_are_rows_of_the_samples_and_refuse_no_file(tmp_path: Path) -> None:
+    """Oracle: the numbers as they are written; a blank among them leaves the samples whole."""
+    order = [0, 2, 1, *range(3, 400)]
+    rows = [f"{0.01 * k:.2f},0,0,0,0,0,-9.8,{20 + k}" for k in order]
+    head = "tow,gx,gy,gz,ax,ay,az,{}\n"
+    path = write(tmp_path, head.format("temperature") + "\n".join(rows))
+    assert read_imu(path).temperature.tolist() == [20.0 + k for k in range(400)]
+    columns = {name: name for name in ("tow", "gx", "gy", "gz", "ax", "ay", "az")}
+    columns["temperature"] = "die_T"
+    path = write(tmp_path, head.format("die_T") + "\n".join(rows))
+    assert read_imu(path).temperature is None
+    assert read_imu(path, columns=columns).temperature[1] == 21.0
+    rows[199] = rows[199].replace("219", "nan")
+    path = write(tmp_path, head.format("temperature") + "\n".join(rows))
+    imu = read_imu(path)
+    assert len(imu) == 400
+    assert imu.temperature is None
+    (left_out,) = [note for note in imu.notes if note.name == "IMU temperature"]
+    assert ":201:" in left_out.found
+
+
 def test_imu_header_of_another_dimension_is_refused(tmp_path: Path) -> None:
     """Oracle: a gyroscope does not measure m."""
     with pytest.raises(InputError, match=r"file.txt:1: the header gives the unit 'm' for gx gy gz"):

@@ -7,7 +7,7 @@ import pytest
 from flown import fly
 
 from insgnss.navigation.align.initial import _run_back
-from insgnss.navigation.filter.codes import DRIFT_CODE
+from insgnss.navigation.filter.codes import DRIFT_CODE, TEMPERATURE_CODE
 from insgnss.navigation.filter.layout import SlowBias, state_layout
 from insgnss.navigation.noise_model.model import AxisNoise, NoiseModel
 
@@ -16,20 +16,26 @@ AXIS = AxisNoise(
 )
 
 
-@pytest.fixture(scope="module")
-def problem():
-    """Eight seconds without fixes."""
+@pytest.fixture(scope="module", params=["decay", "temperature"])
+def problem(request):
+    """Eight seconds without fixes, by the course of the slow bias."""
     layout = state_layout(
         NoiseModel("test", "", (AXIS,) * 3, (AXIS,) * 3),
         scale_factor=True,
         misalignment=True,
-        slow=SlowBias(5.0, 8.0),
+        slow=SlowBias(request.param, 5.0),
     )
     flown = fly(8.0, noise=None, imu_hz=100.0, layout=layout)
     without = flown.problem.epochs._replace(
-        has_position=np.zeros(flown.problem.epochs.time.size, dtype=np.bool_)
+        has_position=np.zeros(flown.problem.epochs.time.size, dtype=np.bool_),
+        temperature=temperature_of(flown.problem.epochs.time),
     )
     return replace(flown.problem, epochs=without), flown.true_nav()
+
+
+def temperature_of(time):
+    """A temperature that changes its direction; between epochs it is a straight line."""
+    return 0.3 * np.sin(time / 2.0)
 
 
 @pytest.mark.parametrize("kind", ["bias", "drift", "slow bias", "scale factor", "from z"])
@@ -54,6 +60,9 @@ def test_an_error_state_takes_off_what_was_put_into_the_readings(problem, sensor
         readings[:, c] = (
             readings[:, c] / (1.0 - x[s]) if f == c else readings[:, c] + x[s] * readings[:, f]
         )
+    elif f == TEMPERATURE_CODE:
+        sums = np.concatenate([[0.0], np.cumsum(inc.dt)])
+        readings[:, c] += x[s] * inc.dt * temperature_of(0.5 * (sums[1:] + sums[:-1]))
     else:
         # a slow bias is larger before: exp(-t / 5 s)
         readings[:, c] += (

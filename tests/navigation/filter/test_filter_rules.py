@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.base.errors import DataError
 from insgnss.navigation.filter.codes import (
     ABSENT,
+    BIAS,
     COVARIANCE_RESET,
     NHC,
     NO_CONSTRAINT,
@@ -242,8 +243,10 @@ def test_means_over_the_delay_of_an_event(delay) -> None:
         dt=np.full(n, h), dtheta=rate * h, dvel=2.0 * rate * h, nominal_s=h, stop=np.array([0, 10])
     )
     bias = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    layout = SimpleNamespace(channel_sum=lambda: np.eye(6), factor=np.full(6, BIAS))
+    courses = {"time": np.zeros(2), "temperature": np.zeros(2)}
     solution = SimpleNamespace(
-        problem=SimpleNamespace(inc=inc, layout=SimpleNamespace(channel_sum=lambda: np.eye(6))),
+        problem=SimpleNamespace(inc=inc, layout=layout, epochs=SimpleNamespace(**courses)),
         x=np.tile(bias, (2, 1)),
     )
     got, force = _means(solution, np.array([1]), np.array([delay]))

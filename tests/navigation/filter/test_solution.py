@@ -13,15 +13,30 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import DataError
 from insgnss.geodesy.frames import LocalFrame
-from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_vector
+from insgnss.geodesy.rotation import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+)
 from insgnss.navigation.filter import solution as solution_module
-from insgnss.navigation.filter.codes import COVARIANCE_RESET, REJECTED, USED
+from insgnss.navigation.filter.codes import (
+    BIAS,
+    COVARIANCE_RESET,
+    DRIFT_CODE,
+    QUAT,
+    REJECTED,
+    TEMPERATURE_CODE,
+    USED,
+)
 from insgnss.navigation.filter.filter import gate_from_sigma, make_history, run_filter
 from insgnss.navigation.filter.kernels.error_model import add_gap_noise, channel_columns
 from insgnss.navigation.filter.kernels.records import make_integrals
 from insgnss.navigation.filter.kernels.update import feed_back, reset_covariance
+from insgnss.navigation.filter.layout import SlowBias, state_layout
+from insgnss.navigation.filter.problem import InitialState
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.filter.trajectory import trajectory
+from insgnss.navigation.noise_model.model import AxisNoise, NoiseModel
 
 WIDE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([2.0, 2.0, 20.0])])
 ALIGNED = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([0.5, 0.5, 1.0])])
@@ -257,6 +272,35 @@ def test_channel_bias_is_what_the_simulator_added(flown, converged):
     assert (sigma[:, 3:5] < 1e-2).all()
 
 
+def test_biases_that_follow_a_course_are_biases_of_the_channels(flown):
+    """Oracle: sums over the states by hand, and their variance by the whole covariance; the
+    body turns by the gyros less what they make together.
+    """
+    axis = AxisNoise(white_noise=1e-3, turn_on_bias=5e-3, drift=1e-4)
+    model = NoiseModel("courses", "", (axis,) * 3, (axis,) * 3)
+    layout = state_layout(model, slow=SlowBias("temperature"))
+    time = flown.problem.epochs.time
+    epochs = flown.problem.epochs._replace(temperature=np.sin(0.2 * time))
+    problem = replace(flown.problem, layout=layout, epochs=epochs)
+    nav, sigma = flown.true_nav()[0], np.concatenate([WIDE, layout.sigma0])
+    start = InitialState(nav, np.zeros(sigma.size - 9), np.zeros(sigma.size), np.diag(sigma**2))
+    solution = solve(problem, start, "off")
+    at = np.array([0, 17, 49])
+    bias, spread = solution.channel_bias(at)
+    for k, e in enumerate(at):
+        course = {BIAS: 1.0, DRIFT_CODE: time[e], TEMPERATURE_CODE: epochs.temperature[e]}
+        A = np.zeros((6, layout.size))
+        for s, (c, f) in enumerate(zip(layout.channel, layout.factor, strict=True)):
+            A[c, 9 + s] = course[int(f)]
+        P = solution.covariance(at[k : k + 1])[0]
+        assert_allclose(bias[k], A[:, 9:] @ solution.x[e], rtol=1e-12)
+        assert_allclose(spread[k], np.sqrt(np.diag(A @ P @ A.T)), rtol=1e-9)
+    C_lb = rotation_from_quaternion(solution.nav[at, QUAT])
+    earth = np.einsum("nij,i->nj", C_lb, problem.frame.earth_rate_l)
+    rate = trajectory(solution, at, 2000).rate_b
+    assert_allclose(rate, problem.inc.rate[at] - bias[:, :3] - earth, rtol=0, atol=1e-15)
+
+
 def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
     """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and
     three exposures have two pairs.
@@ -267,11 +311,14 @@ def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
     position = np.array([[0.0, -10e3, 0.0], [0.0, 10e3, 0.0], [8e3, 0.0, 0.0]])
     nav = np.hstack([position, np.ones((3, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))])
     cross = np.random.default_rng(3).standard_normal((3, 9, 9))
-    layout = SimpleNamespace(channel_sum=lambda: np.vstack([np.eye(3), np.zeros((3, 3))]))
+    layout = SimpleNamespace(
+        channel_sum=lambda: np.vstack([np.eye(3), np.zeros((3, 3))]), factor=np.full(3, BIAS)
+    )
+    epochs = SimpleNamespace(time=np.zeros(3), temperature=np.zeros(3))
     rate, bias = np.array([[0.1, -0.2, 0.3]] * 3), np.array([[0.01, 0.02, -0.03]] * 3)
     inc = SimpleNamespace(marks=np.arange(3.0), rate=rate)
     solution: Any = SimpleNamespace(
-        problem=SimpleNamespace(frame=frame, layout=layout, inc=inc),
+        problem=SimpleNamespace(frame=frame, layout=layout, inc=inc, epochs=epochs),
         nav=nav,
         x=bias,
         nav_covariance=lambda index: np.tile(np.eye(9), (3, 1, 1))[index],

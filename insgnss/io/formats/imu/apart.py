@@ -83,6 +83,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
         time=gyro.time[there],
         gyro=gyro.gyro[there],
         accel=force[there],
+        temperature=None if gyro.temperature is None else gyro.temperature[there],
         notes=(*notes, done),
         units=units,
     )

@@ -3,7 +3,8 @@
 The unit of a triad is the caller's, else the one that the header gives, in brackets or behind the
 name (`headers`), else SI; where both give one and they differ, a note says so. A file without a
 column of time has the caller's rate, and its time starts at zero; a packet counter beside it shows
-where samples are lost.
+where samples are lost. A column of temperatures that cannot be read is left out with a note: the
+samples are whole without it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,6 +37,7 @@ IMU_COLUMNS = ("tow", *GYRO, *ACCEL)
 UNITS_OF_COLUMNS = {"gyro": " ".join(GYRO), "accel": " ".join(ACCEL), "time": "tow"}
 SPEC = TableSpec(IMU, units=UNITS_OF_COLUMNS, record="IMU")
 CLOCK_COLUMNS = (*TIME, *FINE)
+TEMPERATURE = "temperature"  # the column, of the sensor
 USUAL_QUANTITY: Quantity = "mean_rate"
 MAX_RATE_HZ = 1e5  # samples a second: above every IMU's rate, below a rate in other units (chosen)
 
@@ -111,6 +113,20 @@ def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
 
 
 def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuSamples:
+    """Read the samples of a file, without its temperatures where these cannot be read."""
+    try:
+        return _read_columns(path, options, required, (TEMPERATURE,))
+    except InputError as error:
+        problem = str(error)
+    samples = _read_columns(path, options, required, ())
+    advice = "fill the gaps, if its biases are to be tried against the temperature"
+    left_out = note("IMU temperature", f"left out: {problem}", "a number in every row", advice)
+    return replace(samples, notes=(*samples.notes, left_out))
+
+
+def _read_columns(
+    path: Source, options: ReadOptions, required: tuple[str, ...], optional: tuple[str, ...]
+) -> ImuSamples:
     """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
     spec, units, rate_hz = with_required(required), options.units or {}, options.rate_hz
     kinds = kinds_of(options.quantity)
@@ -118,7 +134,7 @@ def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuS
     def with_names(table: NumberTable | DirectRows) -> NamedTable:
         index = spec.index(table.path, table.layout, options.columns)
         clock = CLOCK_COLUMNS if rate_hz is None else (*CLOCK_COLUMNS, "counter")
-        taken = {name: i for name, i in index.items() if name in (*required, *clock)}
+        taken = {name: i for name, i in index.items() if name in (*required, *clock, *optional)}
         return NamedTable(spec, table, taken)
 
     direct, usual = None, False
@@ -258,6 +274,7 @@ def _samples(
         return bool((gyro[i] == gyro[k]).all() and (accel[i] == accel[k]).all())
 
     gps_week, quantity = options.gps_week, options.quantity or USUAL_QUANTITY
+    temperature = clock.pop(TEMPERATURE, None)
     if options.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
@@ -277,9 +294,11 @@ def _samples(
     rows, order_notes = put_in_order(lines, time, same, "IMU rows")
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
+        temperature = None if temperature is None else temperature[rows]
     time, stamp_notes = spread_evenly(time)
     notes = (*notes, *jitter_notes, *order_notes, *stamp_notes)
-    return ImuSamples(time, gyro, accel, quantity, gps_week, lines.path, notes, scales.units)
+    of_file = quantity, gps_week, lines.path, notes, scales.units
+    return ImuSamples(time, gyro, accel, *of_file, temperature)
 
 
 def _by_rate(

@@ -13,6 +13,7 @@ from ..codes import (
     PY,
     PZ,
     QUAT,
+    TEMPERATURE_CODE,
     VEL0,
     VELOCITY_CODE,
     VX,
@@ -89,7 +90,7 @@ def minus_skew(H, column, a0, a1, a2):
 
 
 @njit(cache=True, allocates=False)
-def body_rate(nav, x, elapsed, rate, model, earth, triple):
+def body_rate(nav, x, epochs, e, rate, model, earth, triple):
     """Leave the body's rate against the Earth and its derivatives in the triple.
 
     Parameters
@@ -98,8 +99,10 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
         (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
     x : ndarray
         (ns,) nominal values of the other states.
-    elapsed : float
-        Time since the start of the recording, s.
+    epochs : Epochs
+        The m epochs of the filter.
+    e : int
+        The epoch.
     rate : ndarray
         (3,) measured angular rate, body axes, rad/s.
     model : StateModel
@@ -122,7 +125,9 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
         elif f == BIAS:
             u = 1.0
         elif f == DRIFT_CODE:
-            u = elapsed
+            u = epochs.time[e]
+        elif f == TEMPERATURE_CODE:
+            u = epochs.temperature[e]
         else:
             u = rate[f]
         gain[s] = u

@@ -58,11 +58,13 @@ from ..codes import (
     PX,
     PY,
     PZ,
+    TEMPERATURE_CODE,
     VEL0,
     VX,
     VY,
     VZ,
 )
+from .records import BiasCourse
 from .strapdown import EARTH_RADIUS_M, strapdown_block
 
 GRAVITY = 9.8  # m/s^2, for its gradient alone
@@ -326,7 +328,47 @@ def set_decay(model, B, work):
 
 
 @njit(cache=True, allocates=False)
-def block_states(intervals, i0, i1, B, elapsed, x, model, work):
+def course_from(epochs, e):
+    """Return the course of biases from an epoch to the next.
+
+    Parameters
+    ----------
+    epochs : Epochs
+        The m epochs of the filter.
+    e : int
+        The earlier one.
+
+    Returns
+    -------
+    BiasCourse
+        At the earlier one.
+    """
+    T, begin = epochs.temperature[e], epochs.time[e]
+    return BiasCourse(begin, T, (epochs.temperature[e + 1] - T) / (epochs.time[e + 1] - begin))
+
+
+@njit(cache=True, allocates=False)
+def later(course, seconds):
+    """Return a course of biases some seconds later.
+
+    Parameters
+    ----------
+    course : BiasCourse
+        The course.
+    seconds : float
+        How much later, s.
+
+    Returns
+    -------
+    BiasCourse
+        The same course then.
+    """
+    T = course.temperature + seconds * course.warming
+    return BiasCourse(course.elapsed + seconds, T, course.warming)
+
+
+@njit(cache=True, allocates=False)
+def block_states(intervals, i0, i1, B, course, x, model, work):
     """Compute decay, mean and weight of each state over the block, and the biases at its ends.
 
     Parameters
@@ -337,8 +379,8 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
         The integration intervals i0..i1 - 1 are passed.
     B : float
         Length of the block, s.
-    elapsed : float
-        Time since the start of the recording at the start of the block, s.
+    course : BiasCourse
+        At the start of the block.
     x : ndarray
         (ns,) nominal values of the other states.
     model : StateModel
@@ -364,9 +406,13 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
             work.bias[0, c] += x[s]
             work.bias[1, c] += x[s] * work.decay[s]
         elif f == DRIFT_CODE:
-            work.weight[s] = elapsed + 0.5 * B
-            work.bias[0, c] += x[s] * elapsed
-            work.bias[1, c] += x[s] * (elapsed + B)
+            work.weight[s] = course.elapsed + 0.5 * B
+            work.bias[0, c] += x[s] * course.elapsed
+            work.bias[1, c] += x[s] * (course.elapsed + B)
+        elif f == TEMPERATURE_CODE:
+            work.weight[s] = course.temperature + 0.5 * B * course.warming
+            work.bias[0, c] += x[s] * course.temperature
+            work.bias[1, c] += x[s] * (course.temperature + B * course.warming)
         elif f == AIDING_ERROR:
             work.weight[s] = 0.0
         else:
@@ -382,7 +428,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
 
 
 @njit(cache=True, allocates=False)
-def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, work):
+def linearise(intervals, i0, i1, course, nav, x, model, earth, F, D, W, Qbb, work):
     """Propagate the nominal over integration intervals, and fill transition and process noise.
 
     Parameters
@@ -391,8 +437,8 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
         The body increments.
     i0, i1 : int
         The integration intervals i0..i1 - 1 are passed.
-    elapsed : float
-        Time since the start of the recording at the first of the intervals, s.
+    course : BiasCourse
+        At the first of the intervals.
     nav : ndarray
         (10,) nominal position (m), velocity (m/s) and quaternion q_lb in l, propagated in place.
     x : ndarray
@@ -437,7 +483,7 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
         while b < i1 and (b == a or B + 0.5 * intervals.dt[b] < target):
             B += intervals.dt[b]
             b += 1
-        has_scale = block_states(intervals, a, b, B, elapsed + done, x, model, work)
+        has_scale = block_states(intervals, a, b, B, later(course, done), x, model, work)
         strapdown_block(intervals, a, b, B, nav, earth, work.bias, work.scale, has_scale, integrals)
         channel_columns(integrals, B, column)
         first = a == i0

@@ -21,6 +21,7 @@ from .copies import copy_matrix, copy_vector
 from .error_model import (
     add_bias_step,
     add_gap_noise,
+    course_from,
     linearise,
     set_decay,
 )
@@ -100,12 +101,13 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
                 copy_vector(history.x[e - 1], x)
             F = history.F[row]
             D = history.D[row]
-            first, last, begin = epochs.stop[e - 1], epochs.stop[e], epochs.time[e - 1]
             for i in range(3):
                 acceleration[i] = nav[VEL0 + i]
-            linearise(intervals, first, last, begin, nav, x, model, earth, F, D, W, Qbb, work)
+            first, last, course = epochs.stop[e - 1], epochs.stop[e], course_from(epochs, e - 1)
+            linearise(intervals, first, last, course, nav, x, model, earth, F, D, W, Qbb, work)
+            length = epochs.time[e] - course.elapsed
             for i in range(3):
-                acceleration[i] = (nav[VEL0 + i] - acceleration[i]) / (epochs.time[e] - begin)
+                acceleration[i] = (nav[VEL0 + i] - acceleration[i]) / length
             if epochs.gap[e, 0] > 0.0:
                 add_gap_noise(W[0], work.column, work.last_block[0], epochs.gap[e])
             if epochs.bias_step[e, 0] > 0.0:

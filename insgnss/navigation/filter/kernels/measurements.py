@@ -170,7 +170,7 @@ def linearised_rows(nav, x, e, number, epochs, model, earth, triple):
     triple : Triple
         The measurement, filled in place.
     """
-    body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
+    body_rate(nav, x, epochs, e, epochs.rate[e], model, earth, triple)
     about, of = epochs.linear_about[e], epochs.linear_H[e, number]
     gain, d, H, nu = triple.gain, triple.difference, triple.H, triple.nu
     first = x.size - (about.size - ABOUT_STATES)
@@ -251,7 +251,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         if not epochs.has_position[e]:
             return False
         if model.offset >= 0:
-            body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
+            body_rate(nav, x, epochs, e, epochs.rate[e], model, earth, triple)
         group = epochs.group[e]
         z, sigma = epochs.position[e], epochs.sigma[e]
         position_rows(nav, x, epochs.time[e], lever_b, model, acceleration, z, sigma, group, triple)
@@ -259,7 +259,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
     elif kind == VELOCITY_ROW:
         if not epochs.has_velocity[e]:
             return False
-        body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
+        body_rate(nav, x, epochs, e, epochs.rate[e], model, earth, triple)
         velocity_rows(
             nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple
         )
@@ -275,7 +275,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
     elif kind == ZARU:
         if epochs.zaru_variance[e] == 0.0:
             return False
-        body_rate(nav, x, epochs.time[e], epochs.zaru_rate[e], model, earth, triple)
+        body_rate(nav, x, epochs, e, epochs.zaru_rate[e], model, earth, triple)
         zaru_rows(model, earth, triple)
         R[:] = 0.0
         for i in range(3):

@@ -91,6 +91,22 @@ class StateModel(NamedTuple):
     barometer: int
 
 
+class BiasCourse(NamedTuple):
+    """What biases that follow a course are multiplied with at an instant.
+
+    Parameters
+    ----------
+    elapsed : float
+        Time since the start of the recording, s.
+    temperature, warming : float
+        That of the IMU above its mean, in its range over the recording, and its change, 1/s.
+    """
+
+    elapsed: float
+    temperature: float = 0.0
+    warming: float = 0.0
+
+
 class BlockIntegrals(NamedTuple):
     """What the strapdown leaves of a block for the error model (E.4, E.5).
 
@@ -182,6 +198,8 @@ class Epochs(NamedTuple):
         (m, 3, 3) m^2/s^2, in l.
     rate : ndarray
         (m, 3) rad/s, measured gyro rate at the epoch.
+    temperature : ndarray
+        (m,) of the IMU above its mean, in its range over the recording; 0 where it is not known.
     event : ndarray
         (m,) number of the camera event at the epoch, or ABSENT.
     sigma : ndarray
@@ -227,6 +245,7 @@ class Epochs(NamedTuple):
     velocity: np.ndarray
     velocity_cov: np.ndarray
     rate: np.ndarray
+    temperature: np.ndarray
     event: np.ndarray
     sigma: np.ndarray
     group: np.ndarray

@@ -150,6 +150,7 @@ def combine(
         accel=accel,
         quantity=quantity,
         source=source,
+        temperature=None,  # each has its own
         notes=tuple(n for imu in imus for n in imu.notes),
     )
     return CombinedImu(samples, weight / weight.sum(axis=0), tuple(checks))
