@@ -21,7 +21,11 @@ from ..filter.filter import gate_from_sigma
 from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from ..innovations.incorrect_values import suspicious, withhold_incorrect_values
+from ..innovations.incorrect_values import (
+    contradicting_sensor,
+    suspicious,
+    withhold_incorrect_values,
+)
 from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
 from .decision import diagnose
@@ -255,19 +259,35 @@ def _without_incorrect_values(case: Case) -> Case | None:
         return None
     if result is None:
         return None
-    solution, note = result
-    return replace(case, problem=solution.problem, solution=solution, checks=(*case.checks, note))
+    solution, finding = result
+    if finding.verdict == "contradiction" and finding.name not in case.accept:
+        return replace(case, refused=(finding, "", (finding.name,)))
+    checks = (*case.checks, finding)
+    return replace(case, problem=solution.problem, solution=solution, checks=checks)
 
 
 def _explained(case: Case) -> Case | None:
     """Refuse a failure whose cause the flight shows: a constant of the flight file."""
     case.search.progress("what would explain it")
+    if case.problem.measurements and (wrong := _wrong_sensor(case)) is not None:
+        return replace(case, refused=(wrong, "", ()))
     if without_turn_on(case.noise) and (biases := _biases(case)) is not None:
         return replace(case, refused=(biases, "", ()))
     cause = explain_failure(case.search, case.problem)
     if cause is None:
         return None
     return replace(case, refused=(cause, f"; as stated, {case.failure}", ()))
+
+
+def _wrong_sensor(case: Case) -> Finding | None:
+    """Return which further sensor a failure is due to, where the flight is solved without them."""
+    if case.start is None:
+        return None
+    try:
+        alone = solve(case.problem.without_measurements, case.start, separations=0)
+    except DataError:
+        return None
+    return contradicting_sensor(case.problem, alone)
 
 
 def _with_open_gate(case: Case) -> Case | None:

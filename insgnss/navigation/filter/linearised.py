@@ -73,10 +73,10 @@ def with_measurements(
     gates = tuple(gate_from_sigma(m.gate_sigma, m.values.shape[1]) for m in measurements)
     m, g = epochs.stop.size, len(measured)
     room = epochs._replace(
-        linear_H=np.zeros((m, g, 3, OF_STATES + first)),
-        linear_residual=np.zeros((m, g, 3)),
-        linear_cov=np.zeros((m, g, 3, 3)),
-        linear_about=np.zeros((m, ABOUT_STATES + first)),
+        linear_H=np.empty((m, g, 3, OF_STATES + first)),
+        linear_residual=np.empty((m, g, 3)),
+        linear_cov=np.zeros((m, g, 3, 3)),  # no measurement yet, whatever the others hold
+        linear_about=np.empty((m, ABOUT_STATES + first)),
     )
     return replace(problem, epochs=room, measurements=tuple(measured), gates_of_measurements=gates)
 
@@ -102,25 +102,24 @@ def linearised_about(
         What the linearisation so far predicts of the measurements at this solution differs from
         their prediction by so many standard deviations, at most; infinite where there was none.
     """
-    before = problem.epochs
-    about = about_solution(problem, nav, x)
-    epochs = before._replace(
-        linear_H=np.zeros_like(before.linear_H),
-        linear_residual=np.zeros_like(before.linear_residual),
-        linear_cov=np.zeros_like(before.linear_cov),
-        linear_about=about,
-    )
-    change, motions = 0.0, []
+    before, about = problem.epochs, about_solution(problem, nav, x)
+    change, motions, residuals = 0.0, [], []
     for g, measured in enumerate(problem.measurements):
-        measurement, index = measured.measurement, measured.at_epoch
-        motions.append(_motion(problem, measured, about[index]))
-        predicted = measurement.predicted(*motions[g])
-        residual = measurement.minus(measured.rows, predicted)
-        epochs.linear_residual[index, g, : residual.shape[1]] = residual
-        change = max(change, _change(measured, before, epochs, g))
+        motions.append(_motion(problem, measured, about[measured.at_epoch]))
+        predicted = measured.measurement.predicted(*motions[g])
+        residuals.append(measured.measurement.minus(measured.rows, predicted))
+        change = max(change, _change(measured, before, about, g, residuals[g]))
     if change <= LINEAR_SIGMAS:
         return problem, change
+    epochs = before._replace(
+        linear_H=np.zeros(before.linear_H.shape),
+        linear_residual=np.zeros(before.linear_residual.shape),
+        linear_cov=np.zeros(before.linear_cov.shape),
+        linear_about=about,
+    )
     for g, measured in enumerate(problem.measurements):
+        components = residuals[g].shape[1]
+        epochs.linear_residual[measured.at_epoch, g, :components] = residuals[g]
         _linearise(problem, measured, motions[g], epochs, g)
     return replace(problem, epochs=epochs), change
 
@@ -248,20 +247,20 @@ def _gyro_bias(problem: EstimationProblem, x: Array) -> Array:
     return out
 
 
-def _change(measured: MeasuredRows, before: Epochs, after: Epochs, number: int) -> float:
+def _change(
+    measured: MeasuredRows, before: Epochs, about: Array, number: int, residual: Array
+) -> float:
     """Return by how many sigmas a prediction differs from that of the linearisation before."""
     index, c = measured.at_epoch, measured.measurement.values.shape[1]
     if not index.size:
         return 0.0
     if not before.linear_cov[index, number, 0, 0].any():
         return np.inf
-    old, new = before.linear_about[index], after.linear_about[index]
+    old, new = before.linear_about[index], about[index]
     d = np.hstack([nav_difference(new, old), new[:, ABOUT_BIAS:] - old[:, ABOUT_BIAS:]])
-    expected = before.linear_residual[index, number] - np.einsum(
-        "krc,kc->kr", before.linear_H[index, number], d
+    expected = before.linear_residual[index, number, :c] - np.einsum(
+        "krc,kc->kr", before.linear_H[index, number, :c], d
     )
-    moved = measured.measurement.wrapped((expected - after.linear_residual[index, number])[:, :c])
-    whitened = np.linalg.solve(
-        np.linalg.cholesky(measured.measurement.cov[measured.rows]), moved[:, :, None]
-    )
+    moved = measured.measurement.wrapped(expected - residual)[:, :, None]
+    whitened = np.linalg.solve(np.linalg.cholesky(measured.measurement.cov[measured.rows]), moved)
     return float(np.abs(whitened).max())

@@ -34,6 +34,7 @@ from ..filter.codes import ABOUT_STATES, NAV, OF_BIAS, OF_STATES
 from ..filter.linearised import about_solution, prediction, with_measurements
 from ..filter.problem import EstimationProblem, MeasuredRows
 from ..filter.solution import Solution
+from .wrong_sensor import explain_sensor
 
 SPELL_PIECE_S = 5.0  # of the time in which residuals are averaged: a disturbance lasts longer
 # (V.2): honest pieces of an hour exceed it once in 200 flights, which costs a pass; errors of four
@@ -71,6 +72,15 @@ class ValueSpell(NamedTuple):
     sigma: float
     angle: bool
 
+    @property
+    def sentence(self) -> str:
+        """Which values differ by how much."""
+        unit, factor = (" deg", 1.0 / DEG) if self.angle else ("", 1.0)
+        return (
+            f"{self.measurement}, {self.first_s:.1f} to {self.last_s:.1f} s, by"
+            f" {factor * self.mean:.3g} +- {factor * self.sigma:.2g}{unit}"
+        )
+
 
 def suspicious(solution: Solution) -> bool:
     """Return whether a mean residual of a piece is larger than honest values leave it (V.2).
@@ -101,6 +111,8 @@ def withhold_incorrect_values(
 ) -> tuple[Solution, Finding] | None:
     """Leave out the values of spells that stand apart from the flight without the measurements.
 
+    Where too many stand apart for the others to be believed, the sensor is wrong as a whole.
+
     Parameters
     ----------
     solution : Solution
@@ -113,22 +125,26 @@ def withhold_incorrect_values(
     Returns
     -------
     tuple of Solution and Finding, or None
-        The solution without these values and the note; None where none stand apart, or too many.
+        The solution without these values and the note, or the one with all and the contradiction;
+        None where none stand apart.
     """
     spells: list[ValueSpell] = []
-    offered = sum(measured.rows.size for measured in solution.problem.measurements)
+    problem = solution.problem
+    offered = sum(measured.rows.size for measured in problem.measurements)
     for _ in range(ROUNDS):
         kept, incorrect = _without_spells(solution, alone)
         if not incorrect:
             break
         if sum(m.rows.size for m in kept) < (1.0 - MOST_WITHHELD) * offered:
-            return None
+            worst = max(incorrect, key=lambda spell: abs(spell.mean) / spell.sigma)
+            where = f", most of all {worst.sentence}"
+            return solution, contradicting_sensor(problem, alone, where)
         spells += incorrect
         every = zip(*((m.measurement, m.rows, m.at_epoch) for m in kept), strict=True)
         solution = solve_again(with_measurements(solution.problem, *every))
         if not suspicious(solution):
             break
-    return (solution, _check(spells)) if spells else None
+    return (solution, _check(problem, alone, spells)) if spells else None
 
 
 def _without_spells(
@@ -138,11 +154,11 @@ def _without_spells(
     about = about_solution(alone.problem, alone.nav, alone.x)
     of_sensors = about_solution(solution.problem, solution.nav, solution.x)[:, ABOUT_STATES:]
     about[:, ABOUT_STATES:] = of_sensors
-    pieces, means, ratios = [], [], []
+    edges, means, ratios = [], [], []
     for number in range(len(solution.problem.measurements)):
         of_it, mean, white, of_solution = _means(solution, alone, number, about)
         sigma = np.sqrt(white + of_solution + _of_own_states(solution, number, of_it))
-        pieces.append(of_it)
+        edges.append(of_it)
         means.append((mean, sigma))
         ratios.append(np.abs(mean) / sigma)
     largest = max(float(ratio.max(initial=0.0)) for ratio in ratios)
@@ -150,13 +166,13 @@ def _without_spells(
         return solution.problem.measurements, []
     kept, spells = [], []
     for number, measured in enumerate(solution.problem.measurements):
-        of_it, ratio = pieces[number], ratios[number]
+        of_it, ratio = edges[number], ratios[number]
         time = measured.measurement.time[measured.rows]
         keep = np.ones(time.size, dtype=np.bool_)
         flagged = ratio.max(axis=1, initial=0.0) > OF_LARGEST * largest
         for first, stop in _runs(flagged):
             # it begins and ends somewhere in the pieces beside
-            low, high = of_it[max(first - 1, 0)][0], of_it[min(stop, len(of_it) - 1)][-1]
+            low, high = of_it[max(first - 1, 0)], of_it[min(stop + 1, of_it.size - 1)] - 1
             keep[low : high + 1] = False
             worst, axis = divmod(int(ratio[first:stop].argmax()), ratio.shape[1])
             furthest, spread = (float(each[first + worst, axis]) for each in means[number])
@@ -171,34 +187,36 @@ def _without_spells(
 
 def _means(
     solution: Solution, against: Solution, number: int, about: Array
-) -> tuple[list[np.ndarray], Array, Array, Array]:
-    """Return the pieces of a measurement, and of each the mean residual, its variance from white
-    errors R / n, and that from the motion H P H' of the solution that it is taken against.
+) -> tuple[np.ndarray, Array, Array, Array]:
+    """Return the edges of the pieces of a measurement, and of each piece the mean residual, its
+    variance from white errors R / n, and that from the motion H P H' of the solution that it is
+    taken against.
     """
     measured = solution.problem.measurements[number]
-    measurement, pieces = measured.measurement, _pieces(solution, measured)
+    measurement, edges = measured.measurement, _edges(solution, measured)
     predicted = prediction(solution.problem, measured, about[measured.at_epoch])
     residual = measurement.minus(measured.rows, predicted)
     variance = np.diagonal(measurement.cov[measured.rows], axis1=1, axis2=2)
     limit = measurement.gate_sigma * np.sqrt(variance)
     if against is solution:  # a single gross value is the gate's
         residual = np.clip(residual, -limit, limit)
-    mean = np.array([residual[piece].mean(axis=0) for piece in pieces])
-    white = np.array([variance[piece].mean(axis=0) / len(piece) for piece in pieces])
-    middle = _middle(measured, pieces)
+    values = np.diff(edges)[:, None]
+    mean = np.add.reduceat(residual, edges[:-1], axis=0) / values
+    white = np.add.reduceat(variance, edges[:-1], axis=0) / values**2
+    middle = _middle(measured, edges)
     H = solution.problem.epochs.linear_H[middle, number, : residual.shape[1]]
     P = against.nav_covariance(middle)
     of_solution = np.einsum("kci,kij,kcj->kc", H[:, :, NAV], P, H[:, :, NAV])
     if (of_bias := H[:, :, OF_BIAS:OF_STATES] ** 2).any():
         bias = against.channel_bias(_kept(against, middle))[1][:, :3]
         of_solution += np.einsum("kci,ki->kc", of_bias, bias**2)
-    return pieces, mean.reshape(of_solution.shape), white.reshape(of_solution.shape), of_solution
+    return edges, mean, white, of_solution
 
 
-def _of_own_states(solution: Solution, number: int, pieces: list[np.ndarray]) -> Array:
+def _of_own_states(solution: Solution, number: int, edges: np.ndarray) -> Array:
     """Return the variance (k, c) of the prediction in each piece from states of measurements."""
     measured = solution.problem.measurements[number]
-    middle = _middle(measured, pieces)
+    middle = _middle(measured, edges)
     H = solution.problem.epochs.linear_H[middle, number, :, OF_STATES:]
     H = H[:, : measured.measurement.values.shape[1]]
     q = H.shape[2]
@@ -215,16 +233,16 @@ def _kept(solution: Solution, index: np.ndarray) -> np.ndarray:
     return solution.rows[np.searchsorted(solution.rows[:-1], index)]
 
 
-def _middle(measured: MeasuredRows, pieces: list[np.ndarray]) -> np.ndarray:
+def _middle(measured: MeasuredRows, edges: np.ndarray) -> np.ndarray:
     """Return the epoch in the middle of each piece."""
-    return measured.at_epoch[np.array([piece[len(piece) // 2] for piece in pieces], dtype=np.int64)]
+    return measured.at_epoch[(edges[:-1] + edges[1:]) // 2]
 
 
-def _pieces(solution: Solution, measured: MeasuredRows) -> list[np.ndarray]:
-    """Return the rows of each piece of time that holds any."""
+def _edges(solution: Solution, measured: MeasuredRows) -> np.ndarray:
+    """Return the first row of each piece of time that holds any, and the number of rows."""
     time = solution.problem.epochs.time[measured.at_epoch]
     cuts = np.flatnonzero(np.diff(time // SPELL_PIECE_S)) + 1
-    return [piece for piece in np.split(np.arange(time.size), cuts) if piece.size]
+    return np.unique(np.concatenate([[0], cuts, [time.size]]))
 
 
 def _runs(flagged: np.ndarray) -> list[tuple[int, int]]:
@@ -233,18 +251,41 @@ def _runs(flagged: np.ndarray) -> list[tuple[int, int]]:
     return list(pairwise(edges.tolist()))[::2]
 
 
-def _check(spells: list[ValueSpell]) -> Finding:
+def contradicting_sensor(problem: EstimationProblem, alone: Solution, spell: str = "") -> Finding:
+    """Return the contradiction of the sensor whose values are the furthest from a flight.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem with the sensors.
+    alone : Solution
+        The solution of the same epochs and states without them.
+    spell : str
+        Where and by how much they differ most, in words.
+
+    Returns
+    -------
+    Finding
+        What would explain it stands in it, where anything does.
+    """
+    every = [explain_sensor(problem, alone, k) for k in range(len(problem.measurements))]
+    worst = max(every, key=lambda one: one.before)
+    return Question("measurements", "as the flight without this sensor predicts").contradiction(
+        f"{worst.sensor} contradicts the flight solved without it: its values scatter"
+        f" {worst.before:.2g} times as much as their sigmas say{spell}{worst.sentence()}",
+        "check its stamps, units, signs, lever arm and what it measures, or leave it out",
+    )
+
+
+def _check(problem: EstimationProblem, alone: Solution, spells: list[ValueSpell]) -> Finding:
     """Say which values stand apart."""
-    texts = []
-    for spell in spells[:MOST_SPELLS_NAMED]:
-        unit, factor = (" deg", 1.0 / DEG) if spell.angle else ("", 1.0)
-        texts.append(
-            f"{spell.measurement}, {spell.first_s:.1f} to {spell.last_s:.1f} s, by"
-            f" {factor * spell.mean:.3g} +- {factor * spell.sigma:.2g}{unit}"
-        )
+    texts = [spell.sentence for spell in spells[:MOST_SPELLS_NAMED]]
+    every = [explain_sensor(problem, alone, k) for k in range(len(problem.measurements))]
+    names = {spell.measurement for spell in spells}
+    causes = "".join(one.sentence() for one in every if one.sensor in names)
     more = f" and {len(spells) - MOST_SPELLS_NAMED} more" if len(spells) > MOST_SPELLS_NAMED else ""
     return Question("measurements", "one level throughout").note(
         "for seconds, values differ from the flight solved without these sensors:"
-        f" {'; '.join(texts)}{more}; they are left out",
+        f" {'; '.join(texts)}{more}; they are left out{causes}",
         "look for what disturbed the sensor there: iron or currents, reflections, slip",
     )

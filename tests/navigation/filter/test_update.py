@@ -7,8 +7,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.navigation.filter.codes import N_NAV
 from insgnss.navigation.filter.kernels.update import (
     innovation_test,
+    is_scalar,
     one_after_another,
+    remove_scalar,
     remove_triple,
+    scalar_update,
     take_off,
     triple_update,
     weigh,
@@ -59,6 +62,31 @@ def test_three_scalars_at_once_are_the_three_one_by_one(posed, tracked):
     assert_allclose(P, np.linalg.inv(information), atol=1e-9)
     at_once = m0 + np.linalg.inv(information) @ H.T @ (nu[:, 0] - H @ m0)
     assert_allclose(m, at_once, atol=1e-9)
+
+
+@pytest.mark.parametrize("tracked", [True, False])
+def test_one_scalar_is_a_triple_of_which_two_rows_are_empty(posed, tracked):
+    """Oracle: the update of three scalars, and the smoother's way back across it."""
+    P0, m0, H, nu, cross0 = posed
+    H, nu = H.copy(), nu.copy()
+    assert not is_scalar(H, USED)
+    H[1:], nu[1:] = 0.0, 0.0
+    assert is_scalar(H, USED)
+    results = []
+    for update in (triple_update, scalar_update):
+        P, m, cross = P0.copy(), m0.copy(), cross0.copy()
+        HP, K, S, y = H @ P, np.empty((3, STATES)), np.empty(3), np.empty(3)
+        update(P, m, H, HP, nu, USED, K, S, y, cross, tracked, np.empty((3, N_NAV)))
+        results.append((P, m, cross, K, S, y))
+    for got, wanted in zip(*results, strict=True):
+        assert_allclose(got, wanted, atol=1e-11)
+    assert_array_equal(P, P.T)
+    root = np.random.default_rng(21).normal(size=(STATES, STATES))
+    triple, scalar, G = root @ root.T, root @ root.T, np.empty((3, STATES))
+    weigh(triple, K, STATES, G)
+    remove_triple(triple, H, K, S, USED, G)
+    remove_scalar(scalar, H[0], K[0], S[0], USED, G[0])
+    assert_allclose(scalar, triple, atol=1e-10)
 
 
 def test_the_innovations_are_weighed_with_their_covariance(posed):

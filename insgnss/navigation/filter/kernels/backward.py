@@ -3,10 +3,10 @@
 import numpy as np
 
 from ....base.compilation import njit
-from ..codes import ABSENT, IMU0, N_NAV
+from ..codes import ABSENT, IMU0, N_KINDS, N_NAV
 from .copies import copy_matrix, copy_vector
 from .outage import gain_within, smooth_across
-from .update import remove_triple, weigh
+from .update import is_scalar, remove_scalar, remove_triple, weigh
 
 CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
 
@@ -45,6 +45,7 @@ def run_backward(event, history, full, state, begin, out):
     M, G, AN = np.zeros((N_NAV, n)), np.zeros((N_NAV, n)), np.zeros((N_NAV, n))
     BN, nav = np.zeros((N_NAV, N_NAV)), np.zeros((N_NAV, N_NAV))
     g = np.zeros((3, n))
+    linear = history.slot[N_KINDS] if history.slot.size > N_KINDS else nz  # first row of (K.13)
     for e in range(event.size - 1, begin - 1, -1):
         P = history.P[e]
         if out.keep[e] != ABSENT:
@@ -119,10 +120,13 @@ def run_backward(event, history, full, state, begin, out):
             if history.S[e, i] <= 0.0:
                 continue
             h, k, used = history.H[e, i : i + 3], history.K[e, i : i + 3], history.used[i]
-            if full:
+            scalar = i >= linear and is_scalar(h, used)
+            if full and scalar:
+                remove_scalar(Lam, h[0], k[0], history.S[e, i], used, g[0])
+            elif full:
                 weigh(Lam, k, n, g)
                 remove_triple(Lam, h, k, history.S[e, i : i + 3], used, g)
-            for j in range(2, -1, -1):
+            for j in range(0 if scalar else 2, -1, -1):
                 t, row, of = history.y[e, i + j] / history.S[e, i + j], h[j], k[j]
                 for r in range(n):
                     t -= of[r] * lam[r]

@@ -10,6 +10,7 @@ from ..codes import (
     AZ,
     COVARIANCE_RESET,
     IMU0,
+    N_KINDS,
     N_NAV,
     NOT_MEASURED,
     POSITION_ROW,
@@ -33,7 +34,9 @@ from .update import (
     feed_back,
     forward_solve3,
     innovation_test,
+    is_scalar,
     reset_covariance,
+    scalar_update,
     state_difference,
     triple_update,
     weigh,
@@ -176,7 +179,10 @@ def run_forward(epochs, state, history, begin, intervals, model, earth, lever_b,
             for i in range(3):
                 copy_vector(H[i, :wide], history.H[row, b + i])
             K, S, y = history.K[row, b : b + 3], history.S[e, b : b + 3], history.y[e, b : b + 3]
-            triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T)
+            if kind >= N_KINDS and is_scalar(H, used):
+                scalar_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T)
+            else:
+                triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T)
         fed_back = fed_back or max(P[AX, AX], P[AY, AY], P[AZ, AZ]) < threshold * threshold
         if closed_loop and fed_back:
             feed_back(nav, x, m)

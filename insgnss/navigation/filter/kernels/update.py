@@ -316,6 +316,123 @@ def triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
 
 
 @njit(cache=True, allocates=False)
+def is_scalar(H, used):
+    """Tell whether a triple has its first row alone.
+
+    Parameters
+    ----------
+    H : ndarray
+        (3, k) derivative of the measurement.
+    used : int
+        Number of leading columns of H that may differ from zero.
+
+    Returns
+    -------
+    bool
+        Whether rows 1 and 2 are zero.
+    """
+    h1, h2 = H[1], H[2]
+    largest = 0.0
+    for k in range(used):
+        largest = max(largest, abs(h1[k]), abs(h2[k]))
+    return largest == 0.0
+
+
+@njit(cache=True, allocates=False)
+def scalar_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
+    """Update as `triple_update` does, where the triple has its first row alone (`is_scalar`).
+
+    Parameters
+    ----------
+    P, m : ndarray
+        (n, n) covariance and (n,) estimate of the errors, changed in place.
+    H, HP : ndarray
+        (3, n) whitened derivative, and H P.
+    nu : ndarray
+        (3, 1) whitened innovation of the nominal.
+    used : int
+        Number of leading columns of H that may differ from zero.
+    K, S, y : ndarray
+        (3, n) gains, (3,) innovation variances and innovations, filled in place; rows 1 and 2 as of
+        a measurement that says nothing.
+    cross : ndarray
+        (9, n) covariance of the latest event's navigation error with the errors now.
+    track_cross : bool
+        Whether `cross` is updated as well.
+    T : ndarray
+        (3, 9) scratch.
+    """
+    n = P.shape[0]
+    h, k0, gain, t0 = H[0], HP[0], K[0], T[0]
+    K[1:], S[1:], y[1:] = 0.0, 1.0, 0.0
+    s, d = 1.0, nu[0, 0]
+    for k in range(used):
+        s += k0[k] * h[k]
+        d -= m[k] * h[k]
+    S[0], y[0] = s, d
+    inv = 1.0 / s
+    d *= inv
+    for r in range(n):
+        gain[r] = k0[r] * inv
+        m[r] += k0[r] * d
+    for r in range(n):
+        t, row = k0[r], P[r]
+        for k in range(n):
+            row[k] -= t * k0[k] * inv
+    if track_cross:
+        t0[:] = 0.0
+        for k in range(used):
+            if h[k] != 0.0:
+                for r in range(N_NAV):
+                    t0[r] += cross[r, k] * h[k]
+        for r in range(N_NAV):
+            t, row = t0[r], cross[r]
+            for k in range(n):
+                row[k] -= t * gain[k]
+
+
+@njit(cache=True, allocates=False)
+def remove_scalar(Lam, h, k, s, used, g):
+    """Take Lambda of the smoother back across one update (B.3), in place.
+
+    Parameters
+    ----------
+    Lam : ndarray
+        (n, n) Lambda, changed in place.
+    h, k : ndarray
+        (j,) whitened derivative and (n,) gain.
+    s : float
+        Innovation variance.
+    used : int
+        Number of leading columns of h that may differ from zero.
+    g : ndarray
+        (n,) scratch.
+    """
+    n = Lam.shape[0]
+    g[:] = 0.0
+    for r in range(n):
+        t, row = k[r], Lam[r]
+        for c in range(n):
+            g[c] += t * row[c]
+    t = 1.0 / s
+    for r in range(n):
+        t += k[r] * g[r]
+    t *= 0.5
+    for r in range(used):
+        g[r] -= t * h[r]
+    for r in range(used):
+        t, row = h[r], Lam[r]
+        if t != 0.0:
+            for c in range(n):
+                row[c] -= t * g[c]
+    for c in range(used):
+        t = h[c]
+        if t != 0.0:
+            for r in range(n):
+                Lam[r, c] -= t * g[r]
+
+
+@njit(cache=True, allocates=False)
 def remove_triple(Lam, H, K, S, used, G):
     """Take Lambda of the smoother back across three updates (B.3), in place, the last first.
 
