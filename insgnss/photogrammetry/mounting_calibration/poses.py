@@ -33,10 +33,10 @@ from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
 from ..comparison.compare import largest_difference
 from ..comparison.hints import Hints, turned
-from ..comparison.poses import FarError, Poses
+from ..comparison.poses import FarError, Poses, degrees_for_metres
 from ..comparison.position import SHIFT_M
 from ..comparison.reading import read_poses, sniff_poses
-from ..comparison.returned import degrees_for_metres, framed_coordinates, placed_poses
+from ..comparison.returned import framed_coordinates, placed_poses
 from .options import PlaceOptions
 from .records import CameraPoses
 

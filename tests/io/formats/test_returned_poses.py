@@ -249,8 +249,9 @@ def test_ign_with_lines_above_its_header(tmp_path: Path, unit: str, factor: floa
 
 
 def test_every_format_has_a_case() -> None:
-    """Oracle: the registry; two are read in photogrammetry/comparison/test_ways_back.py."""
-    assert {form for _, _, form, _ in CASES.values()} | {"odm_shots", "opf"} == set(RETURNED)
+    """Oracle: the registry; five are read in photogrammetry/comparison/test_ways_back.py."""
+    others = {"odm", "odm_shots", "opf", "geojson", "positions"}
+    assert {form for _, _, form, _ in CASES.values()} | others == set(RETURNED)
 
 
 def test_the_page_reads(tmp_path: Path) -> None:

@@ -25,7 +25,10 @@ RETURNED: Mapping[str, str] = {
     "bentley": "returned.projects:read_bentley",
     "inpho_prj": "returned.inpho:read_inpho_prj",
     "ign_opk": "returned.tables:read_ign_opk",
+    "odm": "returned.tables:read_odm_geo",
     "odm_shots": "returned.documents:read_odm_shots",
+    "geojson": "returned.documents:read_geojson",
+    "positions": "returned.tables:read_named_positions",
     "opf": "returned.documents:read_opf",
 }
 """Readers of adjusted poses; each takes a path and returns `ReturnedPoses`."""
@@ -39,6 +42,8 @@ PROJECT_HEADS = {  # first bytes in lower case
     "ign_opk": r"^\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b",
     "inpho_prj": r"^\s*\$photo\s*$",
     "odm_shots": r"\A\s*\{.*\"featurecollection\".*\"(translation|rotation)\"\s*:",
+    "geojson": r"\A\s*\{\s*\"type\"\s*:\s*\"featurecollection\"",
+    "odm": r"\A\s*(epsg:\d+|wgs84( utm \d+[ns]?)?|\+proj.*)\s*$",
     "opf": r"application/opf-calibrated-cameras",
     "opensfm": r"\A\s*[\[{].*\"(cameras|shots)\"\s*:",
 }
