@@ -72,6 +72,7 @@ def _layout(columns: str, *more: str) -> PoseColumns:
     )
 
 
+INTERIOR = "f px py k1 k2 k3 k4 t1 t2"  # of an image, by RealityCapture
 _ACCURACIES = "sx sy sz s1 s2 s3"
 LAYOUTS = {
     "metashape": _layout("image x y z yaw pitch roll", _ACCURACIES),
@@ -81,9 +82,7 @@ LAYOUTS = {
         _layout("image x y z omega phi kappa"),
         alone=(("image", "x", "y", "z"), ("image", "x", "y", "z", "horizontal", "vertical")),
     ),
-    "realitycapture": _layout(
-        "image x y z yaw pitch roll", _ACCURACIES, "f px py k1 k2 k3 k4 t1 t2"
-    ),
+    "realitycapture": _layout("image x y z yaw pitch roll", _ACCURACIES, INTERIOR),
     "micmac": _layout("image x y z omega phi kappa", "sx sy sz"),
     "inpho_ascii": _layout("image x y z omega phi kappa", "time"),
     "tum": _layout("time x y z qx qy qz qw"),
@@ -148,6 +147,10 @@ def _columns(form: str, table: TextTable, layout: PoseColumns) -> dict[str, int]
     n = table.layout.n_fields
     whole = layout.whole
     names = next((columns for columns in whole if len(columns) == n), None)
+    head = [field.lower() for field in table.layout.header_fields or ()]
+    further = head[len(layout.columns) :]
+    if names is None and form == "realitycapture" and set(further) <= set(INTERIOR.split()):
+        names = (*layout.columns, *further)  # what its user has chosen
     if names is None:
         more = "".join(f", or also {' '.join(further)}" for further in layout.more)
         problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"

@@ -200,6 +200,15 @@ def realitycapture_camera(site: Site) -> Path:
     return site.write("cameras.csv", text)
 
 
+def realitycapture_chosen(site: Site) -> Path:
+    """The same table with fewer columns, as its users may choose them."""
+    path = realitycapture_camera(site)
+    rows = path.read_text().replace("k3,k4,t1,t2", "t1,t2").splitlines()
+    rows[2:] = [",".join(row.split(",")[:14]) for row in rows[2:]]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
 def colmap(site: Site) -> Path:
     """What COLMAP writes: without our comments."""
     folder = site.export("colmap", "model", camera="PINHOLE,5120,3840,5607,5607,2560,1920")
@@ -267,6 +276,7 @@ WAYS: dict[str, Callable[[Site], Path]] = {
     "odm": lambda site: site.export("odm", "geo.txt"),
     "odm_shots": odm_shots,
     "realitycapture_camera": realitycapture_camera,
+    "realitycapture_chosen": realitycapture_chosen,
     "micmac": lambda site: site.export("micmac", "micmac.txt"),
     "micmac_xml": lambda site: site.export("micmac_xml", "Ori-Nav"),
     "bentley": bentley,

@@ -66,7 +66,7 @@ def returned_form(path: Source, head: str) -> str:
     """
     path = Path(path)
     if path.is_dir():
-        if any(path.glob("Orientation-*.xml")):
+        if any(path.glob("Orientation-*.xml")) or any(path.glob("Ori-PerspCentral-*.xml")):
             return "micmac_xml"
         if any((path / f"images{kind}").is_file() for kind in (".txt", ".bin")):
             return "colmap"
