@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import METRE, LengthUnit
+from ...geodesy.conventions import exchanged, reversed_signs
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
@@ -138,18 +139,20 @@ class CoordinateFrame:
     epoch: float | None = None
 
     def _exchanged(self, x: Array) -> str:
-        """Words on easting and northing where they would reach the area of the CRS if exchanged."""
+        """Words on another order or sign of easting and northing that reaches the CRS' area."""
         assert self.projection is not None
-        try:
-            lat, lon, _ = self.projection.inverse(x[:, [1, 0, 2]])
-        except InputError:
-            return ""
-        if self.projection.outside(lat, lon):
-            return ""
-        return (
-            f"; with easting and northing exchanged they lie at {np.degrees(lat[0]):.4f}"
-            f" {np.degrees(lon[0]):.4f} deg, inside its area: exchange the columns"
-        )
+        names = ("easting", "northing")
+        for one in (*exchanged(names), *reversed_signs((*names, ""))):
+            try:
+                lat, lon, _ = self.projection.inverse(one.change(x))
+            except InputError:
+                continue
+            if not self.projection.outside(lat, lon):
+                return (
+                    f"; with {one.words} they lie at {np.degrees(lat[0]):.4f}"
+                    f" {np.degrees(lon[0]):.4f} deg, inside its area: correct the columns"
+                )
+        return ""
 
     def _projected(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
         """Return what `resolved` does, of projected coordinates."""

@@ -149,8 +149,8 @@ def _columns(form: str, table: TextTable, layout: PoseColumns) -> dict[str, int]
     names = next((columns for columns in whole if len(columns) == n), None)
     head = [field.lower() for field in table.layout.header_fields or ()]
     further = head[len(layout.columns) :]
-    if names is None and form == "realitycapture" and set(further) <= set(INTERIOR.split()):
-        names = (*layout.columns, *further)  # what its user has chosen
+    if form == "realitycapture" and set(further) <= set(INTERIOR.split()) and len(head) == n:
+        names = names or (*layout.columns, *further)  # what its user has chosen
     if names is None:
         more = "".join(f", or also {' '.join(further)}" for further in layout.more)
         problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"

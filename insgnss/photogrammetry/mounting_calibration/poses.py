@@ -174,12 +174,23 @@ def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
         except FarError:
             if only or given.kind or hints.shift is not None:
                 raise
-            return _returned(path, form, replace(hints, crs=None), only)
+            if (placeless := _without_place(path, form, hints)) is None:
+                raise
+            return placeless
         return replace(_on_the_earth(path, poses), load=block)
     cov = _joint_cov(given.cov_position, given.cov_attitude)
     frame = "own" if framed.frame is None else "geocentric"
     notes = (*given.notes, framed.note) if framed.note else given.notes
     return CameraPoses(given.images, framed.x, given.C, cov, frame, str(path), notes, load=block)
+
+
+def _without_place(path: Path, form: str, hints: Hints) -> CameraPoses | None:
+    """Return poses in axes of their own; None where their values are those of a place."""
+    try:
+        poses = _returned(path, form, replace(hints, crs=None), False)
+    except InputError:
+        return None
+    return poses if poses.frame == "own" else None
 
 
 def _joint_cov(position: Array | None, attitude: Array | None) -> Array | None:
@@ -210,6 +221,7 @@ def _on_the_earth(path: Path, poses: Poses) -> CameraPoses:
         str(path),
         poses.notes,
         plane,
+        opk=poses.angles if poses.angle_set == "opk" else None,
     )
 
 
