@@ -40,6 +40,9 @@ from ..comparison.returned import framed_coordinates, placed_poses
 from .options import PlaceOptions
 from .records import CameraPoses
 
+# distance of poses and positions (m) from which it is said: lever arms and datums are shorter
+NOTED_M = 5.0
+
 
 def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True) -> CameraPoses:
     """Read camera poses of any format.
@@ -97,7 +100,7 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
 
 def refuse_distant(
     camera: CameraPoses, hints: Hints, position_m: Array, plane: TangentPlane, source: str
-) -> None:
+) -> tuple[str, ...]:
     """Refuse poses of another place than positions, which a similarity would bring together.
 
     Parameters
@@ -113,16 +116,26 @@ def refuse_distant(
     source : str
         Whose positions they are.
 
+    Returns
+    -------
+    tuple of str
+        What explains a distance that a calibration takes for a shift; nothing of a small one.
+
     Raises
     ------
     InputError
         With what explains the distance.
     """
     if camera.frame == "own":
-        return
-    distance = np.linalg.norm(camera.in_plane(plane).position - position_m, axis=1)
-    if float(np.median(distance)) > SHIFT_M:
+        return ()
+    apart = np.linalg.norm(camera.in_plane(plane).position - position_m, axis=1)
+    distance = float(np.median(apart))
+    if distance > SHIFT_M:
         raise InputError(compared_with(camera, hints, position_m, plane, source))
+    if distance < NOTED_M:
+        return ()
+    reason = compared_with(camera, hints, position_m, plane, source)
+    return (f"poses lie {distance:.1f} m from the positions: {reason or 'nothing explains it'}",)
 
 
 def compared_with(

@@ -120,7 +120,7 @@ def calibrate_similarity(
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
         notes += more
     if fixes.plane is not None:
-        refuse_distant(camera, hints, position, fixes.plane, str(antenna))
+        notes += refuse_distant(camera, hints, position, fixes.plane, str(antenna))
         compared = partial(compared_with, camera, hints, position, fixes.plane, str(antenna))
     result = _estimated(poses, ground, camera, (cameras, antenna), compared)
     _refuse_attitudes(result, poses, camera, cameras)
