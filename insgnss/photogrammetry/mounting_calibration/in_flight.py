@@ -155,9 +155,8 @@ def calibrate_mounting(
     read = read_camera_poses(poses, hints)
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
-    corrections: list[float] = []
+    corrections, notes = list[float](), list[str]()
     given: CameraPoses | None = None
-    distant: tuple[str, ...] = ()
     for number in range(MOST_RUNS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:
@@ -170,7 +169,7 @@ def calibrate_mounting(
         block, rows = common_images(given, flight_poses.eo)
         if number == 0:
             progress("are these poses of this flight")
-            distant = _refuse_other_poses(block, hints, flight_poses, rows, result, flight)
+            notes += _refuse_other_poses(block, hints, flight_poses, rows, result, flight)
         progress("adjusting the mounting")
         solved = solve(block, flight_poses, rows, assumptions)
         good, gross = gross_errors(solved)
@@ -186,7 +185,7 @@ def calibrate_mounting(
             break
     assert given is not None
     left = len(given.images) - block.position.shape[0] - len(gross)
-    notes = [*distant, *gross, *block.notes]
+    notes += [*gross, *block.notes]
     if left:
         notes.append(
             f"{left} of {len(given.images)} poses belong to images that are not in the flight"

@@ -128,8 +128,8 @@ def refuse_distant(
     """
     if camera.frame == "own":
         return ()
-    apart = np.linalg.norm(camera.in_plane(plane).position - position_m, axis=1)
-    distance = float(np.median(apart))
+    difference = camera.in_plane(plane).position - position_m
+    distance = float(np.median(np.linalg.norm(difference, axis=1)))
     if distance > SHIFT_M:
         raise InputError(compared_with(camera, hints, position_m, plane, source))
     if distance < NOTED_M:
