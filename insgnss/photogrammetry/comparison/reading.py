@@ -135,6 +135,12 @@ def sniff_poses(path: str | Path) -> str:
         return "trajectory_csv"
     if any(line.startswith("#") and _names_opk(line) for line in lines_of(text)):
         return "eo_local_plane"
+    if text.lstrip().startswith("<") and "<gpx" not in text:
+        raise InputError.in_file(
+            path,
+            "is XML without poses known here; give that of Metashape's cameras, BlocksExchange, or"
+            " the directory of MicMac's Orientation-*.xml",
+        )
     return "positions" if is_position_table(path) else "gnss"
 
 

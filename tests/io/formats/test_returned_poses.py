@@ -17,6 +17,7 @@ from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError, UsageError
+from insgnss.io.formats.blocks.ground_points import GroundAxes
 from insgnss.io.formats.bundle.bentley import write_bentley
 from insgnss.io.formats.bundle.colmap import write_colmap
 from insgnss.io.formats.bundle.inpho import write_inpho_prj
@@ -316,6 +317,28 @@ def test_bentley_of_a_group_with_its_own_system(tmp_path: Path) -> None:
     (tmp_path / "b.xml").write_text(text)
     with pytest.raises(InputError, match="has Heading, Pitch, Roll; export matrices"):
         read_returned_poses(tmp_path / "b.xml", "bentley")
+
+
+LV95 = (  # as Metashape writes it
+    'PROJCS["CH1903+ / LV95",GEOGCS["CH1903+",DATUM["CH1903+",SPHEROID["Bessel 1841",6377397.155,'
+    '299.1528128,AUTHORITY["EPSG","7004"]],TOWGS84[674.374,15.056,405.346,0,0,0,0],AUTHORITY["EPSG'
+    '","6150"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],UNIT["degree",0.01745329251994328,'
+    'AUTHORITY["EPSG","9102"]],AUTHORITY["EPSG","4150"]],PROJECTION["Oblique_Mercator",AUTHORITY['
+    '"EPSG","9815"]],PARAMETER["latitude_of_center",46.95240555555561],PARAMETER["longitude_of_cent'
+    'er",7.439583333333329],PARAMETER["azimuth",90],PARAMETER["recitified_grid_angle",90],PARAMETER'
+    '["scale_factor",1],PARAMETER["false_easting",2600000],PARAMETER["false_northing",1200000],UNIT'
+    '["metre",1,AUTHORITY["EPSG","9001"]],AUTHORITY["EPSG","2056"]]'
+)
+
+
+def test_a_text_that_ends_with_a_code_is_that_crs() -> None:
+    """Oracle: the code at its end, where the parameters are its own; commas may be lost."""
+    assert kind_of_wkt(LV95, "a.txt") == ("projected", "EPSG:2056")
+    assert kind_of_wkt(LV95.replace(",", " "), "a.txt") == ("projected", "EPSG:2056")
+    (lat,), (lon,), _ = GroundAxes(LV95).geodetic(np.array([[2600000.0, 1200000.0, 500.0]]))
+    assert np.degrees([lat, lon]) == pytest.approx([46.95108, 7.43864], abs=1e-4)  # Bern
+    moved = CRS("EPSG:32632").to_wkt("WKT1_GDAL").replace("500000", "600000")
+    assert kind_of_wkt(moved, "a.txt")[1] != "EPSG:32632"
 
 
 def test_both_versions_of_micmac_read_alike(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ PROJECT_HEADS = {  # first bytes in lower case
     "metashape_opk_text": r"^#\s*photoid,\s*x,\s*y,\s*z,\s*omega",
     "metashape_reference": r"\A#\s*coordinatesystem:|^#?\s*label\b.*\bx/(longitude|easting)",
     "pix4d_camera": r"^camera model m = k \[r\|-rt\] x",
-    "pix4d_external": r"\A\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
+    "pix4d_external": r"\A\s*#?\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
     "ign_opk": r"^\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b",
     "inpho_prj": r"^\s*\$photo\s*$",
     "odm_shots": r"\A\s*\{.*\"featurecollection\".*\"(translation|rotation)\"\s*:",

@@ -264,7 +264,7 @@ def _name_xyz_opk(
     """
     names, rows = [], []
     for line, text in enumerate(lines_of(decoded(path)), start=1):
-        words = text.replace(",", " ").split()
+        words = text.replace(",", " ").lstrip("# ").split()
         if line <= skipped or not words or words[0].lower() == first:
             continue
         if len(words) != columns:
