@@ -32,10 +32,10 @@ class CameraRequest(Checked):
         None, f"write FILE as {', '.join(WRITTEN.split())}", cli="--as", metavar="FORMAT"
     )
     out: Path | None = argument(None, "the file to write")
-    distortion: Literal["forward", "backward"] | None = argument(
+    distortion: Literal["forward", "backward", "forward-p2x", "backward-p2x"] | None = argument(
         None,
         "direction of the distortion of an Inpho project, which its file does not say: forward, of"
-        " ideal points to image points, or backward",
+        " ideal points to image points, or backward; with -p2x P2, not P1, is that of x",
     )
     force: bool = argument(False, "overwrite an existing file that differs")
 

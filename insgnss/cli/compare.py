@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 FORMS = (
     *("eo_json", "eo_local_plane", "metashape", "metashape_opk", "pix4d_matic", "pix4d_mapper"),
-    *("realitycapture", "micmac", "inpho_ascii", "tum", "odm"),
+    *("realitycapture", "micmac", "inpho_ascii", "tum"),
     *("generic_ascii", "trajectory_csv", "sbet", "gnss", "mrk", "camera_positions", "odyn"),
     *("metashape_xml", "metashape_opk_text", "metashape_reference", "pix4d_external"),
     *("pix4d_camera", "colmap", "opensfm", "micmac_xml", "bentley"),
-    *("inpho_prj", "ign_opk", "odm_shots", "opf"),
+    *("inpho_prj", "ign_opk", "odm", "odm_shots", "geojson", "positions", "opf"),
 )  # those of `photogrammetry.comparison.reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differences.html
   insgnss compare trajectory.sbet reference.pos --week 2008

@@ -5,6 +5,7 @@ What PROJ refuses becomes one line that says what to give instead: a CRS that is
 that moves without an epoch, a grid that is not installed, points that a grid does not reach.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,9 @@ DATUMS = (
 )
 # decimal years of positions: before GPS there were none, and plates are not extrapolated farther
 GNSS_YEARS = 1980.0, 2100.0
+# code at the end of well-known text, and the values of its projection's parameters
+ROOT_CODE = re.compile(r'AUTHORITY\[\s*"EPSG"[\s,]+"?(\d+)"?\s*\]\s*\]\s*$')
+PARAMETER = re.compile(r'PARAMETER\[\s*"[^"]*"[\s,]+([-+]?[\d.]+(?:[eE][-+]?\d+)?)')
 
 
 def source_crs(datum: str | None, epoch: float | None) -> Any:
@@ -260,9 +264,33 @@ def crs_of(definition: str) -> Any:
     try:
         if len(text) < 1000 and path.suffix.lower() in (".wkt", ".prj", ".txt") and path.is_file():
             text = read_text(path)
+        text = _code_at_end(text) or text
         return CRS.from_user_input(int(text) if text.isdecimal() else text)
     except (CRSError, UnicodeDecodeError, OSError):
         raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {GIVE_CRS}") from None
+
+
+def _code_at_end(text: str) -> str:
+    """Return the code that well-known text ends with, where its parameters are those of the code.
+
+    Metashape's text of LV95 has a parameter "recitified_grid_angle", with which PROJ computes
+    nothing; what a site changed of a CRS may still bear its code.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    code = ROOT_CODE.search(text)
+    try:
+        crs = None if code is None else CRS.from_epsg(int(code[1]))
+    except CRSError:
+        return ""
+    if code is None or crs is None:
+        return ""
+    operation = (crs.sub_crs_list or [crs])[0].coordinate_operation
+    registered = [] if operation is None else [one.value for one in operation.params]
+    values = [float(number) for number in PARAMETER.findall(text)]
+    same = all(np.isclose(value, registered, rtol=1e-7, atol=1e-9).any() for value in values)
+    return code[1] if same else ""
 
 
 def first_wkt(crs: Any, who: str) -> str:

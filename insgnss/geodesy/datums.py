@@ -18,6 +18,8 @@ from .crs import GNSS_YEARS, crs_of, moves, source_crs, transformed, transformer
 Array = NDArray[np.float64]
 
 FITTING = 20.0  # distance (units of a CRS) up to which coordinates fit it: an adjustment moves less
+# how far beyond the area of a CRS (deg of longitude) it may be used: countries keep one UTM zone
+BEYOND_DEG = 6.0
 OF_DATUM = 2000.0  # largest shift of a datum (ft), up to which a CRS is looked at with it
 # distance by which another CRS may fit worse and is named as well: WGS 84 and ETRS89
 AGREEING_M = 1.0
@@ -206,22 +208,25 @@ def fitting_crs(
     lat_deg, lon_deg = np.degrees([lat, lon]).tolist()
     if np.abs(middle - (lon_deg, lat_deg)).max() < SAME_PLACE_DEG:
         return f"{datum or 'EPSG:4326'} {globe.name} (longitude and latitude, deg)"
-    area = AreaOfInterest(lon_deg, lat_deg, lon_deg, lat_deg)
-    fits = []
-    for info in query_crs_info("EPSG", PJType.PROJECTED_CRS, area):
-        try:
-            crs = CRS.from_epsg(int(info.code))
-            with warnings.catch_warnings(action="ignore"):  # that a PROJ text has no datum
-                distance = np.linalg.norm(Proj(crs)(lon_deg, lat_deg) - middle)
-            if distance > FITTING + extent + OF_DATUM:
+    fits: list[tuple[bool, float, str]] = []
+    for beyond in (0.0, BEYOND_DEG):
+        west, east = ((lon_deg + side + 180.0) % 360.0 - 180.0 for side in (-beyond, beyond))
+        area = AreaOfInterest(west, lat_deg, east, lat_deg)
+        for info in () if fits else query_crs_info("EPSG", PJType.PROJECTED_CRS, area):
+            try:
+                crs = CRS.from_epsg(int(info.code))
+                with warnings.catch_warnings(action="ignore"):  # that a PROJ text has no datum
+                    distance = np.linalg.norm(Proj(crs)(lon_deg, lat_deg) - middle)
+                if not distance <= FITTING + extent + OF_DATUM:
+                    continue
+                to_crs = Transformer.from_crs(globe, crs, always_xy=True)
+                x = to_crs.transform(lon_deg, lat_deg)
+            except (CRSError, ProjError):
                 continue
-            x = Transformer.from_crs(globe, crs, always_xy=True).transform(lon_deg, lat_deg)
-        except (CRSError, ProjError):
-            continue
-        if (distance := np.linalg.norm(x[:2] - middle)) < FITTING + extent:
-            geodetic = crs.geodetic_crs
-            other_datum = geodetic is None or geodetic.name != globe.name
-            fits.append((other_datum, float(distance), f"EPSG:{info.code} {info.name}"))
+            if (distance := np.linalg.norm(x[:2] - middle)) < FITTING + extent:
+                geodetic = crs.geodetic_crs
+                other_datum = geodetic is None or geodetic.name != globe.name
+                fits.append((other_datum, float(distance), f"EPSG:{info.code} {info.name}"))
     nearest = min((distance for _, distance, _ in fits), default=0.0)
     names = [name for _, distance, name in sorted(fits) if distance <= nearest + AGREEING_M]
     return " or ".join(names[:MOST_CRS])

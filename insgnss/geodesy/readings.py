@@ -4,7 +4,7 @@ Only what does not fit as it stands is tried (`explain.py`). It is named, never
 taken.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +49,17 @@ def of_positions(units: bool = True, rows: bool = True) -> Iterator[Convention]:
         yield Convention("its rows one too early", lambda X: np.roll(X, 1, axis=0))
 
 
-def of_attitudes(opk: Array | None = None) -> Iterator[Convention]:
+def of_attitudes(
+    opk: Array | None = None, units: Sequence[str] = ("degrees",)
+) -> Iterator[Convention]:
     """Return how attitudes may have been written.
 
     Parameters
     ----------
     opk : ndarray, (n, 3), optional
         Angles of a table as they stand there, taken for degrees, rad.
+    units : sequence of str
+        As which they were read, where another unit is looked for.
 
     Returns
     -------
@@ -66,7 +70,7 @@ def of_attitudes(opk: Array | None = None) -> Iterator[Convention]:
     def of_angles(change: Change) -> Change:
         return lambda C: change(OPK.take(C @ CV_RUB) if opk is None else opk) @ CV_RUB
 
-    for one in angles(OPK, CAMERA_SETS, units=("degrees",)):
+    for one in angles(OPK, CAMERA_SETS, units=units):
         yield Convention(one.words, of_angles(one.change))
     yield Convention("rotations that take the axes into the camera", lambda C: C.transpose(0, 2, 1))
     yield Convention("angles of the camera x right, y down", lambda C: C @ CV_RUB)

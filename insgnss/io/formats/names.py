@@ -130,12 +130,12 @@ BAROMETER: Names = {
 }
 # points and poses by name, in the axes of a block or of a CRS
 PLACES: Names = {
-    "x": "x e east easting x_longitude x_easting",
-    "y": "y n north northing y_latitude y_northing",
-    "z": "z u up h height elevation z_altitude",
-    "sigma_x": f"{sigma_names('x e east easting')} x_acc",
-    "sigma_y": f"{sigma_names('y n north northing')} y_acc",
-    "sigma_z": f"{sigma_names('z u up h height elevation')} z_acc",
+    "x": "x e east easting x_longitude x_easting easting_m",
+    "y": "y n north northing y_latitude y_northing northing_m",
+    "z": "z u up h height elevation z_altitude height_m",
+    "sigma_x": f"{sigma_names('x e east easting east_m')} x_acc",
+    "sigma_y": f"{sigma_names('y n north northing north_m')} y_acc",
+    "sigma_z": f"{sigma_names('z u up h height elevation up_m')} z_acc",
 }
 # what Metashape's tables of references have besides; degrees or metres, as their CRS counts
 _REFERENCE = "enabled error yaw pitch roll omega phi kappa " + spelled(

@@ -16,8 +16,7 @@ from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block, recognised
 from ...io.formats.returned.crs import stated_crs
 from ...records import Array, ExteriorOrientation
-from ..comparison.poses import PLANE_M, refuse_heights
-from ..comparison.returned import degrees_for_metres
+from ..comparison.poses import PLANE_M, degrees_for_metres, refuse_heights
 from ..comparison.shifts import KILOMETRE
 from .placing import noted_plane
 

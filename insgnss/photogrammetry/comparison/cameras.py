@@ -182,7 +182,7 @@ def report_cameras(
     form : that the first is written in.
     out : the file that is written.
     force : whether a file that is there and differs is replaced.
-    direction : of the distortion of Inpho's projects, "forward" or "backward".
+    direction : of the distortion of Inpho's projects, as `io.formats.returned.inpho` takes it.
 
     Raises
     ------

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
+from ...geodesy.conventions import METRES_OF
+from ...geodesy.crs import crs_of, is_projected
 from ...geodesy.datums import between_datums, fitting_crs
 from ...io.options.comparison_options import ComparisonOptions
 from ...records import Array, ExteriorOrientation, Trajectory
@@ -24,7 +26,7 @@ from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import UNTRANSFORMED, Comparison, ComponentDifferences, Mismatch
 from .returned import adjustment_in, differences_of_adjustments, orientation_in
-from .shifts import scatter, shift_from_positions
+from .shifts import KILOMETRE, scatter, shift_from_positions
 
 MOST_FINDINGS = 2  # findings that may be taken off one part, one after the other
 
@@ -96,7 +98,7 @@ def _read_both(
                 raise
             shifted = shift_from_positions(Path(str(path)), form, hints[k], other)
             whole = shifted is None or float(np.abs(refusal.x[:, :2]).max()) > PLANE_M
-            if whole and (crs := _fitting(refusal.x, other)):
+            if whole and (crs := _fitting(refusal.x, other, hints[k])):
                 raise FarError(f"{refusal}; the numbers fit {crs}", refusal.x) from None
             if shifted is None:
                 raise
@@ -124,11 +126,23 @@ def _read_both(
     return (first, second), (*notes, *of_datum)
 
 
-def _fitting(numbers: Array, reference: Poses) -> str:
-    """Return the CRSs in which numbers fit the positions of the other file."""
+def _fitting(numbers: Array, reference: Poses, hints: Hints | None = None) -> str:
+    """Return the CRSs, or the unit of that of the hints, in which numbers fit the other file."""
     lat, lon = float(np.median(reference.lat)), float(np.median(reference.lon))
     extent = scatter(reference.ecef)
-    return fitting_crs(numbers, lat, lon, extent, reference.datum, reference.epoch)
+    fits = fitting_crs(numbers, lat, lon, extent, reference.datum, reference.epoch)
+    if fits or hints is None or hints.crs is None or not is_projected(crs_of(hints.crs)):
+        return fits
+    projection = hints.projected(hints.crs)
+    try:
+        x = projection.forward_horizontal(reference.lat, reference.lon, reference.height)
+    except InputError:  # the CRS does not reach the positions
+        return ""
+    for unit, metres in (METRES_OF | {"kilometres": KILOMETRE}).items():
+        apart = np.median(metres * numbers[:, :2], axis=0) - np.median(x[:, :2], axis=0)
+        if np.abs(apart).max() < extent + KILOMETRE:
+            return f"{hints.crs} in {unit}"
+    return ""
 
 
 def _of_shift(file: object, reference: object, hints: Hints) -> str:
@@ -331,7 +345,7 @@ def _frame_note(matched: Matched) -> tuple[str, ...]:
     for name, file, reference in (("b", matched.b, matched.a), ("a", matched.a, matched.b)):
         if not fits and file.projection is not None and file.local is not None:
             crs = _fitting(file.local / file.projection.unit_m, reference)
-            fits = f"; the numbers of {name} fit {crs}" if crs else ""
+            fits = f"; the numbers of {name} fit {crs}, if the other file is right" if crs else ""
     return (
         f"positions lie {1e-3 * distance:.0f} km apart, which no datum or base station explains: a"
         " file was read in another frame than its own; give its CRS (--crs) or its format"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import METRE, LengthUnit
+from ...geodesy.conventions import exchanged, reversed_signs
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
@@ -41,6 +42,8 @@ class FarError(InputError):
 FAR_DEG = 3.0  # beyond the area of a CRS (deg): a zone is used in half of its neighbour at most
 FAR_UP_M = 1e5  # largest height or depth (m): beyond, coordinates are of another unit or shifted
 PLANE_M = 1e5  # largest coordinate in a tangent plane (m): beyond, it is of a projected CRS
+LARGEST_EXTENT_DEG = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
+STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no flight is 1 m wide
 BY_ROW = (
     *("images", "lat", "lon", "height", "time", "C_Ex", "velocity"),
     *("cov_position", "cov_attitude", "angles", "C_fE", "local"),
@@ -136,18 +139,20 @@ class CoordinateFrame:
     epoch: float | None = None
 
     def _exchanged(self, x: Array) -> str:
-        """Words on easting and northing where they would reach the area of the CRS if exchanged."""
+        """Words on another order or sign of easting and northing that reaches the CRS' area."""
         assert self.projection is not None
-        try:
-            lat, lon, _ = self.projection.inverse(x[:, [1, 0, 2]])
-        except InputError:
-            return ""
-        if self.projection.outside(lat, lon):
-            return ""
-        return (
-            f"; with easting and northing exchanged they lie at {np.degrees(lat[0]):.4f}"
-            f" {np.degrees(lon[0]):.4f} deg, inside its area: exchange the columns"
-        )
+        names = ("easting", "northing")
+        for one in (*exchanged(names), *reversed_signs((*names, ""))):
+            try:
+                lat, lon, _ = self.projection.inverse(one.change(x))
+            except InputError:
+                continue
+            if not self.projection.outside(lat, lon):
+                return (
+                    f"; with {one.words} they lie at {np.degrees(lat[0]):.4f}"
+                    f" {np.degrees(lon[0]):.4f} deg, inside its area: correct the columns"
+                )
+        return ""
 
     def _projected(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
         """Return what `resolved` does, of projected coordinates."""
@@ -277,3 +282,11 @@ def tangent_frame(path: object, x: Array, plane: TangentPlane | None) -> Coordin
             problem = f"its coordinates, {numbers}, are of no tangent plane but of a CRS"
         raise FarError(f"{path}: {problem}; give it, such as --crs EPSG:2056", x)
     return CoordinateFrame(TANGENT, plane)
+
+
+def degrees_for_metres(x: Array) -> bool:
+    """Whether coordinates (n, 3) can only be longitude and latitude, deg, and height."""
+    extent = float(np.ptp(x[:, :2], axis=0).max(initial=0.0))
+    angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
+    steep = float(np.median(np.abs(x[:, 2]))) > STEEP * extent
+    return angles and 0.0 < extent < LARGEST_EXTENT_DEG and steep

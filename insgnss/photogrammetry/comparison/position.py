@@ -28,7 +28,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.units import FOOT_M, METRE, US_FOOT_M
-from ...geodesy.conventions import exchanged, lengths, reversed_signs
+from ...geodesy.conventions import METRES_OF, exchanged, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, LEAST_MISFIT_RATIO, Candidate
 from ...geodesy.frames import ecef_to_geodetic
 from ...records import Array
@@ -373,11 +373,12 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     if b.projection is not None and b.projection.units[1] != METRE:
         metres = "heights of b are in metres, not in the feet of its CRS"
     for name, words, factor in (
-        ("feet", "heights of b are in feet where a has metres", FOOT_M),
+        *((u, f"heights of b are in {u} where a has metres", f) for u, f in METRES_OF.items()),
         ("metres for feet", metres, 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
-        yield taken_off(name, words, _scaled(factor))
+        if float(np.median(np.abs(factor * b.height - a.height))) < GEOID_M[1]:
+            yield taken_off(name, words, _scaled(factor))
 
 
 def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:

@@ -23,12 +23,10 @@ from ...geodesy.rotation import (
     rotation_from_opk,
     rpy_jacobian,
 )
+from ...io.formats.blocks.pose_table import is_position_table
 from ...io.formats.events.mrk import is_mrk
 from ...io.formats.origins import ORIGIN_BYTES, origin_in
-from ...io.formats.returned.crs import kind_of_wkt
-from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import RETURNED, returned_form
-from ...io.formats.returned.tables import read_odm_geo
 from ...io.formats.text.clock import gps_time
 from ...io.formats.text.columns import UnnamedColumns
 from ...records import Array, ExteriorOrientation, Trajectory
@@ -37,15 +35,14 @@ from ...records.observations import UNKNOWN_MPS
 from .hints import Hints, diagonal, globe_of, turned
 from .of_records import imu_poses, poses_of
 from .poses import CoordinateFrame, Poses
-from .returned import framed_coordinates, placed_poses, read_adjusted_poses
+from .returned import read_adjusted_poses
 from .tables import LAYOUTS, read_table_poses
 
 FORM_HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
     "realitycapture": r"^#?[ \t]*name,.*,(yaw|heading),pitch,roll",
     "micmac": r"^#f=n x y z w p k",
-    "odm": r"\A\s*(epsg:\d+|wgs84( utm \d+[ns]?)?|\+proj.*)\s*$",
-    "pix4d_mapper": r"\A[^,#]*\.\w+(,[-+\d.e]+){6}\s*$",
+    "pix4d_mapper": r"\A[^,#]*\.\w+(,[-+\d.e]+){3}((,[-+\d.e]+){2,3})?\s*$",
     "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
     "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
@@ -138,7 +135,13 @@ def sniff_poses(path: str | Path) -> str:
         return "trajectory_csv"
     if any(line.startswith("#") and _names_opk(line) for line in lines_of(text)):
         return "eo_local_plane"
-    return "gnss"
+    if text.lstrip().startswith("<") and "<gpx" not in text:
+        raise InputError.in_file(
+            path,
+            "is XML without poses known here; give that of Metashape's cameras, BlocksExchange, or"
+            " the directory of MicMac's Orientation-*.xml",
+        )
+    return "positions" if is_position_table(path) else "gnss"
 
 
 def _names_opk(line: str) -> bool:
@@ -174,15 +177,6 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
         angle_set="opk",
         angles=eo.opk,
     )
-
-
-def _odm_geo(path: Path, hints: Hints) -> Poses:
-    images, x, sigma, crs = read_odm_geo(path)
-    kind, crs = kind_of_wkt(crs, path)
-    if kind == "geographic":
-        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
-    positions = ReturnedPoses(images, x, None, kind, crs, cov_position=diagonal(path, sigma))
-    return placed_poses(positions, framed_coordinates(positions, hints, path), path, "odm")
 
 
 def _generic_ascii(path: Path, hints: Hints) -> Poses:
@@ -339,7 +333,6 @@ POSE_FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "eo_json": _eo_json,
     "eo_local_plane": _eo_local_plane,
     **{form: partial(read_table_poses, form) for form in LAYOUTS},
-    "odm": _odm_geo,
     "generic_ascii": _generic_ascii,
     "trajectory_csv": _trajectory_csv,
     "sbet": _sbet,

@@ -30,7 +30,7 @@ from ...io.formats.text.columns import TableSpec
 from ...records import Array
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from .hints import Hints
-from .poses import PLANE_M, CoordinateFrame, Poses, tangent_frame
+from .poses import PLANE_M, CoordinateFrame, Poses, degrees_for_metres, tangent_frame
 from .result import AdjustedDifferences, ComponentDifferences, ParameterDifference
 
 # heights above the ellipsoid of a camera (m): Dead Sea to a jet's ceiling
@@ -38,8 +38,6 @@ CAMERA_HEIGHTS_M = -500.0, 15e3
 # least |z| of a geocentric point (m): nearer to the equator, z is as small as a height in a map's
 # coordinates, and 6.4e6 m may be a northing
 OFF_EQUATOR_M = 2e4
-LARGEST_EXTENT_DEG = 0.1  # largest extent of a flight's longitudes and latitudes (deg): 11 km
-STEEP = 100.0  # height over plan extent beyond which the plan is no metres: no flight is 1 m wide
 
 
 ADJUST_DOCUMENT, ORIENTATION, POINTS = "adjust.json", "eo.json", "points.csv"
@@ -143,7 +141,7 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
         return Framed(CoordinateFrame(kind), x)
     if hints.plane is not None:
         return Framed(tangent_frame(path, x, hints.plane), x)
-    return _recognised(x, path)
+    return _recognised(x, path, hints)
 
 
 def _geographic(degrees: Array, crs: str, hints: Hints, path: Path) -> Array:
@@ -163,7 +161,7 @@ def _geographic(degrees: Array, crs: str, hints: Hints, path: Path) -> Array:
     return np.column_stack([lon, lat, h])
 
 
-def _recognised(x: Array, path: Path) -> Framed:
+def _recognised(x: Array, path: Path, hints: Hints) -> Framed:
     """Return the frame that coordinates can only be of; none of small ones."""
     if float(np.linalg.norm(x, axis=1).max()) > PLANE_M:
         _, _, h = ecef_to_geodetic(x)
@@ -176,17 +174,8 @@ def _recognised(x: Array, path: Path) -> Framed:
         extent, height = float(np.ptp(x[:, :2], axis=0).max()), float(np.median(np.abs(x[:, 2])))
         note = f"{path.name} names no CRS; X and Y are taken as longitude and latitude, degrees: as"
         note += f" metres the flight would be {extent:.4f} m long at a height of {height:.0f} m"
-        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
-        return Framed(CoordinateFrame(GEOGRAPHIC), x, note)
+        return Framed(CoordinateFrame(GEOGRAPHIC), _geographic(x, "", hints, path), note)
     return Framed(None, x)
-
-
-def degrees_for_metres(x: Array) -> bool:
-    """Whether coordinates (n, 3) can only be longitude and latitude, deg, and height."""
-    extent = float(np.ptp(x[:, :2], axis=0).max(initial=0.0))
-    angles = bool((np.abs(x[:, :2]) <= (180.0, 90.0)).all())
-    steep = float(np.median(np.abs(x[:, 2]))) > STEEP * extent
-    return angles and 0.0 < extent < LARGEST_EXTENT_DEG and steep
 
 
 def adjustment_in(file: object) -> Path | None:

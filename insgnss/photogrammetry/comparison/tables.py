@@ -6,7 +6,8 @@ Their columns follow from their order, their frame from the header or from what 
     metashape_opk        the same with omega, phi, kappa
     pix4d_matic          name, coordinates in the order of the CRS, height, yaw, pitch, roll,
                          accuracies horizontal and vertical
-    pix4d_mapper         name, x, y, z, omega, phi, kappa, without header
+    pix4d_mapper         name, x, y, z, omega, phi, kappa, without header; or positions alone in the
+                         order of the CRS, latitude first, with accuracies horizontal and vertical
     realitycapture       name, latitude, longitude (or x, y), altitude, yaw, pitch, roll, and the
                          accuracies of all, or heading for yaw and the interior of each image
     micmac               name, x, y, z, omega, phi, kappa, standard deviations of the position
@@ -18,13 +19,14 @@ tangent plane of its axes; the camera has axes right, up, back, that of tum righ
 direction (data_specs of the formats). Degrees and metres.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import InputError
 from ...base.inputs import opened_text
+from ...geodesy.crs import undulation
 from ...geodesy.gpstime import gps_from_unix_utc
 from ...geodesy.rotation import (
     CV_RUB,
@@ -38,8 +40,9 @@ from ...io.formats.origins import ORIGIN_BYTES, origin_in
 from ...io.formats.text.text import TextTable, read_text_table
 from ...records import Array
 from .hints import Hints, diagonal, globe_of
-from .poses import CoordinateFrame, Poses, tangent_frame
+from .poses import CoordinateFrame, Poses, degrees_for_metres, tangent_frame
 
+ON_ELLIPSOID = "above the ellipsoid"  # of heights, as a header says it
 SYNONYMS = {"yaw": "heading"}  # of RealityCapture
 # how the first coordinate begins where the second is the one to the east
 NORTHINGS = "lat", "north"
@@ -47,11 +50,17 @@ NORTHINGS = "lat", "north"
 
 @dataclass(frozen=True)
 class PoseColumns:
-    """Columns of a format, what may follow them at the end, and the set of its angles."""
+    """Columns of a format, what may follow them at the end or stand alone, and its angles."""
 
     columns: tuple[str, ...]
     more: tuple[tuple[str, ...], ...]
     angle_set: str
+    alone: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def whole(self) -> list[tuple[str, ...]]:
+        """Columns of all tables of the format."""
+        return [self.columns, *((*self.columns, *more) for more in self.more), *self.alone]
 
 
 def _layout(columns: str, *more: str) -> PoseColumns:
@@ -63,15 +72,17 @@ def _layout(columns: str, *more: str) -> PoseColumns:
     )
 
 
+INTERIOR = "f px py k1 k2 k3 k4 t1 t2"  # of an image, by RealityCapture
 _ACCURACIES = "sx sy sz s1 s2 s3"
 LAYOUTS = {
     "metashape": _layout("image x y z yaw pitch roll", _ACCURACIES),
     "metashape_opk": _layout("image x y z omega phi kappa", _ACCURACIES),
     "pix4d_matic": _layout("image x y z yaw pitch roll", "horizontal vertical"),
-    "pix4d_mapper": _layout("image x y z omega phi kappa"),
-    "realitycapture": _layout(
-        "image x y z yaw pitch roll", _ACCURACIES, "f px py k1 k2 k3 k4 t1 t2"
+    "pix4d_mapper": replace(
+        _layout("image x y z omega phi kappa"),
+        alone=(("image", "x", "y", "z"), ("image", "x", "y", "z", "horizontal", "vertical")),
     ),
+    "realitycapture": _layout("image x y z yaw pitch roll", _ACCURACIES, INTERIOR),
     "micmac": _layout("image x y z omega phi kappa", "sx sy sz"),
     "inpho_ascii": _layout("image x y z omega phi kappa", "time"),
     "tum": _layout("time x y z qx qy qz qw"),
@@ -93,14 +104,22 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     head = [field.lower().partition("/")[0] for field in table.layout.header_fields or ()]
     if head and head[of["x"]].startswith(NORTHINGS):
         x = x[:, [1, 0, 2]]
+    angles, R, E = _attitude(table, of, layout)
+    notes: tuple[str, ...] = ()
+    if R is None and degrees_for_metres(x[:, [1, 0, 2]]):
+        head, x = ["lon"] * (of["x"] + 1), x[:, [1, 0, 2]]
+        notes = (f"{path.name} has no header; its columns are taken as latitude and longitude",)
     frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
+    if R is None and frame.projection is not None and frame.projection.northing_first:
+        x = x[:, [1, 0, 2]]
     unit_m = np.ones(3) if frame.projection is None else frame.projection.unit_m
     if hints.shift is not None and frame.projection is not None:
         x = x + hints.shift
     x = x * unit_m
     if frame.kind == "geographic":
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
-    angles, R, E = _attitude(table, of, layout)
+        if hints.geoid is not None and ON_ELLIPSOID not in _head(path):
+            x[:, 2] += undulation(hints.geoid, x[:, 1], x[:, 0])
     s_position, s_angles = _sigmas(table, of)
     time, week = _time(path, table, of)
     return frame.poses(
@@ -116,6 +135,7 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
         gps_week=week if week is not None else hints.gps_week,
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,
+        notes=notes,
     )
 
 
@@ -125,8 +145,12 @@ def _columns(form: str, table: TextTable, layout: PoseColumns) -> dict[str, int]
     InputError where their number or the header's angles are of another format.
     """
     n = table.layout.n_fields
-    whole = [layout.columns, *((*layout.columns, *further) for further in layout.more)]
+    whole = layout.whole
     names = next((columns for columns in whole if len(columns) == n), None)
+    head = [field.lower() for field in table.layout.header_fields or ()]
+    further = head[len(layout.columns) :]
+    if form == "realitycapture" and set(further) <= set(INTERIOR.split()) and len(head) == n:
+        names = names or (*layout.columns, *further)  # what its user has chosen
     if names is None:
         more = "".join(f", or also {' '.join(further)}" for further in layout.more)
         problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
@@ -155,11 +179,13 @@ def _block(table: TextTable, of: dict[str, int], names: tuple[str, ...]) -> Arra
 
 def _attitude(
     table: TextTable, of: dict[str, int], layout: PoseColumns
-) -> tuple[Array | None, Array, Array | None]:
+) -> tuple[Array | None, Array | None, Array | None]:
     """Angles (n, 3) rad, the camera's rotation into their axes, and the Jacobian of psi by them.
 
-    The camera has axes right, down, viewing direction.
+    The camera has axes right, down, viewing direction. None of positions alone.
     """
+    if not {"yaw", "omega", "qw"} & set(of):
+        return None, None, None
     if layout.angle_set == "quaternion":
         return None, rotation_from_quaternion(_block(table, of, ("qw", "qx", "qy", "qz"))), None
     if layout.angle_set == "ypr":

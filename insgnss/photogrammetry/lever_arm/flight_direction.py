@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...geodesy.explain import explain
+from ...geodesy.readings import of_attitudes, suspected
 from ...records import Array
 
 STRAIGHT = 0.94  # cosine of the turn between neighbouring legs: 20 deg
@@ -13,6 +15,11 @@ STEP_RATIO = 2.0  # times the median distance of neighbours: within a strip
 # length of the mean direction in camera axes: the camera looks the same way in flight
 LOOKS_ALIKE = 0.9
 FEWEST_COURSES = 8  # images on straight legs, for a mean direction (chosen)
+# rms (deg) by which cameras are off a quarter turn to their courses, beyond which another reading
+# of their angles is asked for, and below which one is named: wind turns aircraft by less
+ASKEW_DEG, ALONG_DEG = 8.0, 5.0
+QUARTER_DEG = 90.0  # turn by multiples of which cameras are mounted
+ANGLE_UNITS = ("degrees", "radians", "gon")
 SIGNIFICANT_CORRELATION = 3.0  # of a correlation, over 1 / sqrt(n)
 MOST_CORRELATION = 0.98  # of neighbours: 1 would leave one observation of all (chosen)
 
@@ -98,6 +105,32 @@ def flight_direction(position: Array, C_mc: Array, time: Array | None) -> Flight
         None where the camera does not look the same way along all strips, or few images stand in
         strips.
     """
+    course, speed = courses(position, time)
+    use = np.isfinite(course[:, 0])
+    if use.sum() < FEWEST_COURSES:
+        return None
+    direction = np.einsum("nji,nj->ni", C_mc[use], course[use]).mean(axis=0)
+    if (size := float(np.linalg.norm(direction))) < LOOKS_ALIKE:
+        return None
+    azimuth = np.degrees(np.arctan2(course[:, 0], course[:, 1])) % 360.0
+    return FlightDirection(direction / size, course, azimuth, speed)
+
+
+def courses(position: Array, time: Array | None) -> tuple[Array, float | None]:
+    """Return the directions (n, 3) in which images are flown, and the median speed, m/s.
+
+    Parameters
+    ----------
+    position, time : ndarray
+        As of `flight_direction`.
+
+    Returns
+    -------
+    course : ndarray, (n, 3)
+        Horizontal unit vectors, NaN in turns and at the ends of strips.
+    speed_mps : float or None
+        None without times.
+    """
     order = np.arange(len(position)) if time is None else np.argsort(time, kind="stable")
     step = np.diff(position[order], axis=0)
     step[:, 2] = 0.0
@@ -113,15 +146,62 @@ def flight_direction(position: Array, C_mc: Array, time: Array | None) -> Flight
         course[order[k]] = (a + b) / np.linalg.norm(a + b)
         if time is not None and (dt := time[order[k + 1]] - time[order[k - 1]]) > 0.0:
             speeds.append(float(np.linalg.norm(a + b)) / dt)
+    return course, float(np.median(speeds)) if speeds else None
+
+
+def misread_angles(
+    C_mc: Array,
+    R: Array,
+    opk: Array | None,
+    exposures: tuple[Array, Array | None],
+    source: str,
+) -> tuple[str, ...]:
+    """Say of cameras askew to their courses in which other reading of their angles they are not.
+
+    Neither the residuals of a short lever arm nor tilts show a wrong kappa. Cameras are mounted by
+    quarter turns as a rule: it is asked, not refused.
+
+    Parameters
+    ----------
+    C_mc : ndarray, (n, 3, 3)
+        Camera to mapping frame.
+    R : ndarray, (3, 3)
+        Axes of the poses to the mapping frame.
+    opk : ndarray, (n, 3), or None
+        Angles as the file has them, rad.
+    exposures : tuple
+        Positions and stamps, as of `flight_direction`.
+    source : str
+        Name of the file.
+
+    Returns
+    -------
+    tuple of str
+        A note, or none.
+    """
+    course, _ = courses(*exposures)
     use = np.isfinite(course[:, 0])
     if use.sum() < FEWEST_COURSES:
-        return None
-    direction = np.einsum("nji,nj->ni", C_mc[use], course[use]).mean(axis=0)
-    if (size := float(np.linalg.norm(direction))) < LOOKS_ALIKE:
-        return None
-    azimuth = np.degrees(np.arctan2(course[:, 0], course[:, 1])) % 360.0
-    speed = float(np.median(speeds)) if speeds else None
-    return FlightDirection(direction / size, course, azimuth, speed)
+        return ()
+
+    def askew(C: Array) -> float:
+        along = np.einsum("nji,nj->ni", C[use], course[use])
+        turn = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
+        askew_deg = (turn + 0.5 * QUARTER_DEG) % QUARTER_DEG - 0.5 * QUARTER_DEG
+        return float(np.sqrt((askew_deg**2).mean()))
+
+    if (misread := askew(C_mc)) < ASKEW_DEG:
+        return ()
+    readings = of_attitudes(opk, ANGLE_UNITS)
+    candidates = suspected(source, readings, lambda C, change: R @ change(R.T @ C))
+    explanation = explain(C_mc, candidates, askew, ALONG_DEG)
+    if explanation is None:
+        return ()
+    return (
+        f"cameras stand {misread:.0f} deg askew to their courses, and {askew(explanation.data):.0f}"
+        f" deg if {explanation.clauses()}: are its angles read rightly? The lever arm is wrong if"
+        " not",
+    )
 
 
 def neighbour_correlation(residual: Array) -> Array:

@@ -155,7 +155,7 @@ def calibrate_mounting(
     read = read_camera_poses(poses, hints)
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
-    corrections: list[float] = []
+    corrections, notes = list[float](), list[str]()
     placed: CameraPoses | None = None
     for number in range(MOST_RUNS):
         flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
@@ -169,7 +169,7 @@ def calibrate_mounting(
         block, rows = common_images(placed, flight_poses.eo)
         if number == 0:
             progress("are these poses of this flight")
-            _refuse_other_poses(block, hints, flight_poses, rows, result, flight)
+            notes += _refuse_other_poses(block, hints, flight_poses, rows, result, flight)
         progress("adjusting the mounting")
         solved = solve(block, flight_poses, rows, assumptions)
         good, gross = gross_errors(solved)
@@ -185,7 +185,7 @@ def calibrate_mounting(
             break
     assert placed is not None
     failing = len(placed.images) - block.position.shape[0] - len(gross)
-    notes = [*gross, *block.notes]
+    notes += [*gross, *block.notes]
     if failing:
         notes.append(
             f"{failing} of {len(placed.images)} poses belong to images that are not in the flight"
@@ -228,13 +228,14 @@ def _refuse_other_poses(
     rows: Rows,
     result: ProcessResult,
     file: Flight,
-) -> None:
-    """Refuse poses of another place, of other images, or in another reading."""
+) -> tuple[str, ...]:
+    """Refuse poses of another place, of other images, or in another reading; return notes."""
     eo = flight.eo
     placed = eo.position_m[rows], TangentPlane(*eo.origin), str(file.path)
-    refuse_distant(block, hints, *placed)
+    distant = refuse_distant(block, hints, *placed)
     compared = partial(compared_with, block, hints, *placed)
     refuse_implausible(block, flight, rows, _path(result, flight), compared)
+    return distant
 
 
 def _stated(flight: Flight) -> Stated:

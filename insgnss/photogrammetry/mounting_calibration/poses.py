@@ -33,12 +33,15 @@ from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
 from ..comparison.compare import largest_difference
 from ..comparison.hints import Hints, turned
-from ..comparison.poses import FarError, Poses
+from ..comparison.poses import FarError, Poses, degrees_for_metres
 from ..comparison.position import SHIFT_M
 from ..comparison.reading import read_poses, sniff_poses
-from ..comparison.returned import degrees_for_metres, framed_coordinates, placed_poses
+from ..comparison.returned import framed_coordinates, placed_poses
 from .options import PlaceOptions
 from .records import CameraPoses
+
+# distance of poses and positions (m) from which it is said: lever arms and datums are shorter
+NOTED_M = 5.0
 
 
 def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True) -> CameraPoses:
@@ -97,7 +100,7 @@ def read_camera_poses(path: Path, hints: Hints | None = None, only: bool = True)
 
 def refuse_distant(
     camera: CameraPoses, hints: Hints, position_m: Array, plane: TangentPlane, source: str
-) -> None:
+) -> tuple[str, ...]:
     """Refuse poses of another place than positions, which a similarity would bring together.
 
     Parameters
@@ -113,16 +116,26 @@ def refuse_distant(
     source : str
         Whose positions they are.
 
+    Returns
+    -------
+    tuple of str
+        What explains a distance that a calibration takes for a shift; nothing of a small one.
+
     Raises
     ------
     InputError
         With what explains the distance.
     """
     if camera.frame == "own":
-        return
-    distance = np.linalg.norm(camera.in_plane(plane).position - position_m, axis=1)
-    if float(np.median(distance)) > SHIFT_M:
+        return ()
+    difference = camera.in_plane(plane).position - position_m
+    distance = float(np.median(np.linalg.norm(difference, axis=1)))
+    if distance > SHIFT_M:
         raise InputError(compared_with(camera, hints, position_m, plane, source))
+    if distance < NOTED_M:
+        return ()
+    reason = compared_with(camera, hints, position_m, plane, source)
+    return (f"poses lie {distance:.1f} m from the positions: {reason or 'nothing explains it'}",)
 
 
 def compared_with(
@@ -174,7 +187,9 @@ def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
         except FarError:
             if only or returned.kind or hints.shift is not None:
                 raise
-            return _returned(path, form, replace(hints, crs=None), only)
+            if (placeless := _without_place(path, form, hints)) is None:
+                raise
+            return placeless
         return replace(_on_the_earth(path, poses), load=block)
     cov = _joint_cov(returned.cov_position, returned.cov_attitude)
     frame = "own" if framed.frame is None else "geocentric"
@@ -182,6 +197,15 @@ def _returned(path: Path, form: str, hints: Hints, only: bool) -> CameraPoses:
     return CameraPoses(
         returned.images, framed.x, returned.C, cov, frame, str(path), notes, load=block
     )
+
+
+def _without_place(path: Path, form: str, hints: Hints) -> CameraPoses | None:
+    """Return poses in axes of their own; None where their values are those of a place."""
+    try:
+        poses = _returned(path, form, replace(hints, crs=None), False)
+    except InputError:
+        return None
+    return poses if poses.frame == "own" else None
 
 
 def _joint_cov(position: Array | None, attitude: Array | None) -> Array | None:
@@ -212,6 +236,7 @@ def _on_the_earth(path: Path, poses: Poses) -> CameraPoses:
         str(path),
         poses.notes,
         plane,
+        opk=poses.angles if poses.angle_set == "opk" else None,
     )
 
 

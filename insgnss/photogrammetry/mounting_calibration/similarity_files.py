@@ -5,8 +5,9 @@ are held against what it takes for granted: that errors of neighbouring images a
 that exposures have the stamps of the antenna positions.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from ..comparison.hints import Hints
 from ..lever_arm.flight_direction import (
     FlightDirection,
     flight_direction,
+    misread_angles,
     neighbour_correlation,
 )
 from ..lever_arm.records import LONGEST_LEVER_ARM_M, RULER_M, PosedAntennas
@@ -41,6 +43,7 @@ from .intersections import intersected, surveyed_points
 from .options import SimilarityOptions
 from .poses import (
     Positions,
+    compared_with,
     joined,
     read_camera_poses,
     read_positions,
@@ -112,16 +115,20 @@ def calibrate_similarity(
     pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
     poses = PosedAntennas(camera.position, camera.C_rc, pose_cov, position, antenna_cov[order])
     ground = PairedPoints()
+    compared: Callable[[], str] = str  # without a place there is nothing to compare
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
         notes += more
     if fixes.plane is not None:
-        refuse_distant(camera, hints, position, fixes.plane, str(antenna))
-    result = _estimated(poses, ground, camera, cameras, antenna)
+        notes += refuse_distant(camera, hints, position, fixes.plane, str(antenna))
+        compared = partial(compared_with, camera, hints, position, fixes.plane, str(antenna))
+    result = _estimated(poses, ground, camera, (cameras, antenna), compared)
     _refuse_attitudes(result, poses, camera, cameras)
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
-    direction = flight_direction(position, result.frame.rotation @ camera.C_rc, time)
+    C_mc = result.frame.rotation @ camera.C_rc
+    notes += misread_angles(C_mc, result.frame.rotation, camera.opk, (position, time), cameras.name)
+    direction = flight_direction(position, C_mc, time)
     along_flight = None if direction is None else _AlongFlight.of(result, direction)
     if along_flight is not None:
         notes += (along_flight.note,)
@@ -198,15 +205,23 @@ def _ground(
 
 
 def _estimated(
-    poses: PosedAntennas, ground: PairedPoints, camera: CameraPoses, cameras: Path, antenna: Path
+    poses: PosedAntennas,
+    ground: PairedPoints,
+    camera: CameraPoses,
+    files: tuple[Path, Path],
+    compared: Callable[[], str],
 ) -> SimilarityLeverArm:
-    """Estimate the lever arm; say of what does not fit in which other way it would."""
+    """Estimate the lever arm; say of what does not fit in which other way it would.
+
+    Poses and antenna positions stand in `files`; `compared` says how their places differ.
+    """
     try:
         return similarity_lever_arm(poses, ground)
     except DataError as refusal:
-        names = (cameras.name, antenna.name)
-        readings = _other_readings(poses, ground, camera, *names) if len(poses.position) > 3 else ""
-        raise InputError(f"{cameras}, {antenna}: {refusal}{readings}") from None
+        names = (files[0].name, files[1].name)
+        reading = _other_readings(poses, ground, camera, *names) if len(poses.position) > 3 else ""
+        reading = reading or f"; {compared()}".rstrip("; ")
+        raise InputError(f"{files[0]}, {files[1]}: {refusal}{reading}") from None
 
 
 def _other_readings(

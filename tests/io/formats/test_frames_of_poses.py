@@ -9,19 +9,25 @@ import pytest
 from ba_scene import D, block, enu_axes, framed
 from block_scene import numbers
 from pyproj import CRS, Transformer
+from sites import orientation_at
 from test_returned_poses import colmap, ign_opk, joined, metashape_opk_text, micmac, opk_deg
 
 import insgnss
 from insgnss.base.errors import InputError, UsageError
+from insgnss.flight.config.block_file import BlockFile, GroundTableInput
 from insgnss.geodesy.crs import crs_of
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.io.formats.bundle.import_helpers import metashape_crs
 from insgnss.navigation.orient.frame import in_frame
+from insgnss.photogrammetry.block_adjustment.ground import ground_in_plane
+from insgnss.photogrammetry.comparison.compare import compare_files
 from insgnss.photogrammetry.comparison.hints import Hints
+from insgnss.photogrammetry.mounting_calibration import in_flight
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
-from insgnss.photogrammetry.mounting_calibration.options import Assumptions
-from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses
+from insgnss.photogrammetry.mounting_calibration.options import Assumptions, SimilarityOptions
+from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses, refuse_distant
+from insgnss.photogrammetry.mounting_calibration.similarity_files import calibrate_similarity
 from insgnss.records import FramedOrientation
 
 UTM_N, UTM_E = 5160000.0, 311000.0
@@ -34,9 +40,9 @@ CS[Cartesian,2],AXIS["(E)",east,ORDER[1],LENGTHUNIT["metre",1]],AXIS["(N)",north
 LENGTHUNIT["metre",1]]]"""
 
 
-def site_crs(path: Path) -> str:
-    """A file with a CRS whose coordinates are those of UTM 32 less whole kilometres."""
-    base = CRS("EPSG:32632").to_wkt("WKT2_2019").partition("PROJCRS")[2]
+def site_crs(path: Path, code: str = "EPSG:32632") -> str:
+    """A file with a CRS whose coordinates are those of a zone less whole kilometres."""
+    base = CRS(code).to_wkt("WKT2_2019").partition("PROJCRS")[2]
     text = SITE.replace("\n", " ").replace('"EPSG", 8', '"EPSG",8')
     (path / "site.wkt").write_text(text.replace("{base}", base.partition(",CS[")[0] + "]"))
     return str(path / "site.wkt")
@@ -151,6 +157,68 @@ def test_a_mounting_asks_before_the_flight_is_processed(tmp_path: Path) -> None:
     flight = SimpleNamespace(camera="a camera", path=tmp_path)
     with pytest.raises(InputError, match="does not say the CRS of its coordinates"):
         calibrate_mounting(flight, path)  # type: ignore[arg-type]
+
+
+def test_a_site_in_another_zone_is_refused_by_each_verb(tmp_path: Path) -> None:
+    """Oracle: the block, whose site stands in UTM 32, not 31: 460 km off; each verb takes the
+    right one, and asks of the other by `refuse_distant` or as it does.
+    """
+    eo = block()
+    at = in_map(eo, "EPSG:32632")
+    coordinates = at.coordinates - [UTM_E, UTM_N, 0.0]
+    path = ign_opk(replace(at, coordinates=coordinates), tmp_path)
+    rows = [
+        joined(n, *x, *[0.01] * 3, by=",")
+        for n, x in zip(eo.images, coordinates.tolist(), strict=True)
+    ]
+    head = "name,x,y,z,sigma_x,sigma_y,sigma_z\n"
+    (points := tmp_path / "points.csv").write_text(head + "".join(rows))
+    lat, lon, h = TangentPlane(*eo.origin).geodetic_from_position(eo.position_m)
+    degrees = np.column_stack([np.degrees(lat), np.degrees(lon), h])
+    rows = [joined(n, *x, by=",") for n, x in zip(eo.images, degrees.tolist(), strict=True)]
+    (antenna := tmp_path / "antenna.csv").write_text("name,lat,lon,h\n" + "".join(rows))
+    plane, right = TangentPlane(*eo.origin), site_crs(tmp_path)
+    ground = GroundTableInput(file=points, crs=right)
+    placed = ground_in_plane(BlockFile(path=points, ground=ground), None, eo, [])
+    assert placed is not None
+    assert np.abs(placed.position_m - eo.position_m).max() < 1e-3
+    block_poses = read_camera_poses(path, Hints(crs=right))
+    flight = eo.position_m, plane, "flight.toml"
+    assert refuse_distant(block_poses, Hints(crs=right), *flight) == ()
+    assert compare_files(eo, path, crs=right).findings == ()
+    (elsewhere := tmp_path / "31").mkdir()
+    wrong = site_crs(elsewhere, "EPSG:32631")
+    far = "km apart, which no datum or base station explains"
+    block_poses = read_camera_poses(path, Hints(crs=wrong))
+    posed = SimpleNamespace(eo=eo), np.arange(len(eo.images)), SimpleNamespace()
+    file = SimpleNamespace(path="flight.toml")
+    with pytest.raises(InputError, match=far):
+        in_flight._refuse_other_poses(block_poses, Hints(crs=wrong), *posed, file)
+    options = SimilarityOptions(crs=wrong)
+    with pytest.raises(InputError, match=far):
+        calibrate_similarity(path, antenna, options)
+    assert far in " ".join(compare_files(eo, path, crs=wrong).notes)
+    ground = GroundTableInput(file=points, crs=wrong)
+    with pytest.raises(InputError, match="km from the images"):
+        ground_in_plane(BlockFile(path=points, ground=ground), None, eo, [])
+
+
+def test_a_distance_that_a_calibration_takes_for_a_shift_is_said(tmp_path: Path) -> None:
+    """Oracle: what was done: heights in feet, a kilometre, the height of a geoid; nothing."""
+    eo = orientation_at(46.57, 6.54)
+    at = in_map(eo, "EPSG:32632")
+    placed = eo.position_m, TangentPlane(*eo.origin), "flight.toml"
+    for change, said in (
+        (lambda x: x, ""),
+        (lambda x: x + [1000.0, 0.0, 0.0], "a constant shift of E +999"),
+        (lambda x: x / [1.0, 1.0, 0.3048], "heights of b are in feet"),
+        (lambda x: x - [0.0, 0.0, 49.5], "the size of a geoid height"),
+    ):
+        path = ign_opk(replace(at, coordinates=change(at.coordinates)), tmp_path)
+        hints = Hints(crs="EPSG:32632")
+        notes = refuse_distant(read_camera_poses(path, hints), hints, *placed)
+        assert len(notes) == bool(said)
+        assert said in " ".join(notes)
 
 
 def test_a_shift_that_was_lost_is_asked_for(tmp_path: Path) -> None:

@@ -218,7 +218,7 @@ def test_markers_alone(tmp_path):
         (f"<f>{FY!r}</f>", "<f>x</f>", "camera first: f: 'x' is no number"),
         (f"<cx>{CX - WIDTH_PX / 2!r}<", "<cx>5000<", "is neither near the image's centre nor"),
         ('sensor_id="1"', 'sensor_id="5"', "no <sensor> with the id 5"),
-        ('label="8002.tif"', 'label="8001.tif"', "image '8001.tif' occurs twice"),
+        ('label="8002.tif"', 'label="8001.tif"', "image 'first/8001.tif' occurs twice"),
         ('label="P2"', 'label="P1"', "marker 'P1' is there twice"),
         ('sxy="0.02"', 'sxy="0"', "marker P1: accuracy: 0; it must be greater than zero"),
         ('camera_id="11"', 'camera_id="55"', "measured in an image of the id 55"),

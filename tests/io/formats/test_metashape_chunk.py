@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError
+from insgnss.io.formats.blocks.joined import matched
 from insgnss.io.formats.blocks.metashape_block import read_metashape_block
 from insgnss.io.formats.blocks.metashape_chunk import read_metashape_references
 from insgnss.io.formats.returned.projects import read_metashape_xml
@@ -85,3 +86,20 @@ def test_references_have_their_own_crs_and_accuracies(tmp_path):
     assert_allclose(sigma, [[0.02, 0.02, 0.7], [0.5, 0.5, 0.7]])
     block = read_metashape_block(path)
     assert (block.crs, block.geocentric) == (WORLD, True)
+
+
+def test_equal_labels_of_a_rig_go_by_their_sensors(tmp_path):
+    """Oracle: the block without the change; names with the directory of a camera find theirs."""
+    path = Metashape().write_xml(tmp_path / "a.xml")
+    plain, block = read_metashape_xml(path), read_metashape_block(path)
+    first, _, third = plain.images[:3]
+    path.write_text(path.read_text().replace(f'label="{third}"', f'label="{first}"'))
+    got = read_metashape_xml(path)
+    sensors = [block.cameras[block.camera[k]].name for k in (0, 2)]
+    names = [f"{sensor}/{first}" for sensor in sensors]
+    assert [got.images[k] for k in (0, 2)] == names
+    assert_allclose(got.position, plain.position)
+    assert [read_metashape_block(path).measured.images[k] for k in (0, 2)] == names
+    stem = first.partition(".")[0].lower()
+    assert matched([f"raw/{name}/{stem}.jpg" for name in sensors], got.images).tolist() == [0, 2]
+    assert matched([f"{stem}.jpg"], got.images).tolist() == [-1]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyproj import CRS
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_opk
@@ -185,16 +186,22 @@ QUARTERS = {
 }
 
 
-@pytest.mark.parametrize("direction", ["forward", "backward"])
+@pytest.mark.parametrize("direction", ["forward", "backward", "forward-p2x", "backward-p2x"])
 @pytest.mark.parametrize("turn", QUARTERS)
 def test_a_project_of_inpho_with_distortion(turn: str, direction: str, tmp_path: Path) -> None:
-    """Oracle: collinearity in the photograph's axes (mm, y up), (I.2), and the project's matrix."""
+    """Oracle: collinearity in the photograph's axes (mm, y up), (I.2), and the project's matrix;
+    of two calibrations of a camera the active one, and the CRS that stands there.
+    """
     A, focal, centre = 217.39 * np.array(QUARTERS[turn]), 51.683, np.array([5798.578, 4358.137])
     K, P = [1e-4, -1.457e-5, 4.06e-9, -4.1e-14], [3.4e-6, 4.4e-6]
     R, X0 = rotation_from_opk(np.array([0.02, -0.03, 1.2])).T, np.array([500.0, 200.0, 900.0])
     numbers = "\n".join(" ".join(map(repr, row)) for row in R.tolist())
     (tmp_path / "a.prj").write_text(
-        "$CAMERA_DEFINITION\n  $ID : nadir\n  $CALIBRATION_SET :\n    $ID : 1\n"
+        "$COORDINATE_SYSTEM_SET\n  $ID : any\n  $COORDINATE_SYSTEM : "
+        f"{CRS('EPSG:25832').to_wkt('WKT1_GDAL', pretty=True)}\n$END_COORDINATE_SYSTEM\n"
+        "$CAMERA_DEFINITION\n  $ID : nadir\n  $ACTIVE_CALIBRATION : 1\n"
+        "  $CALIBRATION_SET :\n    $ID : 11\n    $FOCAL_LENGTH : 50\n    $END\n"
+        "  $CALIBRATION_SET :\n    $ID : 1\n"
         "    $CCD_INTERIOR_ORIENTATION :\n"
         + "".join(f"{a} {b} {c}\n" for (a, b), c in zip(A.tolist(), centre, strict=True))
         + f"    $CCD_COLUMNS : 11608\n    $CCD_ROWS : 8708\n    $FOCAL_LENGTH : {focal}\n"
@@ -203,16 +210,18 @@ def test_a_project_of_inpho_with_distortion(turn: str, direction: str, tmp_path:
         "$PHOTO\n  $PHOTO_NUM : 1\n  $PHOTO_FILE : D:/1.tif\n  $CAMERA_ID : nadir\n"
         f"  $EXT_ORI : 12:00:00 01/01/2026\n {focal} 500.0 200.0 900.0\n{numbers}\n$END\n"
     )
-    with pytest.raises(InputError, match=r"the direction of its distortion \(80\.9 px at"):
+    with pytest.raises(InputError, match=r"distortion \(80\.9 px at.* whether P1 or P2 is"):
         read_camera(tmp_path / "a.prj")
     (camera,) = read_cameras(tmp_path / "a.prj", direction=direction)
     poses = read_returned_poses(tmp_path / "a.prj", "inpho_prj")
+    assert (poses.kind, poses.crs) == ("projected", "EPSG:25832")
+    P = P[::-1] if direction.endswith("p2x") else P
     x = 0.6 * focal * rays()  # of image points, backward; else of ideal points
     r2 = np.sum(x * x, axis=1)[:, None]
     moved = (
         x * (1.0 + sum(k * r2**n for n, k in enumerate(K))) + P * r2 + 2.0 * (x @ P)[:, None] * x
     )
-    image, ideal = (moved, x) if direction == "forward" else (x, moved)
+    image, ideal = (moved, x) if direction.startswith("forward") else (x, moved)
     uv = image @ A.T + centre + 0.5
     ground = X0 + 700.0 * np.column_stack([ideal / focal, -np.ones(len(x))]) @ R
     d = (ground - poses.position[0]) @ poses.C[0]

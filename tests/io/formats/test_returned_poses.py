@@ -17,6 +17,7 @@ from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError, UsageError
+from insgnss.io.formats.blocks.ground_points import GroundAxes
 from insgnss.io.formats.bundle.bentley import write_bentley
 from insgnss.io.formats.bundle.colmap import write_colmap
 from insgnss.io.formats.bundle.inpho import write_inpho_prj
@@ -249,8 +250,9 @@ def test_ign_with_lines_above_its_header(tmp_path: Path, unit: str, factor: floa
 
 
 def test_every_format_has_a_case() -> None:
-    """Oracle: the registry; two are read in photogrammetry/comparison/test_ways_back.py."""
-    assert {form for _, _, form, _ in CASES.values()} | {"odm_shots", "opf"} == set(RETURNED)
+    """Oracle: the registry; five are read in photogrammetry/comparison/test_ways_back.py."""
+    others = {"odm", "odm_shots", "opf", "geojson", "positions"}
+    assert {form for _, _, form, _ in CASES.values()} | others == set(RETURNED)
 
 
 def test_the_page_reads(tmp_path: Path) -> None:
@@ -296,6 +298,79 @@ def test_bentley_of_angles_and_other_axes(tmp_path: Path) -> None:
     assert got.kind == "tangent plane"
     assert_allclose(np.degrees(got.origin[:2]), [46.5, 6.5])
     assert got.notes == ("1 photographs without pose are left out",)
+
+
+def test_bentley_of_a_group_with_its_own_system(tmp_path: Path) -> None:
+    """Oracle: its specification: SRSId of a photogroup stands in for that of the block; heading,
+    pitch, roll are its third form of a rotation, which is named.
+    """
+    write_bentley(framed(block(), "EPSG:32632"), tmp_path / "b.xml")
+    text = (tmp_path / "b.xml").read_text()
+    text = re.sub(r"\s*<SRSId>0</SRSId>", "", text)
+    (tmp_path / "b.xml").write_text(text)
+    assert read_returned_poses(tmp_path / "b.xml", "bentley").kind == ""
+    text = text.replace("<Photogroup>", "<Photogroup><SRSId>0</SRSId>")
+    (tmp_path / "b.xml").write_text(text)
+    assert read_returned_poses(tmp_path / "b.xml", "bentley").crs == "EPSG:32632"
+    angles = "<Rotation><Heading>1</Heading><Pitch>2</Pitch><Roll>3</Roll></Rotation>"
+    text = re.sub("<Rotation>.*?</Rotation>", angles, text, flags=re.DOTALL)
+    (tmp_path / "b.xml").write_text(text)
+    with pytest.raises(InputError, match="has Heading, Pitch, Roll; export matrices"):
+        read_returned_poses(tmp_path / "b.xml", "bentley")
+
+
+LV95 = (  # as Metashape writes it
+    'PROJCS["CH1903+ / LV95",GEOGCS["CH1903+",DATUM["CH1903+",SPHEROID["Bessel 1841",6377397.155,'
+    '299.1528128,AUTHORITY["EPSG","7004"]],TOWGS84[674.374,15.056,405.346,0,0,0,0],AUTHORITY["EPSG'
+    '","6150"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],UNIT["degree",0.01745329251994328,'
+    'AUTHORITY["EPSG","9102"]],AUTHORITY["EPSG","4150"]],PROJECTION["Oblique_Mercator",AUTHORITY['
+    '"EPSG","9815"]],PARAMETER["latitude_of_center",46.95240555555561],PARAMETER["longitude_of_cent'
+    'er",7.439583333333329],PARAMETER["azimuth",90],PARAMETER["recitified_grid_angle",90],PARAMETER'
+    '["scale_factor",1],PARAMETER["false_easting",2600000],PARAMETER["false_northing",1200000],UNIT'
+    '["metre",1,AUTHORITY["EPSG","9001"]],AUTHORITY["EPSG","2056"]]'
+)
+
+
+def test_a_text_that_ends_with_a_code_is_that_crs() -> None:
+    """Oracle: the code at its end, where the parameters are its own; commas may be lost."""
+    assert kind_of_wkt(LV95, "a.txt") == ("projected", "EPSG:2056")
+    assert kind_of_wkt(LV95.replace(",", " "), "a.txt") == ("projected", "EPSG:2056")
+    (lat,), (lon,), _ = GroundAxes(LV95).geodetic(np.array([[2600000.0, 1200000.0, 500.0]]))
+    assert np.degrees([lat, lon]) == pytest.approx([46.95108, 7.43864], abs=1e-4)  # Bern
+    moved = CRS("EPSG:32632").to_wkt("WKT1_GDAL").replace("500000", "600000")
+    assert kind_of_wkt(moved, "a.txt")[1] != "EPSG:32632"
+
+
+def test_both_versions_of_micmac_read_alike(tmp_path: Path) -> None:
+    """Oracle: one image of MicMac's own test data in its two forms, of two adjustments that agree
+    to 3 mm and 0.1 deg.
+    """
+    first, second = tmp_path / "Ori-V1", tmp_path / "Ori-V2"
+    first.mkdir()
+    second.mkdir()
+    rows = (
+        "-0.162381354909888115 0.0970335704412158828 -0.981945406723336411",
+        "0.0383177901210033506 0.99502246827372054 0.091989317807644036",
+        "0.985983794257223933 -0.022688627942266542 -0.165291208550925994",
+    )
+    text = "".join(f"<L{k}>{row}</L{k}>" for k, row in enumerate(rows, start=1))
+    centre = "<Centre>5.20448828567060851 1.49496779535545343 2.11770763380631921</Centre>"
+    (first / "Orientation-IMGP4167.JPG.xml").write_text(
+        f"<ExportAPERO><Externe>{centre}<KnownConv>eConvApero_DistM2C</KnownConv>{text}</Externe>"
+        "</ExportAPERO>"
+    )
+    (second / "Ori-PerspCentral-IMGP4167.JPG.xml").write_text(
+        '<?xml version="1.0" encoding="ISO8859-1" standalone="yes" ?>\n<MMVII_Serialization>'
+        "<Center>5.20644436052294 1.49611001038881 2.11724479232937</Center><RotMatrix>"
+        "<AxeI>-0.162074830392862 0.0384131738848583 0.986030515463501</AxeI>"
+        "<AxeJ>0.0965180346057596 0.995067755113336 -0.0229004744393625</AxeJ>"
+        "<AxeK>-0.982046851402196 0.0914581369031654 -0.164983001685735</AxeK></RotMatrix>"
+        "</MMVII_Serialization>"
+    )
+    a, b = (read_returned_poses(path, returned_form(path, "")) for path in (first, second))
+    assert a.images == b.images == ("IMGP4167.JPG",)
+    assert np.abs(a.position - b.position).max() < 3e-3
+    assert np.abs(a.C - b.C).max() < 2e-3
 
 
 def test_damaged_files_are_one_line(tmp_path: Path) -> None:

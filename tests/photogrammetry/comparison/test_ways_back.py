@@ -13,10 +13,14 @@ from sites import orientation_at
 
 from insgnss.base.errors import InputError
 from insgnss.flight.exporting.export import ExportFrame, export
+from insgnss.flight.exporting.positions import export_positions
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
+from insgnss.io.formats.exports import EXPORTS
+from insgnss.io.formats.positions.position_references import POSITION_FORMATS
 from insgnss.navigation.orient.frame import in_frame
 from insgnss.photogrammetry.comparison.compare import compare_files
+from insgnss.photogrammetry.comparison.of_records import poses_of, positions_of
 from insgnss.records import ExteriorOrientation, FramedOrientation
 
 D = np.diag([1.0, -1.0, -1.0])  # camera right, down, forward to right, up, back
@@ -29,6 +33,10 @@ SITES = {  # latitude, longitude, ground, datum; CRS; one in metres for programs
     "Paris": ((48.85, 2.35, 80.0, None), "EPSG:2154", "EPSG:2154"),
     "geoid": ((46.52, 6.63, 400.0, None), "EPSG:32632", "EPSG:32632"),
 }
+
+
+METRIC = "colmap", "odm", "tum"  # exports that know no feet
+ON_THE_GLOBE = "eo_local_plane", "eo_json", "rtklib_pos", "geojson", "opensfm"  # of their own frame
 
 
 @dataclass
@@ -64,12 +72,23 @@ class Site:
         return self.root / name
 
     def export(self, form: str, name: str, **options: object) -> Path:
-        metric = form in ("colmap", "odm")
-        if form.startswith(("micmac", "realitycapture")):
+        metric = form in METRIC
+        if form.startswith(("micmac", "realitycapture")) or form in ON_THE_GLOBE:
             target = ExportFrame()
         else:
             target = ExportFrame(self.metric if metric else self.crs, self.geoid)
         return export(self.eo, form, self.root / name, target, **options).file
+
+    def export_positions(self, form: str) -> Path:
+        """Those that a drone without an IMU log has; nowhere do they stand in feet."""
+        plain = form == "geojson"
+        target = ExportFrame() if plain else ExportFrame(self.metric, self.geoid)
+        return export_positions(
+            positions_of(poses_of(self.eo)),
+            form,
+            self.root / POSITION_FORMATS[form].product,
+            target,
+        ).file
 
 
 def line(*values: object, by: str = " ") -> str:
@@ -181,6 +200,15 @@ def realitycapture_camera(site: Site) -> Path:
     return site.write("cameras.csv", text)
 
 
+def realitycapture_chosen(site: Site) -> Path:
+    """The same table with fewer columns, as its users may choose them."""
+    path = realitycapture_camera(site)
+    rows = path.read_text().replace("k3,k4,t1,t2", "t1,t2").splitlines()
+    rows[2:] = [",".join(row.split(",")[:14]) for row in rows[2:]]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
 def colmap(site: Site) -> Path:
     """What COLMAP writes: without our comments."""
     folder = site.export("colmap", "model", camera="PINHOLE,5120,3840,5607,5607,2560,1920")
@@ -214,6 +242,24 @@ def odm_shots(site: Site) -> Path:
     return site.write("shots.geojson", json.dumps({"type": "FeatureCollection", "features": shots}))
 
 
+def opensfm(site: Site) -> Path:
+    """Axes of reference_lla.json, which the export wrote; their origin is that of the site."""
+    beside = site.export("opensfm", "exif_overrides.json").with_name("reference_lla.json")
+    lla = json.loads(beside.read_text())
+    plane = TangentPlane(*np.radians([lla["latitude"], lla["longitude"]]), lla["altitude"])
+    shots = {}
+    for name, x, C in zip(site.eo.images, site.eo.position_m, site.eo.C_mc, strict=True):
+        at = TangentPlane(*site.eo.origin)
+        x = plane.position_from_geodetic(*at.geodetic_from_position(x[None]))[0]
+        R = (plane.C_em.T @ at.C_em @ C).T
+        turn = Rotation.from_matrix(R).as_rotvec().tolist()
+        shots[name] = {"camera": "c", "rotation": turn, "translation": (-R @ x).tolist()}
+    lens = {"projection_type": "perspective", "width": 5120, "height": 3840, "focal": 1.1}
+    camera = {"c": lens | {"k1": 0.0, "k2": 0.0}}
+    model = {"cameras": camera, "shots": shots, "points": {}, "reference_lla": lla}
+    return site.write("reconstruction.json", json.dumps([model]))
+
+
 WAYS: dict[str, Callable[[Site], Path]] = {
     "metashape": lambda site: site.export("metashape", "metashape.csv"),
     "metashape_opk": lambda site: site.export("metashape_opk", "metashape_opk.csv"),
@@ -230,6 +276,7 @@ WAYS: dict[str, Callable[[Site], Path]] = {
     "odm": lambda site: site.export("odm", "geo.txt"),
     "odm_shots": odm_shots,
     "realitycapture_camera": realitycapture_camera,
+    "realitycapture_chosen": realitycapture_chosen,
     "micmac": lambda site: site.export("micmac", "micmac.txt"),
     "micmac_xml": lambda site: site.export("micmac_xml", "Ori-Nav"),
     "bentley": bentley,
@@ -237,7 +284,39 @@ WAYS: dict[str, Callable[[Site], Path]] = {
     "inpho_ascii": lambda site: site.export("inpho_ascii", "inpho.txt"),
     "ign_opk": ign_opk,
     "colmap": colmap,
+    "eo_local_plane": lambda site: site.export("eo_local_plane", "EO_local-plane.txt"),
+    "eo_json": lambda site: site.export("eo_json", "eo.json"),
+    "generic_ascii": lambda site: site.export("generic_ascii", "eo_table.txt"),
+    "tum": lambda site: site.export("tum", "eo.tum"),
+    "geojson": lambda site: site.export("geojson", "eo.geojson"),
+    "rtklib_pos": lambda site: site.export("rtklib_pos", "antenna.pos", lever_m=(0.0, 0.0, 0.0)),
+    "opensfm": opensfm,
+    **{
+        f"{form} positions": lambda site, form=form: site.export_positions(form)
+        for form in POSITION_FORMATS
+    },
 }
+WAYS_OF = {  # what comes back of an export, where its name is no way
+    "metashape_offset": ("metashape_reference", "metashape_xml"),
+    "realitycapture_accuracy": ("realitycapture", "realitycapture_camera"),
+    "colmap_priors": ("colmap",),
+}
+NO_WAY = {
+    "g2o": "optimisers write vertices by number, without names of images or times, as tum has",
+    "relative": "differences between neighbours, no positions",
+    "kml": "a map to look at, which no program gives back",
+    "geopackage": "a map to look at, which no program gives back",
+    "image_tags": "tags inside photographs: the program that reads them gives back its own poses",
+}
+
+
+def test_every_export_has_a_way_back_or_says_why() -> None:
+    """Oracle: the registries of exports; a new one is in one of the three."""
+    for form in EXPORTS:
+        assert sum((form in WAYS, form in WAYS_OF, form in NO_WAY)) == 1, form
+    assert set(WAYS_OF) | set(NO_WAY) <= set(EXPORTS)
+    assert {way for ways in WAYS_OF.values() for way in ways} <= set(WAYS)
+    assert {f"{form} positions" for form in POSITION_FORMATS} <= set(WAYS)
 
 
 def site_at(name: str, root: Path) -> Site:
@@ -257,8 +336,12 @@ def test_a_way_back(way: str, name: str, tmp_path: Path) -> None:
     """Oracle: the orientation itself; what the program writes is put together with scipy."""
     site = site_at(name, tmp_path)
     file = WAYS[way](site)
-    crs = site.metric if way in ("colmap", "odm") else site.crs
-    if way.startswith("micmac") or way in ("odm_shots", "realitycapture", "metashape_xml"):
+    alone = way.endswith("positions") or way in ("odm", "rtklib_pos")
+    crs = site.metric if way in METRIC or alone else site.crs
+    if way.startswith("micmac") or way.removesuffix(" positions") in (
+        *ON_THE_GLOBE,
+        *("odm_shots", "realitycapture", "metashape_xml"),
+    ):
         done = compare_files(site.eo, file)
     else:
         done = compare_files(site.eo, file, crs=crs, geoid=site.geoid)
@@ -266,7 +349,7 @@ def test_a_way_back(way: str, name: str, tmp_path: Path) -> None:
     assert done.findings == ()
     moved = [np.abs(part.difference).max() for part in done.components]
     assert max(moved[:3]) < DIGITS_M
-    assert len(moved) == (3 if way == "odm" else 6)
+    assert len(moved) == (3 if alone else 6)
     assert np.degrees(max(moved[3:], default=0.0)) < DIGITS_DEG
 
 

@@ -22,13 +22,14 @@ from insgnss.photogrammetry.lever_arm.flight_direction import (
     flight_direction,
     neighbour_correlation,
 )
-from insgnss.photogrammetry.mounting_calibration.options import PlaceOptions
+from insgnss.photogrammetry.mounting_calibration.options import PlaceOptions, SimilarityOptions
 from insgnss.photogrammetry.mounting_calibration.poses import (
     compared_with,
     read_camera_poses,
     read_positions,
     refuse_distant,
 )
+from insgnss.photogrammetry.mounting_calibration.similarity_files import calibrate_similarity
 from insgnss.report.charts.files import charts_of
 
 ARM = np.array([0.098, -0.070, -0.091])  # in-flight calibration of Table 1, paper 002
@@ -436,3 +437,38 @@ def test_poses_of_another_place_than_the_flight_are_named(name, tmp_path) -> Non
         return
     with pytest.raises(InputError, match=why):
         refuse_distant(camera, hints, *placed)
+
+
+MISREAD = {  # what was done to omega, phi, kappa, deg, of good poses; what is asked
+    "good": (np.array, ""),
+    "gon": (lambda opk: opk / 0.9, "angles in gon that were read as degrees"),
+    "radians": (np.radians, "angles in radians that were read as degrees"),
+    "sign": (lambda opk: opk * [1.0, 1.0, -1.0], "kappa with the other sign"),
+}
+
+
+@pytest.mark.parametrize("name", MISREAD)
+@pytest.mark.parametrize("turn_deg", [12.0, -70.0])
+def test_angles_that_no_residual_shows_are_asked_about(name, turn_deg, tmp_path) -> None:
+    """Oracle: what was done to the angles of cameras along their courses, with 1.5 deg of crab."""
+    change, clause = MISREAD[name]
+    eo = orientation_at(59.91, 10.75)
+    crab = Rotation.from_euler("z", np.repeat([[1.5], [-1.5]], 6, axis=0), degrees=True)
+    turn = Rotation.from_euler("z", turn_deg, degrees=True).as_matrix()
+    C, position = turn @ crab.as_matrix() @ eo.C_mc, eo.position_m @ turn.T
+    opk = change(Rotation.from_matrix(C @ NADIR).as_euler("XYZ", degrees=True))
+    rows = [
+        f"{image},{','.join(f'{v:.6f}' for v in row)}\n"
+        for image, row in zip(eo.images, np.column_stack([position, opk]).tolist(), strict=True)
+    ]
+    (cameras := tmp_path / "poses.csv").write_text("name,x,y,z,omega,phi,kappa\n" + "".join(rows))
+    fixes = position + C @ [0.05, -0.1, -0.25]
+    rows = [
+        f"{image},{','.join(f'{v:.4f}' for v in row)}\n"
+        for image, row in zip(eo.images, fixes.tolist(), strict=True)
+    ]
+    (antenna := tmp_path / "antenna.csv").write_text("name,x,y,z\n" + "".join(rows))
+    notes = calibrate_similarity(cameras, antenna, SimilarityOptions()).summary()
+    notes = " ".join(notes.split())
+    assert ("askew to their courses" in notes) == bool(clause)
+    assert clause in notes

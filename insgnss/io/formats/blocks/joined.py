@@ -132,7 +132,7 @@ def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
     -------
     ndarray of int, (n,)
         Rows of `others`: of the same name, else of the only one that differs by directory, ending
-        or case alone; -1 where there is none.
+        or case alone, or by outer directories; -1 where there is none.
 
     Raises
     ------
@@ -146,6 +146,9 @@ def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
     rows = np.full(len(names), -1, dtype=np.int64)
     for i, name in enumerate(names):
         candidates = by_stem.get(_stem(name), [])
+        if len(candidates) > 1:
+            parts = _parts(name)
+            candidates = [k for k in candidates if _one_ends_the_other(parts, _parts(others[k]))]
         rows[i] = exact.get(name, candidates[0] if len(candidates) == 1 else -1)
     taken = rows[rows >= 0]
     if np.unique(taken).size < taken.size:
@@ -155,6 +158,16 @@ def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
             f"images {same[0]!r} and {same[1]!r} both match the name {others[twice]!r}; rename one"
         )
     return rows
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    """Return directories and name without ending, in lower case."""
+    return PurePosixPath(name.replace("\\", "/").lower()).with_suffix("").parts
+
+
+def _one_ends_the_other(first: tuple[str, ...], second: tuple[str, ...]) -> bool:
+    n = min(len(first), len(second))
+    return first[-n:] == second[-n:]
 
 
 def _stem(name: str) -> str:

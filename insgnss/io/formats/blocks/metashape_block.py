@@ -27,7 +27,7 @@ from ..text.text import Source
 from ..text.xml import read_xml, text_of
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, positive_sigma
-from .measured_block import MeasuredBlock, file_names, image_points
+from .measured_block import MeasuredBlock, image_points
 from .metashape_chunk import (
     Chunk,
     chunk_poses,
@@ -76,7 +76,7 @@ def read_metashape_block(
     of = opened_chunk(path, chunk)
     notes: list[str] = []
     enabled, disabled = of.images(notes)
-    names = file_names([c.get("label") or "" for c in enabled], of.source.path)
+    names = of.names(enabled)
     row_by_id = {c.get("id"): k for k, c in enumerate(enabled)}
     cameras, camera = _cameras(of, enabled, notes)
     poses = chunk_poses(of, enabled, notes)

@@ -7,6 +7,7 @@ Covariances of a location stand in the axes and the unit of the chunk, those of 
 in the camera's axes.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -100,6 +101,28 @@ class Chunk:
         """CRS of the chunk, or of "camera" or "marker" references; empty where it has none."""
         own = text_of(self.element.find(f"{kind}_reference")) if kind else ""
         return own or text_of(self.element.find("reference"))
+
+    def names(self, images: Sequence[Element]) -> tuple[str, ...]:
+        """Names of images: their labels; of those with one label, behind that of their sensor.
+
+        Cameras of a rig may number their images alike: Metashape tells them apart by sensors.
+
+        Raises
+        ------
+        InputError
+            Two images of one sensor have one label.
+        """
+        count = Counter(image.get("label") or "" for image in self.all("cameras", "camera"))
+        sensors = {s.get("id"): s.get("label") for s in self.all("sensors", "sensor")}
+        alike = Counter(sensors.values())
+        names = []
+        for image in images:
+            label, number = image.get("label") or "", image.get("sensor_id")
+            if count[label] > 1 and number in sensors:
+                title = sensors[number]
+                label = f"{title if title and alike[title] == 1 else f'sensor {number}'}/{label}"
+            names.append(label)
+        return file_names(names, self.source.path)
 
     def images(self, notes: list[str]) -> tuple[list[Element], list[Element]]:
         """Images that are enabled, and the others."""
@@ -260,16 +283,16 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
         As there, or no image has a reference.
     """
     of = opened_chunk(path, chunk)
-    images = [image for image in of.all("cameras", "camera") if image.get("id") is not None]
-    references = of.references("cameras", CAMERA_M, [(i.get("label") or "", i) for i in images])
+    images = [i for i in of.all("cameras", "camera") if i.find("reference") is not None]
+    named = list(zip(of.names(images), images, strict=True))
+    references = of.references("cameras", CAMERA_M, named)
     if references is None:
         raise of.source.error(
             "no image has reference coordinates; import them in Metashape, or give a table of "
             "positions"
         )
-    names = file_names(references.points, of.source.path)
-    no_checks = np.zeros(len(names), dtype=bool)
-    return replace(references, points=names, check=no_checks), of.crs("camera")
+    no_checks = np.zeros(len(references.points), dtype=bool)
+    return replace(references, check=no_checks), of.crs("camera")
 
 
 def number_of(source: ProjectFile, text: str | None, description: str) -> float:

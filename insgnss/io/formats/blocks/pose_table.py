@@ -36,7 +36,10 @@ def _spec(names: Names, required: str, sigmas: str, ignored: Names | None = None
     return TableSpec(names, required, layouts, text=True, strict=POSE_UNITS, ignored=ignored)
 
 
-GEODETIC_COLUMNS: Names = {"lat": "lat latitude", "lon": "lon longitude"}
+GEODETIC_COLUMNS: Names = {
+    "lat": "lat latitude lat_deg latitude_deg",
+    "lon": "lon longitude lon_deg longitude_deg",
+}
 CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name x y z", SIGMAS, OF_A_REFERENCE)
 GEODETIC_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
 POSE_SPEC = _spec(
@@ -122,7 +125,7 @@ def read_position_table(path: Source) -> NamedPositions:
         positive, a name that is there twice, or no latitude, with file and line.
     """
     whole = read_text_table(path)
-    geodetic = "lat" in _header(whole)
+    geodetic = "lat" in _columns_of(whole, GEODETIC_POSITIONS)
     table = (GEODETIC_POSITIONS if geodetic else CARTESIAN_POSITIONS).of(whole)
     names = _names(table)
     position = table.block("lat lon z" if geodetic else "x y z")
@@ -191,12 +194,39 @@ def is_pose_table(path: Source) -> bool:
         False of what is no text table, and of EO_local-plane.txt, whose reader is another.
     """
     try:
-        fields = _header(read_text_table(path))
+        table = read_text_table(path)
     except InputError:
         return False
-    own = {"x", *OPK_NAMES.split()} <= {POSE_SPEC.aliases.get(field) for field in fields}
+    fields = _header(table)
+    own = {"x", *OPK_NAMES.split()} <= _columns_of(table, POSE_SPEC)
     named = any(name in fields for name in ("image", "setup", "name"))
     return own and named and "somega" not in fields
+
+
+def is_position_table(path: Source) -> bool:
+    """Whether the header of a text table is that of positions by names, without times.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    bool
+        False of what is no text table, and where a column is none that `read_position_table` takes.
+    """
+    try:
+        columns = _columns_of(read_text_table(path), GEODETIC_POSITIONS)
+    except InputError:
+        return False
+    whole = {"name", "x", "y", "z"} <= columns or {"name", "lat", "lon", "z"} <= columns
+    return whole and not columns & {None, "tow"}
+
+
+def _columns_of(table: TextTable, spec: TableSpec) -> set[str | None]:
+    """Return the columns that a header names; None for a name that is none of them."""
+    return {spec.aliases.get(field) for field in _header(table)}
 
 
 def _header(table: TextTable) -> set[str]:

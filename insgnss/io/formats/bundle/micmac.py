@@ -13,6 +13,7 @@ camera, which MicMac looks for when it uses one.
 
 import os
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -144,6 +145,8 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
 def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
     """Read Orientation-<image>.xml of a directory, as MicMac's bundle adjustment leaves them.
 
+    MMVII, its second version, writes Ori-PerspCentral-<image>.xml, with the columns of the matrix.
+
     Parameters
     ----------
     path : path
@@ -164,7 +167,8 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         No orientation stands there, or one is damaged or of another convention.
     """
     files = sorted(Path(path).glob("Orientation-*.xml"))
-    if not files:
+    second = () if files else sorted(Path(path).glob("Ori-PerspCentral-*.xml"))
+    if not files and not second:
         raise InputError.in_file(path, "no Orientation-<image>.xml in it; give Ori-<name>")
     names, centres, matrices = [], [], []
     for file in files:
@@ -174,14 +178,24 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         if outer is None or convention not in (None, "eConvApero_DistM2C"):
             problem = f"convention {convention}; only eConvApero_DistM2C, a matrix, can be read"
             raise InputError.in_file(file, problem)
-        texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
-        rows = [[finite(word) for word in (text or "").split()] for text in texts]
-        for text, row in zip(texts, rows, strict=True):
-            if len(row) != 3 or np.isnan(row).any():
-                problem = f"Centre and L1 to L3 are not three numbers each: {shown(text)}"
-                raise InputError.in_file(file, f"{problem}; {PLAIN}, or copy it again")
-        values = np.array(rows)
+        values = _vectors(file, outer, "Centre", *(f".//L{k}" for k in (1, 2, 3)))
         names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
         centres.append(values[0])
         matrices.append(values[1:])
+    for file in second:
+        values = _vectors(file, read_xml(file), "Center", *(f".//Axe{k}" for k in "IJK"))
+        names.append(file.name.removeprefix("Ori-PerspCentral-").removesuffix(".xml"))
+        centres.append(values[0])
+        matrices.append(values[1:].T)
     return tuple(names), np.array(centres), np.array(matrices)
+
+
+def _vectors(file: Path, root: Element, *tags: str) -> Array:
+    """Return the three numbers of each of some elements, (n, 3)."""
+    texts = [root.findtext(tag) for tag in tags]
+    rows = [[finite(word) for word in (text or "").split()] for text in texts]
+    for tag, text, row in zip(tags, texts, rows, strict=True):
+        if len(row) != 3 or np.isnan(row).any():
+            problem = f"{tag.strip('./')} is not three numbers: {shown(text)}"
+            raise InputError.in_file(file, f"{problem}; {PLAIN}, or copy it again")
+    return np.array(rows)

@@ -50,7 +50,7 @@ def read_cameras(path: Source, form: str = "auto", direction: str | None = None)
     form : str
         A key of `BY_FORMAT`; "auto": what the contents show.
     direction : str, optional
-        Of the distortion of Inpho, whose files alone do not say it: "forward" or "backward".
+        Of the distortion of Inpho, whose files alone do not say it, as `inpho` takes it.
 
     Returns
     -------

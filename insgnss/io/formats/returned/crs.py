@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError
+from ....base.errors import InputError, UsageError
 from ....base.inputs import first_bytes
-from ....geodesy.crs import is_projected
+from ....geodesy.crs import crs_of, is_projected
 from ....geodesy.frames import rotation_em
 from ....geodesy.rotation import rotation_from_opk
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
@@ -54,12 +54,9 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
     """
     if not text or LOCAL_CRS.match(text):
         return "", ""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
     try:
-        crs = CRS.from_user_input(text)
-    except CRSError:
+        crs = crs_of(text)
+    except UsageError:
         raise InputError.in_file(
             path, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
         ) from None

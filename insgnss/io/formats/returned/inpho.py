@@ -12,7 +12,8 @@ axes. The file does not say in which direction its distortion goes:
 
     x + x (K0 + K1 r^2 + ...) + P1 (r^2 + 2 x^2) + 2 P2 x y                              (I.2)
 
-is the image point of the ideal point x, forward, or the other way round, backward.
+is the image point of the ideal point x, forward, or the other way round, backward; nor does it say
+whether P1 is that of x, as here, or P2. The CRS stands there as well-known text.
 """
 
 import re
@@ -27,11 +28,15 @@ from ....records.block import RADIAL_MODELS, Array, BrownCamera
 from ..text.layout import shown
 from ..text.numbers import finite, whole
 from ..text.text import Source, decoded
+from .crs import kind_of_wkt
 from .poses import ReturnedPoses, checked_rotations, image_names, numbers
 
 INPHO_LINES = 4  # of $EXT_ORI: focal length and position, three rows of the matrix
 RADIAL_TERMS = 5  # of RADIAL_COEFFS that a camera has a place for: K0 to K4
 DECENTRING_TERMS = 2  # of DECENTRE_COEFFS that have a place: P1 and P2
+EXCHANGED = "-p2x"  # behind a direction: P2 is that of x
+FIELD = re.compile(r"\$(\w+)\s*:([^$]*)")  # of a camera: its name and its values
+COORDINATE_SYSTEM = re.compile(r"\$COORDINATE_SYSTEM\s*:\s*([^$]+)")  # well-known text, or a name
 SAME_TURN = 0.1  # of elements of two cameras' rotations: sensors are turned by quarters (chosen)
 FROM_CENTRE_PX = 0.5  # of the first pixel from its outer corner, where Inpho counts from the centre
 
@@ -44,7 +49,7 @@ def read_inpho_cameras(path: Source, direction: str | None = None) -> tuple[Brow
     path : path
         The .prj.
     direction : str, optional
-        "forward" or "backward", of a distortion.
+        "forward" or "backward", of a distortion, perhaps with `EXCHANGED` behind.
 
     Returns
     -------
@@ -67,13 +72,20 @@ def _definitions(path: Source) -> dict[str, dict[str, str]]:
     cameras: dict[str, dict[str, str]] = {}
     head = r"(?ms)^([ \t]*)\$CAMERA(?:_DEFINITION)?[ \t]*$"
     for _, body in re.findall(head + r"(.*?)^\1\$END[ \t]*$", decoded(path)):
-        lines: dict[str, str] = dict(re.findall(r"\$(\w+)\s*:([^$]*)", body))
+        lines: dict[str, str] = dict(FIELD.findall(body))
         # of a calibration set the $ID stands behind that of its camera
         first = re.search(r"\$(?:TYPE|ID)[ \t]*:[ \t]*(\S.*)", body)
         name = first[1].strip() if first else f"camera {len(cameras) + 1}"
-        if (sets := body.count("$CALIBRATION_SET")) > 1:
-            problem = f"camera {shown(name)}: {sets} calibration sets; keep the active one alone"
-            raise InputError.in_file(path, problem)
+        common, *sets = body.split("$CALIBRATION_SET")
+        if len(sets) > 1:
+            active = re.search(r"\$ACTIVE_CALIBRATION[ \t]*:[ \t]*(\S+)", common)
+            number = r"\$ID[ \t]*:[ \t]*" + re.escape(active[1] if active else "") + r"[ \t]*$"
+            chosen = [text for text in sets if re.search(number, text, re.MULTILINE)]
+            if len(chosen) != 1:
+                problem = f"camera {shown(name)}: {len(sets)} calibration sets, of which"
+                problem += f" {len(chosen)} have the number of $ACTIVE_CALIBRATION"
+                raise InputError.in_file(path, f"{problem}; keep the active one alone")
+            lines = dict(FIELD.findall(common + chosen[0]))
         cameras[name] = lines
     return cameras
 
@@ -119,18 +131,12 @@ def _camera(
     K = np.pad(K[:RADIAL_TERMS], (0, max(0, RADIAL_TERMS - K.size)))
     P = np.pad(P[:DECENTRING_TERMS], (0, max(0, DECENTRING_TERMS - P.size)))
     if direction is None and (K.any() or P.any()):
-        r = 0.5 * np.hypot(width, height) / U[1, 1]
-        largest = U[1, 1] * abs(r * (K @ r ** (2.0 * np.arange(RADIAL_TERMS))))
-        raise InputError.in_file(
-            path,
-            f"camera {shown(name)}: does not say the direction of its distortion"
-            f" ({largest:.3g} px at the corners); write it as camera.toml by insgnss camera"
-            f" --distortion forward (image from ideal points) or backward, --as toml: the right"
-            " one leaves the smaller residuals in insgnss adjust",
-        )
-    scale, p = 1.0 + K[0], turn[:2, :2] @ P
+        corner = 0.5 * np.hypot(width, height) / U[1, 1]
+        raise InputError.in_file(path, _undecided(name, K, P, corner, float(U[1, 1])))
+    order = slice(None, None, -1 if (direction or "").endswith(EXCHANGED) else 1)
+    scale, p = 1.0 + K[0], turn[:2, :2] @ P[order]
     f, k = U[1, 1] * focal, K[1:]
-    if direction == RADIAL_MODELS[1]:
+    if (direction or "").startswith(RADIAL_MODELS[1]):
         values = [f / scale, cx, cy, U[1, 1] / U[0, 0] - 1.0, -U[0, 1] / U[0, 0]]
         interior = np.array([*values, *(k / scale), *(p / scale)])
         return BrownCamera(name, width, height, interior, backward=True, unit_px=float(U[1, 1]))
@@ -138,6 +144,24 @@ def _camera(
     k, p = k * focal ** (2.0 * np.arange(1, RADIAL_TERMS)) / scale, p * focal / scale
     f, across, skew = scale * f, scale * focal * U[0, 0], scale * focal * U[0, 1]
     return BrownCamera(name, width, height, np.array([f, cx, cy, across - f, skew, *k, *p]))
+
+
+def _undecided(name: str, K: Array, P: Array, corner: float, px: float) -> str:
+    """Return what the file of a camera does not say, with its size at a corner (mm; px/mm)."""
+    largest = px * abs(corner * (K @ corner ** (2.0 * np.arange(RADIAL_TERMS))))
+    problem = (
+        f"camera {shown(name)}: does not say the direction of its distortion"
+        f" ({largest:.3g} px at the corners)"
+    )
+    if P.any():  # orders differ by (P1 - P2) (r^2 + 2 x^2 - 2 x y), at most r^2 (2 + sqrt 2) of it
+        exchanged = (2.0 + 2.0**0.5) * px * corner**2 * abs(float(P[0] - P[1]))
+        problem += f" nor whether P1 or P2 is that of x (up to {exchanged:.2g} px; add {EXCHANGED}"
+        problem += " for P2)"
+    return (
+        f"{problem}; write it as camera.toml by insgnss camera --distortion forward (image from"
+        " ideal points) or backward, --as toml: the right one leaves the smaller residuals in"
+        " insgnss adjust"
+    )
 
 
 def read_inpho_prj(path: Source) -> ReturnedPoses:
@@ -151,8 +175,8 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     Returns
     -------
     ReturnedPoses
-        In a frame that is not named here, of a camera whose axes are those of its pixels;
-        photographs without $EXT_ORI are left out, with a note.
+        In the CRS of $COORDINATE_SYSTEM, else in a frame that is not named, of a camera whose axes
+        are those of its pixels; photographs without $EXT_ORI are left out, with a note.
 
     Raises
     ------
@@ -196,7 +220,10 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
     notes = (f"{left_out} photographs without orientation are left out",) if left_out else ()
     C = R.swapaxes(1, 2) @ np.array(turned).swapaxes(1, 2)
-    return ReturnedPoses(images, np.array(rows), C, notes=notes)
+    systems = {" ".join(text.split()) for text in COORDINATE_SYSTEM.findall(decoded(path))}
+    wkt = systems.pop() if len(systems) == 1 else ""
+    kind, crs = kind_of_wkt(wkt, path) if "[" in wkt else ("", "")
+    return ReturnedPoses(images, np.array(rows), C, kind, crs, notes=notes)
 
 
 def _turn(sensors: Mapping[str, Array], named: tuple[int, str], path: Source) -> Array:

@@ -139,10 +139,9 @@ def image_names(names: Sequence[str], path: Source) -> tuple[str, ...]:
         None at all, or an image that is there twice.
     """
     if not names:
-        raise InputError.in_file(
-            path, "no image has a pose; align the images and export them again"
-        )
+        raise InputError.in_file(path, UNPOSED)
     return file_names(names, path)
 
 
+UNPOSED = "no image has a pose; align the images and export them again"
 ROUND = 1e-4  # of elements of a rotation from an orthonormal one: files print five digits or more

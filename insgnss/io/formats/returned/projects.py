@@ -2,7 +2,7 @@
 
 bentley        BlocksExchange XML: Pose of each Photo, in the reference system of its block; the
                one under Metadata is what was imported, and is taken where there is no other
-micmac_xml     Orientation-<image>.xml
+micmac_xml     Orientation-<image>.xml, or Ori-PerspCentral-<image>.xml of its second version
 metashape_xml  camera XML, .psx or .psz of Metashape: `blocks.metashape_block`
 colmap         images.txt, or a model that pycolmap reads
 opensfm        reconstruction.json, with reference_lla
@@ -26,7 +26,7 @@ from ..text.numbers import PLAIN, finite
 from ..text.text import Source, check_fields, decoded
 from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
-from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
+from .poses import UNPOSED, Array, ReturnedPoses, checked_rotations, image_names, numbers
 
 BENTLEY_DIRECTIONS = {
     "RIGHT": (1.0, 0.0, 0.0),
@@ -58,8 +58,9 @@ def read_bentley(path: Source) -> ReturnedPoses:
     systems = {text_of(srs.find("Id")): text_of(srs.find("Definition")) for srs in root.iter("SRS")}
     names, centre, C, used, left_out, imported = [], [], [], [], 0, 0
     for block in root.iter("Block"):
-        own = text_of(block.find("SRSId"))
+        of_block = text_of(block.find("SRSId"))
         for group in block.iter("Photogroup"):
+            own = text_of(group.find("SRSId")) or of_block
             Q = _camera_axes(group.findtext("CameraOrientation", "XRightYDown").strip(), path)
             for photo in group.iter("Photo"):
                 name = text_of(photo.find("ImagePath"))
@@ -131,6 +132,10 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
         return np.array(
             [[_number(rotation, f"M_{i}{j}", name, path) for j in range(3)] for i in range(3)]
         )
+    if rotation.find("Omega") is None:
+        angles = ", ".join(angle.tag for angle in rotation)
+        problem = f"photograph {shown(name)}: its rotation has {angles}"
+        raise InputError.in_file(path, f"{problem}; export matrices or omega, phi, kappa")
     degrees = [_number(rotation, angle, name, path) for angle in ("Omega", "Phi", "Kappa")]
     return rotation_from_opk(np.radians([degrees]))[0].T
 
@@ -194,7 +199,9 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
     images, _ = of.images(notes)
     poses = chunk_poses(of, images, notes)
     rows = np.flatnonzero(np.isfinite(poses.position[:, 0]))
-    names = image_names([images[k].get("label") or "" for k in rows], path)
+    if not rows.size:
+        raise InputError.in_file(path, UNPOSED)
+    names = of.names([images[k] for k in rows])
     position, C = poses.position[rows], poses.C_mc[rows]
     covs = [P[rows] for P in (poses.cov_position, poses.cov_attitude)]
     kind, crs = GEOCENTRIC if on_globe(of, poses.local) else "", ""

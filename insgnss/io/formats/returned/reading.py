@@ -25,7 +25,10 @@ RETURNED: Mapping[str, str] = {
     "bentley": "returned.projects:read_bentley",
     "inpho_prj": "returned.inpho:read_inpho_prj",
     "ign_opk": "returned.tables:read_ign_opk",
+    "odm": "returned.tables:read_odm_geo",
     "odm_shots": "returned.documents:read_odm_shots",
+    "geojson": "returned.documents:read_geojson",
+    "positions": "returned.tables:read_named_positions",
     "opf": "returned.documents:read_opf",
 }
 """Readers of adjusted poses; each takes a path and returns `ReturnedPoses`."""
@@ -35,10 +38,12 @@ PROJECT_HEADS = {  # first bytes in lower case
     "metashape_opk_text": r"^#\s*photoid,\s*x,\s*y,\s*z,\s*omega",
     "metashape_reference": r"\A#\s*coordinatesystem:|^#?\s*label\b.*\bx/(longitude|easting)",
     "pix4d_camera": r"^camera model m = k \[r\|-rt\] x",
-    "pix4d_external": r"\A\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
+    "pix4d_external": r"\A\s*#?\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
     "ign_opk": r"^\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b",
     "inpho_prj": r"^\s*\$photo\s*$",
     "odm_shots": r"\A\s*\{.*\"featurecollection\".*\"(translation|rotation)\"\s*:",
+    "geojson": r"\A\s*\{\s*\"type\"\s*:\s*\"featurecollection\"",
+    "odm": r"\A\s*(epsg:\d+|wgs84( utm \d+[ns]?)?|\+proj.*)\s*$",
     "opf": r"application/opf-calibrated-cameras",
     "opensfm": r"\A\s*[\[{].*\"(cameras|shots)\"\s*:",
 }
@@ -61,7 +66,7 @@ def returned_form(path: Source, head: str) -> str:
     """
     path = Path(path)
     if path.is_dir():
-        if any(path.glob("Orientation-*.xml")):
+        if any(path.glob("Orientation-*.xml")) or any(path.glob("Ori-PerspCentral-*.xml")):
             return "micmac_xml"
         if any((path / f"images{kind}").is_file() for kind in (".txt", ".bin")):
             return "colmap"

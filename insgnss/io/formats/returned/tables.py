@@ -9,7 +9,8 @@ pix4d_external         imageName X Y Z Omega Phi Kappa; less the offset in <proj
                        in the CRS of <project>_wkt.prj
 ign_opk                NOM X Y Z O P K CAMERA of IGN, in a CRS that is not named; lines above the
                            header may name the unit of angles
-odm_geo                OpenDroneMap's geo.txt: positions alone
+odm                    OpenDroneMap's geo.txt: positions alone
+positions              a table of positions by the names of images, data_specs/pose_table.md
 pix4d_camera           ten lines an image: K, distortions, position t, rotation R of the frame
                            to the camera, m = K [R|-Rt] X
 """
@@ -23,9 +24,12 @@ import numpy as np
 
 from ....base.errors import InputError
 from ....base.files import lines_of
+from ....base.inputs import first_bytes
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
 from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
+from ..blocks.pose_table import read_position_table
+from ..origins import ORIGIN_BYTES
 from ..text.layout import shown, split_fields
 from ..text.text import Source, check_fields, decoded, numbered_lines
 from .crs import COORDINATE_SYSTEM, kind_of_wkt
@@ -260,7 +264,7 @@ def _name_xyz_opk(
     """
     names, rows = [], []
     for line, text in enumerate(lines_of(decoded(path)), start=1):
-        words = text.replace(",", " ").split()
+        words = text.replace(",", " ").lstrip("# ").split()
         if line <= skipped or not words or words[0].lower() == first:
             continue
         if len(words) != columns:
@@ -347,7 +351,7 @@ def _beside_pix4d(
     return offset, kind, crs, tuple(notes)
 
 
-def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, str]:
+def read_odm_geo(path: Source) -> ReturnedPoses:
     """Read positions of geo.txt; angles are not read, since the program itself turns them.
 
     Parameters
@@ -357,14 +361,8 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
 
     Returns
     -------
-    images : tuple of str
-        (n,) names.
-    position : ndarray, (n, 3)
-        Easting or longitude, deg, northing or latitude, deg, height; in the unit of the CRS.
-    sigma : ndarray, (n, 3), or None
-        Standard deviations, m; None where a line has none.
-    crs : str
-        The CRS of the first line.
+    ReturnedPoses
+        Positions in the CRS of the first line, with accuracies where all lines have them.
 
     Raises
     ------
@@ -385,6 +383,43 @@ def read_odm_geo(path: Source) -> tuple[tuple[str, ...], Array, Array | None, st
         if len(fields) == ODM_FIELDS[-1]:
             plan, height = numbers(fields[7:], path, line)
             sigma.append([plan, plan, height])
-    images = image_names(names, path)
     full = len(sigma) == len(names) > 0
-    return images, np.reshape(position, (-1, 3)), np.array(sigma) if full else None, crs
+    cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3) if full else None
+    return _of_positions(path, names, np.reshape(position, (-1, 3)), crs, cov)
+
+
+def read_named_positions(path: Source) -> ReturnedPoses:
+    """Read a table of positions by the names of images.
+
+    Parameters
+    ----------
+    path : path
+        As of `read_position_table`; a comment above it may name the CRS.
+
+    Returns
+    -------
+    ReturnedPoses
+        Positions in the CRS that the comment names, in degrees by the names of the columns.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    table = read_position_table(path)
+    head = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
+    code = EPSG.search("".join(line for line in lines_of(head) if line.startswith("#")))
+    if not table.geodetic:
+        return _of_positions(path, table.names, table.position, code[0] if code else "", table.cov)
+    degrees = np.column_stack([np.degrees(table.position[:, [1, 0]]), table.position[:, 2]])
+    return _of_positions(path, table.names, degrees, code[0] if code else "EPSG:4979", table.cov)
+
+
+def _of_positions(
+    path: Source, names: Sequence[str], x: Array, crs: str, cov: Array | None
+) -> ReturnedPoses:
+    """Return positions (n, 3) of images in a CRS, in its unit or in degrees."""
+    kind, crs = kind_of_wkt(crs, path)
+    if kind == GEOGRAPHIC:
+        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
+    return ReturnedPoses(image_names(names, path), x, None, kind, crs, cov_position=cov)
