@@ -157,7 +157,7 @@ def problem_of(
         np.searchsorted(obs.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
         obs.image[order],
         np.ascontiguousarray(obs.uv[order]),
-        1.0 / obs.sigma_px[order],
+        obs.whitening[order],
         np.ones(len(obs), dtype=bool),
         np.ascontiguousarray(block.camera, dtype=np.int64),
         6 * layout.place,
