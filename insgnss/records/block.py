@@ -202,8 +202,8 @@ class ImageObservations:
         if n and not np.abs(self.correlation).max() < 1.0:
             worst = int(np.abs(self.correlation).argmax())
             raise InputError(
-                f"ImageObservations.correlation: {self.correlation[worst]:g} in row {worst}; it must"
-                " be between -1 and 1"
+                f"ImageObservations.correlation: {self.correlation[worst]:g} in row {worst}; it"
+                " must be between -1 and 1"
             )
 
     @property
@@ -212,8 +212,8 @@ class ImageObservations:
         W^T W = P, the inverse of each observation's covariance.
         """
         inverse, rho = 1.0 / self.sigma_px, self.correlation
-        less = 1.0 / np.sqrt(1.0 - rho**2)
-        return np.column_stack([inverse[:, 0], -rho * less * inverse[:, 0], less * inverse[:, 1]])
+        scale = 1.0 / np.sqrt(1.0 - rho**2)
+        return np.column_stack([inverse[:, 0], -rho * scale * inverse[:, 0], scale * inverse[:, 1]])
 
     def rows(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "ImageObservations":
         """Return some of the observations.
@@ -256,8 +256,8 @@ def whitened(whitening: Array, e: Array) -> Array:
     ndarray, (n, 2)
         W e, of which no component depends on another.
     """
-    both = whitening[:, 1] * e[:, 0] + whitening[:, 2] * e[:, 1]
-    return np.column_stack([whitening[:, 0] * e[:, 0], both])
+    second = whitening[:, 1] * e[:, 0] + whitening[:, 2] * e[:, 1]
+    return np.column_stack([whitening[:, 0] * e[:, 0], second])
 
 
 # standard deviation of a coordinate that is not known (m): larger than a block, so that it weighs

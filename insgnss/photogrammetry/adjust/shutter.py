@@ -178,8 +178,8 @@ def _estimated(
         return None
     N = whole * (1.0 - absorbed)
     r = along / N
-    left = whitened(weight, values.moved(problem.layout, dx, dp).residuals(shifted.rays))
-    a_left = (e - left) / scale
+    after = whitened(weight, values.moved(problem.layout, dx, dp).residuals(shifted.rays))
+    a_left = (e - after) / scale
     score = np.nansum(a_left * (e - r * a_left), axis=1)
     of_images = np.bincount(rays.image, weights=score)
     V = float((of_images**2).sum()) + N - float(np.nansum(a_left**2))
