@@ -11,7 +11,7 @@ from .adjustment import Adjusted, residuals_px
 from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
-from .normals import SPARSE_UNKNOWNS, Problem, assembled, columns_of, factorised
+from .normals import Problem, assembled, between, columns_of, factorised
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 NONCENTRALITY = 4.13
@@ -404,12 +404,7 @@ def explained(J: Array, Q: Array) -> Array:
     ndarray, (m, m)
         J Q J^T.
     """
-    if J.shape[1] < SPARSE_UNKNOWNS:
-        return J @ Q @ J.T
-    from scipy.sparse import csr_array
-
-    sparse = csr_array(J)
-    return np.asarray(sparse @ (sparse @ Q).T)
+    return between(J.T, Q)
 
 
 def strongest(precision: Precision, count: int = 10) -> Sequence[tuple[str, str, float]]:
