@@ -362,10 +362,12 @@ def _by_part(source: MeasuredBlock, names: Sequence[str], order: Sequence[str]) 
         raise InputError(
             f"camera.new_from: {name!r} is no image of the block; {near(name, order[:200])}"
         )
-    place = matched(source.measured.images, tuple(order))
-    latest = np.maximum.accumulate(np.where(place >= 0, np.arange(place.size), 0))
-    part = np.searchsorted(np.sort(begins), place[latest], side="right")
-    pairs, camera = np.unique(np.column_stack([source.camera, part]), axis=0, return_inverse=True)
+    row = matched(source.measured.images, tuple(order))
+    latest = np.maximum.accumulate(np.where(row >= 0, np.arange(row.size), 0))
+    interval = np.searchsorted(np.sort(begins), row[latest], side="right")
+    pairs, camera = np.unique(
+        np.column_stack([source.camera, interval]), axis=0, return_inverse=True
+    )
     starts = ("", *(f" from {order[k]}" for k in np.sort(begins)))
     cameras = tuple(
         replace(source.cameras[c], name=f"{source.cameras[c].name}{starts[k]}") for c, k in pairs
