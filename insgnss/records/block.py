@@ -166,22 +166,28 @@ class ImageObservations:
         (n, 2) pixels from the outer corner of the upper left pixel, right and down.
     sigma_px : ndarray
         (n, 2) standard deviations, pixels.
+    correlation : ndarray
+        (n,) correlation of the errors of both coordinates; none by default.
 
     Raises
     ------
     InputError
-        Shapes that differ, values that are not finite, or a standard deviation that is not
-        positive.
+        Shapes that differ, values that are not finite, a standard deviation that is not positive,
+        or a correlation that is not between -1 and 1.
     """
 
     image: NDArray[np.int64]
     point: NDArray[np.int64]
     uv: Array
     sigma_px: Array
+    correlation: Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         n = frozen(self, "uv", (None, 2)).shape[0]
         frozen(self, "sigma_px", (n, 2))
+        if self.correlation is None:
+            object.__setattr__(self, "correlation", np.zeros(n))
+        frozen(self, "correlation", (n,))
         for name in ("image", "point"):
             rows = frozen_integers(self, name)
             if rows.shape != (n,) or (rows < 0).any():
@@ -193,6 +199,21 @@ class ImageObservations:
                 f"ImageObservations.sigma_px: {self.sigma_px.min():g} px in row"
                 f" {int(self.sigma_px.min(axis=1).argmin())}; it must be positive"
             )
+        if n and not np.abs(self.correlation).max() < 1.0:
+            worst = int(np.abs(self.correlation).argmax())
+            raise InputError(
+                f"ImageObservations.correlation: {self.correlation[worst]:g} in row {worst}; it"
+                " must be between -1 and 1"
+            )
+
+    @property
+    def whitening(self) -> Array:
+        """(n, 3) entries (0, 0), (1, 0), (1, 1), 1 / px, of the lower triangular W with
+        W^T W = P, the inverse of each observation's covariance.
+        """
+        inverse, rho = 1.0 / self.sigma_px, self.correlation
+        scale = 1.0 / np.sqrt(1.0 - rho**2)
+        return np.column_stack([inverse[:, 0], -rho * scale * inverse[:, 0], scale * inverse[:, 1]])
 
     def rows(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "ImageObservations":
         """Return some of the observations.
@@ -208,12 +229,35 @@ class ImageObservations:
             In the order of the rows.
         """
         return ImageObservations(
-            self.image[rows], self.point[rows], self.uv[rows], self.sigma_px[rows]
+            self.image[rows],
+            self.point[rows],
+            self.uv[rows],
+            self.sigma_px[rows],
+            self.correlation[rows],
         )
 
     def __len__(self) -> int:
         """Return the number of observed points, each of two coordinates."""
         return int(self.uv.shape[0])
+
+
+def whitened(whitening: Array, e: Array) -> Array:
+    """Return residuals of image observations in units of their standard deviations.
+
+    Parameters
+    ----------
+    whitening : ndarray, (n, 3)
+        As `ImageObservations.whitening`.
+    e : ndarray, (n, 2)
+        Residuals, pixels.
+
+    Returns
+    -------
+    ndarray, (n, 2)
+        W e, of which no component depends on another.
+    """
+    second = whitening[:, 1] * e[:, 0] + whitening[:, 2] * e[:, 1]
+    return np.column_stack([whitening[:, 0] * e[:, 0], second])
 
 
 # standard deviation of a coordinate that is not known (m): larger than a block, so that it weighs

@@ -84,7 +84,14 @@ class CameraTable(Checked, table="camera"):
         " parameters; not if they come from an adjustment of the same images",
         needs=("file",),
     )
-
+    new_from: tuple[str, ...] = option(
+        (),
+        "names of images from which on the camera has parameters of its own, in the order of the"
+        " aerial control, without it of the image observations: a camera that was knocked,"
+        " refocused or exchanged during the flight",
+        kind="texts",
+        cli="--camera-new-from",
+    )
     readout_s: float | None = option(
         None,
         "readout time of a rolling shutter, from the upper edge of an image to the lower; negative"
@@ -274,6 +281,13 @@ class BlockFile(Checked):
     def _refuse_other_modes(self) -> None:
         """Refuse options that the mode has no use for."""
         mode, control = self.adjustment.mode, self.aerial_control
+        if self.camera.new_from and (mode in ("fast_at", "direct") or self.camera.weighed):
+            held = "camera.weighed" if self.camera.weighed else f'mode "{mode}"'
+            raise OptionError(
+                "camera.new_from",
+                f"gives parts of the flight estimated cameras, and {held} states one for all;"
+                " leave one of them out",
+            )
         if mode == "indirect" and (control.control != "Ap/Aa" or control.lines):
             raise OptionError(
                 "aerial_control.control",

@@ -27,9 +27,8 @@ multiples of d_j after event j and of r_j+1 before it, n numbers each, so that b
 
     d = Psi d_j,    r = Omega d_j + Theta r_j+1,    X_k b = [Psi + P Omega, P Theta] z_j      (B.14)
 
-with z_j = (d_j, r_j+1). Where b has more columns than z_j rows, a root of z_j z_j' takes its place
-(an orthogonal factor less, so that no square is rounded). Each block of epochs is filtered again
-(`blocks.BlockAgain`), the last one first.
+with z_j = (d_j, r_j+1), of which covariances take the product z_j z_j', as small as z_j has rows.
+Each block of epochs is filtered again (`blocks.BlockAgain`), the last one first.
 
 Cucci, Rehak and Skaloud (2017) "Bundle adjustment with raw inertial observations in UAV
 applications", for what is gained; Bryson and Frazier (1963) for the form of the passes.
@@ -82,16 +81,18 @@ def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array
         delta[epochs] = piece.mean(piece.z[:, 0])
         if not root.size:
             continue
-        Z = _smaller(piece.z[:, 1:])
-        X = piece.multiples(slice(None), N_NAV) @ Z
-        nav[epochs] -= (X @ np.swapaxes(X, 1, 2))[:, *of_nav]
+        Z = piece.z[:, 1:]
+        square = Z @ Z.T
+        X = piece.multiples(slice(None), N_NAV)
+        nav[epochs] -= (X @ square @ np.swapaxes(X, 1, 2))[:, *of_nav]
         rows = np.flatnonzero(whole[epochs] != ABSENT)
-        X_all = piece.multiples(rows, delta.shape[1]) @ Z
-        kept[whole[epochs][rows]] -= (X_all @ np.swapaxes(X_all, 1, 2))[:, *of_all]
+        X_all = piece.multiples(rows, delta.shape[1])
+        kept[whole[epochs][rows]] -= (X_all @ square @ np.swapaxes(X_all, 1, 2))[:, *of_all]
         j = piece.event
         if j >= 0 and chain.epoch[j] == piece.first:
             if following.size:
-                cross[j + 1] -= X[0] @ (piece.at_next(chain.transitions[j + 1], following) @ Z).T
+                behind = piece.at_next(chain.transitions[j + 1], following)
+                cross[j + 1] -= X[0] @ square @ behind.T
             following = piece.P[0]
     covariances = replace(before, nav=nav, kept=kept)
     nominal, x = moved_by(solution.nav, solution.x, delta)
@@ -261,12 +262,3 @@ def _shares(shared: tuple[SharedError, ...], epochs: np.ndarray, states: int) ->
     for k, error in enumerate(shared):
         out[error.within(epochs), error.block, 3 * k : 3 * k + 3] = np.eye(3)
     return out
-
-
-def _smaller(Z: Array) -> Array:
-    """Return a matrix of no more columns than rows with the same product Z Z'."""
-    from scipy.linalg.lapack import dgeqrf
-
-    if Z.shape[1] <= len(Z):
-        return Z
-    return np.tril(dgeqrf(Z.T)[0][: len(Z)].T)

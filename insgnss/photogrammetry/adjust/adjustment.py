@@ -52,7 +52,7 @@ class Adjusted:
         return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else np.nan
 
 
-def adjusted(problem: Problem, values: Unknowns) -> Adjusted:
+def adjusted(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP) -> Adjusted:
     """Adjust a block.
 
     Image observations that cannot take part at the first values (of a point behind its camera,
@@ -64,6 +64,9 @@ def adjusted(problem: Problem, values: Unknowns) -> Adjusted:
         The observations.
     values : Unknowns
         First values of all unknowns; points without a first value (NaN) do not take part.
+    enough : float
+        Standard deviations by which the last step may move an unknown; infinite where the caller
+        linearises again: then the first undamped step is the last.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def adjusted(problem: Problem, values: Unknowns) -> Adjusted:
     steps = 0
     for _ in range(MOST_VALIDITY_ROUNDS):
         active = valid(problem, values)
-        result = _iterated(problem.with_active(active), values, steps)
+        result = _iterated(problem.with_active(active), values, steps, enough)
         steps, values = result.iterations, result.values
         again = _intersected_again(problem, values)
         if (valid(problem, again) == active).all():
@@ -117,7 +120,7 @@ def _intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
     return values.with_points(np.where(missing[:, None], point, values.point))
 
 
-def _iterated(problem: Problem, values: Unknowns, steps: int) -> Adjusted:
+def _iterated(problem: Problem, values: Unknowns, steps: int, enough: float) -> Adjusted:
     """Iterate with the observations that are active, which are valid at the first values."""
     values = problem.filled(values)
     groups = linearised(problem, values)
@@ -138,7 +141,7 @@ def _iterated(problem: Problem, values: Unknowns, steps: int) -> Adjusted:
         new, invalid = cost(problem, trial, ahead)
         accepted = invalid == 0 and new < now
         small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
-        ends = CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        ends = enough**2 * max(now / freedom, np.finfo(float).tiny)
         negligible = predicted < ends
         gain = (now - new) / predicted if predicted > 0.0 else 0.0
         longest = max(longest, predicted)

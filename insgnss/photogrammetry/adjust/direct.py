@@ -24,7 +24,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...records.block import Array
+from ...records.block import Array, whitened
 from .adjustment import Adjusted, adjusted, residuals_px
 from .kernels import points, posterior
 from .normals import Problem, assembled, factorised, problem_of
@@ -136,14 +136,15 @@ def direct_precision(result: Adjusted) -> Precision:
     scratch = points.scratch_for(problem.rays, len(values.interior))
     arguments = (problem.rays, shown.kernel_values(), np.zeros((m, 3, 3)), np.zeros((m, 3)))
     places = problem.layout.envelope.places
-    posterior.posterior(*arguments, scratch, places, Q.stored, point, expected)
+    cofactors = np.full_like(problem.rays.weight, np.nan)
+    posterior.posterior(*arguments, scratch, places, Q.stored, point, cofactors)
     posterior.expected_squares(*arguments, scratch, places, Q.stored, expected)
     square = np.empty_like(expected)
     square[problem.order] = expected
-    whitened = residuals_px(result) / problem.block.observations.sigma_px
+    e = whitened(problem.block.observations.whitening, residuals_px(result))
     tests = tuple(tested(result, group, Q, point, 1.0) for group in problem.groups)
     none = np.full_like(square, np.inf)
-    return Precision(result, 1.0, Q, point, square, whitened / np.sqrt(square), none, tests)
+    return Precision(result, 1.0, Q, point, square, e / np.sqrt(square), none, tests)
 
 
 def joint_covariance(problem: Problem, values: Unknowns, chosen: Sequence[int]) -> Array:

@@ -145,11 +145,9 @@ def weight_of(cov: Array, who: str) -> Array:
         It is not positive definite, to 13 digits when its diagonal is scaled to one.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(cov), np.finfo(float).tiny))
-    scaled = scale[:, None] * cov * scale
-    if (inverse := _by_cholesky(scaled)) is not None:
-        inverse *= np.outer(scale, scale)
+    if (inverse := _by_cholesky(cov, scale)) is not None:
         return inverse
-    values, axes = np.linalg.eigh(scaled)
+    values, axes = np.linalg.eigh(scale[:, None] * cov * scale)
     if not values[0] > 1e-13 * values[-1]:
         raise DataError(
             f"{who}: covariance is not positive definite (eigenvalues from {values[0]:.1e} to"
@@ -159,17 +157,25 @@ def weight_of(cov: Array, who: str) -> Array:
     return np.asarray(whitened @ whitened.T)
 
 
-def _by_cholesky(matrix: Array) -> Array | None:
-    """Return the inverse of a symmetric matrix, None where it may not be positive definite."""
-    from scipy.linalg.lapack import dpocon, dpotrf, dpotri
+def _by_cholesky(cov: Array, scale: Array) -> Array | None:
+    """Return the inverse of a covariance, by its scaled one; None where that may be singular."""
+    from scipy.linalg.lapack import dlange, dpocon, dpotrf, dpotri
 
-    norm = np.abs(matrix).sum(axis=0).max()
-    factor, failed = dpotrf(matrix.T, lower=1)
+    scaled = scale[:, None] * cov
+    scaled *= scale
+    norm = dlange("1", scaled.T)
+    factor, failed = dpotrf(scaled.T, lower=1, overwrite_a=1)
     if failed or not dpocon(factor, norm, uplo="L")[0] > WELL:
         return None
-    lower = np.tril(dpotri(factor, lower=1, overwrite_c=1)[0])
-    lower += np.tril(lower, -1).T
-    return lower
+    upper = dpotri(factor, lower=1, overwrite_c=1)[0].T  # rows in a piece; zeros below
+    upper *= scale[:, None]
+    upper *= scale
+    for first in range(0, scale.size, 256):  # in pieces that caches hold
+        rows = slice(first, first + 256)
+        upper[rows, :first] = upper[:first, rows].T
+        square = upper[rows, rows]
+        square += np.triu(square, 1).T
+    return upper
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,7 +157,7 @@ def problem_of(
         np.searchsorted(obs.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
         obs.image[order],
         np.ascontiguousarray(obs.uv[order]),
-        1.0 / obs.sigma_px[order],
+        obs.whitening[order],
         np.ones(len(obs), dtype=bool),
         np.ascontiguousarray(block.camera, dtype=np.int64),
         6 * layout.place,
@@ -284,14 +284,33 @@ def assembled(
 
 def _normal(P: Array, J: Array, e: Array) -> tuple[Array, Array]:
     """Return J^T P J and J^T P e of a group."""
-    if J.shape[1] < SPARSE_UNKNOWNS:
-        weighted = P @ J
-        return J.T @ weighted, weighted.T @ e
-    from scipy.sparse import csr_array
+    return between(J, P), J.T @ (P @ e)
 
-    # of whole strips: an observed pose depends on its own image, and on few other unknowns
-    Jt = csr_array(J.T)
-    return np.asarray(Jt @ (Jt @ P).T), np.asarray(Jt @ (P @ e))
+
+def between(J: Array, P: Array) -> Array:
+    """Compute J^T P J, of many unknowns by what is not zero in J.
+
+    Of whole strips an observed pose depends on its own image, and on few other unknowns.
+
+    Parameters
+    ----------
+    J : ndarray, (m, d)
+        Derivatives.
+    P : ndarray, (m, m)
+        A symmetric matrix.
+
+    Returns
+    -------
+    ndarray, (d, d)
+        The product.
+    """
+    if max(J.shape) < SPARSE_UNKNOWNS:
+        return np.asarray(J.T @ P @ J)
+    row, column = np.nonzero(J)
+    start = np.searchsorted(row, np.arange(len(J) + 1))
+    out = np.zeros((J.shape[1], J.shape[1]))
+    elimination.add_product(start, column, J[row, column], np.ascontiguousarray(P), out)
+    return out
 
 
 def columns_of(

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...records.block import Array
+from ...records.block import Array, whitened
 from .adjustment import Adjusted, adjusted
 from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity
@@ -166,7 +166,7 @@ def _robust(
         # Huber's weight; of what cannot be seen now, and perhaps later, the given one
         factor = np.where(np.isfinite(length), np.minimum(1.0, HUBER * unit / length), 1.0)
         weight = stated_rays.weight * np.sqrt(factor)[:, None]
-        change = np.abs(weight / problem.rays.weight - 1.0).max(initial=0.0)
+        change = np.abs(weight[:, 0] / problem.rays.weight[:, 0] - 1.0).max(initial=0.0)
         before, off_groups = off_groups, _robust_factors(groups, result.values)
         change = max(change, np.abs(np.sqrt(before / off_groups) - 1.0).max(initial=0.0))
         robust = tuple(
@@ -243,7 +243,7 @@ def _rejection(whole: Problem, result: Adjusted, row: int, w: float) -> Rejected
 
 def _lengths(result: Adjusted, rays: collinearity.Rays) -> tuple[Array, float]:
     """Return the lengths of the whitened residuals (n,), and their robust unit."""
-    length = np.linalg.norm(result.values.residuals(rays) * rays.weight, axis=1)
+    length = np.linalg.norm(whitened(rays.weight, result.values.residuals(rays)), axis=1)
     part_of = result.problem.rays.active & np.isfinite(length)
     errors = length
     if _few_redundant(result.problem):  # residuals say little of errors

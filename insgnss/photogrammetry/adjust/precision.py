@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...records.block import INTERIOR, Array, ImageBlock
+from ...records.block import INTERIOR, Array, ImageBlock, whitened
 from .adjustment import Adjusted, residuals_px
 from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
-from .normals import SPARSE_UNKNOWNS, Problem, assembled, columns_of, factorised
+from .normals import Problem, assembled, between, columns_of, factorised
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 NONCENTRALITY = 4.13
@@ -206,12 +206,12 @@ class Precision:
         """Return the variance components: image observations of each camera, then the groups'."""
         problem = self.result.problem
         observations = problem.block.observations
-        whitened = residuals_px(self.result) / observations.sigma_px
+        e = whitened(observations.whitening, residuals_px(self.result))
         of_camera = problem.block.camera[observations.image]
         components = []
         for c, name in enumerate(image_components(problem.block)):
             mine = (of_camera == c) & np.isfinite(self.redundancy[:, 0])
-            cost, r = float((whitened[mine] ** 2).sum()), float(self.redundancy[mine].sum())
+            cost, r = float((e[mine] ** 2).sum()), float(self.redundancy[mine].sum())
             components.append(_component(name, 2 * int(mine.sum()), cost, r))
         for name in dict.fromkeys(test.name for test in self.groups):
             count, cost, r = 0, 0.0, 0.0
@@ -274,7 +274,7 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
     normals = assembled(problem, result.values)
     Q = cofactors_from(problem, result.values, factorised(problem, normals))
     point = np.full((len(problem.block.points), 3, 3), np.nan)
-    r = np.full_like(problem.rays.uv, np.nan)
+    r = np.full_like(problem.rays.weight, np.nan)
     posterior.posterior(
         problem.rays,
         result.values.kernel_values(),
@@ -286,17 +286,40 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
         point,
         r,
     )
-    redundancy = np.empty_like(r)
-    redundancy[problem.order] = np.clip(r, 0.0, None)
-    sigma = problem.block.observations.sigma_px
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.where(redundancy > 1e-9, np.sqrt(redundancy), 0.0)
-        root[np.isnan(redundancy)] = np.nan
-        w = np.where(root > 0.0, residuals_px(result) / sigma / root / np.sqrt(scale), 0.0)
-        w[np.isnan(redundancy)] = np.nan
-        detectable = NONCENTRALITY * np.sqrt(scale) * sigma / root
+    redundancy, w, detectable = _tested_rays(result, r, scale)
     tests = tuple(tested(result, group, Q, point, scale) for group in problem.groups)
     return Precision(result, scale, Q, scale * point, redundancy, w, detectable, tests)
+
+
+def _tested_rays(result: Adjusted, r: Array, scale: float) -> tuple[Array, Array, Array]:
+    """Return redundancy numbers, w and detectable biases of the image observations, (n, 2) each.
+
+    With the cofactors R of whitened residuals W e, rows `r` in the order of rays, these are those
+    of `tested`: P e = W^T W e, P Q_vv P = W^T R W, Q_vv P = W^-1 R W.
+    """
+    problem = result.problem
+    R, W = np.empty_like(r), problem.block.observations.whitening
+    R[problem.order] = r
+    a, b, c = W.T
+    e = whitened(W, residuals_px(result))
+    shared = R[:, 1] * b / a
+    redundancy = np.column_stack([R[:, 0] + shared, R[:, 2] - shared])
+    uncorrelated = b == 0.0  # of others one of both may be negative, as of groups
+    redundancy[uncorrelated] = np.maximum(redundancy[uncorrelated], 0.0)
+    against = a**2 * R[:, 0] + 2.0 * a * b * R[:, 1] + b**2 * R[:, 2], c**2 * R[:, 2]
+    weighted = np.column_stack([a * e[:, 0] + b * e[:, 1], c * e[:, 1]])
+    diagonal = np.column_stack([a**2 + b**2, c**2])
+    return redundancy, *_standardised(weighted, np.column_stack(against), diagonal, scale)
+
+
+def _standardised(
+    weighted: Array, against: Array, diagonal: Array, scale: float
+) -> tuple[Array, Array]:
+    """Return w and detectable biases by P e and the diagonals of P Q_vv P and of P."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.where(against <= 1e-9 * diagonal, 0.0, np.sqrt(np.maximum(against, 0.0)))
+        w = np.where(root == 0.0, 0.0, weighted / root / np.sqrt(scale))
+        return w, NONCENTRALITY * np.sqrt(scale) / root
 
 
 def cofactors_from(problem: Problem, values: Unknowns, factor: Factor) -> Cofactors:
@@ -362,11 +385,7 @@ def tested(
     A = explained(J, mine)
     redundancy = 1.0 - (A * P).sum(axis=1)  # diagonal of Q_vv P = 1 - A P
     against = np.diagonal(P) - ((P @ A) * P).sum(axis=1)
-    scaled = against / np.diagonal(P)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.where(scaled > 1e-9, np.sqrt(np.maximum(against, 0.0)), 0.0)
-        w = np.where(root > 0.0, (P @ e) / root / np.sqrt(scale), 0.0)
-        detectable = NONCENTRALITY * np.sqrt(scale) / root
+    w, detectable = _standardised(P @ e, against, np.diagonal(P), scale)
     return GroupTest(group.name, group.keys, e, redundancy, w, detectable)
 
 
@@ -385,12 +404,7 @@ def explained(J: Array, Q: Array) -> Array:
     ndarray, (m, m)
         J Q J^T.
     """
-    if J.shape[1] < SPARSE_UNKNOWNS:
-        return J @ Q @ J.T
-    from scipy.sparse import csr_array
-
-    sparse = csr_array(J)
-    return np.asarray(sparse @ (sparse @ Q).T)
+    return between(J.T, Q)
 
 
 def strongest(precision: Precision, count: int = 10) -> Sequence[tuple[str, str, float]]:

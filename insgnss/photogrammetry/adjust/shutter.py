@@ -30,7 +30,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...records.block import Array, ImageBlock
+from ...records.block import Array, ImageBlock, whitened
 from ...records.cameras.camera import pixels_of
 from .adjustment import Adjusted
 from .normals import Normals, Problem, assembled, corrections
@@ -163,9 +163,9 @@ def _estimated(
     """
     rays = problem.rays
     a = pixels_by_readout(measured.with_active(rays.active), values, motion)
-    e = values.residuals(rays)
-    weight = np.where(rays.active[:, None], rays.weight**2, 0.0)
-    along, whole = float(np.nansum(weight * a * e)), float((weight * a**2).sum())
+    weight = np.where(rays.active[:, None], rays.weight, 0.0)
+    e, whitened_a = whitened(weight, values.residuals(rays)), whitened(weight, a)
+    along, whole = float(np.nansum(whitened_a * e)), float((whitened_a**2).sum())
     scale = 1.0 / np.sqrt(max(whole, np.finfo(float).tiny))
     normals, dx, dp = _step(problem, values)
     shifted = replace(problem, rays=rays._replace(uv=rays.uv - scale * a))
@@ -178,10 +178,11 @@ def _estimated(
         return None
     N = whole * (1.0 - absorbed)
     r = along / N
-    a_left = (e - values.moved(problem.layout, dx, dp).residuals(shifted.rays)) / scale
-    score = np.nansum(weight * a_left * (e - r * a_left), axis=1)
+    after = whitened(weight, values.moved(problem.layout, dx, dp).residuals(shifted.rays))
+    a_left = (e - after) / scale
+    score = np.nansum(a_left * (e - r * a_left), axis=1)
     of_images = np.bincount(rays.image, weights=score)
-    V = float((of_images**2).sum()) + N - float(np.nansum(weight * a_left**2))
+    V = float((of_images**2).sum()) + N - float(np.nansum(a_left**2))
     columns = 6 * problem.layout.place[:, None] + np.arange(3)
     return r, np.sqrt(max(N, V)) / N, N, r / scale * dx[columns]
 

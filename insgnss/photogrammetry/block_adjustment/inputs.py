@@ -139,6 +139,9 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
             file = replace(file, aerial_control=table)
         else:
             eo = read_one_camera(poses, "an adjustment")
+    if file.camera.new_from:
+        images = source.measured.images if eo is None else eo.images
+        source = _by_part(source, file.camera.new_from, images)
     datum, ground = file.adjustment.datum, None
     if datum == "control":
         ground = ground_in_plane(file, source, eo, notes)
@@ -346,6 +349,30 @@ def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     if file.camera.free is None:
         return cameras
     return tuple(replace(camera, free=file.camera.free) for camera in cameras)
+
+
+def _by_part(source: MeasuredBlock, names: Sequence[str], order: Sequence[str]) -> MeasuredBlock:
+    """Return a block whose cameras have parameters of their own from some images on.
+
+    An image that the order lacks belongs to the part of the image before it in the block.
+    """
+    begins = matched(tuple(names), tuple(order))
+    if (begins < 0).any():
+        name = names[int(np.argmin(begins))]
+        raise InputError(
+            f"camera.new_from: {name!r} is no image of the block; {near(name, order[:200])}"
+        )
+    row = matched(source.measured.images, tuple(order))
+    latest = np.maximum.accumulate(np.where(row >= 0, np.arange(row.size), 0))
+    interval = np.searchsorted(np.sort(begins), row[latest], side="right")
+    pairs, camera = np.unique(
+        np.column_stack([source.camera, interval]), axis=0, return_inverse=True
+    )
+    starts = ("", *(f" from {order[k]}" for k in np.sort(begins)))
+    cameras = tuple(
+        replace(source.cameras[c], name=f"{source.cameras[c].name}{starts[k]}") for c, k in pairs
+    )
+    return replace(source, cameras=cameras, camera=camera.reshape(-1).astype(np.int64))
 
 
 def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:

@@ -57,8 +57,8 @@ POINTS_TABLE = TableOut(
     " rays=%d role"
 )
 RESIDUALS = TableOut(
-    "image point x=%.4f y=%.4f sigma_x=%.5f sigma_y=%.5f residual_x=%.5f residual_y=%.5f"
-    " redundancy_x=%.5f redundancy_y=%.5f w_x=%.4f w_y=%.4f rejected"
+    "image point x=%.4f y=%.4f sigma_x=%.5f sigma_y=%.5f correlation=%.5f residual_x=%.5f"
+    " residual_y=%.5f redundancy_x=%.5f redundancy_y=%.5f w_x=%.4f w_y=%.4f rejected"
 )
 CONTRADICTED = "contradicted"
 FORM_FILES = {
@@ -282,8 +282,9 @@ def write_residuals(solved: AdjustedBlock, path: Path) -> None:
     block, precision = solved.result.problem.block, solved.precision
     obs = block.observations
     rejected = np.isin(np.arange(len(obs)), solved.rejected)
-    numbers = np.hstack(
-        [obs.uv, obs.sigma_px, residuals_px(solved.result), precision.redundancy, precision.w]
+    e = residuals_px(solved.result)
+    numbers = np.column_stack(
+        [obs.uv, obs.sigma_px, obs.correlation, e, precision.redundancy, precision.w]
     )
     images = quoted_names(block.images, ",")
     points = quoted_names(block.points, ",", "point")

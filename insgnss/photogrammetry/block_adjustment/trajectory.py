@@ -256,7 +256,8 @@ class _Linearised:
         problem = with_factors(problem, solved.factors)
         problem = problem.with_active_of(solved.result.problem)
         blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
-        result = adjusted(problem, replace(values.completed(first), blocks=blocks))
+        # one step: the next round linearises flight and block again
+        result = adjusted(problem, replace(values.completed(first), blocks=blocks), np.inf)
         measured = [np.isin(chain.rows, inputs.eo_row) for chain in chains]
         of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
         of_chains = [next(of_chain) if images.any() else None for images in measured]

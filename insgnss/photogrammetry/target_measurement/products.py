@@ -113,6 +113,7 @@ def measured_points(inputs: TargetInputs, windows: Sequence[Window]) -> ImagePoi
     rows = np.array([window.row for window, _ in good], dtype=np.int64)
     uv = np.array([match.uv for _, match in good]).reshape(-1, 2)
     cov = np.array([match.cov for _, match in good]).reshape(-1, 2, 2)
+    sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     images, image = np.unique(predictions.image[rows], return_inverse=True)
     points, point = np.unique(predictions.point[rows], return_inverse=True)
     return ImagePoints(
@@ -122,7 +123,8 @@ def measured_points(inputs: TargetInputs, windows: Sequence[Window]) -> ImagePoi
             image.astype(np.int64),
             point.astype(np.int64),
             uv,
-            np.sqrt(np.diagonal(cov, axis1=1, axis2=2)),
+            sigma,
+            cov[:, 0, 1] / sigma.prod(axis=1),
         ),
     )
 

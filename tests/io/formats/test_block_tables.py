@@ -1,6 +1,7 @@
 """Plain tables of an image block: there and back, and what is wrong is named."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pyproj
@@ -57,11 +58,14 @@ def test_image_points_there_and_back(tmp_path) -> None:
         ("a b.tif", "1", 1.23456, 7.0), ("c.tif", "1", 3.0, 4.0), ("c.tif", "Tö", 5, 6)
     )
     sigma = np.array([[0.5, 0.25], [1.0, 1.0], [2.0, 3.0]])
-    for now in (before.observations.sigma_px, sigma):
-        seen = before.observations
-        table = ImagePoints(
-            before.images, before.points, ImageObservations(seen.image, seen.point, seen.uv, now)
-        )
+    none = np.zeros(3)
+    for now, rho in (
+        (before.observations.sigma_px, none),
+        (sigma, none),
+        (sigma, np.array([0.5, -0.25, 0.0])),
+    ):
+        seen = replace(before.observations, sigma_px=now, correlation=rho)
+        table = ImagePoints(before.images, before.points, seen)
         write_image_points(table, tmp_path / "points.csv")
         got = read_image_points(tmp_path / "points.csv")
         assert (got.images, got.points) == (table.images, table.points)
@@ -69,6 +73,7 @@ def test_image_points_there_and_back(tmp_path) -> None:
         assert got.observations.point.tolist() == [0, 0, 1]
         assert np.abs(got.observations.uv - seen.uv).max() <= 0.5e-4
         assert got.observations.sigma_px.tolist() == now.tolist()
+        assert got.observations.correlation.tolist() == rho.tolist()
 
 
 def test_a_table_without_header_and_standard_deviations(tmp_path) -> None:
@@ -135,6 +140,13 @@ def test_what_is_wrong_is_named(page, old, new, message, tmp_path) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as refusal:
         READERS[page](tmp_path / "x")
     assert "\n" not in str(refusal.value)
+
+
+def test_a_correlation_that_cannot_be_is_named(tmp_path) -> None:
+    """Oracle: a correlation of one leaves no redundancy between both coordinates."""
+    (tmp_path / "x").write_text("image,point,x,y,sigma,rho\na,1,2,3,1,0.9\na,2,2,3,1,-1\n")
+    with pytest.raises(InputError, match=":3: correlation -1; it must be between -1 and 1"):
+        read_image_points(tmp_path / "x")
 
 
 def test_columns_that_nobody_knows_are_left_out_when_told(tmp_path) -> None:

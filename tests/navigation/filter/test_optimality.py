@@ -18,7 +18,7 @@ from linearised_interval import linearise_interval
 from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
-from insgnss.navigation.filter.correction import _smaller, corrections
+from insgnss.navigation.filter.correction import corrections
 from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
@@ -395,8 +395,8 @@ def test_images_correct_all_epochs_as_one_batch_does(case, in_one, block, column
     found, less = np.empty((len(expected), n)), np.empty_like(without)
     for piece in corrections(passes.again(), chain, T, b):
         found[piece.first : piece.last] = piece.mean(piece.z[:, 0])
-        X = piece.multiples(slice(None), n) @ _smaller(piece.z[:, 1:])
-        less[piece.first : piece.last] = X @ np.swapaxes(X, 1, 2)
+        X, Z = piece.multiples(slice(None), n), piece.z[:, 1:]
+        less[piece.first : piece.last] = X @ (Z @ Z.T) @ np.swapaxes(X, 1, 2)
     agree(found, case.smoothed.P - less, expected, expected_P, without, BY_IMAGES)
     assert np.abs(expected / np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))).max() > 1.0
     left = np.diagonal(expected_P / without, axis1=1, axis2=2)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from simulated_blocks import camera, simulated
 from test_image_kernels import computed
 
@@ -22,7 +23,7 @@ from insgnss.photogrammetry.adjust.groups import (
     weight_of,
 )
 from insgnss.photogrammetry.adjust.normals import problem_of
-from insgnss.photogrammetry.adjust.precision import precision_of
+from insgnss.photogrammetry.adjust.precision import NONCENTRALITY, precision_of
 from insgnss.photogrammetry.adjust.start import first_values
 from insgnss.records.block import INTERIOR, RADIAL_MODELS
 
@@ -40,6 +41,7 @@ def residual_function(block, values, more):
     """Whitened residuals of the vector of unknowns, written without the engine; one camera."""
     n, free = len(block.images), [INTERIOR.index(name) for name in block.cameras[0].free]
     seen = block.observations
+    root = np.linalg.cholesky(covariances(seen))
 
     def residuals(x):
         poses = x[: 6 * n].reshape(n, 6)
@@ -54,10 +56,29 @@ def residual_function(block, values, more):
             block.control.cov[0, 0, 0]
         )
         return np.concatenate(
-            [(e / seen.sigma_px).ravel(), control.ravel(), more(poses[:, :3], C, interior, point)]
+            [
+                np.linalg.solve(root, e[:, :, None]).ravel(),
+                control.ravel(),
+                more(poses[:, :3], C, interior, point),
+            ]
         )
 
     return residuals
+
+
+def covariances(seen):
+    """Covariance (n, 2, 2) of each image observation."""
+    cov = seen.sigma_px[:, :, None] * seen.sigma_px[:, None]
+    cov[:, [0, 1], [1, 0]] *= seen.correlation[:, None]
+    return cov
+
+
+def correlated(block, rng):
+    """The block with standard deviations and correlations that differ from ray to ray."""
+    seen = block.observations
+    sigma = seen.sigma_px * rng.uniform(0.5, 2.0, seen.uv.shape)
+    rho = rng.uniform(-0.95, 0.95, len(seen))
+    return replace(block, observations=replace(seen, sigma_px=sigma, correlation=rho))
 
 
 def nothing(*_):
@@ -102,17 +123,20 @@ def covariance(jacobian):
     return cov
 
 
-@pytest.mark.parametrize("model", RADIAL_MODELS)
+@pytest.mark.parametrize(
+    ("model", "rho"), [*((model, False) for model in RADIAL_MODELS), ("forward", True)]
+)
 @pytest.mark.slow
-def test_against_scipy(model):
+def test_against_scipy(model, rho):
     """Oracle: scipy's trust region on all unknowns at once with numeric derivatives: cost, values
-    to 0.01 sigma, standard deviations to 1e-4.
+    to 0.01 sigma, standard deviations to 1e-4, redundancy numbers and w by dense matrices; with
+    coordinates of a point that are correlated, too.
     """
     backward = model == "backward"
     free = ("f", "cx", "cy", "k1", "p1") if not backward else ("f", "cx", "cy", "b1", "k1")
     one = replace(camera(backward, free), fisheye=model == "fisheye")
     made = simulated(4, cameras=(one,), start_m=0.5, start_deg=0.3, **SMALL)
-    block = made.block
+    block = correlated(made.block, np.random.default_rng(4)) if rho else made.block
     first = first_values(block)
     result = adjusted(problem_of(block, control_points(block.control)), first)
     got, cov, about = scipy_solution(block, first)
@@ -141,8 +165,18 @@ def test_against_scipy(model):
     total = np.nansum(precision.redundancy) + sum(t.redundancy.sum() for t in precision.groups)
     assert total == pytest.approx(result.redundancy, abs=1e-6)
     hat = got.jac @ cov @ got.jac.T
-    want = (1.0 - np.diagonal(hat))[: 2 * len(block.observations)].reshape(-1, 2)
+    m = 2 * len(block.observations)
+    half = block_diag(*np.linalg.cholesky(covariances(block.observations)))
+    P = np.linalg.inv(half @ half.T)
+    Q_vv = half @ (np.eye(m) - hat[:m, :m]) @ half.T
+    want = np.diagonal(Q_vv @ P).reshape(-1, 2)
     assert precision.redundancy == pytest.approx(want, abs=1e-5)
+    size = np.sqrt(np.diagonal(P @ Q_vv @ P).reshape(-1, 2))
+    w = (P @ half @ got.fun[:m]).reshape(-1, 2) / size
+    checked = np.diagonal(P).reshape(-1, 2) * 0.01 < size**2  # redundant to a per cent
+    assert precision.w[checked] == pytest.approx(w[checked], abs=2e-3)
+    want = NONCENTRALITY / size[checked]
+    assert precision.detectable_px[checked] == pytest.approx(want, rel=1e-3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from ..names import IN_IMAGE, sigma_names
 from ..orientation.exported import quoted_names
 from ..text.columns import Columns, TableOut, TableSpec
 from ..text.layout import shown
+from ..text.order import refuse_rows
 from ..text.text import Source
 
 PIXEL_UNITS = "px pixel pixels pix"
@@ -21,9 +22,15 @@ SPEC = TableSpec(
         "sigma": "sigma sd std sigma_px sigma_xy",
         "sigma_x": sigma_names("x u"),
         "sigma_y": sigma_names("y v"),
+        "correlation": "correlation corr rho rho_xy corr_xy",
     },
     required="image point x y",
-    layouts=("image point x y", "image point x y sigma", "image point x y sigma_x sigma_y"),
+    layouts=(
+        "image point x y",
+        "image point x y sigma",
+        "image point x y sigma_x sigma_y",
+        "image point x y sigma_x sigma_y correlation",
+    ),
     text=True,
     strict=PIXEL_UNITS,
 )
@@ -75,7 +82,8 @@ def read_image_points(
     ------
     InputError
         A column that is unknown, a field that is no number, a standard deviation that is not
-        positive, or a point that is measured twice in an image, with file and line.
+        positive, a correlation that is not between -1 and 1, or a point that is measured twice in
+        an image, with file and line.
     DataError
         A `sigma_px` that is not positive.
     """
@@ -98,7 +106,10 @@ def read_image_points(
     sigma = np.full_like(uv, sigma_px)
     if "sigma" in table or all(both):
         sigma[:] = table.positive("sigma" if "sigma" in table else "sigma_x sigma_y", "px")
-    return ImagePoints(images, points, ImageObservations(image, point, uv, sigma))
+    correlation = table.floats("correlation") if "correlation" in table else np.zeros(len(uv))
+    message = "correlation {:g}; it must be between -1 and 1"
+    refuse_rows(table, np.abs(correlation) >= 1.0, message, correlation)
+    return ImagePoints(images, points, ImageObservations(image, point, uv, sigma, correlation))
 
 
 def write_image_points(measured: ImagePoints, path: Source) -> None:
@@ -121,9 +132,15 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     images = quoted_names(measured.images, ",")
     points = quoted_names(measured.points, ",", "point")
     seen = measured.observations
-    equal = bool((seen.sigma_px[:, 0] == seen.sigma_px[:, 1]).all())
+    correlated = bool(seen.correlation.any())
+    equal = not correlated and bool((seen.sigma_px[:, 0] == seen.sigma_px[:, 1]).all())
     sigma = seen.sigma_px[:, :1] if equal else seen.sigma_px
     out = OUT.with_columns("sigma=%.6g" if equal else "sigma_x=%.6g sigma_y=%.6g")
+    if correlated:
+        out, sigma = (
+            out.with_columns("correlation=%.5f"),
+            np.column_stack([sigma, seen.correlation]),
+        )
     names = [images[i] for i in seen.image], [points[p] for p in seen.point]
     comment = f"image observations: {PIXEL_ORIGIN}"
     out.write(path, np.hstack([seen.uv, sigma]), *names, comments=(comment,))

@@ -26,7 +26,7 @@ class Rays(NamedTuple):
     start : (np + 1,) first observation of each point.
     image : (n,) row of the image.
     uv : (n, 2) pixels.
-    weight : (n, 2) square roots of the weights, 1 / px.
+    weight : (n, 3) `records.block.ImageObservations.whitening` of each, 1 / px.
     active : (n,) whether the observation takes part.
     camera : (ni,) row of each image's camera.
     pose : (ni,) first column of each image's pose.
@@ -254,7 +254,8 @@ def residuals(rays, values, e):
                 e[j, 0] = e[j, 1] = np.nan
             if rays.active[j]:
                 if seen:
-                    cost += (e[j, 0] * rays.weight[j, 0]) ** 2 + (e[j, 1] * rays.weight[j, 1]) ** 2
+                    w = rays.weight[j]
+                    cost += (w[0] * e[j, 0]) ** 2 + (w[1] * e[j, 0] + w[2] * e[j, 1]) ** 2
                 else:
                     invalid += 1
     return cost, invalid

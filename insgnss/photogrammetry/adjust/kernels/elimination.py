@@ -87,6 +87,32 @@ def take_between(places, columns, stored, out):
 
 
 @njit(cache=True)
+def add_product(start, column, value, P, out):
+    """Add J^T P J of a sparse matrix J, one row of P after the other.
+
+    Parameters
+    ----------
+    start, column, value : ndarray
+        (m + 1,), (k,), (k,) J by rows: where each begins, columns, and what stands there.
+    P : ndarray, (m, m)
+        The matrix between.
+    out : ndarray, (d, d)
+        The product, added to.
+    """
+    weighted = np.empty(len(out))
+    for r in range(len(P)):
+        weighted[:] = 0.0
+        for q in range(len(P)):
+            p = P[r, q]
+            for k in range(start[q], start[q + 1]):
+                weighted[column[k]] += p * value[k]
+        for k in range(start[r], start[r + 1]):
+            v, row = value[k], out[column[k]]
+            for a in range(weighted.size):
+                row[a] += v * weighted[a]
+
+
+@njit(cache=True)
 def normal_equations(rays, values, damping, own_V, own_g, s, places, S, g, g_reduced, diagonal, gp):
     """Add the image observations to the normal equations, points eliminated (J.6).
 

@@ -148,21 +148,20 @@ def linearise_point(rays, values, p, s, with_W=True):
         model, unit = rays.model[cam], rays.unit[cam]
         image_residual(X0, C, X, c, model, unit, values.fold2[cam], uv, s.work, e)
         image_jacobian(X0, C, X, c, model, unit, uv, s.work, A, s.full, B)
-        for r in range(2):
-            w = rays.weight[j, r]
-            e[r] *= w
-            for a in range(6):
-                s.L[m, r, a] = w * A[r, a]
-            for a in range(k):
-                s.L[m, r, 6 + a] = w * s.full[r, rays.columns[a]]
-            for a in range(3):
-                s.L[m, r, wide + a] = w * B[r, a]
+        w0, w1, w2 = rays.weight[j, 0], rays.weight[j, 1], rays.weight[j, 2]
+        e[1] = w1 * e[0] + w2 * e[1]
+        e[0] *= w0
         for a in range(6):
+            s.L[m, 0, a], s.L[m, 1, a] = w0 * A[0, a], w1 * A[0, a] + w2 * A[1, a]
             s.column[m, a] = rays.pose[i] + a
         for a in range(k):
+            c0, c1 = s.full[0, rays.columns[a]], s.full[1, rays.columns[a]]
+            s.L[m, 0, 6 + a], s.L[m, 1, 6 + a] = w0 * c0, w1 * c0 + w2 * c1
             s.column[m, 6 + a] = first_camera + k * cam + a
         for a in range(3):
-            s.column[m, wide + a] = kept + a
+            b = wide + a
+            s.L[m, 0, b], s.L[m, 1, b] = w0 * B[0, a], w1 * B[0, a] + w2 * B[1, a]
+            s.column[m, b] = kept + a
         s.ray[m] = j
         m += 1
     if kept >= 0:

@@ -9,7 +9,7 @@ from .points import invert3, linearise_point, take_own, times_inverse
 
 
 @njit(cache=True)
-def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
+def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, residual):
     """Compute cofactors of the points and redundancy numbers of the image observations (J.7).
 
     Parameters
@@ -26,8 +26,9 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
         Cofactors of all unknowns but eliminated points; zero in rows and columns of what is held.
     Q_point : ndarray, (np, 3, 3)
         Cofactors of the points, m^2, written here but for points that nothing observes.
-    redundancy : ndarray, (n, 2)
-        Redundancy numbers, written here but for observations that are not active.
+    residual : ndarray, (n, 3)
+        Cofactors (0, 0), (1, 0), (1, 1) of both whitened residuals, written here but for
+        observations that are not active.
     """
     wide = 6 + rays.columns.size
     # of a ray: cofactors of its pose and camera, and of these with the point
@@ -78,8 +79,8 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
                     if s.row[a] == s.column[t, b]:
                         for c in range(3):
                             Qxp[b, c] = -QT[a, c]
+            explained0, explained1, explained2 = 0.0, 0.0, 0.0
             for r in range(2):
-                variance = 0.0
                 for a in range(wide + 3):
                     inner = 0.0
                     for b in range(wide + 3):
@@ -92,8 +93,14 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
                         else:
                             q = Qp[a - wide, b - wide]
                         inner += q * s.L[t, r, b]
-                    variance += s.L[t, r, a] * inner
-                redundancy[s.ray[t], r] = 1.0 - variance
+                    if r == 0:
+                        explained0 += s.L[t, 0, a] * inner
+                        explained1 += s.L[t, 1, a] * inner
+                    else:
+                        explained2 += s.L[t, 1, a] * inner
+            residual[s.ray[t], 0] = 1.0 - explained0
+            residual[s.ray[t], 1] = -explained1
+            residual[s.ray[t], 2] = 1.0 - explained2
 
 
 @njit(cache=True)
