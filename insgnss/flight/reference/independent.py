@@ -1,6 +1,7 @@
 """Which flights `poses` knows how to orient, what it needs of their flight file, the comparison."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,6 @@ from ...base.errors import DataError
 from ...navigation.filter.codes import POSITION_ROW, USED
 from ...records.states import LEVER_ARM, TIME_OFFSET
 from .poses import Bias, Setup, image_poses, pose_differences
-from .verify import POSE_UNITS, Difference, PoseAgreement
 
 if TYPE_CHECKING:
     from ..config.flight_file import Flight
@@ -24,7 +24,66 @@ DIRECTIONS = {
     "left": (0.0, -1.0, 0.0),
     "up": (0.0, 0.0, -1.0),
 }
+# s, of a part: two ways that begin at different first attitudes differ by up to 4 sigma after 18 s,
+# 0.7 after 30, 0.1 after 60 and 0.04 after 120
+SHORTEST_S = 55.0
+# of images, in their sigmas: below a fifth, which a defect must not reach; usual are 0.02 to 0.1
+LIMIT_POSE_SIGMAS = 0.15
+POSE_UNITS = (*((1e3, "mm"),) * 3, *((180.0 / np.pi, "deg"),) * 3)
 QUANTITIES = ("east", "north", "up", "rotation about east", "about north", "about up")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The largest difference of one quantity over all epochs and axes.
+
+    Parameters
+    ----------
+    quantity : its name.
+    largest : the difference, in `unit`, and in_sigmas by (T.24); each the largest of its own.
+    unit : of `largest`.
+    sigma_ratio : (T.25) at its largest, signed; 0.01 where the twin's sigma is 1 % larger.
+    """
+
+    quantity: str
+    largest: float
+    unit: str
+    in_sigmas: float
+    sigma_ratio: float
+
+
+@dataclass(frozen=True)
+class PoseAgreement:
+    """How the images' orientation agrees with the independent one.
+
+    Parameters
+    ----------
+    images : how many were compared.
+    differences : east, north, up, and the rotation about them; sigma_ratio is not compared.
+    reason : why none were, else "".
+    """
+
+    images: int = 0
+    differences: tuple[Difference, ...] = ()
+    reason: str = ""
+
+    @property
+    def in_sigmas(self) -> float:
+        """The largest difference in standard deviations of its image."""
+        return max((one.in_sigmas for one in self.differences), default=0.0)
+
+    def sentence(self) -> str:
+        """Return what was found in one sentence."""
+        if self.reason:
+            return f"the images were not compared with independent poses: {self.reason}"
+        verdict = "agree" if self.in_sigmas <= LIMIT_POSE_SIGMAS else "DO NOT AGREE"
+        return (
+            f"{self.images} images and independent poses {verdict}: largest difference"
+            f" {self.in_sigmas:.2g} sigma (limit {LIMIT_POSE_SIGMAS:g})"
+        )
+
+
+NOT_COMPARED = PoseAgreement(reason="there is no flight file")  # but a posed problem alone
 
 
 def compare_images(
@@ -76,12 +135,14 @@ def compare_images(
 def _unknown(flight: "Flight", recording: "Recording", segment: "Segment") -> str:
     """Return what of a flight the independent path does not know; empty where nothing."""
     solution, layout = segment.solution, segment.solution.problem.layout
-    known = {"bias", *(f"GM {k}" for k in range(1, 10)), LEVER_ARM, TIME_OFFSET.group}
-    if foreign := [str(one) for one in layout.states if one.group not in known]:
+    groups = {"bias", *(f"GM {k}" for k in range(1, 10)), LEVER_ARM, TIME_OFFSET.group}
+    if foreign := [str(one) for one in layout.states if one.group not in groups]:
         return f"{foreign[0]} is estimated"
     sensors = np.delete(solution.verdict == USED, POSITION_ROW, axis=1)
     if sensors.any():
         return "more than positions is measured (velocities, stationary periods or other sensors)"
+    if (length := float(np.ptp(solution.time))) < SHORTEST_S:
+        return f"{length:.0f} s do not determine the attitude, {SHORTEST_S:.0f} s are needed"
     if flight.imu.calibration is not None or flight.imu.further:
         return "its IMU is calibrated by a file, or there are several"
     if not set(flight.imu.axes.split()) <= set(DIRECTIONS):

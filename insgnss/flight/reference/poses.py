@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 from ...records import Array, ExteriorOrientation, GnssFixes, ImuSamples
 
 EARTH_RATE = np.array([0.0, 0.0, 7.292115e-5])  # rad/s, WGS 84
-EARTH_GM, EARTH_J2, EQUATOR_M = 3.986004418e14, 1.082627e-3, 6378137.0  # m^3/s^2, 1, m, WGS 84
+EARTH_GM, EQUATOR_M = 3.986004418e14, 6378137.0  # m^3/s^2, m, WGS 84
+EARTH_J2, EARTH_J4 = 1.0826298e-3, -2.37091e-6  # of the normal field; J6 makes 4e-7 m/s^2
 FIRST_SIGMA = np.repeat([3.0, 3.0, 0.2], 3)  # m, m/s, rad of the first state in the first pass
 PRIOR_SIGMAS = 20.0  # smoothed ones, of the first state in further passes: 1/400 of information
 DIFFERENCE_S = 2.0  # of second differences of the fixes: 2 cm of noise leave 0.012 m/s^2
@@ -122,11 +123,14 @@ def rotation_vector(C: Array) -> Array:
 
 
 def gravity(r: Array) -> Array:
-    """Return gravitation with J2 and the centrifugal acceleration at r (3,) in e, m/s^2."""
+    """Return gravitation with J2 and J4 and the centrifugal acceleration at r (3,) in e, m/s^2."""
     size = float(np.linalg.norm(r))
-    z2 = 5.0 * (r[2] / size) ** 2
-    bulge = 1.5 * EARTH_J2 * (EQUATOR_M / size) ** 2 * np.array([1.0 - z2, 1.0 - z2, 3.0 - z2])
-    attraction = -EARTH_GM / size**3 * (r + bulge * r)
+    s2, flat = (r[2] / size) ** 2, (EQUATOR_M / size) ** 2
+    level, polar = 1.0 - 5.0 * s2, 3.0 - 5.0 * s2
+    second = 1.5 * EARTH_J2 * flat * np.array([level, level, polar])
+    level, polar = 1.0 - 14.0 * s2 + 21.0 * s2**2, 5.0 - 70.0 / 3.0 * s2 + 21.0 * s2**2
+    fourth = -1.875 * EARTH_J4 * flat**2 * np.array([level, level, polar])
+    attraction = -EARTH_GM / size**3 * r * (1.0 + second + fourth)
     return attraction - np.cross(EARTH_RATE, np.cross(EARTH_RATE, r))
 
 
@@ -173,13 +177,13 @@ def first_attitude(grid: Array, steps: Array, time: Array, r: Array) -> Array:
     B = np.zeros((3, 3))
     for start in np.arange(time[0] + DIFFERENCE_S, time[-1] - DIFFERENCE_S, DIFFERENCE_S):
         weight = np.clip(1.0 - np.abs(middle - start) / DIFFERENCE_S, 0.0, None) / DIFFERENCE_S
-        before, at, after = (
+        before, middle_r, after = (
             np.array([np.interp(start + s, time, column) for column in r.T])
             for s in (-DIFFERENCE_S, 0.0, DIFFERENCE_S)
         )
-        acceleration = (after - 2.0 * at + before) / DIFFERENCE_S**2
+        acceleration = (after - 2.0 * middle_r + before) / DIFFERENCE_S**2
         v = (after - before) / (2.0 * DIFFERENCE_S)
-        force = acceleration - gravity(at) + 2.0 * np.cross(EARTH_RATE, v)
+        force = acceleration - gravity(middle_r) + 2.0 * np.cross(EARTH_RATE, v)
         B += np.outer(force, weight @ pushed)
     U, _, Vt = np.linalg.svd(B)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
@@ -322,15 +326,14 @@ def image_poses(
     """
     keep = (fixes.time >= span[0]) & (fixes.time <= span[1])
     time, r = fixes.time[keep], ecef(fixes.lat[keep], fixes.lon[keep], fixes.height[keep])
-    axes = [ned_axes(*place) for place in zip(fixes.lat[keep], fixes.lon[keep], strict=True)]
+    axes = [ned_axes(*of_fix) for of_fix in zip(fixes.lat[keep], fixes.lon[keep], strict=True)]
     measured = {
-        float(t): _Fix(place, A.T @ cov @ A)
-        for t, place, A, cov in zip(time, r, axes, fixes.cov_ned[keep], strict=True)
+        float(t): _Fix(fix_r, A.T @ cov @ A)
+        for t, fix_r, A, cov in zip(time, r, axes, fixes.cov_ned[keep], strict=True)
     }
     marks = np.union1d(time, exposures)
     grid, steps = increments_at(imu, setup.C_b_imu, marks)
-    part = grid <= marks[0] + ALIGN_S
-    count = int(part.sum())
+    count = int((grid <= marks[0] + ALIGN_S).sum())
     near = time <= marks[0] + ALIGN_S
     C = first_attitude(grid[:count], steps[: count - 1], time[near], r[near])
     model = _Model(setup)
@@ -353,12 +356,12 @@ def _posed(setup: Setup, states: Sequence[_State], covariances: Sequence[Array])
     """Take states of the IMU to the camera and the tangent plane."""
     north, east, down = ned_axes(setup.origin[0], setup.origin[1])
     M = np.stack([east, north, -down])
-    place = ecef(*(np.array([x]) for x in setup.origin))[0]
+    origin_r = ecef(*(np.array([x]) for x in setup.origin))[0]
     centres, rotations, sigmas = [], [], []
     for s, P in zip(states, covariances, strict=True):
         J = np.zeros((6, P.shape[0]))
         J[:3, :3], J[:3, 6:9], J[3:, 6:9] = M, -M @ cross_matrix(s.C @ setup.camera_b), M
-        centres.append(M @ (s.r + s.C @ setup.camera_b - place))
+        centres.append(M @ (s.r + s.C @ setup.camera_b - origin_r))
         rotations.append(M @ s.C @ setup.C_cb.T)
         sigmas.append(np.sqrt(np.diag(J @ P @ J.T)))
     return Poses(np.array(centres), np.array(rotations), np.array(sigmas))

@@ -28,6 +28,7 @@ from ...navigation.filter.codes import POS, PSI, VEL
 from ...records import Array
 from ...report.document import Document, Section, Table
 from ...report.verdict import worst_of
+from .independent import LIMIT_POSE_SIGMAS, NOT_COMPARED, Difference, PoseAgreement, compare_images
 
 if TYPE_CHECKING:
     from ...navigation.filter.problem import EstimationProblem, InitialState
@@ -38,59 +39,6 @@ if TYPE_CHECKING:
 
 # a tenth of what the product calls uncertain, three percent of that; usual are 1e-3 and 1e-4
 LIMIT_SIGMAS, LIMIT_RATIO = 0.1, 0.03  # of (T.24) and (T.25)
-# of images, in their sigmas: below a fifth, which a defect must not reach; usual are 0.02 to 0.1
-LIMIT_POSE_SIGMAS = 0.15
-POSE_UNITS = (*((1e3, "mm"),) * 3, *((180.0 / np.pi, "deg"),) * 3)
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The largest difference of one quantity over all epochs and axes.
-
-    Parameters
-    ----------
-    quantity : its name.
-    largest : the difference, in `unit`, and in_sigmas by (T.24); each the largest of its own.
-    unit : of `largest`.
-    sigma_ratio : (T.25) at its largest, signed; 0.01 where the twin's sigma is 1 % larger.
-    """
-
-    quantity: str
-    largest: float
-    unit: str
-    in_sigmas: float
-    sigma_ratio: float
-
-
-@dataclass(frozen=True)
-class PoseAgreement:
-    """How the images' orientation agrees with the independent one.
-
-    Parameters
-    ----------
-    images : how many were compared.
-    differences : east, north, up, and the rotation about them; sigma_ratio is not compared.
-    reason : why none were, else "".
-    """
-
-    images: int = 0
-    differences: tuple[Difference, ...] = ()
-    reason: str = ""
-
-    @property
-    def in_sigmas(self) -> float:
-        """The largest difference in standard deviations of its image."""
-        return max((one.in_sigmas for one in self.differences), default=0.0)
-
-    def sentence(self) -> str:
-        """Return what was found in one sentence."""
-        if self.reason:
-            return f"the images were not compared with independent poses: {self.reason}"
-        verdict = "agree" if self.in_sigmas <= LIMIT_POSE_SIGMAS else "DO NOT AGREE"
-        return (
-            f"{self.images} images and independent poses {verdict}: largest difference"
-            f" {self.in_sigmas:.2g} sigma (limit {LIMIT_POSE_SIGMAS:g})"
-        )
 
 
 @dataclass(frozen=True)
@@ -121,7 +69,7 @@ class Verification:
     decided_otherwise: int
     core_s: float
     twin_s: float
-    poses: PoseAgreement = PoseAgreement(reason="there is no flight file")
+    poses: PoseAgreement = NOT_COMPARED
 
     @property
     def in_sigmas(self) -> float:
@@ -243,7 +191,6 @@ def verify(
     """
     from ..processing.recording import read_recording
     from ..processing.solve_segments import align, solve_segments
-    from .independent import compare_images
 
     progress("read")
     recording = read_recording(flight)
@@ -251,10 +198,10 @@ def verify(
     solved, _ = solve_segments(cut, recording, progress)
     longest = max(solved, key=lambda one: one.solution.time.size)
     problem = longest.solution.problem
-    found = verify_problem(
+    verification = verify_problem(
         problem, align(cut, problem)[0], cut.filter.second_pass, flight.name, progress
     )
-    return replace(found, poses=compare_images(cut, recording, longest, progress))
+    return replace(verification, poses=compare_images(cut, recording, longest, progress))
 
 
 def verify_problem(
