@@ -50,6 +50,13 @@ class State:
         return replace(self, axis="")
 
 
+# those of both sensors
+MISALIGNMENTS = tuple(
+    State(MISALIGNMENT, f"{axis} from {source}", "rad", sensor)
+    for sensor, axis in CHANNELS
+    for source in "xyz"
+    if source != axis
+)
 OF_LEVER_ARM = tuple(State(LEVER_ARM, axis, "m") for axis in AXES)
 TIME_OFFSET, CLOCK_RATE = State("GNSS time offset", unit="s"), State("GNSS clock rate")
 OF_FIXES = (*OF_LEVER_ARM, TIME_OFFSET, CLOCK_RATE)

@@ -98,7 +98,7 @@ class Table:
 
     @classmethod
     def of(
-        cls, records: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+        cls, records: Iterable[Any], columns: Mapping[str, Callable[[Any], Any]], **more: Any
     ) -> "Table":
         """Return a table of one row a record.
 

@@ -4,6 +4,8 @@
      "flag_names": [...], "flags": "base64 of uint16, one bit a flag",
      "columns": [{"key": "time", "head": "TOW, s", "digits": 3, "bytes": 2, "steps": "base64"}]}
 
+Before "time" stands the clock time, a column without data, which adds seconds to those of another:
+{"key": "clock", "head": "CEST", "clock": 7182.0, "of": "time"}.
 A column holds whole numbers of its last printed digit, little endian, in as few bytes as they
 need; times and coordinates the differences from row to row, the offset of the first apart. Ten
 thousand images take half a megabyte.
@@ -11,11 +13,13 @@ thousand images take half a megabyte.
 
 import base64
 from collections.abc import Sequence
+from datetime import UTC, tzinfo
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.gpstime import DAY_S, calendar_from_gps
 from ..records import Diagnostics, ExteriorOrientation
 from .charts.encoded import packed
 from .charts.run import track_rows
@@ -39,7 +43,7 @@ STANDS_OUT = 3.0  # times the median: an image that stands out
 UNKNOWN_LINE = 0  # number of an image outside the lines, which count from 1
 
 
-def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
+def image_table(d: Diagnostics, eo: ExteriorOrientation, zone: tzinfo = UTC) -> dict[str, Any]:
     """Return the table of images, ready for JSON.
 
     Parameters
@@ -48,10 +52,13 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         Of the run.
     eo : ExteriorOrientation
         Of at least one image.
+    zone : tzinfo, optional
+        Time zone of the clock times.
     """
     line = image_lines(d, eo)
     position, psi = image_sigmas(eo)
     columns = [
+        _clock_column(eo, zone),
         _column("time", "TOW, s", eo.time, 3, tip="TOW", unit="s", running=True),
         _column("line", "line", line, 0, dash=UNKNOWN_LINE, tip="line"),
     ]
@@ -162,6 +169,16 @@ def _common(names: Sequence[str]) -> str:
     first, last = min(names), max(names)  # all others lie between them
     same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), None)
     return first[: min(len(first), len(last)) if same is None else same]
+
+
+def _clock_column(eo: ExteriorOrientation, zone: tzinfo) -> dict[str, Any]:
+    """Return the column of clock times, which the page makes of those of "time"."""
+    tow = float(eo.time[0])
+    local = calendar_from_gps(eo.gps_week, tow).astimezone(zone)
+    of_day = 3600.0 * local.hour + 60.0 * local.minute + local.second + 1e-6 * local.microsecond
+    name = f"{local:%Z}"
+    ahead = round(of_day - tow, 3) % DAY_S
+    return {"key": "clock", "head": name, "tip": name, "of": "time", "clock": ahead}
 
 
 def _column(

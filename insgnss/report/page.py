@@ -19,6 +19,7 @@ from .charts.chart import Background, Chart
 from .charts.run import charts
 from .document import Document, Section
 from .image_table import image_table, track
+from .rules.wording import local_zone
 from .sections import made_from
 from .verdict import run_verdict
 
@@ -50,7 +51,7 @@ def write_report(
     shown = charts(diagnostics, eo, summary["standing"], series or None, background)
     data: dict[str, Any] = {"track": track(diagnostics)}
     if eo is not None and eo.images:
-        data["images"] = image_table(diagnostics, eo)
+        data["images"] = image_table(diagnostics, eo, local_zone(summary))
     atomic_write(path, page(summary, shown, data, report_sha256))
     return path
 

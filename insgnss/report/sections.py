@@ -1,6 +1,7 @@
 """The sections of the document of a run, each from the figures that report.json holds."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ from ..base.findings import Finding, ranked
 from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
-from .rules.wording import clock, lengths, millimetres, no_fix
+from .rules.wording import NED_NAMES, at_time, clock, lengths, millimetres, no_fix, span
 
 Summary = Mapping[str, Any]
 
@@ -85,7 +86,7 @@ def earlier(s: Summary) -> Section:
 
 def about(s: Summary) -> str:
     """Return whose flight it is, with what and when it was flown and processed."""
-    output, span, week = s["flight"].get("output") or {}, s["span"], s["span"]["gps_week"]
+    output, period = s["flight"].get("output") or {}, s["span"]
     included = s["flight"].get("included") or ()
     equipment = output.get("equipment") or ", ".join(Path(file).stem for file in included[:1])
     parts = [
@@ -93,8 +94,8 @@ def about(s: Summary) -> str:
         for name, text in (("operator", output.get("operator")), ("equipment", equipment))
         if text
     ]
-    if week is not None:
-        begin, end = (clock(s, span[key]) for key in ("start_tow_s", "end_tow_s"))
+    if period["gps_week"] is not None:
+        begin, end = (clock(s, period[key]) for key in ("start_tow_s", "end_tow_s"))
         parts.append(f"flown {begin:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S %Z}")
     done = [s["run"][key] for key in ("date (UTC)",) if key in s["run"]]
     parts += [f"processed {date} UTC" for date in done]
@@ -142,7 +143,7 @@ def flight_lines(s: Summary) -> Section:
     lines: Sequence[Mapping[str, Any]] = s["lines"]
     columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "Line": lambda line: str(line["line"]),
-        **_clock_times(s),
+        **_clock_column(s, "start_s", "end_s"),
         "TOW, s": lambda line: f"{line['start_s']:.1f} – {line['end_s']:.1f}",
         "course, deg": lambda line: f"{line['course_deg']:.0f}",
         "length, m": lambda line: f"{line['length_m']:.0f}",
@@ -164,14 +165,19 @@ def flight_lines(s: Summary) -> Section:
     return _captioned("Line by line", caption, table, brief=True)
 
 
-def _clock_times(s: Summary) -> dict[str, Callable[[Mapping[str, Any]], str]]:
-    """Return the column of clock times of flight lines; without a GPS week none."""
+def _clock_column(s: Summary, *keys: str) -> dict[str, Callable[[Mapping[str, Any]], str]]:
+    """Return the column of clock times, headed by their zone; without a GPS week none.
+
+    Parameters
+    ----------
+    s : of the run.
+    keys : of a row's times of week, s: an instant, or a begin and an end.
+    """
     if s["span"]["gps_week"] is None:
         return {}
 
-    def cell(line: Mapping[str, Any]) -> str:
-        begin, end = (clock(s, line[key]) for key in ("start_s", "end_s"))
-        return f"{begin:%H:%M:%S} – {end:%H:%M:%S}"
+    def cell(row: Mapping[str, Any]) -> str:
+        return " – ".join(f"{clock(s, row[key]):%H:%M:%S}" for key in keys)
 
     return {f"{clock(s, s['span']['start_tow_s']):%Z}": cell}
 
@@ -227,8 +233,10 @@ def fixes_by_line(s: Summary) -> Section:
 
 def key_numbers(s: Summary) -> Section:
     """Return the section of sigmas, counts, biases, and what supports them."""
-    span, n, biases = s["span"], s["counts"], s["biases"]
-    week = "" if span["gps_week"] is None else f"GPS week {span['gps_week']}, "
+    period, n, biases = s["span"], s["counts"], s["biases"]
+    week = "" if period["gps_week"] is None else f"GPS week {period['gps_week']}, "
+    length = f"{period['duration_s'] / 60:.1f} min"
+    flight = f"{length}, {week}{span(s, period['start_tow_s'], period['end_tow_s'])}"
     fixes = _counted(n, "fixes", "")
     if n["fixes_withheld"]:
         fixes += f" ({n['fixes_withheld']} of them withheld as incorrect)"
@@ -241,11 +249,7 @@ def key_numbers(s: Summary) -> Section:
     imu += [f"{n['passes']} filter {'pass' if n['passes'] == 1 else 'passes'}"]
     imu += ["no gap" if gaps == 0 else "1 gap bridged" if gaps == 1 else f"{gaps} gaps bridged"]
     rows = [
-        (
-            "Flight",
-            f"{span['duration_s'] / 60:.1f} min, {week}TOW {span['start_tow_s']:.1f} to"
-            f" {span['end_tow_s']:.1f} s",
-        ),
+        ("Flight", flight),
         ("Images", str(n["images"]) if n["images"] else "none (no camera)"),
         ("GNSS fixes", "none: the sensor stands at a given place" if s["standing"] else fixes),
         ("IMU", ", ".join(imu)),
@@ -322,28 +326,26 @@ def innovations(s: Summary) -> Section:
 def residuals(s: Summary) -> Section:
     """Table of the means of fixes minus solution; what is beyond its limit is marked."""
     r = s["residuals"] or {"pieces": (), "limit": 0.0, "beyond": 0}
-    rows = [
-        (
-            f"{piece['begin_s']:.1f} – {piece['end_s']:.1f}",
-            str(piece["fixes"]),
-            *(
-                Marked(
-                    f"{millimetres(mean)} ± {millimetres(sigma)}",
-                    "contradiction" if abs(mean) > r["limit"] * sigma else "",
-                )
-                for mean, sigma in zip(piece["mean_mm"], piece["sigma_mm"], strict=True)
-            ),
-        )
-        for piece in r["pieces"]
-    ]
+
+    def mean(piece: Mapping[str, Any], axis: int) -> Marked:
+        value, sigma = piece["mean_mm"][axis], piece["sigma_mm"][axis]
+        text = f"{millimetres(value)} ± {millimetres(sigma)}"
+        return Marked(text, "contradiction" if abs(value) > r["limit"] * sigma else "")
+
+    columns: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+        **_clock_column(s, "begin_s", "end_s"),
+        "TOW, s": lambda piece: f"{piece['begin_s']:.1f} – {piece['end_s']:.1f}",
+        "fixes": lambda piece: str(piece["fixes"]),
+        **{name: partial(mean, axis=axis) for axis, name in enumerate(NED_NAMES)},
+    }
     caption = (
         "mean of the used fixes minus the smoothed solution, ± one sigma of what the solution and"
         " its fixes claim; no error model changes it. An honest flight stays within"
         f" {r['limit']:.1f} sigma"
     )
-    head = ("TOW, s", "fixes", "north", "east", "down")
     name = f"pieces, {r['beyond']} beyond the limit"
-    return _captioned("Fixes minus solution", caption, Table(rows, head, True, name))
+    table = Table.of(r["pieces"], columns, numbers=True, name=name)
+    return _captioned("Fixes minus solution", caption, table)
 
 
 def constants(s: Summary) -> Section:
@@ -377,19 +379,18 @@ def _constant(state: Mapping[str, Any]) -> tuple[str, ...]:
 def rejected(s: Summary) -> Section:
     """Return the fixes that were not used."""
     r, start, withheld = s["rejected"], s["span"]["start_tow_s"], s["counts"]["fixes_withheld"]
-    rows = [
-        (
-            f"{x['time_s']:.3f}",
-            f"{(x['time_s'] - start) / 60:.2f}",
-            "–" if x["nis"] is None else f"{x['nis']:.1f}",
-        )
-        for x in r["listed"]
-    ]
-    more = f", the first {len(rows)} of them below" if r["count"] > len(rows) else ""
+    listed: Sequence[Mapping[str, Any]] = r["listed"]
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        **_clock_column(s, "time_s"),
+        "TOW, s": lambda x: f"{x['time_s']:.3f}",
+        "minute": lambda x: f"{(x['time_s'] - start) / 60:.2f}",
+        "NIS": lambda x: "–" if x["nis"] is None else f"{x['nis']:.1f}",
+    }
+    more = f", the first {len(listed)} of them below" if r["count"] > len(listed) else ""
     left_out = f" or withheld as incorrect ({withheld} of them)" if withheld else ""
     text = f"{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){left_out}{more}"
     text = text if r["count"] else "no fix was rejected"
-    table = Table(rows, ("TOW, s", "minute", "NIS"), name="fixes")
+    table = Table.of(listed, columns, name="fixes")
     return Section("Rejected fixes", [Marked(text, "text"), table], "page")
 
 
@@ -397,13 +398,18 @@ def gaps(s: Summary) -> Section:
     """Return the longest time without a fix, and the gaps of the IMU."""
     o = s["longest_outage"]
     text = (
-        f"longest time without a used fix: {o['length_s']:.2f} s from TOW {o['time_s']:.2f} s on;"
+        f"longest time without a used fix: {o['length_s']:.2f} s from {at_time(s, o['time_s'])} on;"
         f" smoothed sigmas at most {millimetres(o['horizontal_mm'])} horizontally,"
         f" {millimetres(o['down_mm'])} down in it"
     )
-    rows = [(f"{gap['time_s']:.3f}", f"{gap['length_s']:.3f}") for gap in s["imu_gaps"]]
-    none = [] if rows else [Marked("no gap of the IMU", "text")]
-    table = Table(rows, ("IMU gap at TOW, s", "length, s"), name="gaps of the IMU")
+    listed: Sequence[Mapping[str, Any]] = s["imu_gaps"]
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        **_clock_column(s, "time_s"),
+        "IMU gap at TOW, s": lambda gap: f"{gap['time_s']:.3f}",
+        "length, s": lambda gap: f"{gap['length_s']:.3f}",
+    }
+    none = [] if listed else [Marked("no gap of the IMU", "text")]
+    table = Table.of(listed, columns, name="gaps of the IMU")
     return Section("Gaps", [Marked(text, "text"), *none, table], "page")
 
 
@@ -411,17 +417,17 @@ def segments_and_stationary_periods(s: Summary) -> Section:
     """Return the segments solved by themselves, and the stationary periods."""
     parts = []
     if len(s["segments"]) > 1:
-        parts.append(Marked(f"solved by themselves, TOW: {_spans(s['segments'])}", "text"))
+        parts.append(Marked(f"solved by themselves: {_spans(s, s['segments'])}", "text"))
     if n := len(s["rests"]):
         lasted = sum(end - start for start, end in s["rests"])
         count = "1 stationary period" if n == 1 else f"{n} stationary periods"
-        text = f"{count}, {lasted:.0f} s in all, TOW: {_spans(s['rests'])}"
+        text = f"{count}, {lasted:.0f} s in all: {_spans(s, s['rests'])}"
         parts.append(Marked(text, "text"))
     return Section("Segments and stationary periods", parts, "page")
 
 
-def _spans(spans: Sequence[Sequence[float]]) -> str:
-    return ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in spans)
+def _spans(s: Summary, spans: Sequence[Sequence[float]]) -> str:
+    return ", ".join(span(s, start, end) for start, end in spans)
 
 
 def checks(s: Summary) -> Section:

@@ -55,6 +55,7 @@ def run_summary(
     epochs: int | None = None,
     series: Mapping[str, Any] | None = None,
     run: Mapping[str, Any] | None = None,
+    gps_week: int | None = None,
     heading_with_antennas_deg: float | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
@@ -70,10 +71,12 @@ def run_summary(
     imu_samples, epochs : numbers of them, where known.
     series : what the source of the fixes says of each epoch, as `charts.gnss` takes it.
     run : when, where and by which command, as text by name.
+    gps_week : of the times, for clock times of a flight without a camera; None: unknown.
     heading_with_antennas_deg : sigma of the images' headings, median, that two antennas would have
         left in this flight; None where it was not tried.
     """
-    figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
+    week = gps_week if eo is None else eo.gps_week
+    figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo, week)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
     figures["line_fixes"] = fixes_of_lines(diagnostics, eo, series)
     figures |= {
@@ -113,10 +116,9 @@ def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> JudgedPlaces:
     return JudgedPlaces(d.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
 
 
-def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
+def _judged(d: Diagnostics, eo: ExteriorOrientation | None, week: int | None) -> dict[str, Any]:
     """All that follows from the diagnostics and the images."""
     start, end = float(d.time[0]), float(d.time[-1])
-    week = None if eo is None else eo.gps_week
     return {
         "span": {
             "gps_week": week,

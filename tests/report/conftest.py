@@ -105,6 +105,7 @@ def summarise(
         {"insgnss": "0.1.0"},
         {"filter": 0.5},
         ("smoothed",),
+        gps_week=2008,
     )
 
 

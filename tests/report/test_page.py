@@ -208,7 +208,11 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
         "correlation time of 15.0 s",
     ):
         assert words in text
-    assert "Solved by themselves, TOW: 205200.0 to 205240.0 s, 205270.0 to 205319.9 s." in text
+    for begin, end, tow in (
+        ("08:59:42", "09:00:22", "205200.0 to 205240.0 s"),
+        ("09:00:52", "09:01:41", "205270.0 to 205319.9 s"),
+    ):
+        assert f"{begin} to {end} UTC (TOW {tow})" in text
     assert "1 stationary period, 4 s in all" in text
 
 

@@ -5,6 +5,7 @@ either the tests are skipped and say so.
 """
 
 import dataclasses
+import datetime as dt
 import io
 import shutil
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.base.units import time_zone
 from insgnss.records import ExteriorOrientation, GnssFixes
 from insgnss.records.series import ConstantSeries
 from insgnss.records.states import OF_LEVER_ARM, TIME_OFFSET
@@ -191,6 +193,34 @@ def test_the_ground_moves_with_the_map(
             assert (red - green > 100) == is_red, (zoom, x, y)
     page.close()
     assert asked == [file.as_uri()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("zone", ["UTC", "America/St_Johns", "+13:45"])
+def test_every_image_has_its_clock_time_beside_its_tow(
+    browser, diagnostics, summary, orientation, tmp_path, zone: str
+) -> None:
+    """Oracle: datetime and zoneinfo; images across a midnight, 18 leap seconds behind GPST."""
+    time = 345600.0 + 18.0 - 100.0 + np.sort(np.random.default_rng(8).uniform(0.0, 200.0, 30))
+    images = dataclasses.replace(orientation, time=time)
+    s = summary(diagnostics(), images)
+    s["flight"]["output"] = {"time_zone": zone}
+    page = browser.new_page()
+    page.goto(write_report(tmp_path, s, diagnostics(), images).as_uri())
+    page.evaluate("document.getElementById('image-table').scrollIntoView()")
+    head = page.locator("#image-table th").all_inner_texts()
+    rows = [
+        row.locator("td").all_inner_texts()
+        for row in page.locator("#image-table tr[data-image]").all()
+    ]
+    page.close()
+    at, utc = head.index("TOW, s"), dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
+    assert len(rows) > 10
+    for row in rows:
+        seconds = images.gps_week * 604800 + float(row[at]) - 18.0
+        local = (utc + dt.timedelta(seconds=seconds)).astimezone(time_zone(zone))
+        assert row[at - 1] == f"{local:%H:%M:%S}"
+        assert head[at - 1] == f"{local:%Z}"
 
 
 @pytest.mark.slow

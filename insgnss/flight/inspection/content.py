@@ -291,7 +291,13 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
             True,
             "a sensor without a calibration of its own: beside a turn of 360 deg 1 % is 3.6 deg",
         )
-        draft.add("filter", "misalignment", True)
+        draft.add(
+            "filter",
+            "misalignment",
+            True,
+            "nor do its axes point where its case says: what they share turns all images alike, as"
+            " a bore-sight does",
+        )
     draft.add(
         "filter",
         "lever_arm",

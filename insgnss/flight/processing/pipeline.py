@@ -234,6 +234,7 @@ def _report(
         epochs=sum(segment.solution.time.size for segment in segments),
         series=recording.series,
         run=circumstances(),
+        gps_week=recording.gps_week,
         heading_with_antennas_deg=tried_deg,
     )
     report["constants"] = constants_of(flight, segments)

@@ -21,7 +21,7 @@ from ...navigation.filter.event_chain import SharedError
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.filter.solution import Solution
 from ...navigation.prepare.clock import SHORTEST_OVERLAP_S, common_span
-from ...navigation.prepare.fix_covariance.numbers import largest_usual_scale
+from ...navigation.prepare.fix_covariance.numbers import claimed_scale
 from ...navigation.recognise.claims import RECOGNISED
 from ...records import Finding
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
@@ -220,6 +220,7 @@ def _search(
 ) -> ErrorModelSearch:
     """Return what the search for the error model of a segment may vary."""
     assumed = prepared.fixes.sigma_assumed
+    of_flight_file = assumed is not None and bool(assumed.all())
     return ErrorModelSearch(
         prepared.requested_errors,
         prepared.layout_factory,
@@ -233,8 +234,8 @@ def _search(
         recording.of_receiver,
         recording.events is not None,
         claims=FixClaims(
-            largest_usual_scale(prepared.fixes.source_format),
-            flight.gnss.sigma_m if assumed is not None and assumed.all() else None,
+            claimed_scale("" if of_flight_file else prepared.fixes.source_format),
+            flight.gnss.sigma_m if of_flight_file else None,
             flight.gnss.white_scale,
         ),
         drafted=recording.noise.drafted,

@@ -11,7 +11,9 @@ the two is a defect of one of them. It is some hundred times slower. Read it fro
 `measurements`  what each sensor would measure, and its derivative by central differences
 `linear`        Kalman filter and Rauch-Tung-Striebel smoother of a linear problem
 `twin`          the extended Kalman filter with feedback, and the smoother, put together from these
-`verify`        a part of a user's own flight by core and twin, and their difference in sigmas
+`poses`         from the samples to the poses of the images by another way, in ECEF; nothing of
+                `navigation`, so that Earth, increments, alignment and mounting are its own
+`verify`        a part of a user's own flight by core, twin and these poses, and their differences
 
 Symbols
 -------

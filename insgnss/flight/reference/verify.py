@@ -8,6 +8,9 @@ smoothed standard deviation (of attitude the components of psi in l), at every e
     |twin - core| / sigma                                                          (T.24)
     |sigma_twin / sigma - 1|                                                       (T.25)
 
+The orientation of the images of the part is then compared with `poses`, which goes from the samples
+to the images without anything of the core, in the core's sigmas of the images.
+
 The core accumulates its error model over blocks of 50 ms and carries the covariance once an epoch,
 the twin goes from sample to sample; what that shortens is what remains of the difference.
 """
@@ -25,6 +28,7 @@ from ...navigation.filter.codes import POS, PSI, VEL
 from ...records import Array
 from ...report.document import Document, Section, Table
 from ...report.verdict import worst_of
+from .independent import LIMIT_POSE_SIGMAS, NOT_COMPARED, Difference, PoseAgreement, compare_images
 
 if TYPE_CHECKING:
     from ...navigation.filter.problem import EstimationProblem, InitialState
@@ -35,25 +39,6 @@ if TYPE_CHECKING:
 
 # a tenth of what the product calls uncertain, three percent of that; usual are 1e-3 and 1e-4
 LIMIT_SIGMAS, LIMIT_RATIO = 0.1, 0.03  # of (T.24) and (T.25)
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The largest difference of one quantity over all epochs and axes.
-
-    Parameters
-    ----------
-    quantity : its name.
-    largest : the difference, in `unit`, and in_sigmas by (T.24); each the largest of its own.
-    unit : of `largest`.
-    sigma_ratio : (T.25) at its largest, signed; 0.01 where the twin's sigma is 1 % larger.
-    """
-
-    quantity: str
-    largest: float
-    unit: str
-    in_sigmas: float
-    sigma_ratio: float
 
 
 @dataclass(frozen=True)
@@ -69,6 +54,7 @@ class Verification:
     differences : of position, velocity, attitude, biases, and of each state by itself.
     decisions : measurements; decided_otherwise : those used by one and rejected by the other.
     core_s, twin_s : time that filter and smoother took, s.
+    poses : the images by core and by the independent path.
     """
 
     name: str
@@ -83,6 +69,7 @@ class Verification:
     decided_otherwise: int
     core_s: float
     twin_s: float
+    poses: PoseAgreement = NOT_COMPARED
 
     @property
     def in_sigmas(self) -> float:
@@ -98,13 +85,23 @@ class Verification:
     def passed(self) -> bool:
         """Whether core and twin agree within the limits and took the same decisions."""
         small = self.in_sigmas <= LIMIT_SIGMAS and self.sigma_ratio <= LIMIT_RATIO
-        return small and self.decided_otherwise == 0
+        return small and self.decided_otherwise == 0 and self.oriented
+
+    @property
+    def oriented(self) -> bool:
+        """Whether the images agree with the independent poses, or were not compared."""
+        return self.poses.in_sigmas <= LIMIT_POSE_SIGMAS
 
     @property
     def refusal(self) -> DataError | None:
         """The error where core and twin do not agree, else None."""
         if self.passed:
             return None
+        if not self.oriented:
+            return DataError(
+                f"{self.poses.sentence()}; try another part with --start, and report a difference"
+                " that stays"
+            )
         return DataError(
             f"core and reference twin differ by {self.in_sigmas:.3g} sigma (limit "
             f"{LIMIT_SIGMAS:g}), their standard deviations by {100 * self.sigma_ratio:.2g} % "
@@ -115,11 +112,13 @@ class Verification:
 
     def headline(self) -> str:
         """One sentence with the result."""
-        verdict = "agree" if self.passed else "DO NOT AGREE"
+        agree = self.decided_otherwise == 0 and self.in_sigmas <= LIMIT_SIGMAS
+        verdict = "agree" if agree and self.sigma_ratio <= LIMIT_RATIO else "DO NOT AGREE"
         return (
             f"core and reference twin {verdict}: largest difference {self.in_sigmas:.2g} sigma "
             f"(limit {LIMIT_SIGMAS:g}), standard deviations within "
-            f"{100 * self.sigma_ratio:.2g} % (limit {100 * LIMIT_RATIO:g} %)"
+            f"{100 * self.sigma_ratio:.2g} % (limit {100 * LIMIT_RATIO:g} %);"
+            f" {self.poses.sentence()}"
         )
 
     def summary(self) -> str:
@@ -132,6 +131,10 @@ class Verification:
                 f"{1 + d.sigma_ratio:.6f}",
             )
             for d in self.differences
+        ]
+        rows += [
+            (d.quantity, f"{d.largest:.2e} {d.unit}", f"{d.in_sigmas:.2e}", "")
+            for d in self.poses.differences
         ]
         head = ("largest difference of", "in its unit", "sigmas", "sigma ratio")
         extent = (
@@ -193,10 +196,12 @@ def verify(
     recording = read_recording(flight)
     cut = _cut_flight(flight, recording, 60.0 * minutes, start_tow)
     solved, _ = solve_segments(cut, recording, progress)
-    problem = max(solved, key=lambda one: one.solution.time.size).solution.problem
-    return verify_problem(
+    longest = max(solved, key=lambda one: one.solution.time.size)
+    problem = longest.solution.problem
+    verification = verify_problem(
         problem, align(cut, problem)[0], cut.filter.second_pass, flight.name, progress
     )
+    return replace(verification, poses=compare_images(cut, recording, longest, progress))
 
 
 def verify_problem(

@@ -215,26 +215,27 @@ def variance_check(
         A note: the flight is solved with the larger noise; in order of a draft, and where the
         fixes' sigmas are off by no more than usual of their source.
     """
-    # smaller noise than the model's is not adopted
-    larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
     evidence = f"log evidence {suspected.evidence:.0f}"
     if suspected.family == "GNSS sigmas":
         kinds = {"fixes.position": "positions", "fixes.velocity": "velocities"}
+        adopted = {k: f for k, f in claims.allowed(suspected.factors).items() if f != 1.0}
         scatter = " and ".join(
             f"the GNSS {kinds[name]} scatter {factor:.2f} times as much as their sigmas claim"
-            for name, factor in larger.items()
+            for name, factor in adopted.items()
         )
-        expected = f"factors up to {claims.usual_scale:.2g}, as usual of such a source"
+        expected = f"factors up to {claims.scale.usual:.2g}, as usual of such a source"
         return Question("GNSS sigmas", expected).note(
             f"{scatter} ({evidence}); the result allows for it",
-            claims.advised(larger.get("fixes.position", 1.0)),
-            when=max(larger.values()) > claims.usual_scale,
+            claims.advised(adopted.get("fixes.position", 1.0)),
+            when=max(adopted.values(), default=1.0) > claims.scale.usual,
         )
     if drafted:
         factors = ", ".join(f"{name} {factor:.2g}" for name, factor in suspected.factors.items())
         return Question("IMU noise", "factors of a draft by inspect").ok(
             f"the flight corrects the drafted noise model: {factors} times as large ({evidence})"
         )
+    # smaller noise than the model's is not adopted
+    larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     return Question("IMU noise", "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, {evidence}; solved with it",

@@ -217,7 +217,7 @@ def next_state(
     if search.time_correlated and "time-correlated" not in state.attempted:
         fixes, of_fixes = state.model.fixes, search.of_fixes(state.model)
         suspicious = Beside(lambda: is_suspicious(state.solution, of_fixes, fixes))
-    variances = state.variances or VarianceSearch(state.solution, search.progress)
+    variances = state.variances or VarianceSearch(state.solution, search.progress, search.claims)
     promising = search.variances and bool(variances.promising())
     slow = _slow_bias(search, posed, state, variances)
     of_delay: Candidate | None = None
@@ -234,7 +234,7 @@ def next_state(
             of_delay = delay.evidence, lambda: corrected
         unexplained = 0.0
         if promising and remedied is not None:
-            after = VarianceSearch(remedied.solution, search.progress)
+            after = VarianceSearch(remedied.solution, search.progress, search.claims)
             unexplained, remedied = after.left(OF_IMU), replace(remedied, variances=after)
         # a remedy that leaves more than it explains is none
         if remedied is not None and unexplained <= suspected.evidence:
@@ -331,7 +331,7 @@ def _variance(
     winner = variances.strongest()
     if winner is None or winner.family in state.attempted:
         return None
-    model = with_variances(state.model, winner, search.drafted)
+    model = with_variances(state.model, winner, search.drafted, search.claims)
     if model is None:
         return None
 
@@ -340,7 +340,7 @@ def _variance(
         solution = search.solved(posed, model)
         if solution is None:
             return None
-        after = VarianceSearch(solution, search.progress)
+        after = VarianceSearch(solution, search.progress, search.claims)
         if after.left() > winner.evidence:
             return None
         check = variance_check(winner, search.claims, search.drafted)

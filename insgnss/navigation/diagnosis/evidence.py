@@ -10,7 +10,7 @@ The search evaluates it over a window of at most `WINDOW_FIXES` fixes, in which 
 most; the decision compares `misfit`, the same of the whole flight.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,6 +19,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
 from ...records.cameras.mounting import Mounting
+from ...records.qualities import UNKNOWN_SCALE, ScalePrior
 from ...records.states import LEVER_ARM
 from ..filter.codes import NOT_MEASURED, POSITION_ROW, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter
@@ -56,17 +57,26 @@ class FixClaims:
 
     Parameters
     ----------
-    usual_scale : float
-        The largest factor that makes sigmas of such a source right and is nothing to say.
+    scale : ScalePrior
+        Prior of the factor that makes the positions' sigmas of such a source right.
     sigma_m : tuple of float, optional
         (3,) the flight file's, m, north, east, down, where their source states none.
     white_scale : float
         The flight file's factor of the sigmas that a source states.
     """
 
-    usual_scale: float = 1.0
+    scale: ScalePrior = UNKNOWN_SCALE
     sigma_m: tuple[float, ...] | None = None
     white_scale: float = 1.0
+
+    def allowed(self, factors: Mapping[str, float]) -> dict[str, float]:
+        """Return factors of the fixes as they are adopted.
+
+        Sigmas are lowered where the source is known to claim too large ones; otherwise the user may
+        have reasons for them.
+        """
+        least = {"fixes.position": self.scale.least}
+        return {name: max(least.get(name, 1.0), factor) for name, factor in factors.items()}
 
     def advised(self, k: float) -> Remedy:
         """Return the key that takes the factor `k` of the positions' sigmas into the flight."""

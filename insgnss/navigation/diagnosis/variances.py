@@ -21,6 +21,9 @@ then
     gain / 2 - p log(n) / 2                                                                    (V.2)
 
 (Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
+The factor of the positions' sigmas has a prior by the source that states them: its mean a
+posteriori takes the place of the maximum, and the integral over the prior that of log(n) / 2
+(`records.qualities.ScalePrior`).
 
 Innovations tell c^2 / T of a time-correlated error of the fixes, the rate at which it moves, and
 not its share c: an error of 1 cm over 20 s, one of 2 cm over 60 s and noise that looks like either
@@ -55,7 +58,7 @@ from ..innovations.likelihood import (
     evaluate,
     linear_segment,
 )
-from ..innovations.search import Search
+from ..innovations.search import Maximum, Search
 from ..noise_model.model import NoiseModel
 from .candidates import (
     ErrorModel,
@@ -63,14 +66,15 @@ from .candidates import (
     with_larger_white_share,
     with_time_correlated_error,
 )
-from .evidence import GAIN, liveliest_part, misfit
+from .evidence import GAIN, NO_CLAIMS, FixClaims, liveliest_part, misfit
 from .time_correlated import LONGEST_WINDOW_S, beyond_claim
 
 BIAS_NOISE = "IMU bias noise"
+POSITION_SIGMAS = "fixes.position"  # the parameter that has a prior
 FAMILIES = {
     "IMU white noise": ("gyro.white_noise", "accel.white_noise"),
     BIAS_NOISE: ("gyro.driving_noise", "accel.driving_noise"),
-    "GNSS sigmas": ("fixes.position", "fixes.velocity"),
+    "GNSS sigmas": (POSITION_SIGMAS, "fixes.velocity"),
 }
 OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
@@ -127,9 +131,17 @@ class VarianceSearch:
         The solved flight; of a long one the liveliest `MOST_FIXES_JUDGED` fixes are looked at.
     progress : callable
         Receives the name of each step.
+    claims : FixClaims
+        What is known beforehand of the sigmas of the fixes.
     """
 
-    def __init__(self, solution: Solution, progress: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        solution: Solution,
+        progress: Callable[[str], None],
+        claims: FixClaims = NO_CLAIMS,
+    ) -> None:
+        self.prior = claims.scale
         self.part = liveliest_part(solution, MOST_FIXES_JUDGED)
         problem = self.part.problem
         names = available(problem.layout, bool(problem.epochs.has_velocity.any()))
@@ -272,10 +284,25 @@ class VarianceSearch:
         free = self._free(family)
         cost = self.nothing.cost - 2.0 * to_beat - self._penalty(int(free.sum()))
         maximum = self.search.maximum(free, ONE_START, cost)
-        theta = dict(zip(self.names, np.exp(maximum.theta).tolist(), strict=True))
+        logs, loss, parameters = self._posterior(maximum, free)
+        theta = dict(zip(self.names, np.exp(logs).tolist(), strict=True))
         factors = {name: theta[name] for name in self.families[family]}
-        evidence = self._evidence(maximum.evaluated.cost, int(free.sum()))
+        evidence = self._evidence(maximum.evaluated.cost, parameters) - loss
         return VarianceHypothesis(family, evidence, factors)
+
+    def _posterior(self, maximum: Maximum, free: np.ndarray) -> tuple[Array, float, int]:
+        """Return logarithms of the factors a posteriori, the prior's loss, and how many have none.
+
+        What is estimated with the factor that has a prior moves along by its covariance.
+        """
+        position = np.array([name == POSITION_SIGMAS for name in self.names])
+        if not (free & position).any() or np.isinf(self.prior.width):
+            return maximum.theta, 0.0, int(free.sum())
+        p = int(np.flatnonzero(position)[0])
+        sigma, correlation = maximum.spread(free)
+        mean, loss = self.prior.posterior(float(maximum.theta[p]), float(sigma[p] ** 2))
+        moved = (mean - maximum.theta[p]) * correlation[:, p] * sigma / sigma[p]
+        return maximum.theta + moved, loss, int(free.sum()) - 1
 
     def _evidence(self, cost: float, parameters: int) -> float:
         return 0.5 * (self.nothing.cost - cost - self._penalty(parameters))
@@ -327,7 +354,10 @@ def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:
 
 
 def with_variances(
-    model: ErrorModel, suspected: VarianceHypothesis, drafted: bool = False
+    model: ErrorModel,
+    suspected: VarianceHypothesis,
+    drafted: bool = False,
+    claims: FixClaims = NO_CLAIMS,
 ) -> ErrorModel | None:
     """Return an error model with variances as a hypothesis has them.
 
@@ -339,6 +369,8 @@ def with_variances(
         The factors.
     drafted : bool
         Whether nobody states the noise of the IMU: a draft is a class's, and may be too large.
+    claims : FixClaims
+        What is known beforehand of the sigmas of the fixes.
 
     Returns
     -------
@@ -346,13 +378,15 @@ def with_variances(
         The model; None where noise is smaller than it is stated, which its user may have reasons
         for.
     """
-    of_gnss = suspected.family == "GNSS sigmas"
-    least = 0.0 if drafted and not of_gnss else 1.0
-    factors = [max(least, suspected.factors.get(name, 1.0)) for name in FAMILIES[suspected.family]]
-    if least > 0.0 and max(factors) <= 1.0:
+    stated = {name: suspected.factors.get(name, 1.0) for name in FAMILIES[suspected.family]}
+    if suspected.family == "GNSS sigmas":
+        of_fixes = list(claims.allowed(stated).values())
+        if all(factor == 1.0 for factor in of_fixes):
+            return None
+        return replace(model, fixes=with_larger_white_share(model.fixes, *of_fixes))
+    factors = [max(0.0 if drafted else 1.0, factor) for factor in stated.values()]
+    if not drafted and max(factors) <= 1.0:
         return None
-    if of_gnss:
-        return replace(model, fixes=with_larger_white_share(model.fixes, *factors))
     if suspected.family == BIAS_NOISE:
         gyro, accel = np.multiply(model.imu.driving_noise, factors).tolist()
         return replace(model, imu=replace(model.imu, driving_noise=(gyro, accel)))

@@ -45,7 +45,8 @@
   function imageTable(given) {
     if (!given) return null;
     const kinds = { 1: Int8Array, 2: Int16Array, 4: Int32Array };
-    for (const column of given.columns) {
+    const pad = (n) => String(n).padStart(2, "0");
+    for (const column of given.columns.filter((one) => one.of === undefined)) {
       const steps = new kinds[column.bytes](bytesOf(column.steps));
       let sum = 0;
       column.values = Float64Array.from(steps, (step) => {
@@ -56,6 +57,13 @@
         ? "–" : column.values[row].toFixed(column.digits));
     }
     const column = (key) => given.columns.find((one) => one.key === key).values;
+    for (const clock of given.columns.filter((one) => one.of !== undefined)) {
+      clock.values = column(clock.of);
+      clock.text = (row) => {
+        const s = Math.floor(clock.values[row] + clock.clock + 5e-4) % 86400;
+        return [s / 3600, s / 60 % 60, s % 60].map((x) => pad(Math.floor(x))).join(":");
+      };
+    }
     const names = given.names.map((name) => given.prefix + name + given.suffix);
     const flags = new Uint16Array(bytesOf(given.flags));
     const start = given.start;

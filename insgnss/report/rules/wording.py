@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, tzinfo
 from typing import Any
 
 from ...base.units import STANDARD_GRAVITY, time_zone
@@ -53,8 +53,12 @@ def at_time(f: Figures, tow: float) -> str:
 
 def clock(f: Figures, tow: float) -> datetime:
     """Return an instant of a flight with a GPS week in the time zone that `output` states."""
-    zone = time_zone((f["flight"].get("output") or {}).get("time_zone") or "UTC")
-    return calendar_from_gps(f["span"]["gps_week"], tow).astimezone(zone)
+    return calendar_from_gps(f["span"]["gps_week"], tow).astimezone(local_zone(f))
+
+
+def local_zone(f: Figures) -> tzinfo:
+    """Return the time zone that `output` states, UTC where it states none."""
+    return time_zone((f["flight"].get("output") or {}).get("time_zone") or "UTC")
 
 
 def no_fix(f: Figures, outage: Figures) -> str:

@@ -13,8 +13,9 @@ from insgnss.geodesy.rotation import right_angle_rotations
 from insgnss.navigation.diagnosis.advice import FixClaims, advice, unseen, variance_check
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.navigation.diagnosis.variances import VarianceHypothesis
-from insgnss.navigation.prepare.fix_covariance.numbers import largest_usual_scale
+from insgnss.navigation.prepare.fix_covariance.numbers import claimed_scale
 from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
+from insgnss.records.qualities import ScalePrior
 from insgnss.records.states import (
     CLOCK_RATE,
     MISALIGNMENT,
@@ -165,13 +166,21 @@ def test_whose_noise_is_named():
     + [("", 1.3, "ok"), ("", 2.0, "note"), ("none of the table", 2.0, "note")],
 )
 def test_a_scale_that_is_usual_of_the_source_is_no_remark(source, factor, verdict):
-    """Oracle: exp(mean + 2 widths) by hand: 1.73 of calibrated positions, 1.35 of RTKLIB's, 1.49
+    """Oracle: exp(mean + 2 widths) by hand: 1.73 of calibrated positions, 1.35 of RTKLIB's, 1.82
     of an unknown source; 1.32 is what 0.75 of a default leaves of sigmas that were right.
     """
     winner = VarianceHypothesis("GNSS sigmas", 800.0, {"fixes.position": factor})
-    check = variance_check(winner, FixClaims(largest_usual_scale(source)))
+    check = variance_check(winner, FixClaims(claimed_scale(source)))
     assert check.verdict == verdict
     assert f"positions scatter {factor:.2f} times" in check.found
+
+
+def test_sigmas_lower_than_claimed_are_said_as_they_are_adopted():
+    """Oracle: exp(-0.4) = 0.67 by hand, of a source that claims too much; 0.5 was found."""
+    winner = VarianceHypothesis("GNSS sigmas", 800.0, {"fixes.position": 0.5})
+    check = variance_check(winner, FixClaims(ScalePrior(-0.4, 0.35)))
+    assert check.verdict == "ok"
+    assert "positions scatter 0.67 times" in check.found
 
 
 @pytest.mark.parametrize(

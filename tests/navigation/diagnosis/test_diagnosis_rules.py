@@ -22,6 +22,7 @@ from insgnss.navigation.diagnosis.candidates import (
     with_time_correlated_error,
 )
 from insgnss.navigation.diagnosis.evidence import (
+    NO_CLAIMS,
     _liveliest,
     follows,
     loses_fixes,
@@ -387,7 +388,7 @@ def next_state(
     monkeypatch.setattr(
         decision, "_slow_bias", lambda *_: None if slow is None else (slow, lambda: "slow")
     )
-    search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
+    search = SimpleNamespace(time_correlated=False, progress=None, variances=True, claims=NO_CLAIMS)
     here = decision.Stage(0, None)
     return decision.next_state(search, (None, None), here, constants)
 

@@ -1,14 +1,16 @@
 """Whose noise is larger than its model says."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flown import fly, start_near
+from scipy.stats import norm
 
 from insgnss.navigation.diagnosis import variances
 from insgnss.navigation.diagnosis.candidates import ErrorModel, with_time_correlated_error
+from insgnss.navigation.diagnosis.evidence import FixClaims
 from insgnss.navigation.diagnosis.variances import (
     SHARES,
     SLOW_S,
@@ -21,6 +23,7 @@ from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.innovations.likelihood import evaluate
 from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.records.qualities import ScalePrior
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 NAVCHIP = load_noise_model("navchip")
@@ -93,6 +96,38 @@ def test_evidence_is_the_gain_less_what_the_factors_cost():
     gain = looked.nothing.cost - evaluate(looked.search.segments, theta).cost
     assert looked.nothing.offered == 2400
     assert winner.evidence == pytest.approx(0.5 * gain - 0.5 * np.log(7200.0), abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("prior", [ScalePrior(0.6, 0.02), ScalePrior(0.0, 0.3)])
+def test_the_factor_of_the_fixes_is_its_mean_under_the_prior(prior):
+    """Oracle: quadrature of likelihood and prior. A narrow prior, as wide as what 7000 innovations
+    tell, has as much of a say as they.
+    """
+    looked = VarianceSearch(solved(sigmas=2.0), lambda _: None, FixClaims(prior))
+    winner = looked.strongest()
+    assert winner is not None
+    free = np.array([name in winner.factors for name in looked.names])
+    theta = np.linspace(0.3, 0.8, 101)
+    costs = [evaluate(looked.search.segments, np.where(free, t, 0.0)).cost for t in theta]
+    log = 0.5 * (looked.nothing.cost - np.array(costs)) + norm.logpdf(theta, *astuple(prior))
+    weight = np.exp(log - log.max())
+    mean = float(weight @ theta / weight.sum())
+    evidence = float(log.max() + np.log(np.trapezoid(weight, theta)))
+    assert np.log(winner.factors["fixes.position"]) == pytest.approx(mean, abs=1e-3)
+    assert winner.evidence == pytest.approx(evidence, abs=0.01 * abs(evidence) + 0.5)
+
+
+def test_sigmas_are_lowered_as_far_as_the_source_is_known_to_claim_too_much():
+    """Oracle: by hand; exp(-0.4) = 0.67 of a prior, and velocities have none."""
+    claims = FixClaims(ScalePrior(-0.4, 0.35))
+    for found, adopted in ((0.5, np.exp(-0.4)), (0.8, 0.8), (1.3, 1.3)):
+        factors = {"fixes.position": found, "fixes.velocity": 0.5}
+        hypothesis = VarianceHypothesis("GNSS sigmas", 100.0, factors)
+        model = with_variances(ErrorModel(FixErrors()), hypothesis, claims=claims)
+        assert model is not None
+        assert model.fixes.white_scale == pytest.approx((adopted,) * 3)
+        assert model.fixes.velocity_white_scale == 1.0
 
 
 @pytest.mark.slow

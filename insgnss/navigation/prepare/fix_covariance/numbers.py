@@ -1,8 +1,9 @@
 """The numbers of the rules: classes of an engine's positions, floors of qualities, their scale."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+
+from ....records.qualities import ScalePrior
 
 Triple = tuple[float, float, float]
 
@@ -36,43 +37,31 @@ UNKNOWN_SIGMA_M: Triple = (10.0, 10.0, 20.0)
 
 CALIBRATED_ORIGIN = "calibrated"
 """`GnssFixes.source_format` of fixes whose covariances are calibrated by class."""
-CLAIMED_SCALE: Mapping[str, tuple[float, float]] = {
+_RECEIVER = ScalePrior(0.0, 0.6)  # of one in an autopilot; sources below
+CLAIMED_SCALE: Mapping[str, ScalePrior] = {
     # squares of 0.17 to 1.5 in the table of `classes`; right sigmas times 0.75 have 1.33
-    CALIBRATED_ORIGIN: (-0.15, 0.35),
+    CALIBRATED_ORIGIN: ScalePrior(-0.15, 0.35),
     # squares of 0.36 to 0.53 with the engine's own sigmas there; also of Emlid, whose engine it is
-    "rtklib_pos": (-0.4, 0.35),
-    # of a u-blox as a rule, which claims too much under multipath (PX4-Autopilot issue 9549,
-    # ArduPilot pull request 15109, both without a number): one number for open sky and town; chosen
-    "ardupilot": (0.0, 0.5),
-    "ulog": (0.0, 0.5),
-    # of an inertial solution (Trimble's POSPac, NovAtel's Inertial Explorer); chosen
-    "sbet": (0.0, 0.35),
-    # who states sigmas in a table (NovAtel, DJI) and does not say how: as they are; chosen
-    "": (0.0, 0.2),
+    "rtklib_pos": ScalePrior(-0.4, 0.35),
+    # of a u-blox as a rule: 0.6 m claimed for 2 m in flight (PX4-Autopilot pull request 4915), a
+    # factor of 3.3 or two widths; 4.8 m claimed for fixes that scatter by 0.1 m about a slow error
+    # (fusioncore issue 87)
+    "ardupilot": _RECEIVER,
+    "ulog": _RECEIVER,
+    # "usually slightly pessimistic" (NovAtel's known solution on BESTPOS, no number): a fifth
+    "novatel": ScalePrior(-0.2, 0.3),
+    # of an inertial solution (Trimble's POSPac, NovAtel's Inertial Explorer): no source that
+    # compares its sigmas with the truth was found, so it may be a factor of 2.7 at two widths
+    "sbet": ScalePrior(0.0, 0.5),
+    # who states sigmas in a table (NovAtel, DJI, Emlid) and does not say how: no source, 1.8
+    "": ScalePrior(0.0, 0.3),
 }
-"""Prior of log k, k the factor that makes claimed sigmas right: mean and width by format."""
-WIDE_FACTOR = 2.0  # of the prior, within which 95 % of flights are: nothing to say
+"""Prior of the factor that makes claimed sigmas right, by format of the source."""
 
 
-def largest_usual_scale(source_format: str) -> float:
-    """Return the factor of claimed sigmas up to which they are as usual of such a source.
-
-    Thousands of innovations tell a flight's own factor to a per cent, which no prior of this width
-    changes: it is used as it is, and the prior decides whether it is worth a word.
-
-    Parameters
-    ----------
-    source_format : str
-        As `GnssFixes.source_format` has it.
-
-    Returns
-    -------
-    float
-        The factor that lies `WIDE_FACTOR` widths above the mean of the prior of its logarithm, at
-        least 1: sigmas that are right are nothing to say.
-    """
-    mean, width = CLAIMED_SCALE.get(source_format, CLAIMED_SCALE[""])
-    return max(1.0, math.exp(mean + WIDE_FACTOR * width))
+def claimed_scale(source_format: str) -> ScalePrior:
+    """Return the prior of the factor of a source's sigmas, by `GnssFixes.source_format`."""
+    return CLAIMED_SCALE.get(source_format, CLAIMED_SCALE[""])
 
 
 def _by_class(column: int) -> dict[str, Triple]:
