@@ -106,7 +106,7 @@ def compare_images(
     PoseAgreement
         The largest differences, or why the independent path does not know such a flight.
     """
-    from ..processing.orientation import orient_images
+    from ..processing.orientation.poses import orient_images
 
     if reason := _unknown(flight, recording, segment):
         return PoseAgreement(reason=reason)
