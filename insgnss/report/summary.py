@@ -56,6 +56,7 @@ def run_summary(
     series: Mapping[str, Any] | None = None,
     run: Mapping[str, Any] | None = None,
     heading_with_antennas_deg: float | None = None,
+    heading_with_sensors_deg: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
 
@@ -72,6 +73,7 @@ def run_summary(
     run : when, where and by which command, as text by name.
     heading_with_antennas_deg : sigma of the images' headings, median, that two antennas would have
         left in this flight; None where it was not tried.
+    heading_with_sensors_deg : likewise, by name, of those among other sensors that would help.
     """
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
@@ -83,6 +85,7 @@ def run_summary(
         "versions": versions,
         "run": run or {},
         "heading_with_antennas_deg": heading_with_antennas_deg,
+        "heading_with_sensors_deg": heading_with_sensors_deg or {},
         "inputs_sha256": inputs,
     }
     gnss = flight.get("gnss")
