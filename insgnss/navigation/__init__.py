@@ -48,8 +48,8 @@ Where to look
     time-correlated errors of the fixes: `diagnosis/time_correlated.py`
     incorrect fixes: `diagnosis/incorrect_fixes.py`, withheld in `filter/kernels/forward.py`; what
         is tried: `REMEDIES` in `diagnosis/remedies.py`; without a solution: `failure.py` there
-    incorrect values of further sensors: `innovations/incorrect_values.py`; what two antennas would
-        have brought: `sensor_trial.py` there
+    incorrect values of further sensors: `innovations/incorrect_values.py`, wrong ones
+        as a whole: `wrong_sensor.py` there; what they would have brought: `sensor_trial.py`
     fixes minus solution, minute by minute: `innovations/residuals.py`
     covariance of neighbouring images: (B.5) in `filter/smoother.py`, `filter/kernels/forward.py`,
         `backward.py` there; as relative control: `orient/relative.py`

@@ -57,6 +57,7 @@ def run_summary(
     run: Mapping[str, Any] | None = None,
     gps_week: int | None = None,
     heading_with_antennas_deg: float | None = None,
+    heading_with_sensors_deg: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
 
@@ -74,6 +75,7 @@ def run_summary(
     gps_week : of the times, for clock times of a flight without a camera; None: unknown.
     heading_with_antennas_deg : sigma of the images' headings, median, that two antennas would have
         left in this flight; None where it was not tried.
+    heading_with_sensors_deg : likewise, by name, of those among other sensors that would help.
     """
     week = gps_week if eo is None else eo.gps_week
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo, week)
@@ -86,6 +88,7 @@ def run_summary(
         "versions": versions,
         "run": run or {},
         "heading_with_antennas_deg": heading_with_antennas_deg,
+        "heading_with_sensors_deg": heading_with_sensors_deg or {},
         "inputs_sha256": inputs,
     }
     gnss = flight.get("gnss")

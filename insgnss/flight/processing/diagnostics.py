@@ -25,14 +25,20 @@ from ...navigation.filter.codes import (
     VELOCITY_ROW,
 )
 from ...navigation.filter.trajectory import trajectory
-from ...navigation.innovations.sensor_trial import heading_with_antennas
+from ...navigation.innovations.sensor_trial import heading_with
 from ...records import Array, Diagnostics, Finding, Trajectory
 from ...records.series import ConstantSeries
 from ...records.states import OF_LEVER_ARM, TIME_OFFSET
 from ...report.rules.accuracy import GOOD_HEADING_DEG
 from ..config.flight_file import Flight
+from ..sensors.trials import ANTENNAS, trial_sensors
 from .recording import Recording
 from .segment import Segment
+
+# epochs of a flight up to which every sensor is tried: each takes a pass of filter and smoother,
+# half a second there
+MOST_TRIED_EPOCHS = 15_000
+HELPS = 0.8  # of the sigma without it: less gain is no reason to buy a sensor (chosen)
 
 
 @dataclass(frozen=True)
@@ -197,8 +203,8 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
     )
 
 
-def tried_antennas(recording: Recording, segments: Sequence[Segment]) -> float | None:
-    """Return what two antennas would have left of an uncertain heading of the images.
+def tried_sensors(recording: Recording, segments: Sequence[Segment]) -> dict[str, float]:
+    """Return what further sensors would have left of an uncertain heading of the images.
 
     Parameters
     ----------
@@ -209,17 +215,26 @@ def tried_antennas(recording: Recording, segments: Sequence[Segment]) -> float |
 
     Returns
     -------
-    float or None
-        Median of its standard deviations, deg; None where the heading is good, or further sensors
-        take part.
+    dict of str to float
+        By sensor the median of the standard deviations, deg, of those that help; none where the
+        heading is good, or further sensors take part. Of long flights the antennas alone are tried.
     """
     solutions = [s.solution for s in segments if s.solution.event_epochs.size]
     if recording.measurements or not solutions:
-        return None
-    before = np.concatenate(
+        return {}
+
+    def median_deg(sigmas: list[Array]) -> float:
+        return float(np.degrees(np.median(np.concatenate(sigmas))))
+
+    before_deg = median_deg(
         [np.sqrt(s.nav_covariance(s.event_epochs)[:, AZ, AZ]) for s in solutions]
     )
-    if np.degrees(np.median(before)) <= GOOD_HEADING_DEG:
-        return None
-    sigma = np.concatenate([heading_with_antennas(s)[s.event_epochs] for s in solutions])
-    return float(np.degrees(np.median(sigma)))
+    if before_deg <= GOOD_HEADING_DEG:
+        return {}
+    short = sum(s.time.size for s in solutions) <= MOST_TRIED_EPOCHS
+    tried_deg = {
+        name: median_deg([heading_with(s, sensor)[s.event_epochs] for s in solutions])
+        for name, sensor in trial_sensors().items()
+        if short or name == ANTENNAS
+    }
+    return {name: deg for name, deg in tried_deg.items() if deg < HELPS * before_deg}

@@ -25,9 +25,10 @@ from ...records import Diagnostics, ExteriorOrientation, Finding, Trajectory
 from ...records.strips import CommonErrors, StripCovariance
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
+from ..sensors.trials import ANTENNAS
 from .checks import refuse_contradictions, refuse_unobservable
 from .clocks import on_gpst
-from .diagnostics import constants_of, report_rows, run_diagnostics, tried_antennas
+from .diagnostics import constants_of, report_rows, run_diagnostics, tried_sensors
 from .history import run_history
 from .input_files import input_files
 from .orientation.poses import at_epochs, orient_images, output_trajectory
@@ -154,7 +155,7 @@ def _process(
         history = (*history, note)
         eo = replace(eo, history=history)
 
-    tried_deg = tried_antennas(recording, segments)
+    tried_deg = tried_sensors(recording, segments)
     # what follows reads results alone; the increments of 8 hours at 500 Hz are 0.8 GB
     results = [s.without_increments() for s in segments]
     if at_epochs(flight.output.trajectory_hz):
@@ -219,7 +220,7 @@ def _report(
     history: tuple[str, ...],
     clock: StepClock,
     inputs: dict[str, str],
-    tried_deg: float | None,
+    tried_deg: dict[str, float],
 ) -> dict[str, Any]:
     """Gather what report.json holds."""
     report = run_summary(
@@ -235,7 +236,8 @@ def _report(
         series=recording.series,
         run=circumstances(),
         gps_week=recording.gps_week,
-        heading_with_antennas_deg=tried_deg,
+        heading_with_antennas_deg=tried_deg.pop(ANTENNAS, None),
+        heading_with_sensors_deg=tried_deg,
     )
     report["constants"] = constants_of(flight, segments)
     ppk = recording.ppk

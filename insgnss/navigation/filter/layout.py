@@ -26,9 +26,9 @@ barometer, its bias, a random walk, and its scale factor, a constant.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -194,6 +194,30 @@ class StateLayout:
     white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     unfixed_white_scale: float = 1.0
     velocity_white_scale: float = 1.0
+
+    def with_states_of(self, measurement: Measurement) -> "StateLayout":
+        """Return the layout with the states of a further measurement, which stand last.
+
+        Parameters
+        ----------
+        measurement : Measurement
+            The measurement.
+
+        Returns
+        -------
+        StateLayout
+            The same otherwise.
+        """
+        rows = [_own_state(measurement.name, state) for state in measurement.states]
+        if not rows:
+            return self
+        states, *numbers = zip(*rows, strict=True)
+        names = ("channel", "factor", "beta", "drive", "sigma0")
+        columns: dict[str, Any] = {
+            name: np.append(getattr(self, name), np.array(more, dtype=getattr(self, name).dtype))
+            for name, more in zip(names, numbers, strict=True)
+        }
+        return replace(self, states=self.states + states, **columns)
 
     @cached_property
     def _first(self) -> dict[str, int]:

@@ -146,6 +146,10 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
         )
         if tried_deg := f.get("heading_with_antennas_deg"):
             help_ += f" (tried: 1 m apart, {degrees(tried_deg)} would be left of this flight)"
+        if sigmas_deg := f.get("heading_with_sensors_deg"):
+            by_gain = sorted(sigmas_deg, key=lambda name: sigmas_deg[name])
+            sigmas = ", ".join(f"{name} {degrees(sigmas_deg[name])}" for name in by_gain)
+            help_ += f"; other sensors would leave: {sigmas}"
         yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG and shared_deg <= OF_SHARED * tilt(median):
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])

@@ -1,5 +1,6 @@
 """Tables [[measurement]]: every shipped kind on simulated flights, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import insgnss
 from insgnss.base.errors import InputError, UsageError
 from insgnss.flight.sensors.kinds import read_measurement
 from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
+from insgnss.flight.sensors.trials import trial_sensors
+from insgnss.geodesy.frames import LocalFrame
 
 
 @pytest.fixture(scope="module")
@@ -432,3 +435,41 @@ def test_the_advice_of_two_antennas_was_tried_on_this_flight():
     assert tried < 0.5 * report["exposures"]["attitude_deg"]["median"][2]
     assert equipped["heading_with_antennas_deg"] is None
     assert estimated("tactical")["heading_with_antennas_deg"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 8])
+def test_the_advice_of_other_sensors_was_tried_on_this_flight(seed):
+    """Oracle: the same flight estimated with values of each sensor that is advised, whose states
+    start where they are stated: its heading to 5 %, which is the better one.
+    """
+    options = {"imu_rate_hz": 50.0, "noise": "consumer", "seed": seed, "start_in_air": True}
+    sim = insgnss.simulate("ign8", 1.0, **options)
+    truth = sim.truth.trajectory
+    path = truth.at(sim.gnss.time[np.abs(sim.gnss.time - truth.time.mean()) < 29.0])
+    zero, frame = np.zeros((len(path), 3)), LocalFrame(path.lat[0], path.lon[0], 0.0)
+    motion = insgnss.Motion(path.time, zero, path.velocity_ned, path.C_nb, zero, zero, frame)
+
+    def estimated(*measurements: insgnss.Measurement) -> dict:
+        return insgnss.estimate(
+            *(sim.imu, sim.gnss, sim.events),
+            mounting=sim.mounting,
+            noise="consumer",
+            measurements=measurements,
+        ).report
+
+    alone = estimated()
+    tried = alone["heading_with_sensors_deg"]
+    assert "a magnetometer" in tried
+    without = alone["exposures"]["attitude_deg"]["median"][2]
+    for name, expected in tried.items():
+        sensor = trial_sensors()[name]
+        exact = sensor.predict(motion, np.zeros((len(path), len(sensor.states))))
+        sigma = float(np.sqrt(sensor.cov[0, 0, 0]))
+        noise = sigma * np.random.default_rng(seed).standard_normal(exact.shape)
+        read = replace(sensor, time=path.time, values=exact + noise, sigma=sigma)
+        report = estimated(read)
+        assert report["heading_with_sensors_deg"] == {}
+        median = report["exposures"]["attitude_deg"]["median"][2]
+        assert median == pytest.approx(expected, rel=0.05)
+        assert median < 0.85 * without
