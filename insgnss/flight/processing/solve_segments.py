@@ -17,8 +17,8 @@ from ...navigation.align.measured import measured_attitude
 from ...navigation.diagnosis.evidence import ErrorModelSearch, FixClaims
 from ...navigation.diagnosis.remedies import MOST_MOVES, REMEDIES, Case, offset_to_apply
 from ...navigation.filter.codes import NAV, PSI
-from ...navigation.filter.event_chain import SharedError
 from ...navigation.filter.problem import EstimationProblem, InitialState
+from ...navigation.filter.smoother import SharedError
 from ...navigation.filter.solution import Solution
 from ...navigation.prepare.clock import SHORTEST_OVERLAP_S, common_span
 from ...navigation.prepare.fix_covariance.numbers import claimed_scale

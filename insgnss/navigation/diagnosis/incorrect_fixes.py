@@ -30,10 +30,10 @@ from ...base.errors import DataError
 from ...base.wording import some
 from ...records import Array, Finding, Question
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION_ROW, REJECTED
-from ..filter.event_chain import SharedError
 from ..filter.filter import make_history, run_filter
 from ..filter.kernels.records import Epochs, FilterHistory
 from ..filter.problem import EstimationProblem, InitialState
+from ..filter.smoother import SharedError
 from ..filter.solution import Solution
 from .estimated import fix_counts
 

@@ -24,7 +24,7 @@ where these are many (`ChainAgain`).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -32,15 +32,7 @@ import numpy as np
 from ...base.advance import through
 from ...records import Array
 from .codes import ABSENT, N_NAV
-from .event_chain import (
-    CHAIN_BYTES,
-    EventChain,
-    EventTransitions,
-    SharedError,
-    event_bytes,
-    events_of,
-    nodes_of,
-)
+from .event_chain import CHAIN_BYTES, EventChain, EventTransitions, event_bytes, events_of, nodes_of
 from .filter import (
     first_state,
     forward_inputs,
@@ -61,7 +53,7 @@ from .kernels.records import (
 )
 from .kernels.transitions import event_transitions
 from .problem import EstimationProblem, InitialState
-from .smoother import EventRows, Smoothed, SmootherState
+from .smoother import EventRows, SharedError, Smoothed, SmootherState
 
 EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
@@ -450,25 +442,41 @@ class ChainAgain:
         EventChain
             Whose events count from 0.
         """
-        again, before = self.again, max(first - 1, 0)  # M_k begins at the event before
-        n, events = again.problem.layout.size, slice(before, last)
-        transitions = EventTransitions.before(last - before, n, again.used.size)
-        read = self.read.piece(before, last)
+        before = max(first - 1, 0)  # M_k begins at the event before
+        blocks = (self.epoch[[before, last - 1]] // self.again.size).tolist()
+        chain, _ = self._worked_out(before, last, range(blocks[0], blocks[1] + 1))
+        return chain.piece(first - before, last - before)
+
+    def whole(self) -> tuple[EventChain, BlockAgain]:
+        """Return the chain of all events, to the bit as it would have been kept.
+
+        Returns
+        -------
+        chain : EventChain
+            17 kB an event of 34 states.
+        again : BlockAgain
+            What passes the blocks again, with the transitions of all events.
+        """
+        return self._worked_out(0, self.epoch.size, range(len(self.again.checkpoints)))
+
+    def _worked_out(self, first: int, last: int, blocks: range) -> tuple[EventChain, BlockAgain]:
+        """Return the chain of the events first..last - 1, whose M_k begin at the first of them, and
+        the transitions along the blocks.
+        """
+        again, events = self.again, slice(first, last)
+        n, read = again.problem.layout.size, self.read.piece(first, last)
+        transitions = EventTransitions.before(last - first, n, again.used.size)
         rows = Smoothed.of(again.size + 1, n, np.zeros(0, dtype=np.int64), read, 0)
-        for b in range(self.epoch[before] // again.size, self.epoch[last - 1] // again.size + 1):
+        products = []
+        for b in blocks:
+            products.append(transitions.product.copy())
             room, event, _, begin = again.records(b, events)
             event_transitions(event, room, begin, transitions)
-            piece = rows.piece(0, event.size, slice(0, last - before))
+            piece = rows.piece(0, event.size, slice(0, last - first))
             run_backward(event, room, True, _copied(again.adjoints[b]), begin, piece)
-        chain = EventChain(
-            self.epoch[events],
-            transitions.of_events,
-            read,
-            rows.event_filter,
-            rows.event_gain,
-            self.shared,
-        )
-        return chain.piece(first - before, last - before)
+        kept = transitions.of_events, read, rows.event_filter, rows.event_gain
+        chain = EventChain(self.epoch[events], *kept, self.shared)
+        return chain, replace(again, transitions=transitions, products=tuple(products))
 
 
 def keeps_events(problem: EstimationProblem) -> bool:

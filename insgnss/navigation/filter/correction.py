@@ -40,11 +40,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...records import Array
-from .blocks import BlockAgain
+from .blocks import BlockAgain, ChainAgain
 from .codes import ABSENT, N_NAV
-from .event_chain import EventChain, SharedError
+from .event_chain import EventChain
 from .kernels.transitions import correct_backwards, event_transitions
-from .smoother import numbered
+from .smoother import SharedError, numbered
 from .solution import Solution, moved_by, solve
 
 
@@ -69,7 +69,9 @@ def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array
     """
     again, chain, before = solution.covariances.again, solution.chain, solution.covariances
     assert again is not None, "the increments are gone"
-    assert isinstance(chain, EventChain), "the chain of events was not kept"
+    assert chain is not None, "the chain of events was not asked for"
+    if isinstance(chain, ChainAgain):
+        chain, again = chain.whole()
     delta = np.empty((solution.time.size, derivatives.shape[2]))
     nav, kept, cross = before.nav.copy(), before.kept.copy(), solution.event_cross.copy()
     of_nav, of_all = (np.tril_indices(size) for size in (N_NAV, delta.shape[1]))

@@ -11,8 +11,7 @@ import numpy as np
 from ...records import Array
 from .blocks import BlockAgain
 from .codes import N_NAV
-from .event_chain import SharedError
-from .smoother import diagonal, unpacked
+from .smoother import SharedError, diagonal, unpacked
 
 COVARIANCES_AT_A_TIME = 4096  # covariances that are unpacked, or turned, at a time
 

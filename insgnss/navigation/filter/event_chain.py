@@ -34,7 +34,7 @@ What epochs share that no state describes (`SharedError`) is common to them in t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, Protocol
 
@@ -42,10 +42,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
-from .codes import N_NAV, POS
+from .codes import N_NAV
 from .kernels.records import Epochs
 from .layout import StateLayout
-from .smoother import EventRows
+from .smoother import EventRows, SharedError
 
 SLOW_CORRELATION_S = 100.0  # correlation time; below, lines a turn apart share little
 # interval (s) of a random walk's nodes: the figures above were reached with it (chosen)
@@ -59,41 +59,6 @@ CHAIN_BYTES = 48_000_000
 # are filtered twice, are few of its own
 EVENTS_OF_PIECE = 1024
 JITTER = (0.0, 1e-12, 1e-9)  # of the variances: bias and slow process are known by their sum
-
-
-@dataclass(frozen=True)
-class SharedError:
-    """An error of navigation that epochs share and no state describes.
-
-    Parameters
-    ----------
-    first, last : int
-        Epochs, the last one included.
-    cov : Array
-        (3, 3) covariance in l: m^2 of positions, rad^2 of attitudes.
-    block : slice
-        The states of navigation that it is of, POS or PSI of `navigation.filter.codes`.
-    """
-
-    first: int
-    last: int
-    cov: Array
-    block: slice = field(default_factory=lambda: POS)
-
-    def within(self, epoch: np.ndarray) -> NDArray[np.bool_]:
-        """Return which epochs share it.
-
-        Parameters
-        ----------
-        epoch : ndarray
-            (k,) epochs, counted as `first` and `last`.
-
-        Returns
-        -------
-        ndarray
-            (k,) bool.
-        """
-        return np.asarray((epoch >= self.first) & (epoch <= self.last))
 
 
 def event_bytes(layout: StateLayout) -> int:

@@ -46,18 +46,55 @@ Bierman (1973) "Fixed interval smoothing with discrete measurements"; Fraser and
 the two-filter view.
 """
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...records import Array
-from .codes import ABSENT, N_NAV, NAV
+from .codes import ABSENT, N_NAV, NAV, POS
 
 TINY = 1e-300  # keeps a division by zero away
 # relative eigenvalue of the information from which on a direction is determined
 LEAST_EIGENVALUE = 1e-10
 # squared share of a state in directions that are not, above which it is not
 MOST_UNDETERMINED_SHARE = 1e-6
+
+
+@dataclass(frozen=True)
+class SharedError:
+    """An error of navigation that epochs share and no state describes.
+
+    Parameters
+    ----------
+    first, last : int
+        Epochs, the last one included.
+    cov : Array
+        (3, 3) covariance in l: m^2 of positions, rad^2 of attitudes.
+    block : slice
+        The states of navigation that it is of, POS or PSI of `navigation.filter.codes`.
+    """
+
+    first: int
+    last: int
+    cov: Array
+    block: slice = field(default_factory=lambda: POS)
+
+    def within(self, epoch: np.ndarray) -> NDArray[np.bool_]:
+        """Return which epochs share it.
+
+        Parameters
+        ----------
+        epoch : ndarray
+            (k,) epochs, counted as `first` and `last`.
+
+        Returns
+        -------
+        ndarray
+            (k,) bool.
+        """
+        return np.asarray((epoch >= self.first) & (epoch <= self.last))
 
 
 class SmootherState(NamedTuple):

@@ -47,11 +47,11 @@ from .codes import (
     QZ,
 )
 from .covariances import SmoothedCovariances
-from .event_chain import EventChain, SharedError, events_of
+from .event_chain import EventChain, events_of
 from .filter import FEEDBACK_RAD
 from .linearised import LINEAR_SIGMAS, linearised_about
 from .problem import EstimationProblem, InitialState, bias_courses, channel_biases
-from .smoother import Smoothed, diagonal
+from .smoother import SharedError, Smoothed, diagonal
 
 LATEST_FEEDBACK = (
     0.1  # share of the flight before which the nominal is to follow the fixes (chosen)

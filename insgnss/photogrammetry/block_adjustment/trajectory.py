@@ -36,7 +36,6 @@ from ...flight.processing.segment import Segment
 from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ...navigation.filter.codes import AZ, POS
 from ...navigation.filter.correction import corrected, smoothed_about
-from ...navigation.filter.event_chain import CHAIN_BYTES, EventChain, event_bytes
 from ...records import ExteriorOrientation
 from ...records.block import Array
 from ..adjust.adjustment import Adjusted, adjusted
@@ -150,7 +149,6 @@ def corrected_trajectory(
     changed: list[str] = []
 
     def correct(flight: Flight, recording: Recording, segments: list[Segment]) -> list[Segment]:
-        _refuse_many_events(segments)
         after = _Joint(solved, flight, recording, progress).corrected(segments)
         changed.append(_changed(segments, after))
         return [replace(s, history=(*s.history, changed[0])) for s in after]
@@ -158,24 +156,6 @@ def corrected_trajectory(
     flight = replace(flight, output=replace(flight.output, strip_covariance=True))
     result = process(flight, out, progress, out is not None, force, correct)
     return result, changed[0]
-
-
-def _refuse_many_events(segments: Sequence[Segment]) -> None:
-    """Refuse a flight of more camera events than whose covariances are kept.
-
-    Raises
-    ------
-    DataError
-        Of the first such segment.
-    """
-    for segment in segments:
-        chain = segment.solution.chain
-        if chain is not None and not isinstance(chain, EventChain):
-            most = CHAIN_BYTES // event_bytes(segment.solution.problem.layout)
-            raise DataError(
-                f"--trajectory: the flight has {chain.epoch.size} camera events, limit {most} for"
-                " this noise model; cut the flight with start_tow, end_tow"
-            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.navigation.filter import blocks, event_chain
 from insgnss.navigation.filter.blocks import BlockwisePasses, ChainAgain, record_bytes
 from insgnss.navigation.filter.codes import NAV, POS
-from insgnss.navigation.filter.event_chain import (
-    EventChain,
-    SharedError,
-    common_errors,
-    nodes_of,
-)
+from insgnss.navigation.filter.correction import corrected
+from insgnss.navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from insgnss.navigation.filter.forecast import forecast
 from insgnss.navigation.filter.kernels.backward import CANCELLED
+from insgnss.navigation.filter.smoother import SharedError
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.simulation.scenario import GnssOptions
 
@@ -136,6 +133,26 @@ def test_the_chain_of_many_events_is_worked_out_again(posed, monkeypatch, block)
         common_errors(each.enlarged(shared).chain, *nodes, T.__getitem__) for each in (again, kept)
     ]
     assert_array_equal(*A)
+
+
+@pytest.mark.parametrize("block", [7, 64])
+def test_images_correct_a_flight_of_many_events(posed, monkeypatch, block):
+    """Oracle: the flight whose chain is kept, which `test_optimality` compares with one batch; not
+    a bit may differ of its corrected states and covariances.
+    """
+    kept = solved(posed, monkeypatch, block, 0, 3)
+    rng = np.random.default_rng(8)
+    T = np.tile(np.eye(6, kept.problem.layout.size), (5, 1, 1))
+    moment, root = rng.normal(size=(5, 6)), 1e-3 * rng.normal(size=(5, 6, 4))
+    expected = corrected(kept, T, moment, root)
+    monkeypatch.setattr(blocks, "CHAIN_BYTES", 0)
+    again = solved(posed, monkeypatch, block, 0, 3)
+    assert isinstance(again.chain, ChainAgain)
+    got = corrected(again, T, moment, root)
+    assert np.abs(got.nav - again.nav).max() > 1e-6
+    for name in ("nav", "x", "event_cross"):
+        assert_array_equal(getattr(got, name), getattr(expected, name))
+    assert_array_equal(got.covariances.nav, expected.covariances.nav)
 
 
 def test_a_part_of_a_solution_has_the_covariances_of_its_epochs(posed, monkeypatch):

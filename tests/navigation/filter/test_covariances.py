@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.navigation.filter.codes import POS
 from insgnss.navigation.filter.covariances import SmoothedCovariances
-from insgnss.navigation.filter.event_chain import SharedError
+from insgnss.navigation.filter.smoother import SharedError
 
 EPOCHS, STATES = 8, 14
 INDEX = np.arange(EPOCHS)

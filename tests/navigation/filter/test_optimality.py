@@ -18,15 +18,15 @@ from linearised_interval import linearise_interval
 from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
-from insgnss.navigation.filter.correction import corrections
-from insgnss.navigation.filter.event_chain import EventChain, SharedError, common_errors, nodes_of
+from insgnss.navigation.filter.correction import _smaller, corrections
+from insgnss.navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
 from insgnss.navigation.filter.kernels.records import make_triple
 from insgnss.navigation.filter.kernels.update import state_difference
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
-from insgnss.navigation.filter.smoother import Smoothed
+from insgnss.navigation.filter.smoother import SharedError, Smoothed
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.filter.strapdown import kernel_earth, kernel_intervals
 from insgnss.navigation.noise_model.model import load_noise_model
