@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from .crs import GNSS_YEARS, crs_of, moves, source_crs, transformed, transformer_between
+from .grids import lacking_grids
 
 Array = NDArray[np.float64]
 
@@ -132,8 +133,14 @@ def between_datums(
         return lat, lon, h
     transformer = transformer_between(crs_from, crs_to)
     degrees = np.degrees(lon), np.degrees(lat)
-    lon, lat, h = transformed(transformer, crs_to.name, *degrees, h, epoch=next(iter(epochs), None))
-    return np.radians(lat), np.radians(lon), h
+    epoch = next(iter(epochs), None)
+    try:
+        x, y, h = transformed(transformer, crs_to.name, *degrees, h, epoch=epoch)
+    except InputError:
+        if grids := lacking_grids(crs_to.name, crs_from, crs_to, lat, lon, "its datum"):
+            raise InputError(grids) from None
+        raise
+    return np.radians(y), np.radians(x), h
 
 
 def at_epoch(datum: str, epoch: float | None) -> tuple[str, float | None]:

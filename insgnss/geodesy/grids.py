@@ -28,6 +28,9 @@ MOST_NAMED = 3  # grids that an error proposes: more do not fit into a line
 OF_PROJ = re.compile(r"[a-z]{2,3}_[a-z0-9]+_\S+\.tif")
 
 
+HEIGHTS = "its heights"  # what needs a grid, for the message
+
+
 def sync_commands(grids: Sequence[str]) -> str:
     """Return the commands that get PROJ's grids.
 
@@ -197,8 +200,10 @@ def lacking_plan(name: str, grids: Sequence[str], best_m: float, used_m: float, 
     )
 
 
-def lacking_heights(name: str, source: Any, target: Any, lat: Array, lon: Array) -> str:
-    """Return why heights of a CRS are not reached, by the grids that are missing.
+def lacking_grids(
+    name: str, source: Any, target: Any, lat: Array, lon: Array, subject: str = HEIGHTS
+) -> str:
+    """Return why heights, or the datum, of a CRS are not reached, by the grids that are missing.
 
     Parameters
     ----------
@@ -208,6 +213,8 @@ def lacking_heights(name: str, source: Any, target: Any, lat: Array, lon: Array)
         From and to, heights included.
     lat, lon : ndarray, (n,)
         Geodetic latitude and longitude, rad.
+    subject : str
+        What needs the grids.
 
     Returns
     -------
@@ -225,8 +232,9 @@ def lacking_heights(name: str, source: Any, target: Any, lat: Array, lon: Array)
         return ""
     count, _, grids = min(ways)
     need, them = ("a grid", "it") if count == 1 else ("grids", "them")
+    instead = "a geoid file and a horizontal CRS" if subject == HEIGHTS else "another CRS"
     return (
-        f"CRS {name}: its heights need {need}: {' and '.join(grids)}"
+        f"CRS {name}: {subject} need{'s' * (subject != HEIGHTS)} {need}: {' and '.join(grids)}"
         f" {'is' if count == 1 else 'are'} not installed; get {them} by {sync_commands(grids)}, or"
-        f" name a geoid file and a horizontal CRS instead; {DOCTOR}"
+        f" name {instead} instead; {DOCTOR}"
     )

@@ -51,7 +51,7 @@ from .crs import (
     transformer_between,
 )
 from .earth import curvature_radii
-from .grids import box_around, geoid_file, lacking_heights, lacking_plan, operations
+from .grids import box_around, geoid_file, lacking_grids, lacking_plan, operations
 
 Array = NDArray[np.float64]
 
@@ -215,7 +215,7 @@ class MapProjection:
             )
         except InputError:
             if self.crs.is_compound and (
-                why := lacking_heights(self.name, self._source, self.crs, lat, lon)
+                why := lacking_grids(self.name, self._source, self.crs, lat, lon)
             ):
                 raise InputError(why) from None
             raise

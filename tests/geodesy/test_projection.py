@@ -181,7 +181,7 @@ def test_of_several_grids_the_fewest_and_most_accurate_are_named(
     monkeypatch.setattr(
         grids, "operations", lambda *_: SimpleNamespace(unavailable_operations=every)
     )
-    text = grids.lacking_heights("a+b", None, None, LAT, LON)
+    text = grids.lacking_grids("a+b", None, None, LAT, LON)
     assert f"its heights need a grid: {named} is not installed" in text
 
 
