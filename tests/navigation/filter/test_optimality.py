@@ -18,7 +18,7 @@ from linearised_interval import linearise_interval
 from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
-from insgnss.navigation.filter.correction import _smaller, corrections
+from insgnss.navigation.filter.correction import corrections
 from insgnss.navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from insgnss.navigation.filter.filter import INCREMENT_BLOCK_S
 from insgnss.navigation.filter.kernels.measurements import measured_triple
