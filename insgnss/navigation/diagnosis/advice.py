@@ -215,8 +215,12 @@ def variance_check(
         A note: the flight is solved with the larger noise; in order of a draft, and where the
         fixes' sigmas are off by no more than usual of their source.
     """
-    # smaller noise than the model's is not adopted
-    larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
+    # smaller noise than the model's is not adopted, but of fixes that are narrowed
+    larger = {
+        name: factor
+        for name, factor in suspected.factors.items()
+        if factor > 1.0 or name in suspected.narrowed
+    }
     evidence = f"log evidence {suspected.evidence:.0f}"
     if suspected.family == "GNSS sigmas":
         kinds = {"fixes.position": "positions", "fixes.velocity": "velocities"}
