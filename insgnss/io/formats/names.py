@@ -41,7 +41,7 @@ TIME: Names = {
     " ~times ~timestamp ~timestamps ~secs ~sec ~itow ~epoch ~sec_of_week ~seconds_of_week"
     " ~gps_seconds ~gps_sec ~stamp ~header_stamp ~elapsed ~seconds_elapsed ~zeit ~clock"
     " ~rosbag_timestamp ~header_time ~sampletimefine ~utc ~time_utc ~gps ~ts ~ms ~us ~millis"
-    " ~micros ~year ~utc_year "
+    " ~micros ~timestamp_since1970 ~timestamp_sincereboot ~year ~utc_year "
     f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
     "week": "week gpsweek gps_week wn wnc ~gwk ~wk",
 }
@@ -162,12 +162,13 @@ TRIADS = {
         ("rollrate", "pitchrate", "yawrate"),
         *_triads(
             "g gyr gyro gyroscope w wb wrss omega rate angrate angularrate angularvelocity gyrorad"
-            " rotationrate dtheta dang deltaangle delang imugyro imug"
+            " rotationrate gyrorotation dtheta dang deltaangle delang imugyro imug"
         ),
     ),
     "accel": _triads(
         "a arss acc accel accelerometer acceleration linearacceleration linacc accelerometerms2"
-        " totalacceleration f fb specificforce dv dvel deltavelocity delvel imuaccel imuacc imua"
+        " totalacceleration accelerometeracceleration f fb specificforce dv dvel deltavelocity"
+        " delvel imuaccel imuacc imua"
     ),
 }
 """Triads by sensor as `inspect` takes them, without underscores, the best first."""

@@ -19,7 +19,13 @@ EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receive
 # repeat; of bunches of 30 rows that share theirs, where no other clock is there
 LEAST_FORWARD, LEAST_BUNCHES = 0.5, 0.03
 TWIN = 1e-3  # of a decade: how near a power of a thousand the ratio of two clocks of one device is
-FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
+# clocks whose name says their unit
+FIXED_TICKS = {
+    "sampletimefine": "100 us",
+    **dict.fromkeys(("itow", "gms", "millis"), "ms"),
+    "micros": "us",
+}
+SHORTEST_STEP_S = 1e-5  # of a sensor: a header's unit that makes shorter steps is wrong (chosen)
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
 )
@@ -59,8 +65,13 @@ def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> di
             continue
         unit = _clock_unit(grid.values[:, k], longest_step, not named, least_forward)
         if unit is not None:
+            stated = [FIXED_TICKS[short] for short in clock_names if short in FIXED_TICKS]
+            stated += filter(None, [grid.unit_of(k, "time")])
+            steps = np.diff(grid.values[:, k])
+            typical = float(np.median(steps[steps > 0.0]))
             units[k] = next(
-                (FIXED_TICKS[short] for short in clock_names if short in FIXED_TICKS), unit
+                (one for one in stated if SHORTEST_STEP_S < typical * tick(one) <= longest_step),
+                unit,
             )
     return _best_first(grid, units)
 
@@ -96,13 +107,17 @@ def is_clock_of(grid: UnknownTable, column: int, clock: int) -> bool:
 
 
 def _best_first(grid: UnknownTable, units: dict[int, str]) -> dict[int, str]:
-    """Clocks that count from 1970 first, then those in seconds."""
+    """Clocks that count from 1970 first, then those in seconds.
+
+    One that falls, as seconds of a minute do, is none beside one that does not.
+    """
+    forward = {k: u for k, u in units.items() if (np.diff(grid.values[:, k]) >= 0.0).all()}
 
     def rank(item: tuple[int, str]) -> tuple[bool, bool]:
         k, unit = item
         return not float(np.median(grid.values[:, k])) * tick(unit) > UNIX_FROM, unit != "s"
 
-    return dict(sorted(units.items(), key=rank))
+    return dict(sorted((forward or units).items(), key=rank))
 
 
 def tick(unit: str) -> float:

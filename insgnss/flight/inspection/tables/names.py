@@ -10,7 +10,9 @@ from ....io.formats.text.headers import LONGEST_COLUMN_NAME, factor_of, unit_in,
 from ....io.formats.text.units import usual_unit
 from ....records import Array
 
-RECEIVER = re.compile("^(gps|gnss|rtk|ublox)")  # whose name stands before those of its columns
+RECEIVER = re.compile(
+    "^(gps|gnss|rtk|ublox|location)"
+)  # whose name stands before those of its columns
 # kinds of the units of what is no clock
 OF_VALUES = tuple(kind for kind in SENSOR_SCALES if kind != "time")
 
@@ -42,6 +44,7 @@ def _parts(name: str) -> list[str]:
 
 
 CLOCK_NAMES, WEEK_NAMES = (frozenset(taken_by_inspect(TIME[x])) for x in ("tow", "week"))
+INCREMENTS = {"theta0", "theta1", "theta2", "vel0", "vel1", "vel2", "dt"}
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 
 
@@ -99,10 +102,23 @@ class UnknownTable:
         """
         names = self.named
         best = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
+        if not best:
+            names = self._behind_a_word()
+            best = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
         if best and best[2][-1].isdecimal() and f"{best[2][:-1]}{int(best[2][-1]) + 1}" in names:
             return {}
         canonical = GYRO if sensor == "gyro" else ACCEL
         return {c: names[name] for c, name in zip(canonical, best, strict=False)}
+
+    def _behind_a_word(self) -> dict[str, int]:
+        """Index by what stands behind the first underscore: that of a chip, as in mpu_ax."""
+        columns: dict[str, int] = {}
+        for k, name in enumerate(self.names):
+            columns.setdefault(squashed((name or "").partition("_")[2]), k)
+        if self.named.keys() >= INCREMENTS:  # of an Inertial Sense uINS
+            columns |= {f"dtheta{axis}": self.named[f"theta{axis}"] for axis in range(3)}
+            columns |= {f"dvel{axis}": self.named[f"vel{axis}"] for axis in range(3)}
+        return columns
 
     def of_fixes(self) -> dict[str, int]:
         """Columns of fixes by canonical name, each under the best of its names that is there."""

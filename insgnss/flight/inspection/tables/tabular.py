@@ -41,7 +41,9 @@ from .roles import (
 ASSUMED_HZ = 100.0  # of a table without clock: the usual rate of small IMUs
 ATTITUDE = re.compile(
     r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?"
+    r"|theta[0-2]"
 )
+OF_RECEIVER = {"nsats", "hdop"}  # names beside which a lone yaw is that of two antennas
 UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
 UNIT_REASONS = {
     "1e-7 deg": "values far beyond 360",
@@ -83,7 +85,11 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
             fixes = None
         else:
             samples = None
-    solution = samples is None and any(ATTITUDE.fullmatch(name) for name in grid.named)
+    attitude = sum(ATTITUDE.fullmatch(name) is not None for name in grid.named)
+    solution = samples is None and attitude > (1 if grid.named.keys() >= OF_RECEIVER else 0)
+    if samples is not None and fixes is not None:  # one clock has one unit
+        shared = {k: unit for k, unit in samples.clocks.items() if k in fixes.clocks}
+        fixes = replace(fixes, clocks=fixes.clocks | shared)
     taken: list[tuple[Any, Roles]] = []
     if samples is not None and (
         samples.clocks or path.suffix.lower() in CLOCKLESS or len(grid.names) in (6, 7)

@@ -41,6 +41,7 @@ _SHORT = {  # behind a name only, where the kind tells what is meant
     "accel increment": {"ms": "m/s"},
     "velocity": {"ms": "m/s", "cms": "cm/s", "mms": "mm/s"},
 }
+DATUM = re.compile(r"\s*WGS[ -]?(19)?84\s*", re.IGNORECASE)  # in the brackets of a unit
 LONGEST_COLUMN_NAME = 200  # characters; a longer field of a header is no name
 _SAME = 1e-6  # of two factors
 
@@ -56,6 +57,7 @@ def normalised(name: str) -> tuple[str, str | None]:
     text = text[: len(text) - (text[-1:] in ("'", '"'))].strip()
     match = re.fullmatch(r"([^(\[]*)(?:[(\[]([^)\]]*)[)\]])?", text)
     head, unit = match.groups() if match else (name, None)
+    unit = None if re.fullmatch(DATUM, unit or "") else unit
     return re.sub(r"[\s\-./]+", "_", head.lower()).strip("_"), unit.strip() if unit else None
 
 
