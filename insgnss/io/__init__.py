@@ -30,7 +30,8 @@ Where to look
         there; which names a column may have, for readers and `inspect`: `formats/names.py`
     units of a header: `formats/text/headers.py`, factors in `units.py` there
     zeros of standard deviations: `formats/gnss/rounding.py`; clocks that were set, counters that
-        begin anew, stamps spread evenly: `formats/text/stamps.py`, dates: `dates.py` there
+        begin anew: `formats/text/clock.py`, stamps spread evenly: `stamps.py`, dates:
+        `dates.py` there
     gyros and accelerometers of two files: `formats/imu/apart.py`, found by
         `insgnss/flight/inspection/tables/halves.py`; two axes exchanged in both triads:
         `formats/imu/exchanged_columns.py`

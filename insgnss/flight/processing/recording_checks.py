@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...io.exposures.rig import CameraExposures
-from ...io.formats.text.stamps import CLOCK_STEP
+from ...io.formats.text.clock import CLOCK_STEP
 from ...navigation.diagnosis.evidence import check_turn_on, without_turn_on
 from ...navigation.noise_model.model import NoiseModel
 from ...navigation.recognise.claims import with_set_clock

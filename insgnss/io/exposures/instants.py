@@ -13,7 +13,7 @@ from ...base.errors import InputError
 from ...geodesy.gpstime import LEAST_WEEKS_APART_S, weeks_apart
 from ...records import Array, CameraEvents, Finding, Question
 from ...records.observations import in_week
-from ..formats.text.stamps import RANGES_S
+from ..formats.text.clock import RANGES_S
 from ..options.camera_options import CameraInput
 from .numbering import with_numbering_note
 from .rig import CameraExposures, ClockOffsets

@@ -87,7 +87,7 @@ NARROW_BELOW = 0.7
 # correlation times (s) and shares, in sigmas, of errors that would look like smaller sigmas: of a
 # receiver's filter, of multipath (`SLOW_S`), of what Doppler shares with the ionosphere; and how
 # many of the times a flight has to determine
-LASTING_S, LASTING_SHARES, FEWEST_TIMES = (1.0, 5.0, 20.0, 60.0, 120.0), (0.25, 0.5), 3
+CORRELATED_TIMES_S, CORRELATED_SHARES, FEWEST_TIMES = (1.0, 5.0, 20.0, 60.0, 120.0), (0.25, 0.5), 3
 EXCLUDED = 6.0  # loss in -2 log L that excludes an error, by odds of 20 to 1
 LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
@@ -181,9 +181,9 @@ class VarianceSearch:
         """Tell which fixes are as much better than they claim as their innovations.
 
         Small innovations may be of an error that lasts. With k the white share, errors of the
-        shares `LASTING_SHARES` and of all that k leaves of the claim, sqrt(1 - k^2), over each of
-        `LASTING_S` that the flight determines, stand beside none: none of them may gain, and the
-        last ones are to be excluded.
+        shares `CORRELATED_SHARES` and of all that k leaves of the claim, sqrt(1 - k^2), over each
+        of `CORRELATED_TIMES_S` that the flight determines, stand beside none: none of them may
+        gain, and the last ones are to be excluded.
 
         Parameters
         ----------
@@ -202,27 +202,29 @@ class VarianceSearch:
         factor = {name: winner.factors.get(name, 1.0) for name in FAMILIES["GNSS sigmas"]}
         k, v = (one if one < NARROW_BELOW else max(1.0, one) for one in factor.values())
         white = with_larger_white_share(errors, k, v)
-        lasting = {"fixes.position": errors.gm_sigma is None, "fixes.velocity": v < 1.0}
-        lasting["fixes.velocity"] &= errors.velocity_gm_sigma_mps is None
+        possible = {"fixes.position": errors.gm_sigma is None, "fixes.velocity": v < 1.0}
+        possible["fixes.velocity"] &= errors.velocity_gm_sigma_mps is None
         return replace(
             winner,
             narrowed=tuple(
                 name
-                for name, possible in lasting.items()
-                if possible
+                for name, free in possible.items()
+                if free
                 and factor[name] < NARROW_BELOW
-                and not self._lasts(name, factor[name], layout_factory, white)
+                and not self._correlates(name, factor[name], layout_factory, white)
             ),
         )
 
-    def _lasts(self, name: str, k: float, layout_factory: LayoutFactory, white: FixErrors) -> bool:
+    def _correlates(
+        self, name: str, k: float, layout_factory: LayoutFactory, white: FixErrors
+    ) -> bool:
         """Tell whether an error may last that looks like white errors of the share k."""
         epochs = self.part.problem.epochs
 
         def cost(errors: FixErrors) -> float:
             return evaluate([_linearised(self.part, layout_factory(errors))], np.zeros(0)).cost
 
-        def with_lasting(share: float, time_s: float) -> FixErrors:
+        def with_correlated(share: float, time_s: float) -> FixErrors:
             if name == "fixes.position":
                 return replace(white, gm_sigma=(share,) * 3, correlation_time_s=time_s)
             variance = np.diagonal(epochs.velocity_cov[epochs.has_velocity], axis1=1, axis2=2)
@@ -232,11 +234,11 @@ class VarianceSearch:
             )
 
         determined_s = float(epochs.time[-1] - epochs.time[0]) / LEAST_SPAN
-        times = [time_s for time_s in LASTING_S if time_s <= determined_s]
+        times = [time_s for time_s in CORRELATED_TIMES_S if time_s <= determined_s]
         least, claim = cost(white), float(np.sqrt(1.0 - k**2))
-        limits = {claim: -EXCLUDED, **dict.fromkeys(LASTING_SHARES, LEAST_AVERAGED)}
+        limits = {claim: -EXCLUDED, **dict.fromkeys(CORRELATED_SHARES, LEAST_AVERAGED)}
         return len(times) < FEWEST_TIMES or any(
-            least - cost(with_lasting(share, time_s)) > limit
+            least - cost(with_correlated(share, time_s)) > limit
             for time_s in times
             for share, limit in limits.items()
         )

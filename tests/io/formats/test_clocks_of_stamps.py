@@ -11,9 +11,8 @@ from insgnss.base.errors import InputError
 from insgnss.geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from insgnss.io.formats import read_barometer, read_events, read_gnss, read_imu
 from insgnss.io.formats.logs.autopilot import Fixes, LogMessage
-from insgnss.io.formats.text.clock import gps_time
+from insgnss.io.formats.text.clock import gps_time, on_one_clock, weeks_in_step
 from insgnss.io.formats.text.order import NumberedRows, put_in_order
-from insgnss.io.formats.text.stamps import on_one_clock, weeks_in_step
 
 N, RATE_HZ = 3000, 100.0
 VALUES = np.random.default_rng(3).normal(size=(N, 6))

@@ -13,7 +13,7 @@ from insgnss.navigation.diagnosis.evidence import ErrorModelSearch
 from insgnss.navigation.diagnosis.variances import VarianceSearch, with_variances
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
-from insgnss.navigation.innovations.withheld import PIECE_S, predicts, withheld_pieces
+from insgnss.navigation.innovations.withheld import WITHHELD_S, predicts, withheld_pieces
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records.cameras.mounting import Mounting
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
@@ -105,7 +105,7 @@ def test_predicted_pieces_judge_the_sigmas():
             return start_near(replace(flown, problem=problem), SIGMA)
 
         return (
-            withheld_pieces(solution, start, PIECE_S),
+            withheld_pieces(solution, start, WITHHELD_S),
             predicts(solution, lambda problem: (start(problem), "")),
         )
 

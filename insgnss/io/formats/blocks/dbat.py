@@ -21,10 +21,10 @@ from ....base.errors import InputError, near
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ....records.block import ImageObservations as Observations
-from ..text.columns import NamedTable, TableSpec, first_repeat
+from ..text.columns import NamedTable, TableSpec
 from ..text.layout import shown
 from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
-from ..text.order import refuse_rows
+from ..text.order import first_repeat, refuse_rows
 from ..text.text import NumberTable, Source, TextTable, read_table, read_text_table
 from ..text.xml import read_xml, text_of
 from .measured_block import minimal_datum

@@ -23,11 +23,10 @@ from ....geodesy.gpstime import DAY_S, WEEK_S, gps_from_unix_utc
 from ....records import Array, Finding, GnssFixes
 from ....records.observations import UNKNOWN_MPS
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.clock import agree_on_week
+from ..text.clock import agree_on_week, undated_rows
 from ..text.layout import shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
-from ..text.stamps import undated_rows
 from ..text.text import FileLine, Source
 from ..text.units import DEG
 from .fixes import ASSUMED, FIX_SIGMAS, NMEA_QUALITY, FixScales, fixes_from_columns

@@ -17,14 +17,14 @@ from ....base.wording import named
 from ....records import Array, Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.clock import clock_of, examined_time
+from ..text.clock import clock_of, examined_time, line_of, on_one_clock
 from ..text.columns import Columns, NamedTable, TableSpec
 from ..text.dates import calendar_columns
 from ..text.direct import Bytes, DirectRows, read_columns
 from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
-from ..text.stamps import line_of, on_one_clock, spread_evenly, without_jitter
+from ..text.stamps import spread_evenly, without_jitter
 from ..text.text import NumberTable, Source, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
 from .apart import joined

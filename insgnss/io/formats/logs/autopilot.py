@@ -19,9 +19,8 @@ from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 from ..read_options import ReadOptions
-from ..text.clock import agree_on_week
+from ..text.clock import agree_on_week, stale_weeks, weeks_in_step
 from ..text.order import NumberedRows, note, refuse_rows
-from ..text.stamps import stale_weeks, weeks_in_step
 from .boot_clock import BootClock, fit_clock
 
 Tables = dict[str, dict[str, Array]]

@@ -25,7 +25,7 @@ from .dates import UNIX as DATES_UNIT
 from .direct import DirectRows
 from .headers import KIND_OF, SENSORS, Kinds, Settled, names_of, normalised, settled_units
 from .layout import TextLayout, shown
-from .order import note, open_end, refuse_rows
+from .order import first_repeat, note, open_end, refuse_rows
 from .text import NumberTable, Source, TextTable, format_rows, read_table, read_text_table
 from .units import check_units
 
@@ -404,27 +404,6 @@ class NamedTable:
             first, row = twice
             before = f"before in line {self.table.lines[first]}"
             raise self.error_at(row, f"{message(row)}, {before}; delete one of the lines")
-
-
-def first_repeat(*keys: NDArray[np.int64]) -> tuple[int, int] | None:
-    """Return the first row whose keys stood in an earlier one, and that; None where all differ.
-
-    Parameters
-    ----------
-    *keys : ndarray of int, (n,)
-        The keys of each row.
-
-    Returns
-    -------
-    tuple of int, optional
-        The earlier row and the row.
-    """
-    order = np.lexsort(keys)
-    twice = np.all([np.diff(key[order]) == 0 for key in keys], axis=0)
-    if not twice.any():
-        return None
-    k = int(np.flatnonzero(twice)[np.argmin(order[1:][twice])])
-    return int(order[k]), int(order[k + 1])
 
 
 @dataclass(frozen=True)

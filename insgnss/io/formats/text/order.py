@@ -212,3 +212,24 @@ def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> 
             f" {by[k] + float(np.median(np.diff(kept))):.3f} s to the rows from here on if the"
             " clock was set",
         )
+
+
+def first_repeat(*keys: NDArray[np.int64]) -> tuple[int, int] | None:
+    """Return the first row whose keys stood in an earlier one, and that; None where all differ.
+
+    Parameters
+    ----------
+    *keys : ndarray of int, (n,)
+        The keys of each row.
+
+    Returns
+    -------
+    tuple of int, optional
+        The earlier row and the row.
+    """
+    order = np.lexsort(keys)
+    twice = np.all([np.diff(key[order]) == 0 for key in keys], axis=0)
+    if not twice.any():
+        return None
+    k = int(np.flatnonzero(twice)[np.argmin(order[1:][twice])])
+    return int(order[k]), int(order[k + 1])
