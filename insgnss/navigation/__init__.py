@@ -50,7 +50,8 @@ Where to look
         is tried: `REMEDIES` in `diagnosis/remedies.py`; without a solution: `failure.py` there
     incorrect values of further sensors: `innovations/incorrect_values.py`; what two antennas would
         have brought: `sensor_trial.py` there
-    fixes that are withheld: `innovations/withheld.py`; fixes minus solution: `innovations/residuals.py`
+    fixes that are withheld: `innovations/withheld.py`; fixes minus solution, minute by minute:
+        `residuals.py` there
     covariance of neighbouring images: (B.5) in `filter/smoother.py`, `filter/kernels/forward.py`,
         `backward.py` there; as relative control: `orient/relative.py`
     covariance of a flight line, and what lines have in common: (B.8) in `filter/smoother.py`,
