@@ -150,3 +150,16 @@ def test_events_of_a_clock_that_was_set_back_are_refused_by_line(flown):
     """Oracle: by hand; the intervals of exposures show no step, the first fall does."""
     with pytest.raises(InputError, match=r"camera.txt:10: .*add 3\.7.* if the clock was set"):
         flown[0].process("camera", CLOCKS["set back"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [5e-5, -5e-5])
+def test_an_imu_whose_quartz_drifts_leaves_the_images_where_they_are(flown, rate):
+    """Oracle: the flight of streams that all count GPST; 50 ppm are 2 ms at its ends."""
+    flight, right = flown
+    middle = START + 42.0
+    result = flight.process("imu", (lambda t: t + rate * (t - middle), "%.7f", ""))
+    assert result.eo.images == right.eo.images
+    sigma = np.sqrt(np.diagonal(result.eo.cov, axis1=1, axis2=2))[:, :3]
+    assert (np.abs(result.eo.position_m - right.eo.position_m) < sigma).all()
+    np.testing.assert_allclose(result.eo.time, right.eo.time, rtol=0, atol=1e-6)
