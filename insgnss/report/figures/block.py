@@ -12,6 +12,7 @@ from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
 MOST_MARKS = 6000  # marks of a chart: more hide each other, and slow a page down (chosen)
+LINE_INKS: tuple[Ink, ...] = ("first", "fourth", "fifth")  # of flight lines in turn
 SHARE = 0.06  # of the map's width that the longest usual arrow has
 CIRCLE = 0.07  # of the format, from its corner: where the circle of chance stands
 
@@ -94,13 +95,21 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
     ]
     lines = [rows for rows in ground.lines if len(rows) > 1]
     numbers = [str(k + 1) for k, rows in enumerate(ground.lines) if len(rows) > 1]
-    layers += [Layer("line", X[rows, 0], X[rows, 1], ink="faint", width=1.1) for rows in lines]
-    layers.append(Layer("points", X[:, 0], X[:, 1], "image", texts=names, width=5.0))
+    layers += [
+        Layer("line", X[rows, 0], X[rows, 1], ink=LINE_INKS[k % len(LINE_INKS)], width=2.5)
+        for k, rows in enumerate(lines)
+    ]
+    layers.append(Layer("points", X[:, 0], X[:, 1], "image", "ink", texts=names, width=4.0))
     if lines:
         starts = X[[rows[0] for rows in lines]]
         layers.append(Layer("labels", starts[:, 0], starts[:, 1], ink="faint", texts=numbers))
     points = list(_surveyed(figures))
-    reading = "Dots are images, grey lines flight lines, with their numbers at the first image."
+    reading = "Dots are images."
+    if lines:
+        reading = (
+            "Dots are images, coloured lines the flight lines as they were cut, with their numbers"
+            " at the first image; dots on no line stand alone."
+        )
     if points:
         usual = float(np.quantile(np.linalg.norm(np.vstack([p.off for p in points]), axis=1), 0.9))
         low, high = X[:, :2].min(axis=0), X[:, :2].max(axis=0)
