@@ -28,8 +28,8 @@ fixes are off, from the onset t_0 on, by
 
 with a of the size of the step, a state. The IMU hardly tells T, nor a level that lasts (T infinite,
 `PERMANENT` a priori): fixes are corrected by the mean of (S.2) over `CONVERGING_S`, weighted by the
-likelihood of the flight up to the next step. What that leaves, the variance about the mean, `UNLIKE` of it,
-`BETWEEN` of T and `SAFE` standard deviations of a, is a Gauss-Markov error of these fixes. Where
+likelihood of the flight up to the next step. What that leaves, the variance about the mean,
+`UNLIKE` of it, `BETWEEN` of T and `SAFE` sigmas of a, is a Gauss-Markov error of these fixes. Where
 the level after a single step, or up to one that takes it back, lasts more probably, it is undecided
 as any other. A lever arm, a clock or a late sensor that is wrong makes steps as well: whoever
 adopts (S.2) has let them lose before (`remedies`).
@@ -244,8 +244,8 @@ def _converged(
         cost[k] = misfit_of_pass(history, problem.gate)
         a[k] = largest * (history.x[-1, of_a] + history.m[-1, of_m])
         variance[k] = largest**2 * np.diag(history.P[-1])[of_m]
-    tried = len(CONVERGING_S)
-    prior = np.append(np.full(tried, (1.0 - PERMANENT) / tried), PERMANENT)
+    prior = np.full(len(times), (1.0 - PERMANENT) / len(CONVERGING_S))
+    prior[-1] = PERMANENT
     weight = prior * np.exp(-0.5 * (cost - cost.min()))
     weight /= weight.sum()
     if weight[-1] > 0.5 and alone:

@@ -24,10 +24,11 @@ from ..filter.solution import Solution, solve
 from ..innovations.incorrect_values import suspicious, withhold_incorrect_values
 from ..noise_model.model import NoiseModel
 from .candidates import ErrorModel, LayoutFactory, with_every_constant, with_layout
+from .constants import STRONG
 from .decision import Stage, diagnose, late_sensors, step_under
 from .drift import hidden_drift
 from .estimated import constant, fix_counts
-from .evidence import ErrorModelSearch, misfit
+from .evidence import ErrorModelSearch, follows, misfit
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
     AS_FLOAT,
@@ -221,6 +222,33 @@ def _filtered(case: Case) -> Case:
     return replace(case, solution=solution)
 
 
+def _with_late_sensor(case: Case) -> Case | None:
+    """Correct a sensor that follows the motion late, or worse in turns, and so loses the fixes.
+
+    Constants and clocks must lose over the same fixes, with an open gate.
+    """
+    search, start = case.search, case.start
+    assert start is not None
+    opened = replace(case.problem, gate=np.inf, huber_threshold=np.inf), start
+    model = search.requested_model
+    constants = search.misfit_of(opened, with_every_constant(model))
+    try:
+        shown = solve(*opened, "off", search.progress)
+        least = max(STRONG, 0.5 * (misfit(shown) - constants))
+        for trial in late_sensors(search, opened, Stage(shown, model), least):
+            corrected = replace(trial.posed[0], gate=case.problem.gate)
+            problem = replace(corrected, huber_threshold=case.problem.huber_threshold)
+            solution = solve(
+                problem, start, search.second_pass, search.progress, about=trial.solution
+            )
+            if follows(solution) and not fix_counts(solution.verdict)[2]:
+                case = replace(case, problem=problem, solution=solution, failure=None)
+                return replace(case, checks=(*case.checks, trial.check()))
+    except DataError:
+        return None
+    return None
+
+
 def _without_incorrect_fixes(case: Case) -> Case | None:
     """Withhold the fixes of spells that stand apart from the rest, or take them as float ones."""
     search, start, done = case.search, case.start, LEFT_OUT
@@ -404,6 +432,11 @@ REMEDIES: tuple[Remedy, ...] = (
     ),
     # no remedy itself: the one above changes what is filtered, those below look at the outcome
     Remedy("filter and smooth", lambda case: not case.failed, _filtered),
+    Remedy(
+        "a sensor that follows the motion late",
+        lambda case: case.loses_fixes and case.moving,
+        _with_late_sensor,
+    ),
     Remedy("incorrect fixes", lambda case: case.loses_fixes, _without_incorrect_fixes),
     Remedy(
         "incorrect values of further sensors",
