@@ -22,6 +22,7 @@ LEVER, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "clock rate"
 NOISE, SIGMAS = "IMU noise:", "GNSS sigmas:|: the GNSS sigmas are too small"
 WARM_UP, STEP = "IMU warm-up", "IMU bias step"
 CORRELATED, LOST = "time-correlated", "rejected by the gate|lost the fixes|were rejected"
+FLOAT = f"{LOST}|incorrect fixes"
 SCALE = {"gyro": r"gyro( \w+)? scale factor", "accel": r"accel(erometer)?( \w+)? scale factor"}
 MISALIGNED = {"gyro": r"gyro (\w+ from|misal)", "accel": r"accel(erometer)? (\w+ from|misal)"}
 VELOCITY = r"velocities scatter|velocities \(|velocities were|fixes\.velocity"
@@ -258,6 +259,30 @@ def ambiguity(size_m: float, *spans: tuple[float, float]) -> Plant:
     return moved(error)
 
 
+def converging(size_m: float, time_s: float, *onsets: float) -> Plant:
+    """Float solutions that claim to be fixed: fixes step by so much and converge."""
+
+    def error(since: np.ndarray, draw: Draw) -> np.ndarray:
+        return sum(
+            np.where(since >= onset, np.exp(-np.maximum(since - onset, 0.0) / time_s), 0.0)[:, None]
+            * size_m
+            * directions(1, draw)
+            for onset in onsets
+        )
+
+    return moved(error)
+
+
+def swinging(size_m: float, period_s: float) -> Plant:
+    """Fixes swing smoothly by this amplitude, with a phase of its own on each axis."""
+
+    def error(since: np.ndarray, draw: Draw) -> np.ndarray:
+        phase = 2.0 * np.pi * draw.random(3)
+        return size_m * np.sin(2.0 * np.pi * since[:, None] / period_s + phase)
+
+    return moved(error)
+
+
 def outliers(share: float, size_m: float) -> Plant:
     """Single fixes are off in random directions."""
 
@@ -314,7 +339,7 @@ CASES = (
             size < 0.015,
         )
         for axis, way in enumerate(("forward", "right", "down"))
-        for size in (0.01, 0.02, 0.05, 0.1, 0.3)
+        for size in (0.01, 0.02, 0.05, 0.1, 0.3, 1.0)
     ),
     *(
         Case(f"latency {ms:g} ms", latency(1e-3 * ms), f"{OFFSET}|latency", abs(ms) <= 1.0)
@@ -338,8 +363,9 @@ CASES = (
         Case(f"accel bias {mg:g} mg at a load of 1.2", rectified(0.5 * mg * MG), "load")
         for mg in (1.0, 2.0, 4.0)
     ),
+    Case("accel bias 4 mg at a load of 1.2, 20 mg a g", rectified(2.0 * MG), "load"),
     *(Case(f"gyros {ms:g} ms late", late_gyro(1e-3 * ms), "gyros") for ms in (2.0, 5.0)),
-    *(Case(f"receiver's loop of {hz:g} Hz", tracked(hz), "loop") for hz in (1.0, 2.0, 4.0)),
+    *(Case(f"receiver's loop of {hz:g} Hz", tracked(hz), "loop") for hz in (0.5, 1.0, 2.0, 4.0)),
     *(Case(f"{n} samples lost", dropped(n, 150.0), "samples (were )?lost") for n in (4, 20)),
     Case("gyro white noise x 3", noisy(gyro=3.0), NOISE, True),
     Case("gyro white noise x 10", noisy(gyro=10.0), NOISE),
@@ -372,6 +398,25 @@ CASES = (
         "wrong ambiguity, 30 cm for 10 s, twice",
         ambiguity(0.3, (125.0, 135.0), (165.0, 175.0)),
         LOST,
+    ),
+    Case(
+        "wrong ambiguity, 30 cm for 30 s, twice",
+        ambiguity(0.3, (110.0, 140.0), (190.0, 220.0)),
+        FLOAT,
+    ),
+    *(
+        Case(f"float fixes of {100 * m:g} cm, {t:g} s, twice", converging(m, t, *onsets), FLOAT)
+        for m, t, onsets in (
+            (0.3, 10.0, (110.0, 200.0)),
+            (0.3, 20.0, (110.0, 200.0)),
+            (0.3, 40.0, (100.0, 200.0)),
+            (1.0, 20.0, (120.0, 190.0)),
+        )
+    ),
+    Case("float fixes of 30 cm, 20 s, once", converging(0.3, 20.0, 150.0), FLOAT),
+    *(
+        Case(f"fixes swing by {100 * m:g} cm over {t:g} s", swinging(m, t), f"{CORRELATED}|slow")
+        for m, t in ((0.3, 120.0), (0.3, 300.0), (1.0, 300.0))
     ),
     Case("outliers of 1 m, 1 %", outliers(0.01, 1.0), LOST, True),
     Case("outliers of 20 m, 5 %", outliers(0.05, 20.0), LOST, True),

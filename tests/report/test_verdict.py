@@ -3,15 +3,18 @@ a good one.
 """
 
 import dataclasses
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
+import insgnss
+from insgnss.navigation.diagnosis.variances import SHARES, SLOW_S
 from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
 from insgnss.records.states import MISALIGNMENTS, OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
-from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
+from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT, USUAL_SHARE
 from insgnss.report.sections import limits
 from insgnss.report.summary import run_summary
 from insgnss.report.verdict import run_verdict
@@ -50,6 +53,35 @@ def test_limits_are_in_order_and_the_verdict_is_their_beginning(diagnostics, eo)
     assert len(s["verdict"]) == MOST_SENTENCES < len(s["limits"])
     for sentence, limit in zip(s["verdict"], s["limits"], strict=False):
         assert sentence == (f"{limit['text']}; {limit['help']}" if limit["help"] else limit["text"])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_headline_says_what_slow_errors_of_usual_size_leave(seed) -> None:
+    """Oracle: the filter itself with such an error among its states, of the mean share and rate
+    (V.3) of what is usual of PPK; nothing is said where it is there, or where the flight file
+    excludes it.
+    """
+    variance = sum(weight * share**2 for share, weight in SHARES.items())
+    time_s = 1.0 / sum(weight / one for one, weight in SLOW_S.items())
+    assert pytest.approx(np.sqrt(variance), rel=0.02) == USUAL_SHARE
+    sim = insgnss.simulate("ign8", 4.0, imu_rate_hz=100.0, seed=seed)
+    mounting = dataclasses.replace(sim.mounting, antenna_sigma_m=None)
+    records = sim.imu, sim.gnss, sim.events
+
+    def headline(**options: Any) -> str:
+        return insgnss.estimate(
+            *records, mounting=mounting, noise="navchip", gnss__correlation_time_s=time_s, **options
+        ).report["headline"]
+
+    stated = re.search("PPK usually has, (.*) mm", headline())
+    assert stated is not None
+    slow = headline(gnss__gm_sigma=USUAL_SHARE)
+    filtered = re.search("median sigmas (.*) mm", slow)
+    assert filtered is not None
+    sizes = [[float(x) for x in found[1].split(" / ")] for found in (stated, filtered)]
+    np.testing.assert_allclose(*sizes, rtol=0.1)
+    assert "usually" not in slow
+    assert "usually" not in headline(gnss__gm_sigma="off")
 
 
 def test_headline_counts_images_that_are_far_worse_than_the_rest(diagnostics, eo) -> None:

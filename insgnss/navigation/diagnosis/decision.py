@@ -223,7 +223,7 @@ def next_state(
     of_delay: Candidate | None = None
     of_constants: Candidate | None = None
     if constants and suspected and not state.attempted & set(suspected.groups):
-        evidence = _of_lost_fixes(search, posed, state, suspected)
+        evidence = max(0.0, _of_lost_fixes(search, posed, state, suspected))
         delays = late_sensors(search, posed, state, evidence - OTHERS)
         delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
         remedied = None

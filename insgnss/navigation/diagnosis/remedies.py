@@ -27,14 +27,19 @@ from ..innovations.incorrect_values import (
     withhold_incorrect_values,
 )
 from ..noise_model.model import NoiseModel
-from .candidates import LayoutFactory, with_layout
-from .decision import diagnose
+from .candidates import ErrorModel, LayoutFactory, with_every_constant, with_layout
+from .constants import STRONG
+from .decision import Stage, diagnose, late_sensors, step_under
 from .drift import hidden_drift
 from .estimated import constant, fix_counts
-from .evidence import ErrorModelSearch
+from .evidence import ErrorModelSearch, follows, misfit
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
-    FixSpell,
+    AS_FLOAT,
+    ENLARGED,
+    LEFT_OUT,
+    FloatSpells,
+    float_spells,
     incorrect_check,
     undecided_spells,
     with_steps,
@@ -48,6 +53,8 @@ OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
 OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
 MOST_MOVES = 4  # solutions again with moved stamps, at most
 CERTAIN_OFFSET_SIGMAS = 2.0  # sigmas of the offset
+# in -2 log L, that a spell of float fixes costs: its onset, time and the components of its step
+OF_SPELL = 30.0
 LARGE_S = 0.005  # s, of an offset: below it the neglected a d^2 / 2 is under 0.1 mm
 
 
@@ -83,8 +90,6 @@ class Case:
         A contradiction that ends the run, the remark that follows it, and the checks to accept.
     followed : Sensitivity or None
         What went along with the first filter pass.
-    spells : tuple of FixSpell
-        Spells of incorrect fixes that are withheld.
     other_model : bool
         Whether a remedy changed the error model; no other one is searched then.
     checks : tuple of Finding
@@ -108,7 +113,6 @@ class Case:
     failure: DataError | None = None
     refused: tuple[Finding, str, tuple[str, ...]] | None = None
     followed: Sensitivity | None = None
-    spells: tuple[FixSpell, ...] = ()
     other_model: bool = False
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
@@ -222,19 +226,81 @@ def _filtered(case: Case) -> Case:
     return replace(case, solution=solution)
 
 
-def _without_incorrect_fixes(case: Case) -> Case | None:
-    """Withhold the fixes of spells that stand apart from the rest."""
+def _with_late_sensor(case: Case) -> Case | None:
+    """Correct a sensor that follows the motion late, or worse in turns, and so loses the fixes.
+
+    Constants and clocks must lose over the same fixes, with an open gate.
+    """
     search, start = case.search, case.start
+    assert start is not None
+    opened = replace(case.problem, gate=np.inf, huber_threshold=np.inf), start
+    model = search.requested_model
+    constants = search.misfit_of(opened, with_every_constant(model))
+    try:
+        shown = solve(*opened, "off", search.progress)
+        least = max(STRONG, 0.5 * (misfit(shown) - constants))
+        for trial in late_sensors(search, opened, Stage(shown, model), least):
+            corrected = replace(trial.posed[0], gate=case.problem.gate)
+            problem = replace(corrected, huber_threshold=case.problem.huber_threshold)
+            solution = solve(
+                problem, start, search.second_pass, search.progress, about=trial.solution
+            )
+            if follows(solution) and not fix_counts(solution.verdict)[2]:
+                case = replace(case, problem=problem, solution=solution, failure=None)
+                return replace(case, checks=(*case.checks, trial.check()))
+    except DataError:
+        return None
+    return None
+
+
+def _without_incorrect_fixes(case: Case) -> Case | None:
+    """Withhold the fixes of spells that stand apart from the rest, or take them as float ones."""
+    search, start, done = case.search, case.start, LEFT_OUT
     assert start is not None
     search.progress("which fixes stand apart")
     problem, spells = withhold_incorrect_fixes(case.problem, start)
+    floating = None if spells else float_spells(problem, start, search.layout_factory, case.errors)
+    errors = case.errors
+    if floating is not None and not _rival_explains(case, floating):
+        problem, start, errors, spells = floating
+        search, done = replace(search, requested_errors=errors), AS_FLOAT
+    # a step whose level nothing tells is carried by the covariance, and not left out
+    elif not spells and not (case.solution and undecided_spells(case.solution)):
+        problem, spells = withhold_incorrect_fixes(problem, start, closing=False)
     if not spells:
         return None
     try:
         solution = solve(problem, start, search.second_pass, search.progress)
     except DataError:
         return None
-    return replace(case, problem=problem, solution=solution, failure=None, spells=spells)
+    note = incorrect_check(problem, spells, done)
+    case = replace(case, problem=problem, errors=errors, search=search, start=start)
+    return replace(case, solution=solution, failure=None, checks=(*case.checks, note))
+
+
+def _rival_explains(case: Case, floating: FloatSpells) -> bool:
+    """Tell whether constants, a clock or a late sensor explain steps better than float fixes.
+
+    All are compared over the same fixes, with an open gate.
+    """
+    search, start = case.search, case.start
+    assert start is not None
+    problem, start_of_float, errors, spells = floating
+    opened = replace(case.problem, gate=np.inf, huber_threshold=np.inf), start
+    of_float = replace(problem, gate=np.inf, huber_threshold=np.inf), start_of_float
+    least = search.misfit_of(of_float, ErrorModel(errors)) + OF_SPELL * len(spells)
+    model = search.requested_model
+    if search.misfit_of(opened, with_every_constant(model)) < least:
+        return True
+    try:
+        shown = solve(*opened, "off", search.progress)
+        as_float = solve(problem, start_of_float, "off", search.progress)
+    except DataError:
+        return True
+    if step_under(search, (case.problem, start), model, as_float) is not None:
+        return True
+    promise = 0.5 * (misfit(shown) - least)
+    return bool(late_sensors(search, opened, Stage(shown, model), promise))
 
 
 def _without_incorrect_values(case: Case) -> Case | None:
@@ -368,14 +434,12 @@ def _with_error_model(case: Case) -> Case:
 
 
 def _with_undecided_steps(case: Case) -> Case:
-    """Say which fixes are withheld, and enlarge the covariance where nothing tells which level."""
+    """Enlarge the covariance where nothing tells which of two levels of the fixes is right."""
     solution, notes = case.solution, list[Finding]()
     assert solution is not None
-    if case.spells:
-        notes.append(incorrect_check(solution.problem, case.spells, True))
     if undecided := undecided_spells(solution):
         solution = with_steps(solution, undecided)
-        notes.append(incorrect_check(solution.problem, tuple(undecided), False))
+        notes.append(incorrect_check(solution.problem, tuple(undecided), ENLARGED))
     return replace(case, solution=solution, checks=(*case.checks, *notes))
 
 
@@ -388,6 +452,11 @@ REMEDIES: tuple[Remedy, ...] = (
     ),
     # no remedy itself: the one above changes what is filtered, those below look at the outcome
     Remedy("filter and smooth", lambda case: not case.failed, _filtered),
+    Remedy(
+        "a sensor that follows the motion late",
+        lambda case: case.loses_fixes and case.moving,
+        _with_late_sensor,
+    ),
     Remedy("incorrect fixes", lambda case: case.loses_fixes, _without_incorrect_fixes),
     Remedy(
         "incorrect values of further sensors",

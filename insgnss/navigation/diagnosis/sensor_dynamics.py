@@ -161,6 +161,8 @@ class SensorDynamics:
         Describes the parameters and their sigmas.
     remedy : str
         What to do about it.
+    of_motion : bool
+        Whether the correction depends on the solution.
     """
 
     name: str
@@ -171,6 +173,7 @@ class SensorDynamics:
     corrected: Callable[[EstimationProblem, Solution, Array], EstimationProblem]
     in_words: Callable[[Array, Array], str]
     remedy: str
+    of_motion: bool = False
 
 
 DYNAMICS = (
@@ -193,6 +196,7 @@ DYNAMICS = (
         with_followed_fixes,
         loop_in_words,
         "set the receiver to high dynamics, without smoothing of carrier or positions",
+        of_motion=True,
     ),
     SensorDynamics(
         "load-dependent bias",
@@ -269,6 +273,7 @@ def dynamics_trial(
     solution: Solution,
     dynamics: SensorDynamics,
     same: float,
+    about: Solution | None = None,
 ) -> DynamicsTrial | None:
     """Look for the delay of a sensor that explains the innovations best.
 
@@ -288,6 +293,9 @@ def dynamics_trial(
         The delay.
     same : float
         The misfit without it, with an open gate.
+    about : Solution, optional
+        The solution that gives the motion; by default the one with the delay. Where that is larger
+        than usual, the motion is taken from the corrected one in a second trial.
 
     Returns
     -------
@@ -295,11 +303,11 @@ def dynamics_trial(
         None where there is none of its sign, or no solution.
     """
     search.progress(f"{dynamics.name}, as a rival of what is suspected")
-    problem, start = posed
+    (problem, start), motion = posed, about or solution
     opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
 
     def cost(value: Array) -> float:
-        size = search.misfit_of((dynamics.corrected(opened, solution, value), start), model)
+        size = search.misfit_of((dynamics.corrected(opened, motion, value), start), model)
         return size if np.isfinite(size) else np.nan
 
     steps = np.diag(dynamics.trial)
@@ -313,10 +321,12 @@ def dynamics_trial(
     value = -0.25 * cov @ ((more - less) / dynamics.trial)
     if (value < dynamics.least).any():
         return None
-    corrected = dynamics.corrected(problem, solution, value), start
+    corrected = dynamics.corrected(problem, motion, value), start
     again = search.solved(corrected, model)
     if again is None:
         return None
+    if about is None and dynamics.of_motion and (value > dynamics.prior).any():
+        return dynamics_trial(search, posed, model, solution, dynamics, same, again)
     gain = 0.5 * (misfit(solution) - misfit(again))
     charge = np.linalg.slogdet(np.eye(value.size) + dynamics.prior**2 * np.linalg.inv(cov))[1]
     sigma, evidence = np.sqrt(np.diag(cov)), gain - 0.5 * float(charge)

@@ -259,7 +259,8 @@ class VarianceSearch:
             best = evaluate(segment, step, np.zeros(1, bool)).cost
             share = share * float(np.exp(step[0]))
             gains[share, time_s] = self.nothing.cost - min(best, near.cost)
-        return moved(*_averaged(gains))
+        # where the part speaks against each of them nothing is left to average
+        return moved(*_averaged(gains)) if max(gains.values()) > 0.0 else errors
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
         """Return the log evidence (V.2) of the same flight with other states of its fixes.

@@ -7,17 +7,23 @@ import pytest
 from flown import fly, start_near
 
 from insgnss.navigation.diagnosis.incorrect_fixes import (
+    ENLARGED,
+    LEFT_OUT,
     LONGEST_SPELL_S,
     FixSpell,
+    float_spells,
     incorrect_check,
     spells_apart,
+    undecided_spells,
     with_steps,
     withhold_incorrect_fixes,
 )
 from insgnss.navigation.diagnosis.incorrect_fixes import _withheld as withheld_fixes
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, POSITION_ROW, REJECTED
 from insgnss.navigation.filter.filter import gate_from_sigma
+from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import solve
+from insgnss.navigation.noise_model.model import load_noise_model
 
 STEP = np.array([0.4, -0.3, 0.5])
 
@@ -62,7 +68,7 @@ def test_spells_are_found_and_withheld(flown, spans):
     assert not np.any(solution.verdict[:, POSITION_ROW] == COVARIANCE_RESET)
     inside = withheld.epochs.withheld & withheld.epochs.has_position
     assert (solution.verdict[inside, POSITION_ROW] == REJECTED).all()
-    check = incorrect_check(withheld, spells, True)
+    check = incorrect_check(withheld, spells, LEFT_OUT)
     assert check.verdict == "note"
     assert "they are left out" in check.found
 
@@ -79,12 +85,67 @@ def test_fixes_that_wander_are_withheld(flown, length_s):
     bad = (since > 0.0) & (since < length_s)
     position[bad] += np.sin(since[bad, None]) * [200.0, -300.0, 100.0]
     problem = replace(flown.problem, epochs=epochs._replace(position=position))
-    withheld, spells = withhold_incorrect_fixes(problem, start(flown))
+    assert withhold_incorrect_fixes(problem, start(flown))[1] == ()
+    withheld, spells = withhold_incorrect_fixes(problem, start(flown), closing=False)
     assert len(spells) >= 1
     assert withheld.epochs.withheld[bad].mean() > 0.95
     assert withheld.epochs.withheld[~bad].mean() < 0.05
     solution = solve(withheld, start(flown))
     assert not np.any(solution.verdict[:, POSITION_ROW] == COVARIANCE_RESET)
+
+
+def of_fixes(errors):
+    return state_layout(load_noise_model("navchip"), fixes=errors)
+
+
+def with_steps_at(flown, time_s, *steps):
+    """The problem whose fixes step at 70 and 190 s and converge over a time."""
+    epochs = flown.problem.epochs
+    position = epochs.position.copy()
+    for since, step in zip((70.0, 190.0), steps, strict=False):
+        passed = epochs.time - since
+        on = epochs.has_position & (passed > 0.0)
+        position[on] += np.exp(-passed[on, None] / time_s) * step
+    return replace(flown.problem, epochs=epochs._replace(position=position))
+
+
+@pytest.mark.parametrize("time_s", [6.0, 15.0])
+def test_float_solutions_that_claim_to_be_fixed_have_an_error_of_their_own(time_s):
+    """Oracle: what was planted: fixes that step by 0.7 m twice, each elsewhere, and converge; the
+    true motion, within 4 sigma. Steps of metres are no float solutions.
+    """
+    flown = fly(300.0, seed=3, imu_hz=50.0, gate=gate_from_sigma(5.0))
+    other = np.roll(STEP, 1)
+    problem = with_steps_at(flown, time_s, STEP, other)
+    found = float_spells(problem, start(flown), of_fixes, FixErrors())
+    assert found is not None
+    converging, first, _, spells = found
+    assert [round(problem.epochs.time[s.first]) for s in spells] == [70, 190]
+    for spell, step in zip(spells, (STEP, other), strict=True):
+        np.testing.assert_allclose(spell.step, step, atol=0.2 * np.linalg.norm(STEP))
+    solution = solve(converging, first)
+    error = solution.nav[:, :3] - flown.true_nav()[:, :3]
+    sigma = np.sqrt(np.diagonal(solution.nav_covariance(), axis1=1, axis2=2)[:, :3])
+    assert np.abs(error / sigma).max() < 4.0
+    assert 0.2 < np.mean(np.square(error / sigma)) < 2.5
+    far = with_steps_at(flown, time_s, 6.0 * STEP, 6.0 * other)
+    assert float_spells(far, start(flown), of_fixes, FixErrors()) is None
+
+
+def test_a_level_that_lasts_is_no_float_solution():
+    """Oracle: what was planted: a step that nothing takes back and that does not converge."""
+    flown = fly(300.0, seed=3, imu_hz=50.0, gate=gate_from_sigma(5.0))
+    lasting = with_steps_at(flown, 1e9, STEP)
+    assert float_spells(lasting, start(flown), of_fixes, FixErrors()) is None
+
+
+@pytest.mark.parametrize(("since", "in_doubt"), [(60, [0.0, 60.1]), (75, [75.1])])
+def test_of_one_step_the_longer_side_is_believed_if_it_is_much_longer(flown, since, in_doubt):
+    """Oracle: what was planted: a step after 60 and after 75 of 120 s."""
+    solution = solve(with_spells(flown, (since, 130)), start(flown))
+    spells = undecided_spells(solution)
+    firsts = sorted(float(solution.problem.epochs.time[one.first]) for one in spells)
+    assert firsts == pytest.approx(in_doubt, abs=0.25)
 
 
 @pytest.mark.parametrize("spans", [[], [(40, 80)]])
@@ -151,7 +212,7 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     assert within.size > 3
     assert shared[np.ix_(within, within)].max() < 0.15
     assert not (with_step - without)[within[0], exposed < 39].any()
-    assert "enlarged" in incorrect_check(problem, tuple(spells), False).found
+    assert ENLARGED in incorrect_check(problem, tuple(spells), ENLARGED).found
 
 
 def test_a_step_within_what_fixes_claim_is_no_spell(flown):

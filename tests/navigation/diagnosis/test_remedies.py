@@ -5,10 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flown import fly, start_near
 
 from insgnss.base.errors import DataError
-from insgnss.navigation.diagnosis.remedies import REMEDIES, Case, Remedy
+from insgnss.navigation.diagnosis.evidence import ErrorModelSearch
+from insgnss.navigation.diagnosis.incorrect_fixes import float_spells
+from insgnss.navigation.diagnosis.remedies import REMEDIES, Case, Remedy, _rival_explains
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, USED
+from insgnss.navigation.filter.filter import gate_from_sigma
+from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.noise_model.model import load_noise_model
 
 UNAIDED = SimpleNamespace(measurements=())
@@ -30,6 +35,7 @@ def solved(verdict: int) -> SimpleNamespace:
 
 
 OF_SOLUTION = ["another error model", "steps of the fixes"]
+OF_LOST_FIXES = ["a sensor that follows the motion late", "incorrect fixes"]
 FAILED = ["a wrong constant, which is refused", "a gate too narrow for the start"]
 FAILED += ["another error model, against failure"]
 
@@ -40,13 +46,13 @@ FAILED += ["another error model, against failure"]
         ({"solution": solved(USED)}, OF_SOLUTION),
         ({"solution": solved(USED), "moving": False}, OF_SOLUTION[1:]),
         ({"solution": solved(USED), "other_model": True}, OF_SOLUTION[1:]),
-        ({"solution": solved(COVARIANCE_RESET)}, ["incorrect fixes", *OF_SOLUTION]),
+        ({"solution": solved(COVARIANCE_RESET)}, [*OF_LOST_FIXES, *OF_SOLUTION]),
         (
             {"solution": solved(USED), "problem": AIDED},
             ["incorrect values of further sensors", *OF_SOLUTION],
         ),
-        ({"failure": DataError("lost"), "problem": AIDED}, ["incorrect fixes", *FAILED]),
-        ({"failure": DataError("lost")}, ["incorrect fixes", *FAILED]),
+        ({"failure": DataError("lost"), "problem": AIDED}, [*OF_LOST_FIXES, *FAILED]),
+        ({"failure": DataError("lost")}, [*OF_LOST_FIXES, *FAILED]),
         ({"failure": DataError("no attitude"), "start": None}, FAILED),
     ],
 )
@@ -72,3 +78,37 @@ def test_a_remedy_says_what_it_did_and_one_that_is_none_leaves_the_case():
     remedy = Remedy("x", lambda _: True, lambda c: replace(c, moving=False), lambda _: "rescued")
     assert remedy.applied(before).how == "aligned; rescued"
     assert not remedy.applied(before).moving
+
+
+def test_a_constant_that_is_wrong_is_no_float_solution():
+    """Oracle: what was planted: fixes that step by 0.7 m and converge over 15 s, and an antenna
+    that is 1 m elsewhere, which float solutions of that size would hide.
+    """
+    flown = fly(240.0, seed=3, imu_hz=50.0, gate=gate_from_sigma(5.0))
+    noise = load_noise_model("navchip")
+    start = start_near(flown, np.array([0.1] * 3 + [0.05] * 3 + [0.01] * 3))
+
+    def layout(fixes, imu=None):
+        of_imu = {} if imu is None else {"scale_factor": imu.scale_factor is not None}
+        return state_layout(noise if imu is None else imu.of(noise), fixes=fixes, **of_imu)
+
+    def rival_of(problem, apart):
+        search = ErrorModelSearch(
+            FixErrors(), layout, None, True, "off", lambda _: None, lambda _: None
+        )
+        return _rival_explains(Case(problem, FixErrors(), search, noise, None, start=start), apart)
+
+    epochs = flown.problem.epochs
+    passed = epochs.time - 70.0
+    position = epochs.position.copy()
+    on = epochs.has_position & (passed > 0.0)
+    position[on] += np.exp(-passed[on, None] / 15.0) * np.array([0.4, -0.3, 0.5])
+    stepping = replace(flown.problem, epochs=epochs._replace(position=position))
+    apart = float_spells(stepping, start, layout, FixErrors())
+    assert apart is not None
+    assert not rival_of(stepping, apart)
+    # antenna 1 m elsewhere; all fixes float by as much explain more than any late sensor does
+    arm = flown.problem.antenna_lever_b + np.array([0.0, 1.0, 0.0])
+    as_float = epochs._replace(group=np.ones_like(epochs.group), sigma=np.ones_like(epochs.sigma))
+    floating = replace(apart[0], antenna_lever_b=arm, epochs=as_float)
+    assert rival_of(replace(flown.problem, antenna_lever_b=arm), (floating, *apart[1:]))

@@ -69,6 +69,9 @@ def estimated(sim: Any, records: Any) -> insgnss.ProcessResult:
         ("ign6x1", 701, slow_receiver, 1.0, "receiver dynamics", "receiver of 1.0 Hz"),
         ("ign8", 700, rectifying, 10.0, "load-dependent bias", "mg per g"),
         ("ign6x1", 701, rectifying, 10.0, "load-dependent bias", "mg per g"),
+        # these lose the fixes
+        ("ign6x1", 700, rectifying, 20.0, "load-dependent bias", "mg per g"),
+        ("ign6x1", 700, slow_receiver, 0.5, "receiver dynamics", "receiver of 0.5 Hz"),
     ],
 )
 def test_what_follows_the_motion_is_named_and_no_constant(
