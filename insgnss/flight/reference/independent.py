@@ -8,7 +8,8 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...navigation.filter.codes import POSITION_ROW, USED
-from ...records.states import LEVER_ARM, TIME_OFFSET
+from ...records.cameras.mounting import antenna_sigmas
+from ...records.states import LEVER_ARM, OF_LEVER_ARM, TIME_OFFSET
 from .poses import Bias, Setup, image_poses, pose_differences
 
 if TYPE_CHECKING:
@@ -148,11 +149,19 @@ def _unknown(flight: "Flight", recording: "Recording", segment: "Segment") -> st
     if not set(flight.imu.axes.split()) <= set(DIRECTIONS):
         return f"its axes are written {flight.imu.axes}"
     axes = (*recording.noise.gyro, *recording.noise.accel)
-    white = np.array([axis.white_noise for axis in axes]) ** 2
     epochs = solution.problem.epochs
     scales = layout.white_scales[np.unique(epochs.group[epochs.has_position])]
-    if (scales != 1.0).any() or not np.allclose(layout.white, white, rtol=1e-9, atol=0.0):
+    corrected = any(check.name in ("IMU noise", "GNSS sigmas") for check in segment.checks)
+    if corrected or (scales != 1.0).any():
         return "the flight corrected the noise of its sensors"
+    sigma = dict(zip(layout.states, layout.sigma0.tolist(), strict=True))
+    stated = antenna_sigmas(flight.mounting.antenna_sigma_m)
+    freed = [
+        sigma.get(one, 0.0) > 1.01 * of_axis
+        for one, of_axis in zip(OF_LEVER_ARM, stated, strict=True)
+    ]
+    if any(freed) and not flight.filter.lever_arm:
+        return "the flight contradicts its lever arm, which either way would then estimate"
     if any(axis.quantization or axis.drift for axis in axes):
         return "the noise model has quantization or drift"
     if len(recording.cameras) != 1 or recording.cameras[0].clock != "imu" or segment.time_offset_s:
