@@ -18,8 +18,8 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
+from ...base.findings.scale_prior import UNKNOWN_SCALE, ScalePrior
 from ...records.cameras.mounting import Mounting
-from ...records.qualities import UNKNOWN_SCALE, ScalePrior
 from ...records.states import LEVER_ARM
 from ..filter.codes import NOT_MEASURED, POSITION_ROW, REJECTED, USED, VEL
 from ..filter.filter import make_history, run_filter

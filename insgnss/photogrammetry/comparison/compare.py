@@ -139,8 +139,8 @@ def _fitting(numbers: Array, reference: Poses, hints: Hints | None = None) -> st
     except InputError:  # the CRS does not reach the positions
         return ""
     for unit, metres in (METRES_OF | {"kilometres": KILOMETRE}).items():
-        apart = np.median(metres * numbers[:, :2], axis=0) - np.median(x[:, :2], axis=0)
-        if np.abs(apart).max() < extent + KILOMETRE:
+        separation = np.median(metres * numbers[:, :2], axis=0) - np.median(x[:, :2], axis=0)
+        if np.abs(separation).max() < extent + KILOMETRE:
             return f"{hints.crs} in {unit}"
     return ""
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.base.findings.scale_prior import ScalePrior
 from insgnss.geodesy.rotation import right_angle_rotations
 from insgnss.navigation.diagnosis.advice import FixClaims, advice, unseen, variance_check
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.navigation.diagnosis.variances import VarianceHypothesis
 from insgnss.navigation.prepare.fix_covariance.numbers import claimed_scale
 from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
-from insgnss.records.qualities import ScalePrior
 from insgnss.records.states import (
     CLOCK_RATE,
     MISALIGNMENT,

@@ -8,6 +8,7 @@ import pytest
 from flown import fly, start_near
 from scipy.stats import norm
 
+from insgnss.base.findings.scale_prior import ScalePrior
 from insgnss.navigation.diagnosis import variances
 from insgnss.navigation.diagnosis.candidates import ErrorModel, with_time_correlated_error
 from insgnss.navigation.diagnosis.evidence import FixClaims
@@ -23,7 +24,6 @@ from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.innovations.likelihood import evaluate
 from insgnss.navigation.noise_model.model import load_noise_model
-from insgnss.records.qualities import ScalePrior
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 NAVCHIP = load_noise_model("navchip")

@@ -151,7 +151,7 @@ def test_what_all_lines_share_does_not_make_the_boresight_better(flown, adjusted
     """Oracle: the covariance of all images at once as one strip, which a flight of 5 min has; with
     the common errors left out the bore-sight seems known by a quarter better than it is.
     """
-    from insgnss.flight.processing import orientation
+    from insgnss.flight.processing.orientation import strips
     from insgnss.io.formats.orientation import eo_covariance as file
 
     def sigma(result):
@@ -174,7 +174,7 @@ def test_what_all_lines_share_does_not_make_the_boresight_better(flown, adjusted
     np.savez(path, **content)
     independent = sigma(adjust(own.block, write=False))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(orientation, "strip_rows", lambda eo, _: (np.arange(len(eo)),))
+        patch.setattr(strips, "strip_rows", lambda eo, _: (np.arange(len(eo)),))
         process(load_flight(own.directory))
     exact = sigma(adjust(own.block, write=False))
     assert sigma(adjusted)[:2] == pytest.approx(exact[:2], rel=0.05)

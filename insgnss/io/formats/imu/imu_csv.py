@@ -10,6 +10,7 @@ samples are whole without it.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -114,14 +115,24 @@ def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
 
 def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuSamples:
     """Read the samples of a file, without its temperatures where these cannot be read."""
+    size = Path(path).stat().st_size
     try:
         return _read_columns(path, options, required, (TEMPERATURE,))
     except InputError as error:
+        if Path(path).stat().st_size != size or not _has_temperature(path, options):
+            raise
         problem = str(error)
     samples = _read_columns(path, options, required, ())
     advice = "fill the gaps, if its biases are to be tried against the temperature"
     left_out = note("IMU temperature", f"left out: {problem}", "a number in every row", advice)
     return replace(samples, notes=(*samples.notes, left_out))
+
+
+def _has_temperature(path: Source, options: ReadOptions) -> bool:
+    """Tell whether a file names a column of temperatures."""
+    with suppress(InputError, UsageError), loaded(path) as (buf, _):
+        return TEMPERATURE in SPEC.index(str(path), sniff(path, buf), options.columns)
+    return False
 
 
 def _read_columns(

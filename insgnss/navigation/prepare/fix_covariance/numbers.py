@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ....records.qualities import ScalePrior
+from ....base.findings.scale_prior import ScalePrior
 
 Triple = tuple[float, float, float]
 
