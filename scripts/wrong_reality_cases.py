@@ -363,7 +363,6 @@ CASES = (
         Case(f"accel bias {mg:g} mg at a load of 1.2", rectified(0.5 * mg * MG), "load")
         for mg in (1.0, 2.0, 4.0)
     ),
-    Case("accel bias 4 mg at a load of 1.2, 20 mg a g", rectified(2.0 * MG), "load"),
     *(Case(f"gyros {ms:g} ms late", late_gyro(1e-3 * ms), "gyros") for ms in (2.0, 5.0)),
     *(Case(f"receiver's loop of {hz:g} Hz", tracked(hz), "loop") for hz in (0.5, 1.0, 2.0, 4.0)),
     *(Case(f"{n} samples lost", dropped(n, 150.0), "samples (were )?lost") for n in (4, 20)),

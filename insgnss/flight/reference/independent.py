@@ -182,8 +182,8 @@ def _setup(
             stationary = gm.driving_noise * np.sqrt(0.5 * gm.correlation_time_s)
             biases.append(Bias(channel, stationary, gm.correlation_time_s, gm.driving_noise**2))
     layout, mounting = segment.solution.problem.layout, flight.mounting
-    sigma = dict(zip(map(str, layout.states), layout.sigma0.tolist(), strict=True))
-    arm = [sigma.get(f"{LEVER_ARM} {axis}", 0.0) for axis in ("forward", "right", "down")]
+    sigma = dict(zip(layout.states, layout.sigma0.tolist(), strict=True))
+    arm = [sigma.get(one, 0.0) for one in OF_LEVER_ARM]
     body_from_camera = (mounting.camera_from_body @ mounting.boresight).T
     return Setup(
         C_b_imu=np.array([DIRECTIONS[word] for word in flight.imu.axes.split()]).T,
@@ -191,7 +191,7 @@ def _setup(
         white=np.array([axis.white_noise for axis in axes]) ** 2,
         antenna_b=body_from_camera @ (mounting.antenna_m - mounting.imu_m),
         antenna_sigma_m=np.array(arm),
-        offset_sigma_s=sigma.get(str(TIME_OFFSET), 0.0),
+        offset_sigma_s=sigma.get(TIME_OFFSET, 0.0),
         camera_b=-body_from_camera @ mounting.imu_m,
         C_cb=body_from_camera.T,
         origin=origin,

@@ -337,9 +337,8 @@ def image_poses(
     near = time <= marks[0] + ALIGN_S
     C = first_attitude(grid[:count], steps[: count - 1], time[near], r[near])
     model = _Model(setup)
-    v = (r[np.searchsorted(time, time[0] + 1.0)] - r[0]) / (
-        time[np.searchsorted(time, time[0] + 1.0)] - time[0]
-    )
+    later = int(np.searchsorted(time, time[0] + 1.0))
+    v = (r[later] - r[0]) / (time[later] - time[0])
     zero, sigma = np.zeros(model.size - 9), model.sigma
     first = _State(r[0] - C @ setup.antenna_b, v, C, zero)
     for number in range(1, PASSES + 1):

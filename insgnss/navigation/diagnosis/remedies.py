@@ -226,6 +226,11 @@ def _filtered(case: Case) -> Case:
     return replace(case, solution=solution)
 
 
+def _ungated(problem: EstimationProblem) -> EstimationProblem:
+    """Return a problem that uses every fix, each with its own weight."""
+    return replace(problem, gate=np.inf, huber_threshold=np.inf)
+
+
 def _with_late_sensor(case: Case) -> Case | None:
     """Correct a sensor that follows the motion late, or worse in turns, and so loses the fixes.
 
@@ -233,7 +238,7 @@ def _with_late_sensor(case: Case) -> Case | None:
     """
     search, start = case.search, case.start
     assert start is not None
-    opened = replace(case.problem, gate=np.inf, huber_threshold=np.inf), start
+    opened = _ungated(case.problem), start
     model = search.requested_model
     constants = search.misfit_of(opened, with_every_constant(model))
     try:
@@ -286,8 +291,8 @@ def _rival_explains(case: Case, floating: FloatSpells) -> bool:
     search, start = case.search, case.start
     assert start is not None
     problem, start_of_float, errors, spells = floating
-    opened = replace(case.problem, gate=np.inf, huber_threshold=np.inf), start
-    of_float = replace(problem, gate=np.inf, huber_threshold=np.inf), start_of_float
+    opened = _ungated(case.problem), start
+    of_float = _ungated(problem), start_of_float
     least = search.misfit_of(of_float, ErrorModel(errors)) + OF_SPELL * len(spells)
     model = search.requested_model
     if search.misfit_of(opened, with_every_constant(model)) < least:

@@ -23,7 +23,7 @@ then
 (Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
 The factor of the positions' sigmas has a prior by the source that states them: its mean a
 posteriori takes the place of the maximum, and the integral over the prior that of log(n) / 2
-(`records.qualities.ScalePrior`).
+(`base.findings.scale_prior.ScalePrior`).
 
 Innovations tell c^2 / T of a time-correlated error of the fixes, the rate at which it moves, and
 not its share c: an error of 1 cm over 20 s, one of 2 cm over 60 s and noise that looks like either

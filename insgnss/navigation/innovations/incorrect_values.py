@@ -34,7 +34,7 @@ from ..filter.codes import ABOUT_STATES, NAV, OF_BIAS, OF_STATES
 from ..filter.linearised import about_solution, prediction, with_measurements
 from ..filter.problem import EstimationProblem, MeasuredRows
 from ..filter.solution import Solution
-from .wrong_sensor import explain_sensor
+from .wrong_sensor import explain_sensors
 
 SPELL_PIECE_S = 5.0  # of the time in which residuals are averaged: a disturbance lasts longer
 # (V.2): honest pieces of an hour exceed it once in 200 flights, which costs a pass; errors of four
@@ -268,8 +268,7 @@ def contradicting_sensor(problem: EstimationProblem, alone: Solution, spell: str
     Finding
         What would explain it stands in it, where anything does.
     """
-    every = [explain_sensor(problem, alone, k) for k in range(len(problem.measurements))]
-    worst = max(every, key=lambda one: one.before)
+    worst = max(explain_sensors(problem, alone), key=lambda one: one.before)
     return Question("measurements", "as the flight without this sensor predicts").contradiction(
         f"{worst.sensor} contradicts the flight solved without it: its values scatter"
         f" {worst.before:.2g} times as much as their sigmas say{spell}{worst.sentence()}",
@@ -280,9 +279,8 @@ def contradicting_sensor(problem: EstimationProblem, alone: Solution, spell: str
 def _check(problem: EstimationProblem, alone: Solution, spells: list[ValueSpell]) -> Finding:
     """Say which values stand apart."""
     texts = [spell.sentence for spell in spells[:MOST_SPELLS_NAMED]]
-    every = [explain_sensor(problem, alone, k) for k in range(len(problem.measurements))]
     names = {spell.measurement for spell in spells}
-    causes = "".join(one.sentence() for one in every if one.sensor in names)
+    causes = "".join(one.sentence() for one in explain_sensors(problem, alone, names))
     more = f" and {len(spells) - MOST_SPELLS_NAMED} more" if len(spells) > MOST_SPELLS_NAMED else ""
     return Question("measurements", "one level throughout").note(
         "for seconds, values differ from the flight solved without these sensors:"

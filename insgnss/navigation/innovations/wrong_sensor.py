@@ -10,6 +10,7 @@ course given as heading leaves z less the course instead. The one that leaves le
 it leaves much less than nothing at all does.
 """
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -57,8 +58,10 @@ class Explanation(NamedTuple):
         return f"; {self.text} they scatter {self.after:.2g} times as much"
 
 
-def explain_sensor(problem: EstimationProblem, alone: Solution, number: int) -> Explanation:
-    """Return what explains best why the values of a sensor are not those that the flight predicts.
+def explain_sensors(
+    problem: EstimationProblem, alone: Solution, names: Collection[str] | None = None
+) -> list[Explanation]:
+    """Return what explains best why the values of sensors are not those that a flight predicts.
 
     Parameters
     ----------
@@ -66,15 +69,25 @@ def explain_sensor(problem: EstimationProblem, alone: Solution, number: int) -> 
         The problem with the sensors.
     alone : Solution
         The solution of the same epochs and states without them.
-    number : int
-        Which sensor it is.
+    names : collection of str, optional
+        Those that are asked for; all by default.
 
     Returns
     -------
-    Explanation
+    list of Explanation
         Without text where none leaves less than `LEFT_AT_MOST` of the squares.
     """
     posed, _ = linearised_about(problem, alone.nav, alone.x)
+    about = about_solution(posed, alone.nav, alone.x)
+    return [
+        _explained(posed, about, number)
+        for number, measured in enumerate(posed.measurements)
+        if names is None or measured.measurement.name in names
+    ]
+
+
+def _explained(posed: EstimationProblem, about: Array, number: int) -> Explanation:
+    """Explain one sensor of a problem that is linearised about the flight without them."""
     measured = posed.measurements[number]
     measurement, index = measured.measurement, measured.at_epoch
     c = measurement.values.shape[1]
@@ -98,7 +111,7 @@ def explain_sensor(problem: EstimationProblem, alone: Solution, number: int) -> 
     predicted = measurement.values[measured.rows] - residual
     if (rate := _rate(measured, predicted)) is not None:
         with_one_more(rate, "with {:+.3f} s added to its stamps", 0.0)
-    about = about_solution(posed, alone.nav, alone.x)[index]
+    about = about[index]
     if measurement.period is None:
         with_one_more(predicted, "divided by {:.3g} (unit, sign or length)", 1.0)
     elif c == 1 and (moving := np.linalg.norm(about[:, VEL], axis=1) > LEAST_SPEED_MPS).any():

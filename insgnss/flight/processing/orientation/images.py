@@ -166,31 +166,31 @@ def images_of(
     ):
         parts, instants = [], []
         for k, segment in enumerate(segments):
-            own, key = segment.exposed[number], (k, camera.clock == "receiver")
+            chosen, key = segment.exposed[number], (k, camera.clock == "receiver")
             if key not in of_clock:
                 of_clock[key] = Instants(segment, key[1], recording.gps_week, neighbours)
             instants.append(of_clock[key])
-            if own.rows.size:
-                parts.append((own, k, _exposed(camera, own, of_clock[key].trajectory)))
+            if chosen.rows.size:
+                parts.append((chosen, k, _exposed(camera, chosen, of_clock[key].trajectory)))
         if parts:
             images.append(
                 CameraImages(
                     camera,
                     mounting,
                     tuple(instants),
-                    np.concatenate([own.rows for own, _, _ in parts]),
-                    np.concatenate([np.full(own.rows.size, k) for own, k, _ in parts]),
-                    np.concatenate([own.instant for own, _, _ in parts]),
+                    np.concatenate([chosen.rows for chosen, _, _ in parts]),
+                    np.concatenate([np.full(chosen.rows.size, k) for chosen, k, _ in parts]),
+                    np.concatenate([chosen.instant for chosen, _, _ in parts]),
                     Trajectory.joined([exposed for _, _, exposed in parts]),
                 )
             )
     return images
 
 
-def _exposed(camera: CameraExposures, own: ExposedRows, at_instants: Trajectory) -> Trajectory:
+def _exposed(camera: CameraExposures, chosen: ExposedRows, at_instants: Trajectory) -> Trajectory:
     """Return the trajectory at the exposures of a camera in a segment."""
-    every = own.instant.size == len(at_instants)
-    exposed = at_instants if every else at_instants[own.instant]
+    every = chosen.instant.size == len(at_instants)
+    exposed = at_instants if every else at_instants[chosen.instant]
     if camera.events.sigma_s is None:
         return exposed
-    return at_uncertain_times(exposed, camera.events.sigma_s[own.rows])
+    return at_uncertain_times(exposed, camera.events.sigma_s[chosen.rows])

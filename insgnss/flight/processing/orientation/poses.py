@@ -110,17 +110,19 @@ def orient_images(
     refuse_unobservable(flight, images[0].exposed)
     plane = tangent_plane(flight, segments[0].fixes)
     oriented = []
-    for own in images:
-        taken = own.camera.events[own.rows]
-        if own.of_receiver:
-            taken = replace(taken, time=own.exposed.time)
-        eo = exterior_orientation(own.exposed, taken, own.mounting, plane, history)
+    for of_camera in images:
+        taken = of_camera.camera.events[of_camera.rows]
+        if of_camera.of_receiver:
+            taken = replace(taken, time=of_camera.exposed.time)
+        eo = exterior_orientation(of_camera.exposed, taken, of_camera.mounting, plane, history)
         oriented.append(replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch))
     if len(recording.cameras) == 1:
         return oriented[0]
     order, number = merged_order([eo.time for eo in oriented])
     cross = RigPairs(images, order, number, plane).of_neighbours()
-    return rig_orientation(oriented, [own.camera.name for own in images], order, number, cross)
+    return rig_orientation(
+        oriented, [of_camera.camera.name for of_camera in images], order, number, cross
+    )
 
 
 def tangent_plane(flight: Flight, fixes: GnssFixes) -> TangentPlane:

@@ -57,20 +57,24 @@ def strip_covariances(
     strips: list[StripCovariance] = []
     shared: list[tuple[NDArray[np.int64], int, Array, Array]] = []
     wanted = 0
-    for k, own in enumerate(images):
+    for k, of_camera in enumerate(images):
         rows = np.arange(len(eo)) if eo.rig is None else eo.rig.rows[k]
-        alone = eo if eo.rig is None else eo.of_camera(own.camera.name)
-        for strip, cov in _of_strips(own, strip_rows(alone, own.segment), segments, plane):
+        alone = eo if eo.rig is None else eo.of_camera(of_camera.camera.name)
+        for strip, cov in _of_strips(
+            of_camera, strip_rows(alone, of_camera.segment), segments, plane
+        ):
             wanted += 1
             strip_covariance = _strip(rows[strip], cov, eo)
             strips += [] if strip_covariance is None else [strip_covariance]
         for number, segment in enumerate(segments):
             problem, events = segment.solution.problem, segment.solution.event_epochs
             nodes = nodes_of(problem.layout, problem.epochs.time[events])
-            T = partial(_with_lever_arm, own, number, plane)
+            T = partial(_with_lever_arm, of_camera, number, plane)
             A = common_errors(chain_of(segment), *nodes, T)
-            here = own.segment == number
-            shared.append((rows[here], number, A[own.instant[here], :6], A[0, 6:].copy()))
+            in_segment = of_camera.segment == number
+            shared.append(
+                (rows[in_segment], number, A[of_camera.instant[in_segment], :6], A[0, 6:].copy())
+            )
             del A  # of 50 000 images 60 MB
     common = _common(shared, eo, strips, _lever_arms(segments))
     together = sum(strip.rows.size for strip in strips)
@@ -206,14 +210,14 @@ def _common(
     nothing. Of each part of the images: rows, segment, errors, errors of the lever arm.
     """
     most = max((A.shape[2] for _, _, A, _ in shared), default=0)
-    own = np.zeros(len(eo), dtype=np.int64)
+    segment_of = np.zeros(len(eo), dtype=np.int64)
     factor, lever_arm = np.zeros((len(eo), 6, most)), np.zeros((len(estimated), 3, most))
     for rows, k, A, of_arm in shared:
         if rows.size:
-            own[rows] = k
+            segment_of[rows] = k
             factor[rows, :, : A.shape[2]] = A
             lever_arm[k, :, : A.shape[2]] = of_arm  # a constant: that of any event
-    whole, single = CommonErrors(own, factor), np.ones(len(eo), dtype=bool)
+    whole, single = CommonErrors(segment_of, factor), np.ones(len(eo), dtype=bool)
     for strip in strips:
         single[strip.rows] = False
         if not _positive_definite(whole.rest(strip.rows, strip.cov)):
@@ -221,7 +225,7 @@ def _common(
     for row in np.flatnonzero(single):
         if not _positive_definite(whole.rest(np.array([row]), eo.cov[row])):
             factor[row] = 0.0
-    return CommonErrors(own, factor, lever_arm, estimated)
+    return CommonErrors(segment_of, factor, lever_arm, estimated)
 
 
 def _positive_definite(cov: Array) -> bool:

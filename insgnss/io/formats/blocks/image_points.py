@@ -137,10 +137,8 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     sigma = seen.sigma_px[:, :1] if equal else seen.sigma_px
     out = OUT.with_columns("sigma=%.6g" if equal else "sigma_x=%.6g sigma_y=%.6g")
     if correlated:
-        out, sigma = (
-            out.with_columns("correlation=%.5f"),
-            np.column_stack([sigma, seen.correlation]),
-        )
+        out = out.with_columns("correlation=%.5f")
+        sigma = np.column_stack([sigma, seen.correlation])
     names = [images[i] for i in seen.image], [points[p] for p in seen.point]
     comment = f"image observations: {PIXEL_ORIGIN}"
     out.write(path, np.hstack([seen.uv, sigma]), *names, comments=(comment,))

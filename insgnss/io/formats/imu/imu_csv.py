@@ -10,7 +10,6 @@ samples are whole without it.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -114,30 +113,6 @@ def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
 
 
 def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuSamples:
-    """Read the samples of a file, without its temperatures where these cannot be read."""
-    size = Path(path).stat().st_size
-    try:
-        return _read_columns(path, options, required, (TEMPERATURE,))
-    except InputError as error:
-        if Path(path).stat().st_size != size or not _has_temperature(path, options):
-            raise
-        problem = str(error)
-    samples = _read_columns(path, options, required, ())
-    advice = "fill the gaps, if its biases are to be tried against the temperature"
-    left_out = note("IMU temperature", f"left out: {problem}", "a number in every row", advice)
-    return replace(samples, notes=(*samples.notes, left_out))
-
-
-def _has_temperature(path: Source, options: ReadOptions) -> bool:
-    """Tell whether a file names a column of temperatures."""
-    with suppress(InputError, UsageError), loaded(path) as (buf, _):
-        return TEMPERATURE in SPEC.index(str(path), sniff(path, buf), options.columns)
-    return False
-
-
-def _read_columns(
-    path: Source, options: ReadOptions, required: tuple[str, ...], optional: tuple[str, ...]
-) -> ImuSamples:
     """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
     spec, units, rate_hz = with_required(required), options.units or {}, options.rate_hz
     kinds = kinds_of(options.quantity)
@@ -145,8 +120,8 @@ def _read_columns(
     def with_names(table: NumberTable | DirectRows) -> NamedTable:
         index = spec.index(table.path, table.layout, options.columns)
         clock = CLOCK_COLUMNS if rate_hz is None else (*CLOCK_COLUMNS, "counter")
-        taken = {name: i for name, i in index.items() if name in (*required, *clock, *optional)}
-        return NamedTable(spec, table, taken)
+        names = (*required, *clock, TEMPERATURE)
+        return NamedTable(spec, table, {name: i for name, i in index.items() if name in names})
 
     direct, usual = None, False
     with loaded(path) as (buf, complete):
@@ -162,21 +137,36 @@ def _read_columns(
         if usual:
             direct = _direct(buf, table, scales_of(settled, kinds))
     del buf
+    left_out: Notes = ()
     if direct is None:
-        table = with_names(parse(path, *load(path), layout, whole=False)).checked()
+        table = with_names(parse(path, *load(path), layout, whole=False))
+        table, left_out = _without_bad_temperature(table)
+        table = table.checked()
         settled = table.settled(units, kinds)
         factors = _factors(scales_of(settled, kinds), _backward(table))
         direct = _triads(table.numbers(), factors)
     scales = scales_of(settled, kinds)
     clock, gyro, accel = direct
     del direct
-    notes = settled.notes
+    notes = (*settled.notes, *left_out)
     if backward := _backward(table):
         them = "it" if len(backward) == 1 else "them"
         advice = f"rename {them} in the header if the values are not reversed"
         finding = f"{', '.join(table.fields(' '.join(backward)))} taken with the sign reversed"
         notes = (*notes, note("IMU columns", finding, "names without a sign", advice))
     return _samples(clock, gyro, accel, table, scales, options, notes)
+
+
+def _without_bad_temperature(table: NamedTable) -> tuple[NamedTable, Notes]:
+    """Return a table without a column of temperatures that holds text, and the note on it."""
+    assert isinstance(table.table, NumberTable)
+    problem = table.table.bad.get(table.index.get(TEMPERATURE, -1))
+    if problem is None:
+        return table, ()
+    index = {name: k for name, k in table.index.items() if name != TEMPERATURE}
+    advice = "fill the gaps, if its biases are to be tried against the temperature"
+    left_out = note("IMU temperature", f"left out: {problem}", "a number in every row", advice)
+    return replace(table, index=index), (left_out,)
 
 
 def with_required(required: Sequence[str]) -> TableSpec:
