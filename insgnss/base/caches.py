@@ -11,7 +11,6 @@ import os
 import stat
 import sys
 from functools import cache
-from pathlib import Path
 
 KERNELS_AT, FONTS_AT = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 
@@ -43,28 +42,31 @@ def settle() -> str:
     )
 
 
-def _cache_home() -> Path:
+def _cache_home() -> str:
     """The user's cache directory as numba finds it."""
     if sys.platform == "darwin":
-        return Path(os.path.expanduser("~/Library/Caches"))
-    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+        return os.path.expanduser("~/Library/Caches")
+    return os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
 
 
 def _writable_installation() -> bool:
     """Whether numba could keep code beside every source of the package."""
-    folders = {file.parent for file in Path(__file__).parents[1].rglob("*.py")}
-    return all(_writable(folder / "__pycache__") for folder in folders)
+    for folder, below, files in os.walk(os.path.dirname(os.path.dirname(__file__))):
+        below[:] = [name for name in below if name != "__pycache__"]
+        sources = any(name.endswith(".py") for name in files)
+        if sources and not _writable(os.path.join(folder, "__pycache__")):
+            return False
+    return True
 
 
-def _writable(directory: Path) -> bool:
+def _writable(directory: str) -> bool:
     """Whether files can be made in a directory, which itself may have to be made."""
-    existing = next((d for d in (directory, *directory.parents) if os.path.exists(d)), None)
-    return (
-        directory.is_absolute()
-        and existing is not None
-        and existing.is_dir()
-        and os.access(existing, os.W_OK | os.X_OK)
-    )
+    if not os.path.isabs(directory):
+        return False
+    existing = directory
+    while not os.path.exists(existing):
+        existing = os.path.dirname(existing)
+    return os.path.isdir(existing) and os.access(existing, os.W_OK | os.X_OK)
 
 
 def _own_directory() -> str:

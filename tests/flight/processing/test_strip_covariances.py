@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 import insgnss
-from insgnss.flight.processing import orientation
+from insgnss.flight.processing.orientation import strips
 from insgnss.flight.processing.pipeline import ProcessResult
 from insgnss.geodesy.rotation import vector_from_rotation
 
@@ -75,7 +75,7 @@ def test_lines_share_what_the_common_errors_say(sim, monkeypatch):
     headings, which a turn apart fade in a minute, is a sixth of the sigmas at most.
     """
     result = estimated(sim)
-    monkeypatch.setattr(orientation, "strip_rows", lambda eo, own: (np.arange(len(eo)),))
+    monkeypatch.setattr(strips, "strip_rows", lambda eo, segment: (np.arange(len(eo)),))
     (whole,) = estimated(sim).strips
     n = len(result.eo)
     line = np.full(n, -1)
