@@ -144,8 +144,8 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
 def row_fields(text: str, layout: TextLayout) -> list[str]:
     """Return the fields of a data line, the last one empty where it ends behind its delimiter."""
     fields = split_fields(text, layout.delimiter)
-    closed = layout.delimiter is not None and text.rstrip(" \r\n").endswith(layout.delimiter)
-    return [*fields, ""] if closed and len(fields) == layout.n_fields - 1 else fields
+    trailing = layout.delimiter is not None and text.rstrip(" \r\n").endswith(layout.delimiter)
+    return [*fields, ""] if trailing and len(fields) == layout.n_fields - 1 else fields
 
 
 def _masked(text: str) -> tuple[str, list[str]]:
