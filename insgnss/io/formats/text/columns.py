@@ -291,9 +291,16 @@ class NamedTable:
         return self.table.error_at(row, message)
 
     def checked(self, incomplete: Collection[str] = ()) -> "NamedTable":
-        """Return the table; InputError where a column of numbers, none `incomplete`, holds text."""
-        if isinstance(self.table, NumberTable):
-            self.table.refuse_text(k for name, k in self.index.items() if name not in incomplete)
+        """Return the table; InputError where a column of numbers, none `incomplete`, holds text.
+
+        Rows of a recording that lack a value are left out, which `settled` notes.
+        """
+        if not isinstance(self.table, NumberTable):
+            return self
+        columns = [k for name, k in self.index.items() if name not in incomplete]
+        if self.spec.record:
+            return replace(self, table=self.table.with_values(columns))
+        self.table.refuse_text(columns)
         return self
 
     def floats(self, name: str) -> Array:
@@ -349,8 +356,16 @@ class NamedTable:
         }
         line, spec = layout.header_line, self.spec
         settled = settled_units(self.path, line, spec.units, fields, units, spec.record, kinds)
-        notes = (*open_end(rows, self.table.complete), *settled.notes, *dates)
+        notes = (*open_end(rows, self.table.complete), *settled.notes, *dates, *self._left_out())
         return settled._replace(notes=notes)
+
+    def _left_out(self) -> tuple[Finding, ...]:
+        """The note on rows that lack a value; none where all have theirs."""
+        if not isinstance(self.table, NumberTable) or not (lines := self.table.left_out):
+            return ()
+        share = f"{len(lines)} of {len(lines) + len(self.table)} rows"
+        finding = f"{share} left out that lack a value, the first in line {lines[0]}"
+        return (note(f"{self.spec.record} rows", finding, "a value in every field"),)
 
     def gps_time(self, gps_week: int | None = None, unit: str = "s") -> tuple[Array, int | None]:
         """Return seconds of the first week and that week, as `clock.gps_time` does."""

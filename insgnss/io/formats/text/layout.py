@@ -9,7 +9,10 @@ Rules, the same for all formats
     comment line before the data that has as many fields as they. Lines with fewer fields may stand
     before a header, such as the date of a recording. Everything else is data: every line has the
     same number of fields, and the first that has not, or that is no number where a number must
-    stand, is refused with its line. Nothing is skipped and nothing is filled in.
+    stand, is refused with its line. An empty field is a missing value, the last of a line behind
+    its delimiter too: where a number must stand, the row is left out and counted in tables of
+    recordings, if these are fewer than 1 % (`order.SHARE_LIMIT`), and refused in others. Nothing is
+    filled in.
 """
 
 import os
@@ -139,6 +142,13 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
     else:
         fields = [field.strip() for field in masked.removesuffix(delimiter).split(delimiter)]
     return [_MASK.sub(lambda m: quotes[int(m[1])], field) for field in fields] if quotes else fields
+
+
+def row_fields(text: str, layout: TextLayout) -> list[str]:
+    """Return the fields of a data line, the last one empty where it ends behind its delimiter."""
+    fields = split_fields(text, layout.delimiter)
+    trailing = layout.delimiter is not None and text.rstrip(" \r\n").endswith(layout.delimiter)
+    return [*fields, ""] if trailing and len(fields) == layout.n_fields - 1 else fields
 
 
 def _masked(text: str) -> tuple[str, list[str]]:
@@ -319,7 +329,17 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
     flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
     commas = delimiter != "," and any("," in field for field in flat)
     decimal = "," if commas and not any("." in field for field in flat) else "."
-    n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
+    counts = Counter(len(row) for row in fields)
+    n_fields = counts.most_common(1)[0][0]
+    if delimiter is not None and (
+        n_fields + 1 in counts or (head and len(split_fields(head[2], delimiter)) == n_fields + 1)
+    ):  # rows whose last field is empty
+        short = (
+            text.rstrip(" \r\n")
+            for text, row in zip(texts, fields, strict=True)
+            if len(row) == n_fields
+        )
+        n_fields += all(text.endswith(delimiter) for text in short)
     line, offset, _ = data[0]
     if n_fields > MOST_FIELDS:
         problem = f"{n_fields} fields (limit {MOST_FIELDS})"
