@@ -86,6 +86,7 @@ if _TYPE_CHECKING:
     from .flight.config.flight_file import Flight
     from .flight.config.load import load_flight
     from .flight.processing.pipeline import ProcessResult
+    from .geodesy.frames import TangentPlane
     from .geodesy.gpstime import gps_from_dates
     from .gnss.options import EngineOptions
     from .io.formats import read_barometer, read_events, read_gnss, read_imu
@@ -138,6 +139,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "flight.config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
     "io.formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
+    "geodesy.frames": ("TangentPlane",),
     "geodesy.gpstime": ("gps_from_dates",),
     "gnss.options": ("EngineOptions",),
     "records.cameras.mounting": ("Mounting", "boresight_from_angles"),
@@ -192,6 +194,7 @@ __all__ = [
     "OwnState",
     "ProcessResult",
     "RelativeControl",
+    "TangentPlane",
     "Target",
     "Trajectory",
     "TuneOptions",
