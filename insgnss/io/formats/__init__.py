@@ -22,22 +22,6 @@ from .exports import EXPORTS, function_at
 from .read_options import ReadOptions
 from .text.units import SENSOR_SCALES, split_unit, unit_factor
 
-__all__ = [
-    "EXPORTS",
-    "SENSOR_SCALES",
-    "ReadOptions",
-    "Reader",
-    "TableInfo",
-    "describe",
-    "load_content",
-    "read_barometer",
-    "read_events",
-    "read_gnss",
-    "read_imu",
-    "split_unit",
-    "unit_factor",
-]
-
 _IMU_MAP = "columns variable units quantity gps_week rate_hz"
 _GNSS_TABLE = "columns repeat_column sigma_m sigma_velocity units gps_week undulation_m reference"
 _GNSS_MAP = f"variable {_GNSS_TABLE}"

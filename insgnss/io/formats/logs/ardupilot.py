@@ -19,7 +19,7 @@ from ..read_options import ReadOptions
 from ..text.order import note
 from ..text.text import Source
 from ..text.units import DEG
-from .autopilot import Array, Fixes, Log, LogMessage
+from .autopilot import Array, Autopilot, Fixes, Log, LogMessage
 from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
@@ -52,6 +52,9 @@ def _fixes(log: Log, variable: str | None) -> Fixes:
     return Fixes.of(message, fixed, boot, week, 1e-3 * ms)
 
 
+ARDUPILOT = Autopilot(read_log, _fixes, _boot)
+
+
 def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
     """Read the samples of one IMU, forward right down, on GPST.
 
@@ -73,13 +76,12 @@ def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
     InputError
         A log that cannot be read.
     """
-    log = read_log(path)
-    message, notes = log.message(IMU_MESSAGES, options.variable), tuple[Finding, ...]()
+    (log, message), notes = ARDUPILOT.opened(path, IMU_MESSAGES, options), tuple[Finding, ...]()
     if IMU_FIELDS[3] not in message:
         message, notes = _raw_pair(log, message)
     triads = message.floats(*IMU_FIELDS)
     options = replace(options, quantity=options.quantity or "instant_rate")
-    return log.samples(message, _fixes, _boot(message), triads, options, notes)
+    return ARDUPILOT.samples(log, message, triads, options, notes)
 
 
 def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ...]]:
@@ -126,8 +128,9 @@ def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes, cols, notes = log.fixes(_fixes, options, "Status")
-    message, undulation_m = fixes.message, options.undulation_m
+    fixes = _fixes(log, options.variable)
+    (cols, notes), message = log.columns_of(fixes, "Status"), fixes.message
+    undulation_m = options.undulation_m
     cols |= {"lat": message.columns["Lat"], "lon": message.columns["Lng"]}
     cols["h"] = message.columns["Alt"]
     accuracy = _accuracy(log, message)
@@ -182,9 +185,7 @@ def read_events_ardupilot(path: Source, options: ReadOptions) -> CameraEvents:
 
     Images are named by Img, where the message has it.
     """
-    log = read_log(path)
-    message = log.message(("CAM", "TRIG"), options.variable)
-    return log.events(message, _fixes, _boot(message), options.gps_week, "Img")
+    return ARDUPILOT.events(path, options, ("CAM", "TRIG"), "Img")
 
 
 def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHeights:
@@ -193,7 +194,5 @@ def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHei
     Alt counts from where the autopilot last calibrated it; the standard height of Press jumps
     nowhere.
     """
-    log = read_log(path)
-    message = log.message(("BARO", "BARO2", "BAR2"), options.variable)
     labels = {"pressure": "Press", "h": "Alt"}
-    return log.heights(message, _fixes, _boot(message), options.gps_week, labels)
+    return ARDUPILOT.heights(path, options, ("BARO", "BARO2", "BAR2"), labels)
