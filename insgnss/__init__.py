@@ -25,8 +25,8 @@ Records
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
 Say how
     `Flight`, `Mounting`, `boresight_from_angles`, `CameraInput` and `CameraMounting` (of a rig),
-    `FilterOptions`, `InitialAttitude`, `TangentPlane`, `NoiseModel`, `AxisNoise`, `GaussMarkov`, `TuneOptions`,
-    `EngineOptions`, `ImuFaults`.
+    `FilterOptions`, `InitialAttitude`, `TangentPlane`, `NoiseModel`, `AxisNoise`, `GaussMarkov`,
+    `TuneOptions`, `EngineOptions`, `ImuFaults`.
 Noise
     `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
 Errors
