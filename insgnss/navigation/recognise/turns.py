@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.findings.remedies import Remedy, SetKey, Step
 from ...geodesy.gpstime import LEAP_NOW_S
@@ -149,6 +150,32 @@ def exposures_off_lines(times: Sequence[Array], gnss: GnssFixes) -> list[int]:
     rate, moving = _course_rate(gnss, grid, width)
     located = [_cells(time, grid, moving) for time in times]
     return [int(np.sum(~usable | (np.abs(rate[k]) > IN_TURN))) for k, usable in located]
+
+
+def exposure_ways(time: Array, gnss: GnssFixes) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the way from each exposure to the next, and where its course is known and straight.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,), s
+        Times of the exposures, in the week of the fixes.
+    gnss : GnssFixes
+
+    Returns
+    -------
+    tuple of ndarray
+        Both (n - 1,): m, and bool.
+    """
+    place = np.column_stack([np.interp(time, gnss.time, axis) for axis in north_east(gnss).T])
+    way = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    grid = np.arange(gnss.time[0], gnss.time[-1], TURN_GRID_S)
+    width = _width(gnss, grid)
+    if grid.size < max(200, 5 * width):
+        return way, np.zeros(way.size, dtype=bool)
+    rate, moving = _course_rate(gnss, grid, width)
+    cells, usable = _cells(time, grid, moving)
+    turning = np.cumsum(~moving | (np.abs(rate) > IN_TURN))
+    return way, usable[1:] & usable[:-1] & (turning[cells[1:]] == turning[cells[:-1]])
 
 
 def _by_chance(
