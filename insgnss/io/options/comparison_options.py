@@ -11,7 +11,7 @@ from .kinds import Checked
 from .schema import argument
 
 GEOID = "geoid above the ellipsoid, to be added to heights of"
-GNSS = ", positions of GNSS that are above the geoid"
+OF_GNSS = ", positions of OF_GNSS that are above the geoid"
 _form = partial(argument, metavar="FORMAT")
 _undulation = partial(argument, metavar="M")
 
@@ -25,7 +25,7 @@ class ComparisonOptions(Checked):
     form_a, form_b : str or None
         Formats of files that do not show it.
     undulation_a_m, undulation_b_m : float or None
-        Geoid above the ellipsoid, to be added to heights of positions of GNSS.
+        Geoid above the ellipsoid, to be added to heights of positions of OF_GNSS.
     origin : tuple of float or None
         Latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does not
         give it; without it that of the other file is taken, and noted.
@@ -51,8 +51,8 @@ class ComparisonOptions(Checked):
         "format of B, if not recognised from the file; one of the formats above",
         cli="--format-b",
     )
-    undulation_a_m: float | None = _undulation(None, f"{GEOID} A{GNSS}", cli="--undulation-a")
-    undulation_b_m: float | None = _undulation(None, f"{GEOID} B{GNSS}", cli="--undulation-b")
+    undulation_a_m: float | None = _undulation(None, f"{GEOID} A{OF_GNSS}", cli="--undulation-a")
+    undulation_b_m: float | None = _undulation(None, f"{GEOID} B{OF_GNSS}", cli="--undulation-b")
     origin: tuple[float, float, float] | None = argument(
         None,
         "origin of the tangent plane (deg, deg, m), if the file does not give it",

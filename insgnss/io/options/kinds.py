@@ -113,7 +113,7 @@ def check(instance: Any, table: str) -> None:
             raise OptionError(key, problem)
     start = f"{table}." if table else ""
     for name, item in options.items():
-        missing = [other for other in item.option.needs if getattr(instance, other) is None]
+        missing = [needed for needed in item.option.needs if getattr(instance, needed) is None]
         if missing and getattr(instance, name) != item.default:
             problem = f"has no meaning without {named(start + missing[0])}; give both"
             raise OptionError(start + name, problem)
@@ -183,8 +183,8 @@ def range_words(item: Declared) -> str:
 
 def _limits(item: Declared) -> str:
     """The range of an option's numbers with its unit."""
-    words = range_words(item)
-    return f"{words} {item.option.unit}".rstrip() if " to " in words else words
+    limits = range_words(item)
+    return f"{limits} {item.option.unit}".rstrip() if " to " in limits else limits
 
 
 def in_range(item: Declared, value: Any) -> bool:

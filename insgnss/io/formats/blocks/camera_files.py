@@ -78,8 +78,8 @@ def write_cameras(
         )
     notes: list[str] = []
     ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
-    given = covariances or [None] * len(cameras)
-    written = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
+    stated = covariances or [None] * len(cameras)
+    written = [None if c.backward else P for c, P in zip(cameras, stated, strict=True)]
     atomic_write(path, CAMERA_FORMS[form](ready, written))
     return tuple(notes)
 
@@ -280,8 +280,8 @@ def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     for k, (camera, P) in enumerate(zip(cameras, covariances, strict=True), start=1):
         if P is not None:
             names, sigma, rho = _opencv_covariance(camera, P)
-            words = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
-            rows.append(f"# sigmas of camera {k}: {words}")
+            sigmas = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
+            rows.append(f"# sigmas of camera {k}: {sigmas}")
             rows += [
                 f"# correlations of {name}: {' '.join(f'{x:+.4f}' for x in row)}"
                 for name, row in zip(names, rho, strict=True)

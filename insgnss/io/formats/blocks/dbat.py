@@ -264,8 +264,8 @@ def _ground(
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
         position.append(table.block(POSITION)[keep])
-        own = _sigma(table, np.zeros((len(number), 3)))[keep]
-        sigma.append(np.where(own == 0.0, FIXED_M, own))
+        stated = _sigma(table, np.zeros((len(number), 3)))[keep]
+        sigma.append(np.where(stated == 0.0, FIXED_M, stated))
     if not ids:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))
     every = np.concatenate(sigma)
@@ -364,8 +364,8 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's
-        apart = np.abs(size * per_mm - (width, height))
-    if not (apart[size > 0.0] <= 0.5).all():
+        mismatch = np.abs(size * per_mm - (width, height))
+    if not (mismatch[size > 0.0] <= 0.5).all():
         raise InputError.in_file(
             path, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
         )
@@ -435,8 +435,8 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
             " of an image can",
         )
     reference = whole(text) - 1
-    apart = np.abs(position - position[reference])
-    if not np.isfinite(apart).all():
+    distance = np.abs(position - position[reference])
+    if not np.isfinite(distance).all():
         raise InputError.in_file(
             path, "set_datum: 'depend' needs a prior orientation of every image; give prior_eo"
         )

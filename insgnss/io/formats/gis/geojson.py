@@ -170,9 +170,9 @@ def _unless(point: Array, same: Array) -> Array:
 
 def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
     opk = numbers_of(eo, "opk", Conventions(unit="rad"))
-    own = json.dumps(camera).replace("%", "%%")
+    lens = json.dumps(camera).replace("%", "%%")
     form = (
-        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'
+        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {lens}, "xyz":'
         " [%.4f, %.4f, %.4f], "
     )
     form += '"opk": [%.9f, %.9f, %.9f]}}'

@@ -170,9 +170,9 @@ def write_antenna_pos(
         )
     fixes = antenna_fixes(source, lever_m)
     fixes = replace(fixes, quality=np.full(fixes.time.size, quality))
-    own = (
+    comments = (
         "program   : insgnss",
         f"antenna positions of the smoothed inertial solution; Q is {quality} throughout, ns, age"
         " and ratio are not known",
     )
-    write_rtklib_pos(fixes, path, comments=own, digits=13)
+    write_rtklib_pos(fixes, path, comments=comments, digits=13)

@@ -43,8 +43,8 @@ def _fixes(log: Log, variable: str | None) -> Fixes:
     message = log.message(("GPS", "GPS2"), variable)
     names = ("GWk", "GMS") if "GWk" in message else ("Week", "TimeMS")
     if missing := [x for x in ("Status", "Lat", "Lng", "Alt", *names) if x not in message]:
-        there = f"it has {' '.join(message.columns)}; give the log of the autopilot itself"
-        raise InputError(f"{log.path}: {message.name} has no {' '.join(missing)}; {there}")
+        present = f"it has {' '.join(message.columns)}; give the log of the autopilot itself"
+        raise InputError(f"{log.path}: {message.name} has no {' '.join(missing)}; {present}")
     status, week, ms = (message.columns[name] for name in ("Status", *names))
     boot = _boot(message)
     fixed = (status >= LEAST_STATUS) & (status < 256.0) & (week > 0.0) & (week < 1e4)
@@ -91,8 +91,8 @@ def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ..
     """
     accel = log.message((gyro.name.replace("GYR", "ACC"),))
     if "SampleUS" not in gyro:
-        there = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
-        raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {there}")
+        present = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
+        raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {present}")
     time, *rates = gyro.floats("SampleUS", *IMU_FIELDS[:3])
     stamps, *forces = accel.floats("SampleUS", *IMU_FIELDS[3:])
     stamp, first = np.unique(stamps, return_index=True)

@@ -88,11 +88,11 @@ def read_log(path: Source) -> Log:
             for label, column in columns.items()
             if column.dtype.kind in "iufb"
         }
-    odd = ["damaged messages left out"] if log.file_corruption else []
-    odd += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
+    findings = ["damaged messages left out"] if log.file_corruption else []
+    findings += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
     if end != buf.size and not log.file_corruption:
-        odd.append(f"the file ends within a message at byte {end}, which is left out")
-    return Log(str(path), tables, tuple(odd), "topic")
+        findings.append(f"the file ends within a message at byte {end}, which is left out")
+    return Log(str(path), tables, tuple(findings), "topic")
 
 
 def receiver_bytes(path: Source) -> bytes:

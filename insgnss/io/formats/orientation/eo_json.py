@@ -251,12 +251,12 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
         )
     if unsound := _unsound(eo):
         raise InputError.in_file(path, f"{unsound}; the file was edited; export it again")
-    off = (
+    disagrees = (
         np.abs(rotation_from_quaternion(quaternion) - eo.C_mc).max(axis=(1, 2), initial=0.0)
         > AGREEMENT
     )
-    if off.any() or not is_rotation(eo.C_mc):
-        name = eo.images[int(np.argmax(off))]
+    if disagrees.any() or not is_rotation(eo.C_mc):
+        name = eo.images[int(np.argmax(disagrees))]
         raise InputError.in_file(
             path,
             f"image {name}: C_mc and quaternion disagree, or C_mc is no rotation; the file was"
@@ -354,8 +354,8 @@ def _rig(content: dict[str, Any], packed: eo_packed.Unpacked | None) -> RigImage
     rig = RigImages(cameras, number)
     last = rig.next_of_camera < 0
     none = [[0.0] * 6] * 6
-    given = [image["cross_cov6_next_of_camera"] for image in images]
-    if not last.all() and all(values is None for values in given):
+    crosses = [image["cross_cov6_next_of_camera"] for image in images]
+    if not last.all() and all(values is None for values in crosses):
         return rig
     filled = [
         image | {"cross_cov6_next_of_camera": none} if alone else image
@@ -369,8 +369,8 @@ def _unsound(eo: ExteriorOrientation) -> str:
     rows = [np.arange(len(eo))] if eo.rig is None else eo.rig.rows
     falls = np.zeros(len(eo), dtype=bool)
     falls[1:] = np.diff(eo.time) < 0.0
-    for own in rows:
-        falls[own[1:]] |= np.diff(eo.time[own]) <= 0.0
+    for of_camera in rows:
+        falls[of_camera[1:]] |= np.diff(eo.time[of_camera]) <= 0.0
     if falls.any():
         return (
             f"image {eo.images[int(np.argmax(falls))]}: its time does not follow that of the image"

@@ -64,13 +64,13 @@ def opened_database(
     except OSError as error:
         problem = f"cannot be read: {error.strerror or error}"
         raise InputError.in_file(path, problem) from None
-    left = FEWEST_INSTRUCTIONS + BY_BYTE * size
+    budget = FEWEST_INSTRUCTIONS + BY_BYTE * size
     spent = 0
 
     def exhausted() -> bool:
         nonlocal spent
         spent += INSTRUCTIONS_AT_A_TIME
-        return spent > left
+        return spent > budget
 
     try:
         if not begins:
@@ -87,6 +87,6 @@ def opened_database(
             yield connection
     except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())[:120]
-        if spent > left:
-            why = f"reading takes more steps than a file of this size needs (limit {left})"
+        if spent > budget:
+            why = f"reading takes more steps than a file of this size needs (limit {budget})"
         raise InputError.in_file(path, f"is no {kind}: {why}; {advice}") from None

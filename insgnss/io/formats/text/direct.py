@@ -54,13 +54,13 @@ class DirectRows:
         """The error `message` at the line of `row`."""
         with opened(self.path) as stream:
             stream.seek(self.layout.skip_to)
-            left = row
+            remaining = row
             for line, raw in enumerate(stream, start=self.layout.first_line):
                 text = decode(raw)
                 if text.strip() and not is_comment(text):
-                    if left == 0:
+                    if remaining == 0:
                         return InputError.at_line(self.path, line, message)
-                    left -= 1
+                    remaining -= 1
         return InputError.in_file(self.path, message)
 
 
@@ -135,8 +135,8 @@ class _Work:
         first = next(self.pieces(), None)
         if first is None:
             return 0
-        left = (self.buf.size - first.start) / first.buf.size
-        return first.lines if left <= 1.0 else int(ROOM * left * first.lines) + 1
+        pieces_left = (self.buf.size - first.start) / first.buf.size
+        return first.lines if pieces_left <= 1.0 else int(ROOM * pieces_left * first.lines) + 1
 
     def lines(self) -> int:
         """All lines, counted."""

@@ -144,7 +144,7 @@ def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
         (
             name
             for name, stem in candidates
-            if any(stem == other for other, _ in without_unit(field, kinds.get(name, ())))
+            if any(stem == cut_stem for cut_stem, _ in without_unit(field, kinds.get(name, ())))
         ),
         None,
     )

@@ -94,8 +94,8 @@ def float_of(text: str, decimal: str = ".") -> float | None:
     Digits are those of ASCII, without signs between them; only a zero that is written as one is
     zero, so that a number too small for a float is none.
     """
-    sign, other = (",", ".") if decimal == "," else (".", ",")
-    if not NUMBER.fullmatch(text) or other in text:
+    sign, wrong_sign = (",", ".") if decimal == "," else (".", ",")
+    if not NUMBER.fullmatch(text) or wrong_sign in text:
         return None
     x = float(text.replace(sign, "."))
     zero = x == 0.0 and spells_zero(text)
