@@ -29,7 +29,8 @@ from ...records import Array
 
 # tolerance of a match, of the shortest interval: below one half, so that an image has one event
 SHARE_OF_INTERVAL = 0.45
-LEADS = 40  # images at the start whose differences to events are tried as the clock's offset
+# first images tried as partner of an event, for the clock's offset: more are not lost (chosen)
+LEADS = 40
 FEWEST_PAIRS = 5  # pairs by which an order may be called wrong: fewer agree by chance (chosen)
 # tolerances, of the median interval: of sharp stamps, then of scattered ones (chosen)
 INTERVAL_SHARES = (0.02, 0.15)

@@ -11,7 +11,7 @@ from .kinds import Checked
 from .schema import argument
 
 GEOID = "geoid above the ellipsoid, to be added to heights of"
-OF_GNSS = ", positions of OF_GNSS that are above the geoid"
+OF_GNSS = ", positions of GNSS that are above the geoid"
 _form = partial(argument, metavar="FORMAT")
 _undulation = partial(argument, metavar="M")
 
@@ -25,7 +25,7 @@ class ComparisonOptions(Checked):
     form_a, form_b : str or None
         Formats of files that do not show it.
     undulation_a_m, undulation_b_m : float or None
-        Geoid above the ellipsoid, to be added to heights of positions of OF_GNSS.
+        Geoid above the ellipsoid, to be added to heights of positions of GNSS.
     origin : tuple of float or None
         Latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does not
         give it; without it that of the other file is taken, and noted.

@@ -22,7 +22,7 @@ from .schema import Declared, class_names, declared, plain
 Problem = Callable[[Declared, Any], str]
 # m: a base that averaged its own position is off by metres, one of another datum by hundreds
 MOST_MOVED_M = 1000.0
-EARTH_RADIUS_M = 6.37e6  # radius of the Earth (m), for a distance that is held against MOST_MOVED_M
+EARTH_RADIUS_M = 6.37e6  # Earth's radius (m): good enough for a distance held against MOST_MOVED_M
 HOW_MANY = ("", "a number", "two numbers", "three numbers")
 
 

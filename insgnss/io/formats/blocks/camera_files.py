@@ -25,8 +25,9 @@ from ..bundle.camera import BROWN_NAMES, FISHEYE_NAMES
 from ..text.text import Source
 
 EXACT_PX = 0.01  # of an image point: a tenth of what is measured
-LOST_PX = 0.1  # of what a program has no place for, which is said
-GRID = 25  # points to a side of the image, at which two cameras are compared (chosen)
+# shift of pixels (px): what is left out because a program has no place for it moves less
+LOST_PX = 0.1
+GRID = 25  # points to a side of the image: two cameras are compared there (chosen)
 MOST_CAMERA_STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
 # parameters that a program has no place for, by its format and whether the camera is a fisheye
 NOT_HELD: dict[tuple[str, bool], tuple[str, ...]]

@@ -23,7 +23,8 @@ from .ground_points import GroundTable
 from .measured_block import file_names, no_poses
 from .metashape_project import Element, ProjectFile, opened_project
 
-CAMERA_M = 10.0  # accuracy of reference coordinates of images where the project states none (m)
+# accuracy of image references (m) where the project states none: Metashape's default
+CAMERA_M = 10.0
 BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 OPK_NAMES, SIGMAS = "omega phi kappa", "sigma_x sigma_y sigma_z"
 TURNED = "sigma_omega sigma_phi sigma_kappa"
 POSE_TABLE_UNITS = f"{METRES} deg degree degrees s"
-POSE_NAMES: Names = {
+POSE_TABLE_NAMES: Names = {
     "name": "name image setup point label id target photo image_name point_id point_name marker"
     " station",
     **PLACES,
@@ -40,10 +40,12 @@ GEODETIC_COLUMNS: Names = {
     "lat": "lat latitude lat_deg latitude_deg",
     "lon": "lon longitude lon_deg longitude_deg",
 }
-CARTESIAN_POSITIONS = _spec(POSE_NAMES | GEODETIC_COLUMNS, "name x y z", SIGMAS, OF_A_REFERENCE)
-GEODETIC_POSITIONS = _spec(POSE_NAMES | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
+CARTESIAN_POSITIONS = _spec(
+    POSE_TABLE_NAMES | GEODETIC_COLUMNS, "name x y z", SIGMAS, OF_A_REFERENCE
+)
+GEODETIC_POSITIONS = _spec(POSE_TABLE_NAMES | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
 POSE_SPEC = _spec(
-    POSE_NAMES
+    POSE_TABLE_NAMES
     | {angle: angle for angle in OPK_NAMES.split()}
     | {f"sigma_{angle}": sigma_names(angle) for angle in OPK_NAMES.split()},
     f"name x y z {OPK_NAMES}",

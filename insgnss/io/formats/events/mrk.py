@@ -31,11 +31,12 @@ _WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
 _MRK_TOKEN = re.compile(r"[^\s,;]+")
 MRK_NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 MRK_OFFSET = ("n", "e", "v")
-LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
+# antenna to camera (m): drones are smaller, a longer one is not in millimetres
+LONGEST_OFFSET_M = 5.0
 MRK_PLACE = ("lat", "lon", "ellh")
 # largest number, week or quality: six digits, more than any drone counts (chosen)
 LARGEST_NUMBER = 999999
-LEAST_MRK_VALUES = 2  # number and time of week
+LEAST_MRK_VALUES = 2  # values of a line without names: number and time of week (format)
 
 
 @dataclass(frozen=True, eq=False)

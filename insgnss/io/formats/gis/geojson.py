@@ -28,7 +28,8 @@ from ..orientation.poses import all_angles, local_covariance, sentences, utc
 from ..text.text import Source
 
 DIALECTS = ("rfc7946", "orthority")
-HALF_TURN_DEG = 180.0  # change of longitude (deg) beyond which a track crosses the antimeridian
+# change of longitude (deg): a track with a larger one crosses the antimeridian
+HALF_TURN_DEG = 180.0
 
 
 def write_geojson(

@@ -35,11 +35,11 @@ STATED_BY: dict[tuple[str, ...], tuple[tuple[str, ...], ...]] = {
     VELOCITY_SIGMA: (VELOCITY_SIGMA, ("sd_v", "sd_v", "sd_v")),
 }
 OF_POSITION = {*FIX_SIGMAS, "sd_ne", *VARIANCE}
-MOST_QUALITY = 7  # of RTKLIB
+MOST_QUALITY = 7  # largest quality code: RTKLIB has 0 to 7
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
-UNKNOWN_DOP = 99.0  # receivers write 99.9 or 99.99 for a dilution of precision they do not know
-LARGEST_COORDINATE = 1e7  # m, m/s; beyond it no antenna is
+UNKNOWN_DOP = 99.0  # dilution of precision: receivers write 99.9 or 99.99 for one they do not know
+LARGEST_COORDINATE = 1e7  # height (m), velocity (m/s) and their sigmas: no antenna is beyond it
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from .novatel import OemLog, solved_logs
 
 HEADING_LOGS = ("HEADINGA", "HEADING2A", "DUALANTENNAHEADINGA", "UNIHEADINGA")
 MILLISECONDS = "UNIHEADINGA"  # whose header has its week one field further left, and ms
-FIELDS_BEFORE_HEADING = 7, 7  # of header and body that are read, at least
+FIELDS_BEFORE_HEADING = 7, 7  # fields of header and body: the least, those that are read
 LOG_HEADINGS = "let the receiver log HEADING2A or UNIHEADINGA, and copy the log whole"
 
 

@@ -46,7 +46,7 @@ from .pos_header import (
 
 __all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos"]
 
-JST_S = 9 * 3600.0  # s that Japan's time (RTKLIB's scale JST) is ahead of UTC
+JST_S = 9 * 3600.0  # Japan's time ahead of UTC (s): RTKLIB's scale JST
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,8 +68,7 @@ STALE: dict[str, tuple[str, ...]] = {
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
 TAG_ANGLES = ("Yaw", "Pitch", "Roll")
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
-# bytes that are copied at a time, so that an image of any size takes 4 MB of memory
-COPIED_BYTES = 1 << 22
+COPIED_BYTES = 1 << 22  # bytes copied at a time: an image of any size takes 4 MB of memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,8 @@ from ....records.interpolation import columns_at
 from ..text.order import note
 
 LOST_INTERVALS = 2.5  # intervals of the accelerometers: a single sample may be lost
-LEAST_COMMON = 0.5  # of the gyro samples
+# share of the gyro samples with accelerometers: with fewer two recordings are mixed (chosen)
+LEAST_COMMON = 0.5
 
 
 def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:

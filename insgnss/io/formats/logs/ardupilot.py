@@ -23,8 +23,9 @@ from .autopilot import Array, Autopilot, Fixes, Log, LogMessage
 from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
-NO_HEIGHT_M = -1e6  # the firmware writes -2^31 cm where the receiver gives no ellipsoidal height
-LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix; DGPS and RTK have larger ones
+# ellipsoidal height (m): the firmware writes -2^31 cm where the receiver gives none
+NO_HEIGHT_M = -1e6
+LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix: DGPS and RTK have larger ones
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 

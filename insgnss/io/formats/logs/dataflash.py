@@ -20,7 +20,7 @@ NEEDS_PYMAVLINK = (
     "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-FMT = 128  # number of the kind of message that gives the formats of all others
+FMT = 128  # number of the message that gives the formats of all others: the format's
 LOST_LIMIT = 0.01  # share of bytes or lines that are no message: torn ones are fewer (chosen)
 TEXT_TYPES = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
 

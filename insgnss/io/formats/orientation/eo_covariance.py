@@ -20,12 +20,12 @@ from ..text.text import Source
 
 FILE = "eo_covariance.npz"
 COVARIANCE_FORMAT = "insgnss strip covariance"
-FORMAT_VERSION = 1  # of the arrays in the file; the reader refuses another one
-NONE = -1  # strip of an image that is in none
+FORMAT_VERSION = 1  # version of the arrays in the file: the reader refuses another one
+NONE = -1  # strip of an image that is in none: rows count from 0
 AGAIN = "process the flight again"
 SMALL_ARRAYS = ("format", "format_version", "images", "segment", "common")
-PART_TOLERANCE = 1e-6  # of a variance, by which a part of it may exceed it
-AGREEMENT = 1e-9  # of the standard deviations, between a block on the diagonal and cov6
+PART_TOLERANCE = 1e-6  # share of a variance by which a part of it may exceed it: rounding
+AGREEMENT = 1e-9  # share of the sigmas between a strip's block and cov6: rounding
 
 
 def write_eo_covariance(

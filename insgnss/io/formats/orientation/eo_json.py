@@ -36,12 +36,13 @@ from .relative_csv import relative_member
 Array = NDArray[np.float64]
 
 EO_FORMAT = "insgnss exterior orientation"
-FORMAT_VERSION = 1  # of one camera, its numbers in the text
-PACKED_VERSION = 2  # of one camera, its numbers in the archive beside
+FORMAT_VERSION = 1  # version of one camera, its numbers in the text: the first
+# version of one camera, its numbers in the archive beside: readers of 1 refuse it
+PACKED_VERSION = 2
 RIG_VERSION = 3  # of several cameras, packed or not: a reader of one camera must not take it
 VERSIONS = (FORMAT_VERSION, PACKED_VERSION, RIG_VERSION)
 WGS84 = "WGS84 (EPSG:4979)"
-AGREEMENT = 1e-9  # rad
+AGREEMENT = 1e-9  # rotation between C_mc and quaternion (rad): rounding of what is printed
 TINY_NUMBERS = re.compile(rb"[eE]-[0-9]{3}|0{300}")  # in each number below 1e-300
 OF_A_RIG = {
     "camera": "which of `cameras` took the image; images stand in the order of time",

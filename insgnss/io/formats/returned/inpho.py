@@ -36,9 +36,10 @@ RADIAL_TERMS = 5  # of RADIAL_COEFFS that a camera has a place for: K0 to K4
 DECENTRING_TERMS = 2  # of DECENTRE_COEFFS that have a place: P1 and P2
 EXCHANGED = "-p2x"  # behind a direction: P2 is that of x
 FIELD = re.compile(r"\$(\w+)\s*:([^$]*)")  # of a camera: its name and its values
-INPHO_CRS = re.compile(r"\$INPHO_CRS\s*:\s*([^$]+)")  # well-known text, or a name
+INPHO_CRS = re.compile(r"\$COORDINATE_SYSTEM\s*:\s*([^$]+)")  # well-known text, or a name
 SAME_TURN = 0.1  # of elements of two cameras' rotations: sensors are turned by quarters (chosen)
-FROM_CENTRE_PX = 0.5  # of the first pixel from its outer corner, where Inpho counts from the centre
+# first pixel's centre from its outer corner (px): Inpho counts from the centre
+FROM_CENTRE_PX = 0.5
 
 
 def read_inpho_cameras(path: Source, direction: str | None = None) -> tuple[BrownCamera, ...]:
@@ -175,7 +176,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     Returns
     -------
     ReturnedPoses
-        In the CRS of $INPHO_CRS, else in a frame that is not named, of a camera whose axes
+        In the CRS of $COORDINATE_SYSTEM, else in a frame that is not named, of a camera whose axes
         are those of its pixels; photographs without $EXT_ORI are left out, with a note.
 
     Raises

@@ -35,20 +35,20 @@ from ..text.text import Source, check_fields, decoded, numbered_lines
 from .crs import COORDINATE_SYSTEM, kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
-OPK_COLUMNS = 7  # name, X, Y, Z and three angles
+OPK_COLUMNS = 7  # fields of a line: name, X, Y, Z and three angles
 IGN_HEADER = re.compile(r"\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b", re.IGNORECASE)
 IGN_UNITS = {"g": 0.9, "d": 1.0, "r": float(np.degrees(1.0))}  # deg of a unit, by its first letter
-MATRIX_COLUMNS = 16  # these, and nine elements of the matrix
-SAME = 1e-3  # of a matrix and of the angles beside it
+MATRIX_COLUMNS = 16  # fields of a line: those of OPK_COLUMNS and nine elements of the matrix
+SAME = 1e-3  # elements of a matrix against its angles: both are printed with few digits
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
 ACCURACIES = "x_acc", "y_acc", "z_acc"  # of reference coordinates, m
 # what an export of positions calls the coordinates, with the code of its CRS behind the first
 REFERENCE_NAMES = {"easting": "x", "northing": "y", "height": "z"}
 EPSG = re.compile(r"EPSG:\d+(?:\+\d+)?")
 ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies
-PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
+PIX4D_LINES = 10  # lines of an image in calibrated_camera_parameters: the format
 EXTERNAL, PIX4D_CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
-FAR_M = 1e4  # positions without offset lie nearer to zero than this
+FAR_M = 1e4  # coordinate (m): positions without their offset lie nearer to zero
 
 
 def read_metashape_opk_text(path: Source) -> ReturnedPoses:

@@ -18,7 +18,7 @@ COLUMNS_QUERY = (
     " AS c WHERE t.schema = 'main' GROUP BY t.name"
 )
 """Of each table its kind and the largest mark of its columns, from 2 on of one that is computed."""
-INSTRUCTIONS_AT_A_TIME = 10_000  # instructions of SQLite between two looks at the budget
+INSTRUCTIONS_AT_A_TIME = 10_000  # instructions of SQLite between two looks at the budget: 0.1 ms
 FEWEST_INSTRUCTIONS = 10_000_000  # instructions for a file of any size: a tenth of a second
 BY_BYTE = 20  # instructions for each byte: a row has 8 bytes or more and is joined by about 100
 # bytes of a text or blob, or those of the file where they are fewer

@@ -31,9 +31,9 @@ from .text import parsed_rows
 
 Bytes = NDArray[np.uint8] | FileBytes
 
-PIECE_BYTES = 1 << 19  # bytes
-THREADS = 2  # that parse pieces at a time (chosen)
-ROOM = 1.1  # times the rows that the first lines promise
+PIECE_BYTES = 1 << 19  # bytes of a piece: a processor's cache holds it and its numbers (chosen)
+THREADS = 2  # threads that parse pieces: more wait for memory (chosen)
+ROOM = 1.1  # times the rows that the first lines promise: later lines may be shorter (chosen)
 NEWLINE = b"\n"
 Wanted = Mapping[str, Sequence[tuple[int | None, float]]]
 """Columns of each array by its name: column of the table, None for zeros, and its factor."""

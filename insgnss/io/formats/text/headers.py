@@ -42,8 +42,8 @@ _SHORT = {  # behind a name only, where the kind tells what is meant
     "velocity": {"ms": "m/s", "cms": "cm/s", "mms": "mm/s"},
 }
 DATUM = re.compile(r"\s*WGS[ -]?(19)?84\s*", re.IGNORECASE)  # in the brackets of a unit
-LONGEST_COLUMN_NAME = 200  # characters; a longer field of a header is no name
-_SAME = 1e-6  # of two factors
+LONGEST_COLUMN_NAME = 200  # characters: a longer field of a header is no name
+_SAME = 1e-6  # relative difference of two factors: rounding
 
 
 def normalised(name: str) -> tuple[str, str | None]:
