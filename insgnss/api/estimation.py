@@ -175,12 +175,12 @@ def estimate(
 
 def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
     """Refuse changes that are given by a keyword as well, and those that nothing looks at."""
-    given = {
+    stated = {
         "noise": flight.imu.noise,
         "imu_axes": flight.imu.axes,
         "trajectory_hz": flight.output.trajectory_hz,
     }
-    for name, value in given.items():
+    for name, value in stated.items():
         key = next(key for key, spoken in SPOKEN.items() if spoken == name).replace(".", "__")
         if key in changes and value != signature(estimate).parameters[name].default:
             raise UsageError(f"estimate: {name} and {key} are both given; keep one of them")
@@ -192,7 +192,7 @@ def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
 
 
 def _no_week() -> Finding:
-    given = f"none is given; {NO_WEEK} is used"
+    finding = f"none is given; {NO_WEEK} is used"
     return Question("GPS week", "gps_week, or a week in the records").note(
-        given, "times stay as they are"
+        finding, "times stay as they are"
     )

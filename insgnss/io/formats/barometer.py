@@ -17,7 +17,7 @@ from .text.order import Lines, put_in_order, refuse_rows
 from .text.text import Source
 
 ROWS = "barometer rows"  # name of the notes on rows left out or put in order
-HIGHEST_PA = 120e3  # far below sea level
+HIGHEST_PA = 120e3  # pressure (Pa): 1400 m below sea level, where nobody flies
 BAROMETER_LIMITS = {  # of each column: lowest, highest, their unit and its key
     "pressure": (LOWEST_PA, HIGHEST_PA, "Pa", "pressure"),
     "h": (-2000.0, 11000.0, "m", "length"),  # above whatever level it counts from

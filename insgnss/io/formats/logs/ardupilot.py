@@ -23,8 +23,9 @@ from .autopilot import Array, Autopilot, Fixes, Log, LogMessage
 from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
-NO_HEIGHT_M = -1e6  # the firmware writes -2^31 cm where the receiver gives no ellipsoidal height
-LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix; DGPS and RTK have larger ones
+# ellipsoidal height (m): the firmware writes -2^31 cm where the receiver gives none
+NO_HEIGHT_M = -1e6
+LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix: DGPS and RTK have larger ones
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
@@ -43,8 +44,8 @@ def _fixes(log: Log, variable: str | None) -> Fixes:
     message = log.message(("GPS", "GPS2"), variable)
     names = ("GWk", "GMS") if "GWk" in message else ("Week", "TimeMS")
     if missing := [x for x in ("Status", "Lat", "Lng", "Alt", *names) if x not in message]:
-        there = f"it has {' '.join(message.columns)}; give the log of the autopilot itself"
-        raise InputError(f"{log.path}: {message.name} has no {' '.join(missing)}; {there}")
+        present = f"it has {' '.join(message.columns)}; give the log of the autopilot itself"
+        raise InputError(f"{log.path}: {message.name} has no {' '.join(missing)}; {present}")
     status, week, ms = (message.columns[name] for name in ("Status", *names))
     boot = _boot(message)
     fixed = (status >= LEAST_STATUS) & (status < 256.0) & (week > 0.0) & (week < 1e4)
@@ -91,8 +92,8 @@ def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ..
     """
     accel = log.message((gyro.name.replace("GYR", "ACC"),))
     if "SampleUS" not in gyro:
-        there = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
-        raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {there}")
+        present = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
+        raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {present}")
     time, *rates = gyro.floats("SampleUS", *IMU_FIELDS[:3])
     stamps, *forces = accel.floats("SampleUS", *IMU_FIELDS[3:])
     stamp, first = np.unique(stamps, return_index=True)

@@ -55,8 +55,8 @@ class LogMessage:
     def floats(self, *labels: str) -> list[Array]:
         """Return columns; InputError where one is missing or has a value that is not finite."""
         if missing := [label for label in labels if label not in self.columns]:
-            there = f"it has {' '.join(self.columns)}"
-            raise InputError(f"{self.lines.path}: {self.name} has no {' '.join(missing)}; {there}")
+            has = f"it has {' '.join(self.columns)}"
+            raise InputError(f"{self.lines.path}: {self.name} has no {' '.join(missing)}; {has}")
         values = {label: self.columns[label] for label in labels}
         self.refuse_infinite(values)
         return list(values.values())
@@ -106,9 +106,9 @@ class Fixes:
 
     def left_out(self, rows: int) -> tuple[Finding, ...]:
         """Return the notes on the messages without a fix, of so many, and on stale weeks."""
-        left, wrong = rows - self.boot.size, int((self.week != self.named_week).sum())
-        text = f"{left} messages without a fix left out"
-        notes = (note("GNSS rows", text, "a fix each", ""),) if left else ()
+        n_without, wrong = rows - self.boot.size, int((self.week != self.named_week).sum())
+        text = f"{n_without} messages without a fix left out"
+        notes = (note("GNSS rows", text, "a fix each", ""),) if n_without else ()
         return (*notes, stale_weeks("GNSS rows", wrong, self.week.size)) if wrong else notes
 
 
@@ -139,9 +139,9 @@ class Log:
         """
         chosen = variable or next((name for name in names if name in self.tables), None)
         if chosen is None or chosen not in self.tables:
-            there = ", ".join(sorted(self.tables)) or "none"
+            present = ", ".join(sorted(self.tables)) or "none"
             wanted = chosen or " or ".join(names)
-            raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
+            raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {present}")
         return LogMessage(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
 
     def columns_of(self, fixes: Fixes, quality: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:

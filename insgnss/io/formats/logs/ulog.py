@@ -30,11 +30,11 @@ NEEDS_PYULOG = (
     "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-ULOG_HEADER_BYTES = 16  # magic, version and start of the log
-LEAST_FIX = 3  # fix_type of a three-dimensional fix; differential and RTK fixes have larger ones
-TO_RECEIVER = 128  # bit of the length in gps_dump of what the autopilot sent to the receiver
-READ_AGAIN = 8  # times the size of a file that may be read
-MICRO = 1e-6  # s of a microsecond, PX4's unit of stamps
+ULOG_HEADER_BYTES = 16  # bytes of magic, version and start of the log: the format's
+LEAST_FIX = 3  # fix_type of a three-dimensional fix: differential and RTK fixes have larger ones
+TO_RECEIVER = 128  # bit of the length in gps_dump: the autopilot sent these bytes to the receiver
+READ_AGAIN = 8  # times the size of a file that may be read: pyulog's search may go back without end
+MICRO = 1e-6  # microsecond (s): PX4's unit of stamps
 GNSS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 BAROMETER_TOPICS = ("vehicle_air_data",)
 EVENT_TOPICS = ("camera_capture", "camera_trigger")
@@ -88,11 +88,11 @@ def read_log(path: Source) -> Log:
             for label, column in columns.items()
             if column.dtype.kind in "iufb"
         }
-    odd = ["damaged messages left out"] if log.file_corruption else []
-    odd += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
+    findings = ["damaged messages left out"] if log.file_corruption else []
+    findings += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
     if end != buf.size and not log.file_corruption:
-        odd.append(f"the file ends within a message at byte {end}, which is left out")
-    return Log(str(path), tables, tuple(odd), "topic")
+        findings.append(f"the file ends within a message at byte {end}, which is left out")
+    return Log(str(path), tables, tuple(findings), "topic")
 
 
 def receiver_bytes(path: Source) -> bytes:

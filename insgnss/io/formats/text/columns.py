@@ -123,14 +123,14 @@ class TableSpec:
             line = None if columns is not None else layout.header_line
             how = (
                 f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
-                f" or {written('columns {...}', BY_NAME)}"
+                f" or {written('columns {...}', COLUMNS_EXAMPLE)}"
             )
             raise UnnamedColumns.at_line(path, line, f"{source} {why}", how)
         header = layout.header_fields or () if self.strict else ()
         beside = (self.ignored.get(normalised(name)[0], "") for name in header)
         ignored = " ".join(beside).split()
-        for k, title in enumerate(header):
-            name, unit = normalised(title)
+        for k, label in enumerate(header):
+            name, unit = normalised(label)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
                 problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
             elif k not in index.values() and columns is None and name not in ignored:
@@ -138,7 +138,7 @@ class TableSpec:
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
                 continue
-            raise InputError.at_line(path, layout.header_line, f"column {shown(title)} {problem}")
+            raise InputError.at_line(path, layout.header_line, f"column {shown(label)} {problem}")
         return index
 
     def _assigned(
@@ -223,7 +223,7 @@ class UnnamedColumns(InputError):
     """A table does not say what its columns are, or not of all that are needed."""
 
 
-BY_NAME = 'columns = { tow = "its name in the file", ... }'
+COLUMNS_EXAMPLE = 'columns = { tow = "its name in the file", ... }'
 
 
 def _listed() -> str:
@@ -467,8 +467,8 @@ class TableOut:
         form = self.separator.join(form or "%s" for form in forms) + "\n"
         rows = format_rows(form, table)
         if texts:
-            words, numbers = iter(texts), iter(table.T.tolist())
-            columns = [next(numbers if form else words) for form in forms]
+            texts_left, numbers = iter(texts), iter(table.T.tolist())
+            columns = [next(numbers if form else texts_left) for form in forms]
             rows = (form % row for row in zip(*columns, strict=True))
         if self.separator == " ":
             write_table(path, [*comments, self.names], (), rows)

@@ -30,11 +30,11 @@ from ....base.units import LARGEST_UNIT, spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
-# data lines from which delimiter, decimal sign and number of fields are taken (chosen)
+# data lines that settle delimiter, decimal sign and number of fields: all alike (chosen)
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14  # characters of a header's line: a longer one is data or text (chosen)
 LONGEST_FIELD = 4096  # characters of a field: no number or name is so long, binary data are
-SCAN_BYTES = 1 << 22  # of a file that is looked through at once (chosen)
+SCAN_BYTES = 1 << 22  # bytes of a file looked through at once: 4 MB of memory (chosen)
 LONGEST_UNIT = 10  # characters of a unit under a header: degrees/s has nine, dates more (chosen)
 MOST_FIELDS = 1000  # of a line: no table of a recording has so many columns (chosen)
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
@@ -50,7 +50,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
 NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
 _IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
-SMALLEST_PRECISE = 1e-280  # of a number with all its digits, as in tables; those below lose some
+SMALLEST_PRECISE = 1e-280  # number: smaller ones lose digits in a double
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
@@ -99,8 +99,8 @@ def float_of(text: str, decimal: str = ".") -> float | None:
     Digits are those of ASCII, without signs between them; only a zero that is written as one is
     zero, so that a number too small for a float is none.
     """
-    sign, other = (",", ".") if decimal == "," else (".", ",")
-    if not NUMBER.fullmatch(text) or other in text:
+    sign, wrong_sign = (",", ".") if decimal == "," else (".", ",")
+    if not NUMBER.fullmatch(text) or wrong_sign in text:
         return None
     x = float(text.replace(sign, "."))
     zero = x == 0.0 and spells_zero(text)

@@ -37,11 +37,11 @@ from .order import SHARE_LIMIT, AtLines
 from .pieces import FileBytes, shrunk
 
 Source = str | os.PathLike[str]
-PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
+PRINT_FROM = 100_000  # numbers: of fewer Python prints as fast as a kernel is loaded
 _PLAIN_FORMAT = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
-AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault in which its line is looked for
+AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault: its line is looked for there
 TRUNCATED = "truncated: the file ends within this line; copy it again or delete the line"
-PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
+PIECES_FROM = 1 << 22  # bytes of a file: a smaller one is simply read
 
 
 @dataclass(frozen=True, eq=False)
