@@ -25,7 +25,7 @@ from ...records import Diagnostics, ExteriorOrientation, Finding, Trajectory
 from ...records.strips import CommonErrors, StripCovariance
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
-from ..sensors.trials import ANTENNAS
+from ..sensors.trials import ANTENNA_PAIR
 from .checks import refuse_contradictions, refuse_unobservable
 from .clocks import on_gpst
 from .diagnostics import constants_of, report_rows, run_diagnostics, tried_sensors
@@ -236,7 +236,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
         gps_week=recording.gps_week,
-        heading_with_antennas_deg=tried_deg.pop(ANTENNAS, None),
+        heading_with_antennas_deg=tried_deg.pop(ANTENNA_PAIR, None),
         heading_with_sensors_deg=tried_deg,
     )
     report["constants"] = constants_of(flight, segments)

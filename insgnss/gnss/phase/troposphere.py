@@ -67,7 +67,6 @@ CELSIUS_ZERO = 273.15  # K
 SHAPE_SHARE = 0.1
 LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
-FIXED = Quality.FIXED
 
 
 @dataclass(frozen=True)
@@ -298,7 +297,7 @@ def wet_delay_correction(
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
     zenith, slope = np.where(corrected, zenith, 0.0), np.where(corrected[:, None], slope, 0.0)
     correction = -slope * zenith[:, None]
-    variance = np.where(quality == FIXED, variance, variance + zenith**2) * corrected
+    variance = np.where(quality == Quality.FIXED, variance, variance + zenith**2) * corrected
     cov = slope[:, :, None] * slope[:, None, :] * variance[:, None, None]
     high = corrected & (np.abs(rise) > 1.0)
     per_metre = float(np.mean(-correction[high, 2] / rise[high])) if high.any() else float("nan")

@@ -28,7 +28,7 @@ from .result import Mismatch
 Rows = NDArray[np.int64]
 
 LEAST_SPREAD_M = 0.1  # spread below which positions do not distinguish images
-NAMES = "names"
+ORDER_OF_NAMES = "names"
 
 
 def by_order(matched: Matched) -> tuple[Mismatch, Matched] | None:
@@ -41,7 +41,7 @@ def by_order(matched: Matched) -> tuple[Mismatch, Matched] | None:
         return None
     candidates = [*_orders(a), *horizontal_and_time(a, b)]
     explanation = explain(matched, candidates, _spread, floor=WRITTEN_DIGITS["m"])
-    if explanation is None or explanation.best.name != NAMES:
+    if explanation is None or explanation.best.name != ORDER_OF_NAMES:
         return None
     return finding(explanation, "position", explanation.before, explanation.left), explanation.data
 
@@ -78,4 +78,4 @@ def _joined(words: str, of_a: Rows, of_b: Rows, values: dict[str, float]) -> Can
         one, other = m.taken(of_a), m.taken(of_b)
         return replace(one, b=replace(other.b, images=one.a.images))
 
-    return Candidate(words, read, NAMES, same=lambda m: m.taken(of_b), values=values)
+    return Candidate(words, read, ORDER_OF_NAMES, same=lambda m: m.taken(of_b), values=values)

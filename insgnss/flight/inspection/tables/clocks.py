@@ -25,7 +25,7 @@ FIXED_TICKS = {
     **dict.fromkeys(("itow", "gms", "millis"), "ms"),
     "micros": "us",
 }
-SHORTEST_STEP_S = 1e-5  # of a sensor: a header's unit that makes shorter steps is wrong (chosen)
+SHORTEST_TICK_S = 1e-5  # of a sensor: a header's unit that makes shorter steps is wrong (chosen)
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
 )
@@ -69,7 +69,7 @@ def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> di
             steps = np.diff(grid.values[:, k])
             typical = float(np.median(steps[steps > 0.0]))
             units[k] = next(
-                (one for one in stated if SHORTEST_STEP_S < typical * tick(one) <= longest_step),
+                (one for one in stated if SHORTEST_TICK_S < typical * tick(one) <= longest_step),
                 unit,
             )
     return _best_first(grid, units)

@@ -76,7 +76,7 @@ def words_and_axis(name: str) -> tuple[tuple[str, ...], str]:
 
 
 CLOCK_NAMES, WEEK_NAMES = (frozenset(taken_by_inspect(TIME[x])) for x in ("tow", "week"))
-INCREMENTS = {"theta0", "theta1", "theta2", "vel0", "vel1", "vel2", "dt"}
+INCREMENT_ROLES = {"theta0", "theta1", "theta2", "vel0", "vel1", "vel2", "dt"}
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 
 
@@ -166,7 +166,7 @@ class UnknownTable:
         columns: dict[str, int] = {}
         for k, name in enumerate(self.names):
             columns.setdefault(squashed((name or "").partition("_")[2]), k)
-        if self.named.keys() >= INCREMENTS:  # of an Inertial Sense uINS
+        if self.named.keys() >= INCREMENT_ROLES:  # of an Inertial Sense uINS
             columns |= {f"dtheta{axis}": self.named[f"theta{axis}"] for axis in range(3)}
             columns |= {f"dvel{axis}": self.named[f"vel{axis}"] for axis in range(3)}
         return columns

@@ -30,7 +30,15 @@ from .quality import codes_of, quality_by_values
 PLURAL_OF_SENSOR = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
-POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
+SIGMA_ROLES = {
+    "sd_n",
+    "sd_e",
+    "sd_u",
+    "sd_ne",
+    "var_n",
+    "var_e",
+    "var_u",
+} | GEOCENTRIC_SIGMAS
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
@@ -250,7 +258,7 @@ def _not_finite(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         for role, k in columns.items()
         if role not in ("lat", "lon", "h")
         and (count := int((~np.isfinite(grid.values[:, k])).sum()))
-        and not (role in POSITION_SIGMAS and count < (1.0 - STATED_SHARE) * len(grid.values))
+        and not (role in SIGMA_ROLES and count < (1.0 - STATED_SHARE) * len(grid.values))
     }
 
 
@@ -266,7 +274,7 @@ def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         column = np.nan_to_num(grid.values[:, k])
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
             continue
-        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
+        if role in SIGMA_ROLES and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
             bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
@@ -275,7 +283,7 @@ def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         bad = dict.fromkeys(here, "not all three are of use") | bad
     elif "sd_v" in columns:
         bad["sd_v"] = "others are taken"
-    of_place = {role for role in columns if role in POSITION_SIGMAS}
+    of_place = {role for role in columns if role in SIGMA_ROLES}
     for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
         if complete <= columns.keys() - bad.keys():
             return dict.fromkeys(of_place - complete, "others are taken") | bad

@@ -30,7 +30,7 @@ from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
 from .names import ACCEL, GYRO, Roles, UnknownTable
 from .roles import (
-    POSITION_SIGMAS,
+    SIGMA_ROLES,
     fixes_by_values,
     gnss_roles,
     has_gravity,
@@ -253,7 +253,7 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
             entry.set_unit("velocity", roles.units["velocity"], VELOCITY_UNIT_REASON)
         if roles.repeat_column is not None:
             entry.set("repeat_column", table.fields[roles.repeat_column], HELD_FIXES)
-        if not POSITION_SIGMAS & columns.keys():
+        if not SIGMA_ROLES & columns.keys():
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
         elif unstated := _unstated(table.grid, columns):
             fixes = f"{unstated} of {len(table.grid.values)} fixes"
@@ -286,9 +286,7 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
 
 def _unstated(grid: UnknownTable, columns: dict[str, int]) -> int:
     """Count the fixes without a standard deviation, or with a zero that is no rounded one."""
-    sigmas = [
-        np.nan_to_num(grid.values[:, columns[role]]) for role in POSITION_SIGMAS & columns.keys()
-    ]
+    sigmas = [np.nan_to_num(grid.values[:, columns[role]]) for role in SIGMA_ROLES & columns.keys()]
     zero = [sigma == 0.0 for sigma in sigmas if floor_of_zeros(sigma) is None]
     return int(np.any(zero, axis=0).sum()) if zero else 0
 

@@ -32,8 +32,8 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 TRACKS_VERSION = "OPENSFM_TRACKS_VERSION_v"
 TRACK_FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
-FISHEYE = ("fisheye", "fisheye_opencv")
-OPENSFM_MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
+FISHEYE_MODELS = ("fisheye", "fisheye_opencv")
+OPENSFM_MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE_MODELS)
 
 
 def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
@@ -250,7 +250,7 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         value("focal" if model in ("perspective", "fisheye") else key, None)
         for key in ("focal_x", "focal_y")
     ]
-    fisheye = model in FISHEYE
+    fisheye = model in FISHEYE_MODELS
     terms = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
     terms |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
     terms |= {

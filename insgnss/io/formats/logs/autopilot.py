@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.wording import named
 from ....records import Array, BarometerHeights, CameraEvents, Finding, ImuSamples
-from ..barometer import ROWS, heights_from_columns
+from ..barometer import BAROMETER_ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 from ..read_options import ReadOptions
@@ -233,5 +233,5 @@ class Autopilot:
         log, message = self.opened(path, names, options)
         cols = {name: message.columns[x] for name, x in labels.items() if x in message}
         message.refuse_infinite(cols)
-        time, week, notes = self.on_gpst(log, message, options.gps_week, ROWS)
+        time, week, notes = self.on_gpst(log, message, options.gps_week, BAROMETER_ROWS)
         return heights_from_columns(cols, time, message.lines, week, notes)
