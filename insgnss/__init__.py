@@ -25,8 +25,8 @@ Records
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
 Say how
     `Flight`, `Mounting`, `boresight_from_angles`, `CameraInput` and `CameraMounting` (of a rig),
-    `FilterOptions`, `InitialAttitude`, `NoiseModel`, `AxisNoise`, `GaussMarkov`, `TuneOptions`,
-    `EngineOptions`, `ImuFaults`.
+    `FilterOptions`, `InitialAttitude`, `TangentPlane`, `NoiseModel`, `AxisNoise`, `GaussMarkov`,
+    `TuneOptions`, `EngineOptions`, `ImuFaults`.
 Noise
     `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
 Errors
@@ -100,6 +100,7 @@ if _TYPE_CHECKING:
     from .flight.config.flight_file import Flight as Flight
     from .flight.config.load import load_flight as load_flight
     from .flight.processing.pipeline import ProcessResult as ProcessResult
+    from .geodesy.frames import TangentPlane as TangentPlane
     from .geodesy.gpstime import gps_from_dates as gps_from_dates
     from .gnss.options import EngineOptions as EngineOptions
     from .io.formats import read_barometer as read_barometer
@@ -155,6 +156,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "flight.config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
     "io.formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
+    "geodesy.frames": ("TangentPlane",),
     "geodesy.gpstime": ("gps_from_dates",),
     "gnss.options": ("EngineOptions",),
     "records.cameras.mounting": ("Mounting", "boresight_from_angles"),

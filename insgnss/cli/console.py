@@ -5,16 +5,19 @@ nothing to switch off; the only control sequence is that of the line that renews
 """
 
 import argparse
+import json
 import math
 import os
 import re
 import shutil
+import sys
 import textwrap
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
 from ..base.errors import UsageError
+from ..base.files import json_ready
 from ..base.wording import duration
 
 LONG_STEP_S = 5.0  # rest of a step (s): a longer one shows how far it is
@@ -127,6 +130,22 @@ def fitted(text: str, width: int | None = None) -> str:
             line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
         )
     return "\n".join(out)
+
+
+def print_json(document: Any) -> None:
+    """Print a document as JSON on standard output."""
+    print(json.dumps(json_ready(document), indent=2, allow_nan=False))
+
+
+def report_error(line: str, code: int, as_json: bool) -> None:
+    """Print an error as one line on standard error; with `as_json` also as JSON.
+
+    The JSON document goes to standard output.
+    """
+    line = " ".join(line.split())
+    print(f"insgnss: {line}", file=sys.stderr)
+    if as_json:
+        print_json({"error": line.partition("error: ")[2], "exit_code": code})
 
 
 class Parser(argparse.ArgumentParser):

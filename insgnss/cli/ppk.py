@@ -309,7 +309,6 @@ def geodetic_position(coordinates: Any, key: str) -> Any:
 
 VERB = Verb(
     "ppk",
-    "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB",
     EXAMPLE,
     add_arguments,
     ppk,

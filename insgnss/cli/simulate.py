@@ -147,7 +147,6 @@ def _published(options: argparse.Namespace, progress: Progress) -> Message:
 
 VERB = Verb(
     "simulate",
-    "write a simulated data set in the published tree, with the truth beside it",
     "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
     " --minutes 15 --raw-gnss\n  insgnss simulate images --flight ign6x1 --block --gross-errors"
     " 0.01\n  insgnss simulate corridor --flight corridor2014 --seed 1",

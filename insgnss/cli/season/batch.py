@@ -68,7 +68,6 @@ class _ProgressLines:
 
 VERB = Verb(
     "batch",
-    "process the flights of a season side by side, skip what is done, and leave one table and page",
     EXAMPLE,
     (SeasonRequest,),
     run,

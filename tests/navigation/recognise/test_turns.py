@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from air_motions import multirotor
 
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.navigation.recognise import turns
@@ -19,7 +20,6 @@ from insgnss.navigation.recognise.turns import (
     check_turns,
 )
 from insgnss.records import GnssFixes, ImuSamples
-from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import ImuOptions, observe, simulate_flight
 

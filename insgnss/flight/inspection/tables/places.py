@@ -105,7 +105,7 @@ def _position(
         position = {"lat": lat, "lon": lon, "h": height}
         units = {"angle": angle_unit(grid, lat, lon)}
         metres = _metres(grid, position, units["angle"])
-        if metres is None or not _travels(time, metres):
+        if metres is None or not _travels(time, metres, any(grid.names)):
             continue
         more, of_course, off = _velocity_and_sigmas(grid.values, time, metres, height + 1)
         if best is None or off < best[0]:
@@ -142,8 +142,11 @@ def _metres(grid: UnknownTable, position: dict[str, int], unit: str) -> Array | 
     return np.column_stack([(lat - lat[0]) * M, (lon - lon[0]) * N * np.cos(lat[0]), h[0] - h])
 
 
-def _travels(time: Array, metres: Array) -> bool:
-    """Whether the positions draw a path, never faster than an aircraft, but for wrong fixes."""
+def _travels(time: Array, metres: Array, named: bool) -> bool:
+    """Whether the positions draw a path, never faster than an aircraft, but for wrong fixes.
+
+    Those of one place do as well where no names of columns say that they are something else.
+    """
     if len(metres) <= 2 * LAG or not (np.ptp(metres[:, :2], axis=0) > 0.0).all():
         return False
     step = np.maximum(np.diff(time), 1e-3)
@@ -155,7 +158,9 @@ def _travels(time: Array, metres: Array) -> bool:
     reach = 2.0 * FASTEST_MS * float(np.median(step))
     far = np.linalg.norm(path[LAG:] - path[:-LAG], axis=1)
     spread = np.quantile(path, 0.95, axis=0) - np.quantile(path, 0.05, axis=0)
-    drawn = np.quantile(far, 0.9) > TRAVELLED * np.quantile(way, 0.9) or spread.max() < SMALL_M
+    drawn = np.quantile(far, 0.9) > TRAVELLED * np.quantile(way, 0.9) or (
+        not named and spread.max() < SMALL_M
+    )
     return bool(
         np.mean(way < FASTEST_MS * step[half : half + inner - 1]) > 0.98
         and np.mean(off > reach) < BAD_SHARE

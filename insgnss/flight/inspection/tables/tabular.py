@@ -25,7 +25,7 @@ from ....io.formats.text.dates import calendar_columns
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, InputSource, Keys, Role
-from .clocks import UNIX_FROM, tick
+from .clocks import UNIX_FROM, clock_names, tick
 from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
 from .names import ACCEL, GYRO, Roles, UnknownTable
@@ -152,6 +152,17 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
 def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) -> str:
     """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
     names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
+    values = table.grid.values
+    texts = [
+        name
+        for k, name in enumerate(table.grid.names)
+        if name and clock_names(name) and np.isnan(values[:, k]).mean() > 0.5
+    ]
+    if texts and not (samples or fixes or Roles({})).clocks:
+        return (
+            f"the column of time {texts[0]} holds no numbers and no dates: times of day alone lack"
+            " the day; write seconds, or dates as 2026-05-01 09:00:00.010"
+        )
     if samples is not None and not samples.clocks:
         return (
             f"gyros and accelerometers without a column of time among {names}; call one time or"

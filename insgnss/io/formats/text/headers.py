@@ -27,7 +27,7 @@ TIME_UNITS = ("s", "ms", "us", "ns")
 TIME_FACTORS = {unit: SENSOR_SCALES["time"][unit] for unit in TIME_UNITS}
 SENSORS = ("gyro", "accel")
 KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
-_OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3]))_?([a-z°µ].*)")
+_OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3])|[pqr])_?([a-z°µ].*)")
 _GLUED = {
     "angle": re.compile(
         r"((?:.*_)?(?:lat(?:itude)?|lon(?:g|gitude)?|lng|course|cog))((?:deg|rad).*)"
